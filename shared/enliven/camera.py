@@ -1,0 +1,136 @@
+"""A pinhole camera: intrinsics, lens distortion, and the way between pixels and metres.
+
+A camera frame is OpenCV's: +X right, +Y down, +Z forward, metres.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.errors import InputError
+
+LEVEL_WORLD_FROM_CAMERA = np.diag([1.0, -1.0, -1.0, 1.0])
+"""(4, 4) a level camera at the world's origin: it looks along -Z of the world, whose +Y is up."""
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """A pinhole camera with Brown-Conrady distortion (OpenCV's k1, k2, p1, p2, k3).
+
+    Focal lengths and the principal point are in pixels of an image of ``width`` x ``height``.
+
+    Raises:
+        InputError: where a focal length or the size is not positive and finite.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if self.width <= 0 or self.height <= 0:
+            raise InputError(
+                f"the image size is {self.width}x{self.height}",
+                where="camera intrinsics",
+                mend="Give the width and height of the depth image in pixels.",
+            )
+        if not all(math.isfinite(f) and f > 0 for f in (self.fx, self.fy)):
+            raise InputError(
+                f"the focal length is ({self.fx}, {self.fy}) pixels, it must be positive",
+                where="camera intrinsics",
+                mend="Calibrate the sensor, or use a profile of firmware_configs/sensors.",
+            )
+        if not all(math.isfinite(c) for c in (self.cx, self.cy, *self.distortion)):
+            raise InputError(
+                "the principal point or the distortion is not a finite number",
+                where="camera intrinsics",
+                mend="Calibrate the sensor again.",
+            )
+
+    def scaled(self, factor: float) -> Intrinsics:
+        """The same camera with an image ``factor`` times as large (0.5 halves both sides)."""
+        return Intrinsics(
+            round(self.width * factor),
+            round(self.height * factor),
+            self.fx * factor,
+            self.fy * factor,
+            (self.cx + 0.5) * factor - 0.5,
+            (self.cy + 0.5) * factor - 0.5,
+            self.distortion,
+        )
+
+
+def rays(intrinsics: Intrinsics) -> Float:
+    """(H, W, 2) the (x/z, y/z) of every pixel's ray in the camera frame, distortion removed.
+
+    The distortion is inverted by fixed-point iteration, which contracts for the mild lenses of depth
+    cameras; compute once per camera and keep.
+    """
+    u, v = np.meshgrid(np.arange(intrinsics.width), np.arange(intrinsics.height))
+    distorted = np.stack([(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy], -1)
+    if not any(intrinsics.distortion):
+        return distorted
+    ideal = distorted.copy()
+    for _ in range(12):
+        ideal += distorted - _distort(ideal, intrinsics)
+    return ideal
+
+
+def unproject(depth_mm: AnyArray, ray: Float) -> Float:
+    """(H, W, 3) camera-frame points in metres from (H, W) depth in millimetres; 0 mm stays at the origin.
+
+    Args:
+        depth_mm: (H, W) depth along the optical axis, 0 where unknown.
+        ray: (H, W, 2) from :func:`rays`.
+    """
+    z = depth_mm.astype(np.float64) * 1e-3
+    return np.stack([ray[..., 0] * z, ray[..., 1] * z, z], -1)
+
+
+def project(points: Float, intrinsics: Intrinsics) -> Float:
+    """(..., 2) pixel coordinates of (..., 3) camera-frame points with z > 0."""
+    ideal = points[..., :2] / points[..., 2:]
+    distorted = _distort(ideal, intrinsics) if any(intrinsics.distortion) else ideal
+    focal = np.array([intrinsics.fx, intrinsics.fy])
+    centre = np.array([intrinsics.cx, intrinsics.cy])
+    return np.asarray(distorted * focal + centre)
+
+
+def _distort(ideal: Float, intrinsics: Intrinsics) -> Float:
+    """Brown-Conrady: (..., 2) ideal normalised coordinates to distorted ones."""
+    k1, k2, p1, p2, k3 = intrinsics.distortion
+    x, y = ideal[..., 0], ideal[..., 1]
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    return np.stack(
+        [
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        ],
+        -1,
+    )
+
+
+def world_from_level_camera(height: float, tilt: float = 0.0, roll: float = 0.0) -> Float:
+    """(4, 4) world_from_camera of a sensor ``height`` metres above the floor.
+
+    Args:
+        height: metres from the floor to the optical centre.
+        tilt: radians the optical axis points below the horizon.
+        roll: radians the image is turned about the optical axis (pi: mounted upside down).
+    """
+    ct, st, cr, sr = math.cos(tilt), math.sin(tilt), math.cos(roll), math.sin(roll)
+    level_from_tilted = np.array([[1, 0, 0], [0, ct, st], [0, -st, ct]])
+    tilted_from_camera = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
+    world_from_camera = np.eye(4)
+    world_from_camera[:3, :3] = LEVEL_WORLD_FROM_CAMERA[:3, :3] @ level_from_tilted @ tilted_from_camera
+    world_from_camera[1, 3] = height
+    return world_from_camera

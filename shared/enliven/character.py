@@ -1,0 +1,95 @@
+"""A character and its poses: a mesh whose vertices follow at most four transforms each.
+
+A bone of a rig and a node of a deformation graph are the same thing to everyone downstream: a transform
+about a pivot that moves the vertices around it. So there is one pose, one shader and one message for both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Float32, Int32, UInt16
+from enliven.errors import InputError
+
+
+@dataclass(frozen=True)
+class SkinWeights:
+    """At most four transforms a vertex: indices (V, 4) uint16, weights (V, 4) float32 that sum to one."""
+
+    indices: UInt16
+    weights: Float32
+
+
+@dataclass(frozen=True)
+class Character:
+    """A mesh at rest, in world metres, with the pivots that move it.
+
+    Attributes:
+        id: the name it has on the wire, unique on its edge.
+        vertices: (V, 3) float32 metres.
+        faces: (F, 3) int32.
+        skin: four transforms a vertex.
+        pivots: (J, 3) float32 rest positions of the graph nodes, or of the bones' joints.
+        edges: (E, 2) int32 pairs of pivots to draw: graph edges, or bones.
+        kind: "graph" or "bones".
+    """
+
+    id: str
+    vertices: Float32
+    faces: Int32
+    skin: SkinWeights
+    pivots: Float32
+    edges: Int32
+    kind: str = "graph"
+
+    def __post_init__(self) -> None:
+        problem = _problem_of(self)
+        if problem:
+            raise InputError(problem, where=f"character {self.id!r}", mend="Build the character again.")
+
+    def rest_pose(self, time_ns: int = 0) -> Pose:
+        """The pose that leaves every vertex where it is."""
+        count = len(self.pivots)
+        return Pose(
+            self.id, time_ns, np.tile(np.eye(3, dtype=np.float32), (count, 1, 1)), self.pivots.astype(np.float32)
+        )
+
+
+def _problem_of(character: Character) -> str:
+    """What is inconsistent in a character's arrays, or an empty string."""
+    count, vertices = len(character.pivots), len(character.vertices)
+    if vertices == 0 or len(character.faces) == 0 or count == 0:
+        return "it has no vertices, no faces or no pivots"
+    if character.skin.indices.shape != (vertices, 4) or character.skin.weights.shape != (vertices, 4):
+        return f"the skin weights are {character.skin.indices.shape}, expected ({vertices}, 4)"
+    if int(character.skin.indices.max()) >= count:
+        return f"a vertex follows transform {int(character.skin.indices.max())} of {count}"
+    if int(character.faces.min()) < 0 or int(character.faces.max()) >= vertices:
+        return f"a face names a vertex outside 0..{vertices - 1}"
+    if len(character.edges) and (int(character.edges.min()) < 0 or int(character.edges.max()) >= count):
+        return f"an edge names a pivot outside 0..{count - 1}"
+    return ""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a character's transforms are: v' = sum_k w_k (linear_k (v - pivot_k) + position_k).
+
+    Attributes:
+        character: the id of the character.
+        time_ns: the sensor's clock.
+        linear: (J, 3, 3) float32; a rotation for a bone, nearly one for a graph node.
+        positions: (J, 3) float32 metres, where the pivots have moved to, world frame.
+    """
+
+    character: str
+    time_ns: int
+    linear: Float32
+    positions: Float32
+
+    def matrices(self, pivots: Float32 | Float) -> Float32:
+        """(J, 3, 4) world_from_rest of every transform: linear | position - linear @ pivot."""
+        offset = self.positions - np.einsum("jab,jb->ja", self.linear, pivots)
+        return np.concatenate([self.linear, offset[..., None]], -1).astype(np.float32)

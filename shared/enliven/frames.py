@@ -1,0 +1,54 @@
+"""What a sensor delivers: a depth image, or bodies where the sensor tracks people itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, UInt8, UInt16
+from enliven.body import Body
+from enliven.camera import Intrinsics
+from enliven.errors import InputError
+
+
+@dataclass(frozen=True)
+class DepthFrame:
+    """One depth image.
+
+    Attributes:
+        depth: (H, W) uint16 millimetres along the optical axis; 0 (and 65535) where nothing is known.
+        intrinsics: the camera, of the same width and height.
+        time_ns: the sensor's own clock, integer nanoseconds.
+        sensor: the sensor's identity, such as "kinect1-A00362".
+        colour: (h, w, 3) uint8 sRGB, or None.
+        world_from_camera: (4, 4) where the sensor stands, or None where it must be found from the floor.
+    """
+
+    depth: UInt16
+    intrinsics: Intrinsics
+    time_ns: int
+    sensor: str
+    colour: UInt8 | None = None
+    world_from_camera: Float | None = None
+
+    def __post_init__(self) -> None:
+        expected = (self.intrinsics.height, self.intrinsics.width)
+        if self.depth.dtype != np.uint16 or self.depth.shape != expected:
+            raise InputError(
+                f"depth is {self.depth.dtype} {self.depth.shape}, expected uint16 {expected}",
+                where=f"frame of {self.sensor}",
+                mend="The intrinsics must belong to the image: give those of this resolution.",
+            )
+
+
+@dataclass(frozen=True)
+class BodyFrame:
+    """The bodies that a sensor, or a skeleton recording, saw at one moment (world frame)."""
+
+    bodies: list[Body]
+    time_ns: int
+    sensor: str
+
+
+Frame = DepthFrame | BodyFrame

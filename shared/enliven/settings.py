@@ -1,0 +1,124 @@
+"""Typed settings: every user-facing number has a default, a unit, a range and one sentence.
+
+A group of settings is a frozen dataclass whose fields are made by :func:`setting`; groups nest. TOML files
+override the defaults, and an unknown key is an error that names the nearest known one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import tomllib
+import types
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from enliven.errors import InputError
+
+T = TypeVar("T")
+
+
+def setting(
+    default: Any = dataclasses.MISSING,
+    doc: str = "",
+    *,
+    unit: str = "",
+    low: float = -math.inf,
+    high: float = math.inf,
+) -> Any:
+    """A dataclass field with the sentence, the unit and the closed range that a user needs to know.
+
+    Without a default the key is required; a default that is itself a settings dataclass makes a group.
+    """
+    metadata = {"doc": doc, "unit": unit, "low": low, "high": high}
+    if dataclasses.is_dataclass(default) and isinstance(default, type):
+        return dataclasses.field(default_factory=default, metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def load_settings(kind: type[T], source: Path | Mapping[str, Any], *, where: str = "") -> T:
+    """A ``kind`` from a TOML file or a mapping, checked key by key.
+
+    Raises:
+        InputError: with the key's path, for an unreadable file, an unknown or missing key, a wrong type or a
+            value out of range.
+    """
+    if isinstance(source, Path):
+        where = where or str(source)
+        try:
+            source = tomllib.loads(source.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise InputError("there is no such file", where=where, mend="Check the path.") from None
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise InputError(f"it is not readable TOML ({error})", where=where) from None
+    return _build(kind, source, where or "settings", "")
+
+
+def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) -> T:
+    """One settings group from a mapping; ``prefix`` is the dotted path of the group."""
+    fields = {f.name: f for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    hints = typing.get_type_hints(kind)
+    for key in values:
+        if key not in fields:
+            near = difflib.get_close_matches(key, fields, n=1)
+            mend = f"Did you mean {prefix}{near[0]}?" if near else f"Known: {', '.join(fields)}."
+            raise InputError(f"unknown key {prefix}{key}", where=where, mend=mend)
+    made: dict[str, Any] = {}
+    for name, field in fields.items():
+        if name in values:
+            made[name] = _value(hints[name], values[name], where, prefix + name, field)
+        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            raise InputError(f"the key {prefix}{name} is missing", where=where, mend=field.metadata.get("doc", ""))
+    return kind(**made)
+
+
+def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Field[Any]) -> Any:
+    """One value, checked against its type hint and range."""
+    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
+        if not isinstance(value, Mapping):
+            raise InputError(f"{path} must be a table", where=where)
+        return _build(hint, value, where, path + ".")
+    made = _converted(hint, value)
+    if made is _WRONG:
+        expected = getattr(hint, "__name__", str(hint))
+        raise InputError(f"{path} is {value!r}, expected {expected}", where=where, mend=field.metadata.get("doc", ""))
+    low, high = field.metadata.get("low", -math.inf), field.metadata.get("high", math.inf)
+    if isinstance(made, int | float) and not low <= made <= high:
+        unit = field.metadata.get("unit", "")
+        raise InputError(f"{path} is {made}, outside {low}..{high} {unit}".rstrip(), where=where)
+    return made
+
+
+_WRONG = object()
+
+
+def _converted(hint: Any, value: Any) -> Any:
+    """``value`` as ``hint`` (bool, int, float, str, Literal, tuple[...], X | None), or _WRONG."""
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (types.UnionType, typing.Union):
+        made = (_converted(a, value) for a in arguments)
+        return next((m for m in made if m is not _WRONG), _WRONG)
+    if origin is typing.Literal:
+        return value if value in arguments else _WRONG
+    if origin is tuple:
+        return _tuple(arguments, value)
+    if hint is float:
+        ok = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        return float(value) if ok else _WRONG
+    if hint is int:
+        return value if isinstance(value, int) and not isinstance(value, bool) else _WRONG
+    return value if isinstance(value, hint) else _WRONG
+
+
+def _tuple(arguments: tuple[Any, ...], value: Any) -> Any:
+    """A TOML array as tuple[X, ...] or tuple[X, Y, Z], or _WRONG."""
+    if not isinstance(value, list | tuple):
+        return _WRONG
+    hints = [arguments[0]] * len(value) if arguments[1:] == (Ellipsis,) else list(arguments)
+    if len(hints) != len(value):
+        return _WRONG
+    made = tuple(_converted(h, v) for h, v in zip(hints, value, strict=True))
+    return _WRONG if any(m is _WRONG for m in made) else made
