@@ -40,7 +40,9 @@ J = len(Joint)
 PARENTS: tuple[int, ...] = (-1, 0, 1, 2, 2, 4, 5, 6, 2, 8, 9, 10, 0, 12, 13, 14, 0, 16, 17, 18)
 """(20,) the parent of each joint; -1 at the root (the hip centre). Parents come before children."""
 
-BONES: tuple[tuple[int, int], ...] = tuple((parent, joint) for joint, parent in enumerate(PARENTS) if parent >= 0)
+BONES: tuple[tuple[int, int], ...] = tuple(
+    (parent, joint) for joint, parent in enumerate(PARENTS) if parent >= 0
+)
 """(19, 2) parent and child joint of each bone, ordered by child joint."""
 
 _ARM_LEFT = frozenset({Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT})

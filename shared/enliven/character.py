@@ -53,7 +53,10 @@ class Character:
         """The pose that leaves every vertex where it is."""
         count = len(self.pivots)
         return Pose(
-            self.id, time_ns, np.tile(np.eye(3, dtype=np.float32), (count, 1, 1)), self.pivots.astype(np.float32)
+            self.id,
+            time_ns,
+            np.tile(np.eye(3, dtype=np.float32), (count, 1, 1)),
+            self.pivots.astype(np.float32),
         )
 
 

@@ -71,7 +71,9 @@ def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) ->
         if name in values:
             made[name] = _value(hints[name], values[name], where, prefix + name, field)
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
-            raise InputError(f"the key {prefix}{name} is missing", where=where, mend=field.metadata.get("doc", ""))
+            raise InputError(
+                f"the key {prefix}{name} is missing", where=where, mend=field.metadata.get("doc", "")
+            )
     return kind(**made)
 
 
@@ -84,7 +86,9 @@ def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Fiel
     made = _converted(hint, value)
     if made is _WRONG:
         expected = getattr(hint, "__name__", str(hint))
-        raise InputError(f"{path} is {value!r}, expected {expected}", where=where, mend=field.metadata.get("doc", ""))
+        raise InputError(
+            f"{path} is {value!r}, expected {expected}", where=where, mend=field.metadata.get("doc", "")
+        )
     low, high = field.metadata.get("low", -math.inf), field.metadata.get("high", math.inf)
     if isinstance(made, int | float) and not low <= made <= high:
         unit = field.metadata.get("unit", "")
