@@ -1,0 +1,141 @@
+"""Meshes in and out of files; whatever is wrong with a file becomes one clear message."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import trimesh
+
+from enliven.arrays import UInt8
+from enliven.errors import InputError, ResourceError
+from enliven.mesh import Mesh, weld
+from enliven.mesh_repair import repair
+from enliven.mesh_text import read_medit, read_off
+
+READABLE = (".obj", ".off", ".ply", ".stl", ".glb", ".gltf", ".mesh")
+WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
+_TEXT_READERS = {".off": read_off, ".mesh": read_medit}
+
+
+class LoadedMesh(NamedTuple):
+    """A mesh that can be used, and one sentence for each thing that was repaired or is unusual."""
+
+    mesh: Mesh
+    notes: list[str]
+
+
+def load_mesh(path: Path | str) -> LoadedMesh:
+    """Read a mesh in the file's own units; scenes are flattened, polygons become triangles.
+
+    A rigged glTF is read in its rest pose. Nothing is scaled: see :func:`enliven.mesh.fit_height`.
+
+    Raises:
+        InputError: for a missing, empty, truncated or foreign file, or one without usable faces.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    known = f"Known formats: {', '.join(s[1:] for s in READABLE)}."
+    if path.is_dir() or not path.exists():
+        what = "it is a folder" if path.is_dir() else "there is no such file"
+        raise InputError(what, where=str(path), mend="Check the path.")
+    if suffix not in READABLE:
+        raise InputError(f"{suffix or 'a file without an ending'} is no known mesh", where=str(path), mend=known)
+    if path.stat().st_size == 0:
+        raise InputError("the file is empty", where=str(path), mend="Export the mesh again.")
+    try:
+        mesh = _read(path, suffix)
+    except InputError as error:
+        raise InputError(error.what, where=str(path), mend="Export the mesh again.") from None
+    except Exception as error:  # the readers of foreign bytes raise whatever they like
+        reason = str(error).strip().splitlines()
+        what = f"it cannot be read as {suffix[1:]}: {reason[0][:200] if reason else type(error).__name__}"
+        raise InputError(what, where=str(path), mend="Is it whole, and of the kind it says? " + known) from None
+    try:
+        mesh, notes = repair(mesh)
+    except InputError as error:
+        raise InputError(error.what, where=str(path), mend=error.mend) from None
+    if suffix == ".stl":
+        # STL has no shared vertices at all, so its cuts say nothing about shading.
+        welded, _ = weld(mesh)
+        notes = [note for note in notes if "repeat a position" not in note]
+        notes.append(f"welded {len(mesh.vertices)} STL corners to {len(welded.vertices)} vertices")
+        mesh = welded
+    return LoadedMesh(mesh, notes)
+
+
+def _read(path: Path, suffix: str) -> Mesh:
+    """The mesh as the file has it, unrepaired."""
+    if suffix in _TEXT_READERS:
+        vertices, faces = _TEXT_READERS[suffix](path)
+        return Mesh(vertices, faces, path.stem)
+    log = logging.getLogger("trimesh")
+    level, log.level = log.level, logging.CRITICAL
+    try:
+        scene = trimesh.load_scene(path, process=False)
+    finally:
+        log.setLevel(level)
+    return _flattened(scene, path.stem)
+
+
+def _flattened(scene: Any, name: str) -> Mesh:
+    """All triangles of a scene in one mesh, each placed by its node's transform."""
+    vertices: list[Any] = []
+    faces: list[Any] = []
+    colours: list[UInt8 | None] = []
+    count = 0
+    for node in scene.graph.nodes_geometry:
+        world_from_node, key = scene.graph[node]
+        part = scene.geometry[key]
+        if not isinstance(part, trimesh.Trimesh) or len(part.faces) == 0:
+            continue
+        turned = bool(np.linalg.det(world_from_node[:3, :3]) < 0)
+        faces.append(part.faces[:, ::-1] + count if turned else part.faces + count)
+        vertices.append(part.vertices @ world_from_node[:3, :3].T + world_from_node[:3, 3])
+        colours.append(_colours(part))
+        count += len(part.vertices)
+    if not faces:
+        raise InputError("it has no faces")
+    return Mesh(np.concatenate(vertices), np.concatenate(faces), name, _joined(colours, vertices))
+
+
+def _joined(colours: list[UInt8 | None], vertices: list[Any]) -> UInt8 | None:
+    """One colour array for all parts, light grey where a part has none; None where no part has any."""
+    if all(c is None for c in colours):
+        return None
+    grey = np.array([200, 200, 200], np.uint8)
+    parts = zip(colours, vertices, strict=True)
+    return np.concatenate([np.tile(grey, (len(v), 1)) if c is None else c for c, v in parts])
+
+
+def _colours(part: Any) -> UInt8 | None:
+    """(V, 3) the vertex colours of a part, or its material's one colour, or None."""
+    visual = part.visual
+    if visual.kind == "vertex":
+        return np.asarray(visual.vertex_colors[:, :3], np.uint8)
+    colour = getattr(getattr(visual, "material", None), "main_color", None)
+    if visual.kind != "texture" or colour is None or np.shape(colour) != (4,):
+        return None
+    return np.tile(np.asarray(colour[:3], np.uint8), (len(part.vertices), 1))
+
+
+def save_mesh(mesh: Mesh, path: Path | str) -> None:
+    """Write a mesh as obj, off, ply, stl or glb, by the path's ending.
+
+    Raises:
+        InputError: for an unknown ending.
+        ResourceError: where the file cannot be written.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in WRITABLE:
+        known = ", ".join(s[1:] for s in WRITABLE)
+        raise InputError(f"cannot write {path.suffix or 'no'} files", where=str(path), mend=f"Known: {known}.")
+    colours = None if mesh.colours is None else mesh.colours
+    out = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colours, process=False)
+    data = out.export(file_type=path.suffix.lower()[1:])
+    try:
+        path.write_bytes(data if isinstance(data, bytes) else str(data).encode())
+    except OSError as error:
+        raise ResourceError(f"cannot write ({error.strerror})", where=str(path)) from None

@@ -1,0 +1,147 @@
+"""Compiled loops over a mesh's arrays: welding by position, normals, shells, halving of long edges."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from enliven.arrays import Float, Int32
+
+
+@njit(cache=True, nogil=True)
+def corner_sums(faces, vectors, count):  # type: ignore[no-untyped-def]
+    """(count, 3) for each vertex the sum of the ``vectors`` (F, 3) of the ``faces`` (F, 3) around it."""
+    out = np.zeros((count, 3))
+    for f in range(faces.shape[0]):
+        for c in range(3):
+            v = faces[f, c]
+            for a in range(3):
+                out[v, a] += vectors[f, a]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _mix(bits):  # type: ignore[no-untyped-def]
+    """A 64-bit finaliser: every input bit reaches every output bit."""
+    bits ^= bits >> np.uint64(33)
+    bits *= np.uint64(0xFF51AFD7ED558CCD)
+    bits ^= bits >> np.uint64(33)
+    bits *= np.uint64(0xC4CEB9FE1A85EC53)
+    bits ^= bits >> np.uint64(33)
+    return bits
+
+
+def first_of_position(vertices: Float) -> Any:
+    """(V,) int64: for each vertex the first vertex at exactly its position (-0.0 must be 0.0)."""
+    return _first_equal(np.ascontiguousarray(vertices).view(np.uint64))
+
+
+@njit(cache=True, nogil=True)
+def _first_equal(rows):  # type: ignore[no-untyped-def]
+    """(V,) for each row of ``rows`` (V, 3) uint64 the first equal row, by an open-addressing hash table."""
+    count = rows.shape[0]
+    size = 16
+    while size < 2 * count:
+        size *= 2
+    mask = np.uint64(size - 1)
+    table = np.full(size, -1, np.int64)
+    first = np.empty(count, np.int64)
+    for i in range(count):
+        slot = np.int64(_mix(rows[i, 0] + _mix(rows[i, 1] + _mix(rows[i, 2]))) & mask)
+        while True:
+            j = table[slot]
+            if j < 0:
+                table[slot] = i
+                first[i] = i
+                break
+            if rows[j, 0] == rows[i, 0] and rows[j, 1] == rows[i, 1] and rows[j, 2] == rows[i, 2]:
+                first[i] = j
+                break
+            slot = (slot + 1) & (size - 1)
+    return first
+
+
+@njit(cache=True, nogil=True)
+def _root(parent, i):  # type: ignore[no-untyped-def]
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return i
+
+
+@njit(cache=True, nogil=True)
+def shells(faces, count):  # type: ignore[no-untyped-def]
+    """(count,) the number of the shell (0, 1, ... by first vertex) of each vertex, joined by ``faces``."""
+    parent = np.arange(count)
+    for f in range(faces.shape[0]):
+        a = _root(parent, faces[f, 0])
+        for c in range(1, 3):
+            b = _root(parent, faces[f, c])
+            parent[max(a, b)] = min(a, b)
+            a = min(a, b)
+    label = np.full(count, -1, np.int64)
+    found = 0
+    out = np.empty(count, np.int64)
+    for v in range(count):
+        r = _root(parent, v)
+        if label[r] < 0:
+            label[r] = found
+            found += 1
+        out[v] = label[r]
+    return out
+
+
+def split_long_edges(vertices: Float, faces: Int32, longest: float) -> tuple[Float, Int32, Any]:
+    """One round of halving: new vertices (V + S, 3), new faces, and (S, 2) each new vertex's two parents."""
+    corners = vertices[faces]
+    lengths = np.linalg.norm(corners - np.roll(corners, -1, 1), axis=2)
+    long = lengths > longest
+    if not long.any():
+        return vertices, faces, np.empty((0, 2), np.int64)
+    count = len(vertices)
+    pairs = np.stack([faces, np.roll(faces, -1, 1)], -1)
+    pairs.sort(-1)
+    keys = pairs[..., 0].astype(np.int64) * count + pairs[..., 1]
+    unique, inverse = np.unique(keys[long], return_inverse=True)
+    middle = np.full(faces.shape, -1, np.int64)
+    middle[long] = inverse.reshape(-1) + count
+    parents = np.stack([unique // count, unique % count], -1)
+    points = (vertices[parents[:, 0]] + vertices[parents[:, 1]]) / 2
+    return np.concatenate([vertices, points]), _split_faces(faces, middle, lengths), parents
+
+
+@njit(cache=True, nogil=True)
+def _split_faces(faces, middle, lengths):  # type: ignore[no-untyped-def]
+    """The faces cut at the middles (-1: none) of their edges 01, 12, 20, into 1 to 4 faces each."""
+    total = 0
+    for f in range(faces.shape[0]):
+        total += 1 + (middle[f, 0] >= 0) + (middle[f, 1] >= 0) + (middle[f, 2] >= 0)
+    out = np.empty((total, 3), np.int32)
+    n = 0
+    for f in range(faces.shape[0]):
+        cuts = (middle[f, 0] >= 0) + (middle[f, 1] >= 0) + (middle[f, 2] >= 0)
+        if cuts == 0:
+            out[n] = faces[f]
+            n += 1
+            continue
+        # Turn the face until its first edge is the longest, which is cut in every case.
+        s = np.argmax(lengths[f])
+        a, b, c = faces[f, s], faces[f, (s + 1) % 3], faces[f, (s + 2) % 3]
+        ab, bc, ca = middle[f, s], middle[f, (s + 1) % 3], middle[f, (s + 2) % 3]
+        for side in range(2):
+            # The half a-ab-c (with ca) and the half ab-b-c (with bc), each whole or cut once more.
+            corner, cut = (a, ca) if side == 0 else (b, bc)
+            if cut < 0:
+                out[n, 0], out[n, 1], out[n, 2] = (corner, ab, c) if side == 0 else (ab, corner, c)
+                n += 1
+            elif side == 0:
+                out[n, 0], out[n, 1], out[n, 2] = corner, ab, cut
+                out[n + 1, 0], out[n + 1, 1], out[n + 1, 2] = cut, ab, c
+                n += 2
+            else:
+                out[n, 0], out[n, 1], out[n, 2] = ab, corner, cut
+                out[n + 1, 0], out[n + 1, 1], out[n + 1, 2] = ab, cut, c
+                n += 2
+    return out

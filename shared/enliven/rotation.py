@@ -1,0 +1,235 @@
+"""Rotations: unit quaternions (w, x, y, z) over any batch shape, and the rotation nearest to a matrix.
+
+Every function takes and returns float64 arrays and broadcasts over the leading axes. q and -q are the same
+rotation; :func:`canonical` picks the one with w >= 0, which is what goes on the wire.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from enliven.arrays import AnyArray, Float
+
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+"""(4,) the rotation that turns nothing."""
+
+
+def multiply(a: AnyArray, b: AnyArray) -> Float:
+    """(..., 4) the rotation ``a`` after ``b``: rotate(multiply(a, b), v) == rotate(a, rotate(b, v))."""
+    a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    aw, ax, ay, az = np.moveaxis(a, -1, 0)
+    bw, bx, by, bz = np.moveaxis(b, -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        -1,
+    )
+
+
+def conjugate(q: AnyArray) -> Float:
+    """(..., 4) the inverse rotation of unit quaternions (..., 4)."""
+    return np.asarray(q, np.float64) * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def rotate(q: AnyArray, v: AnyArray) -> Float:
+    """(..., 3) the vectors ``v`` (..., 3) turned by the unit quaternions ``q`` (..., 4)."""
+    q, v = np.asarray(q, np.float64), np.asarray(v, np.float64)
+    axis = q[..., 1:]
+    twice = 2 * np.cross(axis, v)
+    return np.asarray(v + q[..., :1] * twice + np.cross(axis, twice))
+
+
+def normalized(q: AnyArray) -> Float:
+    """(..., 4) unit quaternions; what is zero or not finite becomes the identity."""
+    q = np.asarray(q, np.float64)
+    finite = np.isfinite(q).all(-1, keepdims=True)
+    q = np.where(finite, q, 0.0)
+    scale = np.abs(q).max(-1, keepdims=True)
+    q = q / np.where(scale > 0, scale, 1.0)
+    length = np.linalg.norm(q, axis=-1, keepdims=True)
+    return np.asarray(np.where(length > 0, q / np.where(length > 0, length, 1.0), IDENTITY))
+
+
+def canonical(q: AnyArray) -> Float:
+    """(..., 4) the same rotations with w >= 0."""
+    q = np.asarray(q, np.float64)
+    return np.asarray(np.where(q[..., :1] < 0, -q, q))
+
+
+def to_matrix(q: AnyArray) -> Float:
+    """(..., 3, 3) rotation matrices of unit quaternions (..., 4)."""
+    w, x, y, z = np.moveaxis(np.asarray(q, np.float64), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, -1) for row in rows], -2)
+
+
+def from_matrix(matrix: AnyArray) -> Float:
+    """(..., 4) unit quaternions, w >= 0, of the proper rotations nearest to (..., 3, 3) matrices."""
+    matrix = np.asarray(matrix, np.float64)
+    flat = np.ascontiguousarray(matrix.reshape(-1, 3, 3))
+    return canonical(_nearest_quaternions(flat).reshape(*matrix.shape[:-2], 4))
+
+
+def nearest_rotation(matrix: AnyArray) -> Float:
+    """(..., 3, 3) the proper rotation R (det +1) that maximises trace(RᵀM), for any (..., 3, 3) M.
+
+    That is the polar factor where det M > 0, and still a rotation where M is a reflection, singular or zero.
+    """
+    return to_matrix(from_matrix(matrix))
+
+
+def from_rotation_vector(vector: AnyArray) -> Float:
+    """(..., 4) the rotation about ``vector`` (..., 3) by its length in radians."""
+    vector = np.asarray(vector, np.float64)
+    angle = np.linalg.norm(vector, axis=-1, keepdims=True)
+    # sinc keeps full precision down to angle 0, where sin(angle / 2) / angle is 0 / 0.
+    return np.concatenate([np.cos(angle / 2), vector * np.sinc(angle / (2 * np.pi)) / 2], -1)
+
+
+def to_rotation_vector(q: AnyArray) -> Float:
+    """(..., 3) axis times angle in [0, pi] radians of unit quaternions (..., 4)."""
+    q = canonical(q)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    angle = 2 * np.arctan2(sine, q[..., :1])
+    return np.asarray(q[..., 1:] * np.where(sine > 1e-12, angle / np.where(sine > 1e-12, sine, 1.0), 2.0))
+
+
+def slerp(a: AnyArray, b: AnyArray, t: AnyArray) -> Float:
+    """(..., 4) the rotation at ``t`` (...) of the shorter great arc from ``a`` (t=0) to ``b`` (t=1)."""
+    step = to_rotation_vector(multiply(conjugate(a), b))
+    return multiply(a, from_rotation_vector(step * np.asarray(t, np.float64)[..., None]))
+
+
+def swing(a: AnyArray, b: AnyArray) -> Float:
+    """(..., 4) the rotation by the shortest arc from the unit vector ``a`` to ``b``, both (..., 3).
+
+    Opposite vectors are a half turn about an axis at right angles to ``a`` (any is as short; the one chosen
+    depends on ``a`` alone).
+    """
+    a, b = np.broadcast_arrays(np.asarray(a, np.float64), np.asarray(b, np.float64))
+    # |a + b| and |a - b| are twice the cosine and the sine of half the angle: exact at both ends, where
+    # the textbook (1 + a.b, a x b) loses half of its digits.
+    cosine = np.linalg.norm(a + b, axis=-1, keepdims=True)
+    sine = np.linalg.norm(a - b, axis=-1, keepdims=True)
+    cross = np.cross(a, b)
+    length = np.linalg.norm(cross, axis=-1, keepdims=True)
+    safe = length > 1e-12
+    axis = np.where(safe, cross / np.where(safe, length, 1.0), _perpendicular(a))
+    return normalized(np.concatenate([cosine, axis * sine], -1))
+
+
+def _perpendicular(a: Float) -> Float:
+    """(..., 3) a unit vector at right angles to each unit vector of ``a`` (..., 3)."""
+    smallest = np.abs(a).argmin(-1)
+    other = np.cross(a, np.eye(3)[smallest])
+    return np.asarray(other / np.maximum(np.linalg.norm(other, axis=-1, keepdims=True), 1e-300))
+
+
+@njit(cache=True, nogil=True)
+def nearest_rotations(matrices, out):  # type: ignore[no-untyped-def]
+    """Kernel: ``out`` (N, 3, 3) takes the proper rotations nearest to ``matrices`` (N, 3, 3)."""
+    for i in range(matrices.shape[0]):
+        w, x, y, z = nearest_quaternion(matrices[i])
+        out[i, 0, 0] = 1 - 2 * (y * y + z * z)
+        out[i, 0, 1] = 2 * (x * y - w * z)
+        out[i, 0, 2] = 2 * (x * z + w * y)
+        out[i, 1, 0] = 2 * (x * y + w * z)
+        out[i, 1, 1] = 1 - 2 * (x * x + z * z)
+        out[i, 1, 2] = 2 * (y * z - w * x)
+        out[i, 2, 0] = 2 * (x * z - w * y)
+        out[i, 2, 1] = 2 * (y * z + w * x)
+        out[i, 2, 2] = 1 - 2 * (x * x + y * y)
+
+
+@njit(cache=True, nogil=True)
+def _nearest_quaternions(matrices):  # type: ignore[no-untyped-def]
+    """Kernel: (N, 4) quaternions of the proper rotations nearest to ``matrices`` (N, 3, 3)."""
+    out = np.empty((matrices.shape[0], 4))
+    for i in range(matrices.shape[0]):
+        out[i] = nearest_quaternion(matrices[i])
+    return out
+
+
+@njit(cache=True, nogil=True)
+def nearest_quaternion(m):  # type: ignore[no-untyped-def]
+    """Kernel: (w, x, y, z) of the proper rotation R with the largest trace(RᵀM), M (3, 3).
+
+    trace(RᵀM) is the quadratic form qᵀKq of a symmetric, traceless 4x4 K (B. K. P. Horn, "Closed-form
+    solution of absolute orientation using unit quaternions", 1987, section 4), so R is K's top eigenvector.
+    Cyclic Jacobi finds it for every input; a double top eigenvalue (no unique rotation) is no special case.
+    """
+    scale = 0.0
+    for r in range(3):
+        for c in range(3):
+            if not np.isfinite(m[r, c]):
+                return 1.0, 0.0, 0.0, 0.0
+            scale = max(scale, abs(m[r, c]))
+    if scale == 0.0:
+        return 1.0, 0.0, 0.0, 0.0
+    k = np.empty((4, 4))
+    a, b, c = m[0, 0] / scale, m[1, 1] / scale, m[2, 2] / scale
+    k[0, 0], k[1, 1], k[2, 2], k[3, 3] = a + b + c, a - b - c, b - a - c, c - a - b
+    k[0, 1] = (m[2, 1] - m[1, 2]) / scale
+    k[0, 2] = (m[0, 2] - m[2, 0]) / scale
+    k[0, 3] = (m[1, 0] - m[0, 1]) / scale
+    k[1, 2] = (m[0, 1] + m[1, 0]) / scale
+    k[1, 3] = (m[0, 2] + m[2, 0]) / scale
+    k[2, 3] = (m[1, 2] + m[2, 1]) / scale
+    return _top_eigenvector(k)
+
+
+@njit(cache=True, nogil=True)
+def _top_eigenvector(k):  # type: ignore[no-untyped-def]
+    """Kernel: the unit eigenvector of the largest eigenvalue of the symmetric (4, 4) ``k`` (upper half)."""
+    v = np.eye(4)
+    for _ in range(16):
+        off = 0.0
+        for p in range(3):
+            for q in range(p + 1, 4):
+                off = max(off, abs(k[p, q]))
+        if off < 1e-15:
+            break
+        for p in range(3):
+            for q in range(p + 1, 4):
+                _jacobi_turn(k, v, p, q)
+    top = 0
+    for p in range(1, 4):
+        if k[p, p] > k[top, top]:
+            top = p
+    length = np.sqrt(v[0, top] ** 2 + v[1, top] ** 2 + v[2, top] ** 2 + v[3, top] ** 2)
+    return v[0, top] / length, v[1, top] / length, v[2, top] / length, v[3, top] / length
+
+
+@njit(cache=True, nogil=True)
+def _jacobi_turn(k, v, p, q):  # type: ignore[no-untyped-def]
+    """Kernel: one Jacobi rotation that zeroes k[p, q] (p < q, upper half) and is gathered in ``v``."""
+    if k[p, q] == 0.0:
+        return
+    theta = (k[q, q] - k[p, p]) / (2 * k[p, q])
+    t = 1.0 / (abs(theta) + np.sqrt(theta * theta + 1.0))
+    if theta < 0:
+        t = -t
+    c = 1.0 / np.sqrt(t * t + 1.0)
+    s = t * c
+    k[p, p] -= t * k[p, q]
+    k[q, q] += t * k[p, q]
+    k[p, q] = 0.0
+    for r in range(4):
+        if r not in (p, q):
+            a, b = min(r, p), max(r, p)
+            d, e = min(r, q), max(r, q)
+            first, second = k[a, b], k[d, e]
+            k[a, b] = c * first - s * second
+            k[d, e] = s * first + c * second
+        first, second = v[r, p], v[r, q]
+        v[r, p] = c * first - s * second
+        v[r, q] = s * first + c * second
