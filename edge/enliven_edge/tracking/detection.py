@@ -1,0 +1,86 @@
+"""Finding a person's posture with no memory: several hypotheses are fitted, the best explanation wins."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven_edge.tracking import model
+from enliven_edge.tracking.fit import FitReport, Fitter
+from enliven_edge.tracking.observation import Observation
+from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.ranges import standing
+
+_ARMS = (
+    {"arm_raise": 0.12, "elbow": 0.2},
+    {"arm_raise": 0.15, "arm_forward": 0.1, "elbow": 1.5},
+    {"arm_raise": 1.4, "elbow": 0.1},
+    {"arm_raise": 2.6, "elbow": 0.2},
+)
+"""Arms hanging, forearms forward, arms out, arms overhead."""
+_SIDE_YAW = 1.2
+
+
+def detect(fitter: Fitter, observation: Observation, eye: Float, height: float) -> tuple[Posture, FitReport]:
+    """The posture that explains the observation best from scratch.
+
+    Each hypothesis stands under the crown of the observed points, facing the sensor or turned to a side; a
+    short coarse fit ranks them, and the best two are refined.
+
+    Args:
+        eye: (3,) the sensor's position, world frame.
+        height: metres, the person's height until it is measured.
+    """
+    coarse = []
+    for start in _hypotheses(observation, eye, height):
+        posture, report = fitter.fit(observation, start, iterations=8, width=0.25)
+        coarse.append((quality(report), posture))
+    coarse.sort(key=lambda pair: -pair[0])
+    loose = np.full(len(model.LENGTHS), 30.0)
+    best: tuple[Posture, FitReport] | None = None
+    for _, posture in coarse[:2]:
+        fitted = fitter.fit(observation, posture, iterations=15, width=0.12, proportions=loose)
+        refined = fitter.fit(observation, fitted[0], iterations=15, proportions=loose)
+        if best is None or quality(refined[1]) > quality(best[1]):
+            best = refined
+    assert best is not None
+    return best
+
+
+def quality(report: FitReport) -> float:
+    """The share of the person that is explained less the share of the model that was seen through."""
+    return report.explained - float(report.violated.mean())
+
+
+def _hypotheses(observation: Observation, eye: Float, height: float) -> list[Posture]:
+    """Standing postures under the crown: four ways to hold the arms facing the sensor, two to the sides."""
+    size = _measured_height(observation, height)
+    centre = np.median(observation.points, axis=0)
+    facing = float(np.arctan2(eye[0] - centre[0], eye[2] - centre[2]))
+    made = [_under_crown(observation, standing(facing, **arms), size) for arms in _ARMS]
+    made += [_under_crown(observation, standing(facing + yaw), size) for yaw in (_SIDE_YAW, -_SIDE_YAW)]
+    return made
+
+
+def _measured_height(observation: Observation, height: float) -> float:
+    """The person's height from the floor to the crown, where both are seen and it is a likely one."""
+    if observation.cut:
+        return height
+    stature = float(observation.crown[1]) + 0.01
+    return stature if 0.85 * height < stature < 1.2 * height else height
+
+
+def _under_crown(observation: Observation, rotations: Float, height: float) -> Posture:
+    """A posture whose head's top, or raised hands, are at the top of the observed points."""
+    posture = Posture(np.zeros(3), rotations, model.lengths_for_height(height))
+    ends, radii = posture.capsules()
+    top = float((ends[..., 1] + radii).max())
+    centre = np.median(observation.points, axis=0)
+    crown = observation.crown
+    head = np.array([0.5 * (crown[0] + centre[0]), crown[1] - top, 0.0])
+    behind_surface = 0.1
+    away = centre - observation.view[4][:3, 3]
+    away[1] = 0.0
+    head[2] = centre[2]
+    posture.position = head + behind_surface * away / max(1e-6, float(np.linalg.norm(away)))
+    return posture

@@ -1,0 +1,142 @@
+"""What one depth frame shows at the working resolution: points, normals, the person's silhouette."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy import ndimage
+
+from enliven.arrays import Bool, Float, UInt16
+from enliven.camera import Intrinsics, rays
+
+
+class WorkingCamera:
+    """The camera of the reduced image, with its rays; made once for a sensor.
+
+    Attributes:
+        stride: full-resolution pixels a working pixel.
+        intrinsics: of the reduced image.
+        ray: (h, w, 2) x/z and y/z of every working pixel.
+    """
+
+    def __init__(self, intrinsics: Intrinsics, width: int) -> None:
+        self.full = intrinsics
+        self.stride = max(1, round(intrinsics.width / width))
+        h, w = intrinsics.height // self.stride, intrinsics.width // self.stride
+        scaled = intrinsics.scaled(1.0 / self.stride)
+        self.intrinsics = Intrinsics(w, h, scaled.fx, scaled.fy, scaled.cx, scaled.cy, scaled.distortion)
+        self.ray = np.ascontiguousarray(rays(self.intrinsics))
+        self.camera = np.array([scaled.fx, scaled.fy, scaled.cx, scaled.cy])
+
+    def reduce(self, depth: UInt16) -> Float:
+        """(h, w) metres along the optical axis; 0 where nothing is known."""
+        h, w = self.intrinsics.height, self.intrinsics.width
+        return reduce_depth(depth, self.stride, h, w)
+
+
+@njit(cache=True, nogil=True)
+def reduce_depth(depth, stride, height, width):  # type: ignore[no-untyped-def]
+    """The lower median of up to nine known samples of every stride x stride block, in metres.
+
+    A median keeps a depth edge an edge, where a mean would invent points between the two sides.
+    """
+    out = np.zeros((height, width))
+    values = np.empty(9)
+    step = max(1, stride // 3)
+    for v in range(height):
+        for u in range(width):
+            count = 0
+            for j in range(0, min(stride, 3 * step), step):
+                for i in range(0, min(stride, 3 * step), step):
+                    millimetres = depth[v * stride + j, u * stride + i]
+                    if millimetres == 0 or millimetres == 65535:
+                        continue
+                    value = millimetres * 1e-3
+                    k = count
+                    while k > 0 and values[k - 1] > value:
+                        values[k] = values[k - 1]
+                        k -= 1
+                    values[k] = value
+                    count += 1
+            if count > 0:
+                out[v, u] = values[(count - 1) // 2]
+    return out
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The person in one frame.
+
+    Attributes:
+        points: (M, 3) metres, world frame, on the person's surface.
+        normals: (M, 3) outward unit normals of the points, world frame.
+        view: (person_z, other_z, nearest, camera, world_from_camera) as ``terms.free_space`` takes it.
+        cut: whether the person runs out of the image at its lower border.
+    """
+
+    points: Float
+    normals: Float
+    view: tuple[Float, Float, Float, Float, Float]
+    cut: bool
+
+    @property
+    def crown(self) -> Float:
+        """(3,) the top of the head, or of whatever is highest: the mean of the topmost points."""
+        order = np.argsort(-self.points[:, 1])
+        return np.asarray(self.points[order[: max(3, len(order) // 40)]].mean(0))
+
+
+def world_points(z: Float, ray: Float, world_from_camera: Float) -> Float:
+    """(h, w, 3) world-frame points of an image of (h, w) metres along the optical axis."""
+    points = np.concatenate([ray * z[..., None], z[..., None]], -1)
+    return np.asarray(points @ world_from_camera[:3, :3].T + world_from_camera[:3, 3])
+
+
+def observe(
+    z: Float, mask: Bool, camera: WorkingCamera, world_from_camera: Float, points: int
+) -> Observation:
+    """The observation of the masked person.
+
+    Args:
+        z: (h, w) metres along the optical axis.
+        mask: (h, w) the person's pixels.
+        points: at most this many surface points are kept, evenly over the pixels.
+    """
+    everything = world_points(z, camera.ray, world_from_camera)
+    normals = surface_normals(everything, z, world_from_camera[:3, 3])
+    v, u = np.nonzero(mask)
+    keep = np.linspace(0, len(v) - 1, min(points, len(v))).astype(int)
+    v, u = v[keep], u[keep]
+    _, (row, column) = ndimage.distance_transform_edt(~mask, return_indices=True)
+    nearest = np.stack([row, column], -1).astype(float)
+    view = (np.where(mask, z, 0.0), np.where(mask, 0.0, z), nearest, camera.camera, world_from_camera)
+    cut = bool(mask[-2:].sum() > 0.05 * mask.shape[1])
+    return Observation(everything[v, u], normals[v, u], view, cut)
+
+
+@njit(cache=True, nogil=True)
+def surface_normals(points, z, eye):  # type: ignore[no-untyped-def]
+    """(h, w, 3) unit normals towards the eye from differences across two pixels; towards the eye where unknown."""
+    height, width = z.shape
+    out = np.empty((height, width, 3))
+    for v in range(height):
+        for u in range(width):
+            view = eye - points[v, u]
+            normal = view
+            inside = 0 < v < height - 1 and 0 < u < width - 1
+            if inside and z[v, u] > 0.0:
+                here = z[v, u]
+                ok = True
+                for dv, du in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+                    there = z[v + dv, u + du]
+                    ok = ok and there > 0.0 and abs(there - here) < 0.03 + 0.02 * here
+                if ok:
+                    right = points[v, u + 1] - points[v, u - 1]
+                    down = points[v + 1, u] - points[v - 1, u]
+                    normal = np.cross(right, down)
+                    if np.dot(normal, view) < 0.0:
+                        normal = -normal
+            out[v, u] = normal / (np.sqrt(np.dot(normal, normal)) + 1e-12)
+    return out

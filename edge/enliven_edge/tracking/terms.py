@@ -1,0 +1,288 @@
+"""The terms of the fit, compiled: each adds its squared residuals to the normal equations of Gauss-Newton.
+
+The unknowns are ordered translation (3), rotations (27), lengths (12). A residual r with the row J of its
+derivatives and the weight w adds w J'J to the matrix, w J'r to the gradient and w r^2 to the energy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from enliven_edge.tracking.posture import logarithm
+
+_DOFS = 30
+_GIRTH = 11
+
+
+@njit(cache=True, nogil=True)
+def add(matrix, gradient, row, residual, weight):  # type: ignore[no-untyped-def]
+    """One weighted residual into the upper triangle of the normal equations."""
+    count = len(row)
+    for i in range(count):
+        scaled = weight * row[i]
+        if scaled != 0.0:
+            gradient[i] += scaled * residual
+            for j in range(i, count):
+                matrix[i, j] += scaled * row[j]
+
+
+@njit(cache=True, nogil=True)
+def point_row(row, scale, frame, point, normal, local, body):  # type: ignore[no-untyped-def]
+    """Adds scale * normal . d(point)/d(unknowns) to the row, for a point carried by a frame.
+
+    Args:
+        local: (3, 12) derivative of the point, in its frame, by the lengths.
+        body: (world, pivots, by_length, moves, dof_frame, dof_axis) of the posture.
+    """
+    world, pivots, by_length, moves, dof_frame, dof_axis = body
+    for a in range(3):
+        row[a] += scale * normal[a]
+    for k in range(len(dof_frame)):
+        if moves[frame, k] == 0:
+            continue
+        f, axis = dof_frame[k], dof_axis[k]
+        ax, ay, az = world[f, 0, axis], world[f, 1, axis], world[f, 2, axis]
+        x, y, z = point[0] - pivots[f, 0], point[1] - pivots[f, 1], point[2] - pivots[f, 2]
+        row[3 + k] += scale * (
+            normal[0] * (ay * z - az * y) + normal[1] * (az * x - ax * z) + normal[2] * (ax * y - ay * x)
+        )
+    turned = np.zeros(3)
+    for b in range(3):
+        turned[b] = (
+            normal[0] * world[frame, 0, b] + normal[1] * world[frame, 1, b] + normal[2] * world[frame, 2, b]
+        )
+    for p in range(local.shape[1]):
+        moved = normal[0] * by_length[frame, 0, p] + normal[1] * by_length[frame, 1, p]
+        moved += normal[2] * by_length[frame, 2, p]
+        moved += turned[0] * local[0, p] + turned[1] * local[1, p] + turned[2] * local[2, p]
+        row[_DOFS + p] += scale * moved
+
+
+@njit(cache=True, nogil=True)
+def robust(residual, width):  # type: ignore[no-untyped-def]
+    """Geman-McClure: the energy r^2 / (1 + (r / width)^2) and its weight in iterated least squares."""
+    ratio = residual / width
+    w = 1.0 / (1.0 + ratio * ratio)
+    return residual * residual * w, w * w
+
+
+@njit(cache=True, nogil=True)
+def nearest_capsule(point, normal, ends, radii, side):  # type: ignore[no-untyped-def]
+    """The capsule whose surface an observed point lies on: index, parameter along it, signed distance.
+
+    A surface that faces away from the observed normal costs up to twice ``side`` metres more, so that a
+    point on the front of an arm is not explained by the chest behind it.
+    """
+    best, best_cost, best_t, best_distance = -1, 1e9, 0.0, 1e9
+    for c in range(len(ends)):
+        ax, ay, az = ends[c, 0, 0], ends[c, 0, 1], ends[c, 0, 2]
+        dx, dy, dz = ends[c, 1, 0] - ax, ends[c, 1, 1] - ay, ends[c, 1, 2] - az
+        px, py, pz = point[0] - ax, point[1] - ay, point[2] - az
+        t = (px * dx + py * dy + pz * dz) / (dx * dx + dy * dy + dz * dz + 1e-12)
+        t = min(1.0, max(0.0, t))
+        px, py, pz = px - t * dx, py - t * dy, pz - t * dz
+        length = np.sqrt(px * px + py * py + pz * pz)
+        distance = length - (radii[c, 0] + t * (radii[c, 1] - radii[c, 0]))
+        facing = (px * normal[0] + py * normal[1] + pz * normal[2]) / (length + 1e-9)
+        cost = abs(distance) + side * (1.0 - facing)
+        if cost < best_cost:
+            best, best_cost, best_t, best_distance = c, cost, t, distance
+    return best, best_t, best_distance
+
+
+@njit(cache=True, nogil=True)
+def depth_to_model(  # type: ignore[no-untyped-def]
+    matrix,
+    gradient,
+    points,
+    normals,
+    ends,
+    radii,
+    capsule_frame,
+    capsule_local,
+    body,
+    weight,
+    width,
+    side,
+    support,
+):
+    """Every observed point lies on the surface of its nearest capsule.
+
+    ``support`` (C,) receives the number of points that each capsule explains within ``width``.
+    Returns (energy, share of the points that are explained).
+    """
+    count = matrix.shape[0]
+    row = np.empty(count)
+    normal = np.empty(3)
+    energy, explained = 0.0, 0.0
+    support[:] = 0.0
+    per_point = weight / max(1, len(points))
+    for i in range(len(points)):
+        c, t, distance = nearest_capsule(points[i], normals[i], ends, radii, side)
+        cost, w = robust(distance, width)
+        energy += per_point * cost
+        if abs(distance) < width:
+            explained += 1.0
+            support[c] += 1.0
+        centre = ends[c, 0] + t * (ends[c, 1] - ends[c, 0])
+        length = 0.0
+        for a in range(3):
+            normal[a] = points[i, a] - centre[a]
+            length += normal[a] * normal[a]
+        length = np.sqrt(length)
+        if length < 1e-6 or w < 1e-4:
+            continue
+        for a in range(3):
+            normal[a] /= length
+        row[:] = 0.0
+        local = (1.0 - t) * capsule_local[c, 0] + t * capsule_local[c, 1]
+        point_row(row, -1.0, capsule_frame[c], centre, normal, local, body)
+        row[_DOFS + _GIRTH] -= (radii[c, 0] + t * (radii[c, 1] - radii[c, 0])) / body_girth(radii)
+        add(matrix, gradient, row, distance, per_point * w)
+    return energy, explained / max(1, len(points))
+
+
+@njit(cache=True, nogil=True)
+def body_girth(radii):  # type: ignore[no-untyped-def]
+    """The girth factor, recovered from the first capsule's radius (its radius at girth 1 is 0.115 m)."""
+    return radii[0, 0] / 0.115
+
+
+@njit(cache=True, nogil=True)
+def free_space(  # type: ignore[no-untyped-def]
+    matrix, gradient, ends, radii, capsule_frame, capsule_local, body, view, weight, width, samples, violated
+):
+    """No limb where the camera saw through, and none in front of what it saw.
+
+    Points along every capsule's axis are projected. Outside the person's silhouette they are drawn to the
+    nearest pixel of it, unless something nearer hides them or nothing is known there; inside it, a surface
+    that stands in front of the observed one is pushed back.
+
+    Args:
+        view: (person_z, other_z, nearest, camera, world_from_camera): (h, w) metres of the person's pixels and of
+            everything else (0 unknown), (h, w, 2) the nearest person pixel, (4,) fx, fy, cx, cy, and (4, 4).
+        violated: (C,) receives the share of each capsule's samples seen through.
+    """
+    person, other, nearest, camera, world_from_camera = view
+    height, width_px = person.shape
+    row = np.empty(matrix.shape[0])
+    normal = np.empty(3)
+    fx, fy, cx, cy = camera
+    energy = 0.0
+    violated[:] = 0.0
+    per_sample = weight / (len(ends) * samples)
+    for c in range(len(ends)):
+        for s in range(samples):
+            t = (s + 0.5) / samples
+            point = ends[c, 0] + t * (ends[c, 1] - ends[c, 0])
+            radius = radii[c, 0] + t * (radii[c, 1] - radii[c, 0])
+            x, y, z = 0.0, 0.0, 0.0
+            for b in range(3):
+                offset = point[b] - world_from_camera[b, 3]
+                x += world_from_camera[b, 0] * offset
+                y += world_from_camera[b, 1] * offset
+                z += world_from_camera[b, 2] * offset
+            if z < 0.2:
+                continue
+            u, v = int(np.floor(fx * x / z + cx + 0.5)), int(np.floor(fy * y / z + cy + 0.5))
+            if u < 0 or v < 0 or u >= width_px or v >= height:
+                continue
+            seen = person[v, u]
+            girth_row = 0.0
+            if seen > 0.0:
+                residual = seen - (z - radius) - 0.03
+                if residual <= 0.0:
+                    continue
+                for a in range(3):
+                    normal[a] = -world_from_camera[a, 2]
+                girth_row = radius / body_girth(radii)
+            else:
+                hidden = other[v, u] == 0.0 or other[v, u] < z - radius - 0.05
+                if hidden or nearest[v, u, 0] < 0:
+                    continue
+                violated[c] += 1.0 / samples
+                dx = (u - nearest[v, u, 1]) * z / fx
+                dy = (v - nearest[v, u, 0]) * z / fy
+                residual = np.sqrt(dx * dx + dy * dy)
+                for a in range(3):
+                    normal[a] = (dx * world_from_camera[a, 0] + dy * world_from_camera[a, 1]) / residual
+            row[:] = 0.0
+            local = (1.0 - t) * capsule_local[c, 0] + t * capsule_local[c, 1]
+            point_row(row, 1.0, capsule_frame[c], point, normal, local, body)
+            row[_DOFS + _GIRTH] += girth_row
+            cost, w = robust(residual, width)
+            energy += per_sample * cost
+            add(matrix, gradient, row, residual, per_sample * w)
+    return energy
+
+
+@njit(cache=True, nogil=True)
+def self_intersection(  # type: ignore[no-untyped-def]
+    matrix, gradient, ends, radii, capsule_frame, capsule_local, body, pairs, weight, samples
+):
+    """Limbs do not enter each other: samples on the first capsule of a pair stay outside the second."""
+    row = np.empty(matrix.shape[0])
+    normal = np.empty(3)
+    energy = 0.0
+    for k in range(len(pairs)):
+        i, j = pairs[k]
+        axis = ends[j, 1] - ends[j, 0]
+        for s in range(samples):
+            t = (s + 0.5) / samples
+            point = ends[i, 0] + t * (ends[i, 1] - ends[i, 0])
+            along = np.dot(point - ends[j, 0], axis) / (np.dot(axis, axis) + 1e-12)
+            along = min(1.0, max(0.0, along))
+            centre = ends[j, 0] + along * axis
+            distance = np.sqrt(np.sum((point - centre) ** 2))
+            reach = radii[i, 0] + t * (radii[i, 1] - radii[i, 0])
+            reach += radii[j, 0] + along * (radii[j, 1] - radii[j, 0])
+            residual = 0.85 * reach - distance
+            if residual <= 0.0 or distance < 1e-6:
+                continue
+            for a in range(3):
+                normal[a] = (point[a] - centre[a]) / distance
+            row[:] = 0.0
+            local = (1.0 - t) * capsule_local[i, 0] + t * capsule_local[i, 1]
+            point_row(row, -1.0, capsule_frame[i], point, normal, local, body)
+            local = (1.0 - along) * capsule_local[j, 0] + along * capsule_local[j, 1]
+            point_row(row, 1.0, capsule_frame[j], centre, normal, local, body)
+            energy += weight * residual * residual
+            add(matrix, gradient, row, residual, weight)
+    return energy
+
+
+@njit(cache=True, nogil=True)
+def stay_near(matrix, gradient, rotations, reference, weights, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
+    """Every rotation stays near a reference: weight * |log(reference' rotation)|^2 by component."""
+    energy = 0.0
+    last, deviation = -1, np.zeros(3)
+    for k in range(len(dof_frame)):
+        f = dof_frame[k]
+        if f != last:
+            deviation, last = logarithm(reference[f].T @ rotations[f]), f
+        w = weights[f]
+        value = deviation[dof_axis[k]]
+        matrix[3 + k, 3 + k] += w
+        gradient[3 + k] += w * value
+        energy += w * value * value
+    return energy
+
+
+@njit(cache=True, nogil=True)
+def joint_ranges(matrix, gradient, rotations, middle, reach, weight, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
+    """Rotations inside their boxes are free; outside, the excess is a residual."""
+    energy = 0.0
+    last, deviation = -1, np.zeros(3)
+    for k in range(len(dof_frame)):
+        f, axis = dof_frame[k], dof_axis[k]
+        if f != last:
+            deviation, last = logarithm(middle[f].T @ rotations[f]), f
+        value = deviation[axis]
+        excess = value - reach[f, axis] if value > 0.0 else value + reach[f, axis]
+        if abs(value) <= reach[f, axis]:
+            continue
+        matrix[3 + k, 3 + k] += weight
+        gradient[3 + k] += weight * excess
+        energy += weight * excess * excess
+    return energy
