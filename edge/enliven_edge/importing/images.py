@@ -1,0 +1,69 @@
+"""Depth and colour images of foreign recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+
+from enliven.arrays import UInt8, UInt16
+from enliven.camera import Intrinsics
+from enliven.errors import InputError
+from enliven_edge.importing.base import head_of
+
+PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+KINECT1 = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
+"""The focal length that drivers of the Kinect v1 assume where nobody has calibrated it."""
+
+
+def is_depth_png(path: Path) -> bool:
+    """Whether a file is a PNG of one 16-bit channel, by its header."""
+    head = head_of(path, 33)
+    return head.startswith(PNG_MAGIC) and len(head) == 33 and head[24] == 16 and head[25] == 0
+
+
+def png_size(path: Path) -> tuple[int, int]:
+    """Width and height in the header of a PNG file."""
+    head = head_of(path, 33)
+    return int.from_bytes(head[16:20], "big"), int.from_bytes(head[20:24], "big")
+
+
+def read_depth_png(path: Path) -> UInt16:
+    """(H, W) uint16 millimetres of a 16-bit PNG.
+
+    Raises:
+        InputError: where the file is missing, damaged, or not of one 16-bit channel.
+    """
+    if path.exists() and not is_depth_png(path):
+        raise InputError(
+            "it is not a PNG of one 16-bit channel",
+            where=str(path),
+            mend="Give the depth images in millimetres.",
+        )
+    try:
+        with Image.open(path) as image:
+            return np.asarray(image).astype(np.uint16)
+    except FileNotFoundError:
+        raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise InputError(
+            f"the image is damaged ({error})", where=str(path), mend="Copy it again from its source."
+        ) from None
+
+
+def read_colour(path: Path) -> UInt8 | None:
+    """(h, w, 3) uint8 sRGB, or None where there is no such file.
+
+    Raises:
+        InputError: where the image is damaged.
+    """
+    if not path.exists():
+        return None
+    try:
+        with Image.open(path) as image:
+            return np.asarray(image.convert("RGB"))
+    except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError) as error:
+        raise InputError(
+            f"the image is damaged ({error})", where=str(path), mend="Copy it again, or remove it."
+        ) from None

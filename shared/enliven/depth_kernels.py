@@ -1,0 +1,114 @@
+"""The compiled loops of the depth codec: which levels occur, and residuals of the LOCO-I prediction.
+
+LOCO-I: Weinberger, Seroussi and Sapiro, "The LOCO-I lossless image compression algorithm", IEEE TIP 9(8),
+2000, equation 1 (the median edge detector); here over levels of depth, with holes kept apart.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from enliven.arrays import Bool, UInt8, UInt16
+
+
+@njit(cache=True, nogil=True)
+def mark_levels(depth: UInt16) -> Bool:
+    """(65536,) whether a value other than 0 occurs in the (H, W) image."""
+    seen = np.zeros(65536, np.bool_)
+    for value in depth.ravel():
+        seen[value] = True
+    seen[0] = False
+    return seen
+
+
+@njit(cache=True, nogil=True)
+def predict_level(w: int, n: int, nw: int, ne: int, last: int) -> int:
+    """The level expected from the neighbours, of which 0 is unknown."""
+    if w != 0 and n != 0:
+        if nw == 0:
+            return (w + n) >> 1
+        high, low = max(w, n), min(w, n)
+        if nw >= high:
+            return low
+        return high if nw <= low else w + n - nw
+    if w != 0:
+        return w
+    if n != 0:
+        return n
+    return ne if ne != 0 else last
+
+
+@njit(cache=True, nogil=True)
+def predict_image(depth: UInt16, ranks: UInt16, count: int) -> UInt8:
+    """(2, H, W) low and high bytes of the residuals of an (H, W) image.
+
+    Args:
+        depth: (H, W) millimetres.
+        ranks: (65536,) the level of each value, 0..count.
+        count: the number of levels P.
+    """
+    height, width = depth.shape
+    planes = np.empty((2, height, width), np.uint8)
+    above = np.zeros(width + 2, np.int32)
+    row = np.zeros(width + 2, np.int32)
+    last, half, least = (count + 1) // 2, count // 2, -((count - 1) // 2)
+    for y in range(height):
+        w, nw, n = 0, 0, int(above[0])
+        for x in range(width):
+            v, ne = int(ranks[depth[y, x]]), int(above[x + 1])
+            s = 0
+            if v != 0:
+                r = v - predict_level(w, n, nw, ne, last)
+                if r > half:
+                    r -= count
+                elif r < least:
+                    r += count
+                s = 2 * r if r > 0 else 1 - 2 * r
+                last = v
+            planes[0, y, x] = s & 255
+            planes[1, y, x] = s >> 8
+            row[x] = v
+            w, nw, n = v, n, ne
+        row[width] = 0
+        above, row = row, above
+    return planes
+
+
+@njit(cache=True, nogil=True)
+def restore_image(planes: UInt8, values: UInt16, count: int, depth: UInt16) -> bool:
+    """Fill (H, W) ``depth`` from (1 or 2, H, W) residuals; False where a residual is outside 0..count.
+
+    Args:
+        planes: low bytes, and high bytes where there are more than 255 levels.
+        values: (count + 1,) the millimetres of each level.
+        count: the number of levels P.
+        depth: (H, W), written.
+    """
+    height, width = depth.shape
+    wide = planes.shape[0] == 2
+    above = np.zeros(width + 2, np.int32)
+    row = np.zeros(width + 2, np.int32)
+    last = (count + 1) // 2
+    for y in range(height):
+        w, nw, n = 0, 0, int(above[0])
+        for x in range(width):
+            s, ne = int(planes[0, y, x]), int(above[x + 1])
+            if wide:
+                s |= int(planes[1, y, x]) << 8
+            if s > count:
+                return False
+            v = 0
+            if s != 0:
+                r = -(s >> 1) if s & 1 else s >> 1
+                v = predict_level(w, n, nw, ne, last) + r
+                if v > count:
+                    v -= count
+                elif v < 1:
+                    v += count
+                last = v
+            depth[y, x] = values[v]
+            row[x] = v
+            w, nw, n = v, n, ne
+        above, row = row, above
+    return True

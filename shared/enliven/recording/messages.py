@@ -1,0 +1,163 @@
+"""Frames to the bytes of a recording's messages and back, exactly."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import msgspec
+import numpy as np
+import zstandard
+
+from enliven.arrays import AnyArray, Float, UInt8
+from enliven.body import Body, J
+from enliven.camera import Intrinsics
+from enliven.depth_codec import MAX_PIXELS, decode_depth, encode_depth
+from enliven.errors import InputError
+from enliven.frames import BodyFrame, DepthFrame
+
+_HEAD = struct.Struct("<BBHIq9d")
+_SIZE = struct.Struct("<II")
+_POSE, _COLOUR = 1, 2
+
+
+def pack_depth(frame: DepthFrame, level: int) -> bytes:
+    """The message of a depth frame; ``level`` is that of :func:`enliven.depth_codec.encode_depth`."""
+    camera, sensor = frame.intrinsics, frame.sensor.encode()
+    depth = encode_depth(frame.depth, level)
+    flags = _POSE * (frame.world_from_camera is not None) | _COLOUR * (frame.colour is not None)
+    lens = (camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion)
+    parts = [_HEAD.pack(1, flags, len(sensor), len(depth), frame.time_ns, *lens), sensor]
+    if frame.world_from_camera is not None:
+        parts.append(np.asarray(frame.world_from_camera, "<f8").reshape(4, 4).tobytes())
+    parts.append(depth)
+    if frame.colour is not None:
+        parts.append(_pack_colour(frame.colour, level))
+    return b"".join(parts)
+
+
+def unpack_depth(data: bytes) -> DepthFrame:
+    """The depth frame of a message.
+
+    Raises:
+        InputError: where the bytes are not those of a depth frame.
+    """
+    if len(data) < _HEAD.size or data[0] != 1:
+        raise _damaged("it is too short, or of a later version")
+    _, flags, name_size, depth_size, time_ns, *lens = _HEAD.unpack_from(data)
+    at = _HEAD.size + name_size
+    pose_size = 128 if flags & _POSE else 0
+    if at + pose_size + depth_size > len(data):
+        raise _damaged("it ends too early")
+    try:
+        sensor = data[_HEAD.size : at].decode()
+    except UnicodeDecodeError:
+        raise _damaged("the sensor's identity is not UTF-8") from None
+    pose: Float | None = None
+    if pose_size:
+        pose = np.frombuffer(data, "<f8", 16, at).reshape(4, 4).astype(np.float64)
+    at += pose_size
+    depth = decode_depth(data[at : at + depth_size])
+    colour = _unpack_colour(data[at + depth_size :]) if flags & _COLOUR else None
+    distortion = (lens[4], lens[5], lens[6], lens[7], lens[8])
+    camera = Intrinsics(depth.shape[1], depth.shape[0], lens[0], lens[1], lens[2], lens[3], distortion)
+    return DepthFrame(depth, camera, time_ns, sensor, colour, pose)
+
+
+def _pack_colour(colour: UInt8, level: int) -> bytes:
+    if colour.dtype != np.uint8 or colour.ndim != 3 or colour.shape[2] != 3 or not colour.size:
+        raise InputError(
+            f"the colour image is {colour.dtype} {colour.shape}, expected uint8 (h, w, 3)",
+            where="depth frame",
+        )
+    difference = np.diff(colour, axis=1, prepend=np.uint8(0))
+    packed = zstandard.ZstdCompressor(level=level).compress(difference.tobytes())
+    return _SIZE.pack(colour.shape[0], colour.shape[1]) + packed
+
+
+def _unpack_colour(data: bytes) -> UInt8:
+    if len(data) < _SIZE.size:
+        raise _damaged("the colour image is missing")
+    height, width = _SIZE.unpack_from(data)
+    size = height * width * 3
+    packed = data[_SIZE.size :]
+    try:
+        if not 0 < size <= 3 * MAX_PIXELS or zstandard.frame_content_size(packed) != size:
+            raise _damaged(f"the colour image states {width}x{height} pixels")
+        content = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+    except zstandard.ZstdError as error:
+        raise _damaged(f"the colour image: {error}") from None
+    if len(content) != size:
+        raise _damaged("the colour image ends too early")
+    difference = np.frombuffer(content, np.uint8).reshape(height, width, 3)
+    return np.cumsum(difference, axis=1, dtype=np.uint8)
+
+
+class _BodyMessage(msgspec.Struct):
+    id: int
+    joints: list[list[float | None]]
+    confidence: list[float | None]
+    orientations: list[list[float | None]] | None = None
+
+
+class _BodiesMessage(msgspec.Struct):
+    time_ns: int
+    sensor: str
+    bodies: list[_BodyMessage]
+
+
+_bodies_decoder = msgspec.json.Decoder(_BodiesMessage)
+
+
+def pack_bodies(frame: BodyFrame) -> bytes:
+    """The JSON message of a body frame; float64 in the fewest digits that restore it exactly."""
+    bodies = [
+        {
+            "id": int(body.id),
+            "joints": _shaped(body.joints, (J, 3)).tolist(),
+            "confidence": _shaped(body.confidence, (J,)).tolist(),
+            "orientations": None
+            if body.orientations is None
+            else _shaped(body.orientations, (J, 4)).tolist(),
+        }
+        for body in frame.bodies
+    ]
+    return msgspec.json.encode({"time_ns": frame.time_ns, "sensor": frame.sensor, "bodies": bodies})
+
+
+def unpack_bodies(data: bytes) -> BodyFrame:
+    """The body frame of a message.
+
+    Raises:
+        InputError: where the bytes are not those of a body frame.
+    """
+    try:
+        message = _bodies_decoder.decode(data)
+        bodies = [_body(body) for body in message.bodies]
+    except (msgspec.MsgspecError, ValueError) as error:
+        raise _damaged(str(error)) from None
+    return BodyFrame(bodies, message.time_ns, message.sensor)
+
+
+def _body(message: _BodyMessage) -> Body:
+    turns = message.orientations
+    return Body(
+        message.id,
+        _shaped(message.joints, (J, 3)),
+        _shaped(message.confidence, (J,)),
+        None if turns is None else _shaped(turns, (J, 4)),
+    )
+
+
+def _shaped(values: AnyArray | list[Any], shape: tuple[int, ...]) -> Float:
+    """``values`` as float64 of this shape (None becomes not-a-number)."""
+    array = np.asarray(values, np.float64)
+    if array.shape != shape:
+        raise InputError(f"an array of a body is {array.shape}, expected {shape}", where="body frame")
+    return array
+
+
+def _damaged(what: str) -> InputError:
+    return InputError(
+        f"the message cannot be read: {what}", where="recording", mend="Record or import it again."
+    )

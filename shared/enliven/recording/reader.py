@@ -1,0 +1,171 @@
+"""Reading a recording: frames in the order of time, whole or cut off."""
+
+from __future__ import annotations
+
+import heapq
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mcap.records import Message
+
+from enliven.errors import InputError
+from enliven.frames import BodyFrame, Frame
+from enliven.recording.container import ChunkRef, Container, Damage, open_container, open_file, read_chunk
+from enliven.recording.messages import unpack_bodies, unpack_depth
+from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC, PROFILE, TRUTH_TOPIC
+
+
+class RecordingWarning(UserWarning):
+    """A recording that could be read only in part."""
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """One topic of a recording: its schema, the encoding of its messages and how many there are."""
+
+    name: str
+    schema: str
+    message_encoding: str
+    count: int
+
+
+@dataclass(frozen=True)
+class RecordingInfo:
+    """What a recording holds.
+
+    Attributes:
+        sensors: the identities of the sensors, sorted.
+        topics: by name.
+        start_ns, end_ns: the sensor's clock at the first and the last message.
+        metadata: the named records of words.
+        complete: False where the program that wrote it was killed.
+    """
+
+    sensors: tuple[str, ...]
+    topics: dict[str, TopicInfo]
+    start_ns: int
+    end_ns: int
+    metadata: dict[str, dict[str, str]]
+    complete: bool
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first message to the last."""
+        return (self.end_ns - self.start_ns) * 1e-9
+
+
+class Recording:
+    """An MCAP file that a :class:`~enliven.recording.recorder.Recorder` wrote.
+
+    A file that was cut off yields every message of its whole chunks, and one :class:`RecordingWarning`
+    when it is opened. A damaged chunk is skipped; the first one met gives one :class:`RecordingWarning`.
+    ``problems`` lists all that was said.
+
+    Raises:
+        InputError: where the file is missing, empty, or not a recording of enliven.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.problems: list[str] = []
+        self._container = open_container(self.path)
+        _check_profile(self._container)
+        self.info = _info(self._container)
+        self._report_cut()
+
+    def frames(self) -> Iterator[Frame]:
+        """Depth frames and sensor-tracked bodies, in the order of time."""
+        for topic, message in self._messages({DEPTH_TOPIC, BODIES_TOPIC}):
+            yield unpack_depth(message.data) if topic == DEPTH_TOPIC else unpack_bodies(message.data)
+
+    def truth(self) -> Iterator[BodyFrame]:
+        """The true bodies of a made recording, in the order of time."""
+        for _, message in self._messages({TRUTH_TOPIC}):
+            yield unpack_bodies(message.data)
+
+    def messages(self, topic: str) -> Iterator[tuple[int, bytes]]:
+        """(time in ns, bytes) of every message of a topic, in the order of time."""
+        for _, message in self._messages({topic}):
+            yield message.log_time, message.data
+
+    def _messages(self, topics: set[str]) -> Iterator[tuple[str, Any]]:
+        """(topic, message) ordered by time; chunks may overlap, messages of equal time keep their order."""
+        names = {i: c.topic for i, c in self._container.channels.items() if c.topic in topics}
+        chunks = sorted(self._container.chunks, key=lambda ref: (ref.start_ns, ref.offset))
+        waiting: list[tuple[int, int, Any]] = []
+        count = 0
+        with open_file(self.path) as file:
+            for ref in chunks:
+                while waiting and waiting[0][0] < ref.start_ns:
+                    message = heapq.heappop(waiting)[2]
+                    yield names[message.channel_id], message
+                for record in self._records(file, ref):
+                    if isinstance(record, Message) and record.channel_id in names:
+                        heapq.heappush(waiting, (record.log_time, count, record))
+                        count += 1
+        while waiting:
+            message = heapq.heappop(waiting)[2]
+            yield names[message.channel_id], message
+
+    def _records(self, file: Any, ref: ChunkRef) -> list[Any]:
+        try:
+            return read_chunk(file, ref)
+        except Damage as error:
+            self._report_damage(f"{self.path}: a damaged part at byte {ref.offset} is skipped ({error}).")
+            return []
+
+    def _report_cut(self) -> None:
+        if self._container.damaged_chunks:
+            self.problems.append(f"{self._container.damaged_chunks} damaged parts are skipped.")
+        if not self._container.complete:
+            count = sum(self._container.counts.values())
+            skipped = "".join(" " + problem for problem in self.problems)
+            self._warn(
+                f"{self.path}: the recording was cut off or is damaged at byte {self._container.cut_at}; "
+                f"the {count} whole messages before are read.{skipped}"
+            )
+
+    def _report_damage(self, problem: str) -> None:
+        if problem in self.problems:
+            return
+        if any("damaged part" in known for known in self.problems):
+            self.problems.append(problem)
+        else:
+            self._warn(problem)
+
+    def _warn(self, problem: str) -> None:
+        self.problems.append(problem)
+        warnings.warn(problem, RecordingWarning, stacklevel=4)
+
+
+def _check_profile(container: Container) -> None:
+    if container.profile == PROFILE or (not container.complete and not container.profile):
+        return
+    raise InputError(
+        f"it is an MCAP file of another program (profile {container.profile!r}, {container.library!r})",
+        where=str(container.path),
+        mend="Only recordings of enliven can be read; `enliven import` takes depth as 16-bit PNG.",
+    )
+
+
+def _info(container: Container) -> RecordingInfo:
+    topics: dict[str, TopicInfo] = {}
+    for number, channel in sorted(container.channels.items()):
+        schema = container.schemas.get(channel.schema_id)
+        known = topics.get(channel.topic)
+        count = container.counts[number] + (known.count if known else 0)
+        topics[channel.topic] = TopicInfo(
+            channel.topic, schema.name if schema else "", channel.message_encoding, count
+        )
+    sensors = {c.metadata["sensor"] for c in container.channels.values() if "sensor" in c.metadata}
+    return RecordingInfo(
+        tuple(sorted(sensors)),
+        topics,
+        min((ref.start_ns for ref in container.chunks), default=0),
+        max((ref.end_ns for ref in container.chunks), default=0),
+        container.metadata,
+        container.complete,
+    )

@@ -1,0 +1,95 @@
+"""What a recording's messages are, as it is written into every file."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+from enliven.depth_codec import LAYOUT as DEPTH_CODEC_LAYOUT
+
+PROFILE = "enliven"
+"""The MCAP profile: files that say so have the topics and layouts below."""
+
+DEPTH_TOPIC = "/depth"
+BODIES_TOPIC = "/bodies"
+TRUTH_TOPIC = "/truth/bodies"
+
+
+@dataclass(frozen=True)
+class MessageKind:
+    """A schema and the encoding of the messages that follow it."""
+
+    schema_name: str
+    schema_encoding: str
+    schema_text: str
+    message_encoding: str
+
+
+DEPTH_LAYOUT = (
+    """\
+enliven depth frame, version 1 (little endian)
+
+offset size
+ 0     1    version = 1
+ 1     1    flags: 1 = world_from_camera is present, 2 = colour is present
+ 2     2    S, bytes of the sensor's identity
+ 4     4    D, bytes of the depth image
+ 8     8    time, int64 nanoseconds of the sensor's clock
+16    72    fx, fy, cx, cy (pixels), k1, k2, p1, p2, k3 (Brown-Conrady, OpenCV), float64
+88     S    the sensor's identity, UTF-8
+      128   only with flag 1: world_from_camera, 4x4 float64, row-major, metres; world +Y up, camera OpenCV's
+      D     the depth image in millimetres, 0 = nothing measured, as below
+      8     only with flag 2: height and width of the colour image, uint32
+      ...   only with flag 2: one zstd frame of h*w*3 bytes sRGB, each the difference (modulo 256) to the
+            same channel of the pixel to its left (0 left of the first)
+
+"""
+    + DEPTH_CODEC_LAYOUT
+)
+
+_NUMBER = {"type": ["number", "null"]}
+_BODY = {
+    "type": "object",
+    "required": ["id", "joints", "confidence"],
+    "properties": {
+        "id": {"type": "integer", "description": "stable while the person is in view"},
+        "joints": {
+            "type": "array",
+            "description": "20 joints in the Kinect SDK 1.x order: [x, y, z] metres, world frame, +Y up",
+            "items": {"type": "array", "items": _NUMBER},
+        },
+        "confidence": {"type": "array", "description": "20 numbers, 0 (guess) to 1", "items": _NUMBER},
+        "orientations": {
+            "type": ["array", "null"],
+            "description": "20 quaternions [w, x, y, z] world_from_bone, or null",
+            "items": {"type": "array", "items": _NUMBER},
+        },
+    },
+}
+BODIES_SCHEMA = json.dumps(
+    {
+        "title": "enliven.BodyFrame",
+        "description": "The bodies that were seen at one moment. Numbers are float64; null is not-a-number.",
+        "type": "object",
+        "required": ["time_ns", "sensor", "bodies"],
+        "properties": {
+            "time_ns": {"type": "integer", "description": "nanoseconds of the sensor's clock"},
+            "sensor": {"type": "string"},
+            "bodies": {"type": "array", "items": _BODY},
+        },
+    },
+    indent=1,
+)
+
+DEPTH = MessageKind("enliven.DepthFrame", "text", DEPTH_LAYOUT, "enliven-depth")
+BODIES = MessageKind("enliven.BodyFrame", "jsonschema", BODIES_SCHEMA, "json")
+
+ABOUT = {
+    "what": "A recording of enliven: what a depth sensor saw, or the bodies that were seen",
+    DEPTH_TOPIC: "depth images in millimetres; the schema states every byte",
+    BODIES_TOPIC: "bodies tracked by the sensor or by another program",
+    TRUTH_TOPIC: "the true bodies, where the recording was made and not seen",
+    "time": "log time is the sensor's own clock in nanoseconds",
+    "units": "metres; world right-handed, +Y up, floor at y = 0",
+}
+"""The metadata record that tells a human who opens the file what is in it."""
