@@ -1,0 +1,106 @@
+"""Triangles from a signed distance function: naive surface nets on a regular grid.
+
+One vertex for each cell that the surface crosses, at the mean of the crossings of the cell's edges (S. F. F.
+Gibson, "Constrained elastic surface nets", 1998, without the relaxation); one quad for each crossed edge.
+The result is closed and has well shaped faces; every vertex is then moved onto the surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from enliven.arrays import Float, Int, Int32
+
+Field = Callable[[Float], Float]
+"""(N, 3) points to (N,) signed distances in metres, negative inside."""
+
+_CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
+_EDGES = np.array([[a, b] for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1])
+
+
+def surface_of(field: Field, low: Float, high: Float, cell: float) -> tuple[Float, Int32]:
+    """(V, 3) vertices and (F, 3) outward faces of the zero set of ``field`` in the box ``low``..``high``.
+
+    Args:
+        field: the signed distance; parts thinner than a cell are lost.
+        low: (3,) a corner of the box, outside of the surface.
+        high: (3,) the opposite corner, outside too.
+        cell: metres, the side of a grid cell and about the length of an edge.
+    """
+    axes = [np.arange(low[a], high[a] + cell, cell) for a in range(3)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
+    shape = grid.shape[:3]
+    values = field(grid.reshape(-1, 3)).reshape(shape)
+    inside = values < 0
+    cells = np.argwhere(_crossed(inside))
+    number = np.full(tuple(s - 1 for s in shape), -1, np.int64)
+    number[tuple(cells.T)] = np.arange(len(cells))
+    vertices = low + cell * _cell_points(values, cells)
+    for _ in range(3):
+        vertices = _onto_surface(field, vertices, cell)
+    quads = np.concatenate([_quads(inside, number, axis) for axis in range(3)])
+    return vertices, _triangles(vertices, quads)
+
+
+def _crossed(inside: Float) -> Float:
+    """True for each cell whose eight corners are not all on one side."""
+    views = [
+        inside[i : inside.shape[0] - 1 + i, j : inside.shape[1] - 1 + j, k : inside.shape[2] - 1 + k]
+        for i, j, k in _CORNERS
+    ]
+    stacked = np.stack(views)
+    return np.asarray(stacked.any(0) & ~stacked.all(0))
+
+
+def _cell_points(values: Float, cells: Int) -> Float:
+    """(C, 3) in grid units: the mean of the points where the surface crosses the twelve edges of a cell."""
+    corners = cells[:, None] + _CORNERS
+    at_corner = values[tuple(np.moveaxis(corners, -1, 0))]
+    a, b = at_corner[:, _EDGES[:, 0]], at_corner[:, _EDGES[:, 1]]
+    crosses = (a < 0) != (b < 0)
+    t = np.where(crosses, a / np.where(crosses, a - b, 1.0), 0.0)
+    start, end = _CORNERS[_EDGES[:, 0]], _CORNERS[_EDGES[:, 1]]
+    points = start + t[..., None] * (end - start)
+    mean = (points * crosses[..., None]).sum(1) / crosses.sum(1)[:, None]
+    return np.asarray(cells + mean)
+
+
+def _onto_surface(field: Field, points: Float, cell: float) -> Float:
+    """One Newton step along the gradient, at most half a cell long."""
+    h = 1e-4 * cell
+    offsets = h * np.concatenate([np.eye(3), -np.eye(3)])
+    around = field((points[:, None] + offsets).reshape(-1, 3)).reshape(-1, 6)
+    gradient = (around[:, :3] - around[:, 3:]) / (2 * h)
+    step = field(points)[:, None] * gradient / np.maximum((gradient**2).sum(1, keepdims=True), 1e-6)
+    length = np.linalg.norm(step, axis=1, keepdims=True)
+    return np.asarray(points - step * np.minimum(1.0, 0.5 * cell / np.maximum(length, 1e-12)))
+
+
+def _quads(inside: Float, number: Int, axis: int) -> Int:
+    """(Q, 4) the vertices around each grid edge along ``axis`` that the surface crosses, outward."""
+    first = np.take(inside, range(inside.shape[axis] - 1), axis)
+    second = np.take(inside, range(1, inside.shape[axis]), axis)
+    at = np.argwhere(first != second)
+    b, c = (axis + 1) % 3, (axis + 2) % 3
+    # The box lies outside of the surface, so no crossed edge lies on its sides.
+    ring = []
+    for back_b, back_c in ((1, 1), (0, 1), (0, 0), (1, 0)):
+        cell = at.copy()
+        cell[:, b] -= back_b
+        cell[:, c] -= back_c
+        ring.append(number[tuple(cell.T)])
+    quads = np.stack(ring, 1)
+    leaves = first[tuple(at.T)]
+    quads[~leaves] = quads[~leaves][:, ::-1]
+    return quads
+
+
+def _triangles(vertices: Float, quads: Int) -> Int32:
+    """(F, 3) each quad cut along its shorter diagonal."""
+    corners = vertices[quads]
+    first = np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1)
+    second = np.linalg.norm(corners[:, 1] - corners[:, 3], axis=1)
+    turned = np.where((second < first)[:, None], quads[:, [1, 2, 3, 0]], quads)
+    return np.concatenate([turned[:, [0, 1, 2]], turned[:, [0, 2, 3]]]).astype(np.int32)
