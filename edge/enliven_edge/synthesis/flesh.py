@@ -1,0 +1,208 @@
+"""The performer's flesh and clothes: a signed-distance body of bulging tapers and ellipsoids.
+
+It is deliberately richer than a tracker's capsule model: muscles, buttocks, a jaw, sleeves, trouser hems
+and shoes, smoothly united. Whoever is tested on it must cope with a shape they do not model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven_edge.synthesis.performer import Figure, Limb, Performer
+
+BLEND = (0.055, 0.022, 0.028, 0.028, 0.036, 0.036)
+"""Metres: width of the smooth union within trunk, head, left and right arm, left and right leg."""
+BETWEEN = 0.014
+"""Metres: width of the smooth union between those groups."""
+TAPER, ELLIPSOID = 0, 1
+ORDINARY, DARK = 0, 1
+"""Materials: what reflects the sensor's light, and what swallows most of it (hair, shoes)."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One primitive, written for the left side of an average build of 1.75 m, in metres.
+
+    A taper runs from ``a`` in frame ``limb`` to ``b`` in frame ``other``, its radius from ``ra`` to ``rb``
+    with ``bulge`` added half-way. An ellipsoid has its centre at ``a`` and the half axes ``b``.
+    """
+
+    group: int
+    kind: int
+    limb: Limb
+    a: tuple[float, float, float]
+    b: tuple[float, float, float]
+    other: Limb = Limb.PELVIS
+    ra: float = 0.0
+    rb: float = 0.0
+    bulge: float = 0.0
+    material: int = ORDINARY
+
+
+def _ball(group: int, limb: Limb, a: tuple[float, float, float], b: tuple[float, float, float], material: int = 0) -> Piece:
+    return Piece(group, ELLIPSOID, limb, a, b, limb, material=material)
+
+
+def _taper(
+    group: int,
+    limb: Limb,
+    a: tuple[float, float, float],
+    other: Limb,
+    b: tuple[float, float, float],
+    radii: tuple[float, float, float],
+    material: int = 0,
+) -> Piece:
+    return Piece(group, TAPER, limb, a, b, other, *radii, material)
+
+
+_CHEST, _SKULL, _PELVIS = Limb.CHEST, Limb.SKULL, Limb.PELVIS
+_TRUNK = (
+    _ball(0, _PELVIS, (0.0, -0.035, 0.0), (0.158, 0.12, 0.112)),
+    _ball(0, Limb.ABDOMEN, (0.0, -0.01, 0.01), (0.140, 0.16, 0.104)),
+    _ball(0, _CHEST, (0.0, -0.175, 0.004), (0.160, 0.195, 0.116)),
+    _taper(0, _CHEST, (-0.12, -0.04, -0.012), _CHEST, (0.12, -0.04, -0.012), (0.056, 0.056, 0.004)),
+)
+_HEAD = (
+    _taper(1, _CHEST, (0.0, 0.0, -0.012), _SKULL, (0.0, -0.05, -0.012), (0.064, 0.056, -0.003)),
+    _ball(1, _SKULL, (0.0, 0.012, -0.004), (0.074, 0.102, 0.094)),
+    _ball(1, _SKULL, (0.0, -0.060, 0.030), (0.052, 0.062, 0.062)),
+    _taper(1, _SKULL, (0.0, 0.005, 0.088), _SKULL, (0.0, -0.032, 0.104), (0.010, 0.016, 0.0)),
+    _ball(1, _SKULL, (0.0, 0.038, -0.022), (0.080, 0.082, 0.090), DARK),
+)
+_TRUNK_SIDE = (
+    _ball(0, _PELVIS, (0.074, -0.085, -0.045), (0.084, 0.088, 0.080)),
+    _ball(0, _CHEST, (0.072, -0.125, 0.066), (0.074, 0.062, 0.042)),
+    _taper(0, _CHEST, (0.105, -0.032, -0.02), _CHEST, (0.022, 0.075, -0.014), (0.046, 0.044, 0.0)),
+    _ball(0, Limb.UPPER_ARM_LEFT, (0.0, -0.004, 0.0), (0.060, 0.060, 0.060)),
+    _ball(0, Limb.THIGH_LEFT, (0.0, -0.035, 0.0), (0.084, 0.100, 0.088)),
+)
+_EAR = (_ball(1, _SKULL, (0.077, -0.012, -0.006), (0.012, 0.030, 0.020)),)
+_U, _F, _H = Limb.UPPER_ARM_LEFT, Limb.FOREARM_LEFT, Limb.HAND_LEFT
+_ARM = (
+    _taper(2, _U, (0.0, -0.005, 0.0), _F, (0.0, 0.0, 0.0), (0.052, 0.040, 0.005)),
+    _ball(2, _U, (0.012, -0.045, 0.0), (0.052, 0.085, 0.056)),
+    _taper(2, _U, (0.002, -0.03, 0.0), _U, (0.006, -0.165, 0.0), (0.062, 0.067, 0.0)),
+    _taper(2, _F, (0.0, 0.0, 0.0), _H, (0.0, 0.0, 0.0), (0.041, 0.027, 0.003)),
+    _ball(2, _F, (0.008, -0.065, 0.003), (0.040, 0.088, 0.043)),
+    _ball(2, _H, (0.0, -0.052, 0.002), (0.020, 0.058, 0.043)),
+    _taper(2, _H, (-0.002, -0.085, 0.018), _H, (-0.018, -0.172, 0.018), (0.018, 0.011, 0.0)),
+    _taper(2, _H, (-0.002, -0.085, -0.014), _H, (-0.018, -0.162, -0.014), (0.018, 0.011, 0.0)),
+    _taper(2, _H, (-0.004, -0.022, 0.030), _H, (-0.012, -0.088, 0.060), (0.016, 0.011, 0.0)),
+)
+_T, _S, _A = Limb.THIGH_LEFT, Limb.SHANK_LEFT, Limb.FOOT_LEFT
+_LEG = (
+    _taper(4, _T, (0.0, -0.03, 0.0), _S, (0.0, 0.02, 0.0), (0.084, 0.057, 0.007)),
+    _ball(4, _T, (0.004, -0.19, 0.024), (0.064, 0.165, 0.058)),
+    _ball(4, _S, (0.0, 0.0, 0.012), (0.052, 0.062, 0.050)),
+    _taper(4, _S, (0.0, 0.0, 0.0), _A, (0.0, 0.03, -0.008), (0.054, 0.040, 0.0)),
+    _ball(4, _S, (0.0, -0.135, -0.028), (0.050, 0.125, 0.050)),
+    _taper(4, _S, (0.0, -0.27, -0.004), _S, (0.0, -0.385, -0.004), (0.050, 0.064, 0.0)),
+    _taper(4, _A, (0.0, -0.036, -0.03), _A, (0.0, -0.052, 0.125), (0.042, 0.030, 0.004), DARK),
+    _ball(4, _A, (0.006, -0.058, 0.055), (0.044, 0.026, 0.135), DARK),
+)
+
+
+def _right(piece: Piece) -> Piece:
+    """The same piece for the right side: mirrored in X, the odd limbs, the next group for arms and legs."""
+    flip = lambda v: (-v[0], v[1], v[2])  # noqa: E731
+    paired = lambda limb: Limb(limb + 1) if limb >= Limb.UPPER_ARM_LEFT else limb  # noqa: E731
+    b = flip(piece.b) if piece.kind == TAPER else piece.b
+    group = piece.group + 1 if piece.group >= 2 else piece.group
+    return Piece(
+        group, piece.kind, paired(piece.limb), flip(piece.a), b, paired(piece.other),
+        piece.ra, piece.rb, piece.bulge, piece.material,
+    )  # fmt: skip
+
+
+PIECES: tuple[Piece, ...] = tuple(
+    sorted(
+        _TRUNK + _HEAD + tuple(q for p in _TRUNK_SIDE + _EAR + _ARM + _LEG for q in (p, _right(p))),
+        key=lambda piece: piece.group,
+    )
+)
+"""Every piece of the body, ordered by group."""
+
+
+@dataclass(frozen=True)
+class Flesh:
+    """The body's primitives in one frame of reference, as the renderer takes them.
+
+    Attributes:
+        shape: (P, 16) float64. A taper: a (0:3), b - a (3:6), 1/|b - a|^2 (6), ra (7), rb - ra (8), bulge
+            (9). An ellipsoid: centre (0:3), rows of its axes (3:12), half axes (12:15).
+        kind, group, material: (P,) int64.
+        hull: (P, 7) float64 the ends and radius of a capsule around each primitive.
+    """
+
+    shape: Float
+    kind: Int
+    group: Int
+    material: Int
+    hull: Float
+
+
+_KIND = np.array([p.kind for p in PIECES], dtype=np.int64)
+_GROUP = np.array([p.group for p in PIECES], dtype=np.int64)
+_MATERIAL = np.array([p.material for p in PIECES], dtype=np.int64)
+
+
+def flesh_of(performer: Performer, figure: Figure, camera_from_world: Float) -> Flesh:
+    """The primitives of a figure in the camera's frame; ``camera_from_world`` is (4, 4)."""
+    rotation, origin = camera_from_world[:3, :3], camera_from_world[:3, 3]
+    frames = np.empty_like(figure.frames)
+    for limb in range(len(frames)):
+        frames[limb, :, :3] = _product(rotation, figure.frames[limb, :, :3])
+        frames[limb, :, 3] = _product(rotation, figure.frames[limb, :, 3:])[:, 0] + origin
+    shape, hull = np.zeros((len(PIECES), 16)), np.zeros((len(PIECES), 7))
+    for i, piece in enumerate(PIECES):
+        if piece.kind == TAPER:
+            _place_taper(piece, performer, frames, shape[i], hull[i])
+        else:
+            _place_ellipsoid(piece, performer, frames, shape[i], hull[i])
+    return Flesh(shape, _KIND, _GROUP, _MATERIAL, hull)
+
+
+def _product(a: Float, b: Float) -> Float:
+    """The matrix product of (3, 3) and (3, n) with a fixed order of additions (no BLAS, no fused steps)."""
+    return np.asarray(
+        a[:, 0, None] * b[None, 0] + a[:, 1, None] * b[None, 1] + a[:, 2, None] * b[None, 2]
+    )
+
+
+def _at(frame: Float, local: tuple[float, float, float], performer: Performer, limb: Limb) -> Float:
+    """(3,) a point written in a limb's frame; along a limb it scales with that limb's length."""
+    s = performer.scale
+    p = performer.proportions
+    width = p.shoulders if limb == Limb.CHEST else p.hips if limb == Limb.PELVIS else p.girth
+    length = p.arms if 4 <= limb <= 9 else p.legs if 10 <= limb <= 13 else 1.0
+    scaled = np.array([local[0] * s * width, local[1] * s * length, local[2] * s * p.girth])
+    return _product(frame[:, :3], scaled[:, None])[:, 0] + frame[:, 3]
+
+
+def _place_taper(piece: Piece, performer: Performer, frames: Float, shape: Float, hull: Float) -> None:
+    thick = performer.scale * performer.proportions.girth
+    a = _at(frames[piece.limb], piece.a, performer, piece.limb)
+    b = _at(frames[piece.other], piece.b, performer, piece.other)
+    ba = b - a
+    shape[0:3], shape[3:6] = a, ba
+    shape[6] = 1.0 / float(ba[0] * ba[0] + ba[1] * ba[1] + ba[2] * ba[2])
+    shape[7:10] = piece.ra * thick, (piece.rb - piece.ra) * thick, piece.bulge * thick
+    hull[0:3], hull[3:6] = a, b
+    hull[6] = (max(piece.ra, piece.rb) + max(piece.bulge, 0.0)) * thick
+
+
+def _place_ellipsoid(piece: Piece, performer: Performer, frames: Float, shape: Float, hull: Float) -> None:
+    s, p = performer.scale, performer.proportions
+    frame = frames[piece.limb]
+    centre = _at(frame, piece.a, performer, piece.limb)
+    length = p.arms if 4 <= piece.limb <= 9 else p.legs if 10 <= piece.limb <= 13 else 1.0
+    grow = (p.girth, length, p.girth) if piece.limb != Limb.SKULL else (1.0, 1.0, 1.0)
+    half = np.array([r * s * g for r, g in zip(piece.b, grow, strict=True)])
+    shape[0:3], shape[3:12], shape[12:15] = centre, frame[:, :3].T.ravel(), half
+    longest = int(np.argmax(half))
+    core = half[longest] - np.sort(half)[1]
+    axis = frame[:, longest] * core
+    hull[0:3], hull[3:6], hull[6] = centre - axis, centre + axis, np.sort(half)[1]

@@ -1,0 +1,78 @@
+"""Channels over time: keyframes with smooth splines between them, steps of the feet, pulses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+
+class Track:
+    """One number over time through keyframes, constant before the first and after the last.
+
+    Monotone cubic between keys (Fritsch and Carlson 1980): it rests at extremes and never overshoots one.
+    """
+
+    def __init__(self, *keys: tuple[float, float]) -> None:
+        self._only = keys[0][1]
+        times, values = np.array(keys, dtype=np.float64).T
+        self._first, self._last = float(times[0]), float(times[-1])
+        self._spline = PchipInterpolator(times, values) if len(keys) > 1 else None
+
+    def __call__(self, time: float) -> float:
+        """The value at ``time`` seconds."""
+        if self._spline is None:
+            return self._only
+        return float(self._spline(min(max(time, self._first), self._last)))
+
+
+def ease(t: float) -> float:
+    """Minimum-jerk progress from 0 at t <= 0 to 1 at t >= 1 (Flash and Hogan 1985)."""
+    t = min(max(t, 0.0), 1.0)
+    return t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
+
+
+def pulse(time: float, start: float, stop: float, rise: float) -> float:
+    """0, then 1 from ``start`` to ``stop``, eased over ``rise`` seconds before and after."""
+    return ease((time - start) / rise + 1.0) * (1.0 - ease((time - stop) / rise))
+
+
+def sway(time: float, duration: float, cycles: int, phase: float) -> float:
+    """A sine that closes after ``duration`` seconds, so that the choreography can loop."""
+    return math.sin(2.0 * math.pi * (cycles * time / duration + phase))
+
+
+@dataclass(frozen=True)
+class Step:
+    """One flight of one foot.
+
+    Attributes:
+        foot: 0 the left, 1 the right.
+        start, stop: seconds of leaving and touching the floor.
+        dx, dz: metres the foot goes.
+        lift: metres the ball rises at the middle.
+        toe: radians the toes hang at the middle of the flight.
+        both: a hop: the pelvis does not shift onto the other foot, but flies along.
+    """
+
+    foot: int
+    start: float
+    stop: float
+    dx: float = 0.0
+    dz: float = 0.0
+    lift: float = 0.1
+    toe: float = 0.3
+    both: bool = False
+
+    def progress(self, time: float) -> float:
+        """0 before the flight, 1 after it, minimum jerk between."""
+        return ease((time - self.start) / (self.stop - self.start))
+
+    def height(self, time: float) -> float:
+        """Metres of the ball above its planted height: a bump that leaves and lands at rest; a hop is a throw."""
+        s = (time - self.start) / (self.stop - self.start)
+        if s <= 0.0 or s >= 1.0:
+            return 0.0
+        return self.lift * (4.0 * s * (1.0 - s) if self.both else (4.0 * s * (1.0 - s)) ** 2)
