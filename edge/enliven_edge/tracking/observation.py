@@ -90,22 +90,33 @@ class Observation:
 
 def world_points(z: Float, ray: Float, world_from_camera: Float) -> Float:
     """(h, w, 3) world-frame points of an image of (h, w) metres along the optical axis."""
-    points = np.concatenate([ray * z[..., None], z[..., None]], -1)
-    return np.asarray(points @ world_from_camera[:3, :3].T + world_from_camera[:3, 3])
+    return np.asarray(_world_points(z, ray, np.ascontiguousarray(world_from_camera)))
+
+
+@njit(cache=True, nogil=True)
+def _world_points(z, ray, pose):  # type: ignore[no-untyped-def]
+    """Every pixel's ray scaled by its depth and moved by the (4, 4) pose."""
+    height, width = z.shape
+    out = np.empty((height, width, 3))
+    for v in range(height):
+        for u in range(width):
+            x, y, depth = ray[v, u, 0] * z[v, u], ray[v, u, 1] * z[v, u], z[v, u]
+            for a in range(3):
+                out[v, u, a] = pose[a, 0] * x + pose[a, 1] * y + pose[a, 2] * depth + pose[a, 3]
+    return out
 
 
 def observe(
-    z: Float, mask: Bool, camera: WorkingCamera, world_from_camera: Float, points: int
+    z: Float, surface: Float, mask: Bool, camera: WorkingCamera, world_from_camera: Float, points: int
 ) -> Observation:
     """The observation of the masked person.
 
     Args:
         z: (h, w) metres along the optical axis.
+        surface: (h, w, 3) the same pixels in the world frame.
         mask: (h, w) the person's pixels.
         points: at most this many surface points are kept, evenly over the pixels.
     """
-    everything = world_points(z, camera.ray, world_from_camera)
-    normals = surface_normals(everything, z, world_from_camera[:3, 3])
     v, u = np.nonzero(mask)
     keep = np.linspace(0, len(v) - 1, min(points, len(v))).astype(int)
     v, u = v[keep], u[keep]
@@ -113,30 +124,38 @@ def observe(
     nearest = np.stack([row, column], -1).astype(float)
     view = (np.where(mask, z, 0.0), np.where(mask, 0.0, z), nearest, camera.camera, world_from_camera)
     cut = bool(mask[-2:].sum() > 0.05 * mask.shape[1])
-    return Observation(everything[v, u], normals[v, u], view, cut)
+    normals = surface_normals(surface, z, v, u, world_from_camera[:3, 3])
+    return Observation(surface[v, u], normals, view, cut)
 
 
 @njit(cache=True, nogil=True)
-def surface_normals(points, z, eye):  # type: ignore[no-untyped-def]
-    """(h, w, 3) unit normals towards the eye from differences across two pixels; towards the eye where unknown."""
+def surface_normals(points, z, rows, columns, eye):  # type: ignore[no-untyped-def]
+    """(M, 3) unit normals at M pixels from differences across two pixels, facing the eye.
+
+    Where a neighbour is unknown or across a depth edge, the direction to the eye stands in.
+    """
     height, width = z.shape
-    out = np.empty((height, width, 3))
-    for v in range(height):
-        for u in range(width):
-            view = eye - points[v, u]
-            normal = view
-            inside = 0 < v < height - 1 and 0 < u < width - 1
-            if inside and z[v, u] > 0.0:
-                here = z[v, u]
-                ok = True
-                for dv, du in ((0, 1), (0, -1), (1, 0), (-1, 0)):
-                    there = z[v + dv, u + du]
-                    ok = ok and there > 0.0 and abs(there - here) < 0.03 + 0.02 * here
-                if ok:
-                    right = points[v, u + 1] - points[v, u - 1]
-                    down = points[v + 1, u] - points[v - 1, u]
-                    normal = np.cross(right, down)
-                    if np.dot(normal, view) < 0.0:
-                        normal = -normal
-            out[v, u] = normal / (np.sqrt(np.dot(normal, normal)) + 1e-12)
+    out = np.empty((len(rows), 3))
+    for i in range(len(rows)):
+        v, u = rows[i], columns[i]
+        for a in range(3):
+            out[i, a] = eye[a] - points[v, u, a]
+        if 0 < v < height - 1 and 0 < u < width - 1:
+            low = min(min(z[v, u + 1], z[v, u - 1]), min(z[v + 1, u], z[v - 1, u]))
+            high = max(max(z[v, u + 1], z[v, u - 1]), max(z[v + 1, u], z[v - 1, u]))
+            if low > 0.0 and high - low < 0.06 + 0.04 * low:
+                _cross(out[i], points[v, u + 1], points[v, u - 1], points[v + 1, u], points[v - 1, u])
+        length = np.sqrt(out[i, 0] ** 2 + out[i, 1] ** 2 + out[i, 2] ** 2) + 1e-12
+        for a in range(3):
+            out[i, a] /= length
     return out
+
+
+@njit(cache=True, nogil=True)
+def _cross(out, right, left, down, up):  # type: ignore[no-untyped-def]
+    """(right - left) x (down - up), turned to the side that ``out`` points to, into ``out``."""
+    ax, ay, az = right[0] - left[0], right[1] - left[1], right[2] - left[2]
+    bx, by, bz = down[0] - up[0], down[1] - up[1], down[2] - up[2]
+    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    side = 1.0 if x * out[0] + y * out[1] + z * out[2] >= 0.0 else -1.0
+    out[0], out[1], out[2] = side * x, side * y, side * z

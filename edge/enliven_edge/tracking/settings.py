@@ -27,9 +27,9 @@ class FitSettings:
     """The weights of the articulated fit; energies are in squared centimetres, averaged over the points."""
 
     points: int = setting(900, "Observed points used a frame.", low=100, high=20000)
-    iterations: int = setting(7, "Gauss-Newton steps a frame.", low=1, high=100)
+    iterations: int = setting(8, "Gauss-Newton steps a frame.", low=1, high=100)
     width: float = setting(0.07, "Residuals beyond this are doubted.", unit="m", low=0.005, high=1.0)
-    free_space: float = setting(1.0, "Weight of 'no limb where the camera saw through'.", low=0.0, high=100.0)
+    free_space: float = setting(3.0, "Weight of 'no limb where the camera saw through'.", low=0.0, high=100.0)
     temporal: float = setting(1.2, "Weight of staying near the predicted posture.", unit="1/rad^2", low=0.0)
     rest: float = setting(
         0.12, "Weight of standing relaxed, where depth says nothing.", unit="1/rad^2", low=0.0

@@ -17,14 +17,19 @@ _GIRTH = 11
 
 @njit(cache=True, nogil=True)
 def add(matrix, gradient, row, residual, weight):  # type: ignore[no-untyped-def]
-    """One weighted residual into the upper triangle of the normal equations."""
-    count = len(row)
-    for i in range(count):
+    """One weighted residual into the upper triangle of the normal equations; most of a row is zero."""
+    filled = np.empty(len(row), np.int64)
+    count = 0
+    for i in range(len(row)):
+        if row[i] != 0.0:
+            filled[count] = i
+            count += 1
+    for m in range(count):
+        i = filled[m]
         scaled = weight * row[i]
-        if scaled != 0.0:
-            gradient[i] += scaled * residual
-            for j in range(i, count):
-                matrix[i, j] += scaled * row[j]
+        gradient[i] += scaled * residual
+        for n in range(m, count):
+            matrix[i, filled[n]] += scaled * row[filled[n]]
 
 
 @njit(cache=True, nogil=True)
@@ -47,16 +52,22 @@ def point_row(row, scale, frame, point, normal, local, body):  # type: ignore[no
         row[3 + k] += scale * (
             normal[0] * (ay * z - az * y) + normal[1] * (az * x - ax * z) + normal[2] * (ax * y - ay * x)
         )
-    turned = np.zeros(3)
-    for b in range(3):
-        turned[b] = (
-            normal[0] * world[frame, 0, b] + normal[1] * world[frame, 1, b] + normal[2] * world[frame, 2, b]
-        )
+    nx, ny, nz = normal
+    tx = nx * world[frame, 0, 0] + ny * world[frame, 1, 0] + nz * world[frame, 2, 0]
+    ty = nx * world[frame, 0, 1] + ny * world[frame, 1, 1] + nz * world[frame, 2, 1]
+    tz = nx * world[frame, 0, 2] + ny * world[frame, 1, 2] + nz * world[frame, 2, 2]
     for p in range(local.shape[1]):
-        moved = normal[0] * by_length[frame, 0, p] + normal[1] * by_length[frame, 1, p]
-        moved += normal[2] * by_length[frame, 2, p]
-        moved += turned[0] * local[0, p] + turned[1] * local[1, p] + turned[2] * local[2, p]
+        moved = nx * by_length[frame, 0, p] + ny * by_length[frame, 1, p] + nz * by_length[frame, 2, p]
+        moved += tx * local[0, p] + ty * local[1, p] + tz * local[2, p]
         row[_DOFS + p] += scale * moved
+
+
+@njit(cache=True, nogil=True)
+def between(out, ends, t):  # type: ignore[no-untyped-def]
+    """(3, 12) the offset a share t along from the first to the second of (2, 3, 12), into ``out``."""
+    for a in range(3):
+        for p in range(out.shape[1]):
+            out[a, p] = (1.0 - t) * ends[0, a, p] + t * ends[1, a, p]
 
 
 @njit(cache=True, nogil=True)
@@ -113,8 +124,8 @@ def depth_to_model(  # type: ignore[no-untyped-def]
     Returns (energy, share of the points that are explained).
     """
     count = matrix.shape[0]
-    row = np.empty(count)
-    normal = np.empty(3)
+    row, local = np.empty(count), np.empty((3, capsule_local.shape[3]))
+    normal, centre = np.empty(3), np.empty(3)
     energy, explained = 0.0, 0.0
     support[:] = 0.0
     per_point = weight / max(1, len(points))
@@ -125,9 +136,9 @@ def depth_to_model(  # type: ignore[no-untyped-def]
         if abs(distance) < width:
             explained += 1.0
             support[c] += 1.0
-        centre = ends[c, 0] + t * (ends[c, 1] - ends[c, 0])
         length = 0.0
         for a in range(3):
+            centre[a] = ends[c, 0, a] + t * (ends[c, 1, a] - ends[c, 0, a])
             normal[a] = points[i, a] - centre[a]
             length += normal[a] * normal[a]
         length = np.sqrt(length)
@@ -136,7 +147,7 @@ def depth_to_model(  # type: ignore[no-untyped-def]
         for a in range(3):
             normal[a] /= length
         row[:] = 0.0
-        local = (1.0 - t) * capsule_local[c, 0] + t * capsule_local[c, 1]
+        between(local, capsule_local[c], t)
         point_row(row, -1.0, capsule_frame[c], centre, normal, local, body)
         row[_DOFS + _GIRTH] -= (radii[c, 0] + t * (radii[c, 1] - radii[c, 0])) / body_girth(radii)
         add(matrix, gradient, row, distance, per_point * w)
@@ -160,8 +171,9 @@ def free_space(  # type: ignore[no-untyped-def]
     that stands in front of the observed one is pushed back.
 
     Args:
-        view: (person_z, other_z, nearest, camera, world_from_camera): (h, w) metres of the person's pixels and of
-            everything else (0 unknown), (h, w, 2) the nearest person pixel, (4,) fx, fy, cx, cy, and (4, 4).
+        view: (person_z, other_z, nearest, camera, world_from_camera): (h, w) metres of the person's pixels
+            and of everything else (0 unknown), (h, w, 2) the nearest person pixel, (4,) fx, fy, cx, cy, and
+            (4, 4).
         violated: (C,) receives the share of each capsule's samples seen through.
     """
     person, other, nearest, camera, world_from_camera = view

@@ -96,7 +96,7 @@ class Tracker:
         person = within_reach(z, points, mask, predicted)
         if np.count_nonzero(person) < _FEWEST_PIXELS:
             return self._lose(nobody)
-        observation = observe(z, person, camera, mount, self.settings.fit.points)
+        observation = observe(z, points, person, camera, mount, self.settings.fit.points)
         proportions = self._proportions()
         posture, report = self._fitter.fit(
             observation, predicted, predicted=predicted, proportions=proportions
@@ -125,7 +125,7 @@ class Tracker:
         for group in groups:
             if np.count_nonzero(group) < _FEWEST_PIXELS:
                 continue
-            observation = observe(z, group, camera, mount, self.settings.fit.points)
+            observation = observe(z, points, group, camera, mount, self.settings.fit.points)
             posture, report = detect(self._fitter, observation, mount[:3, 3], self.settings.body_height)
             if best is None or quality(report) > best[0]:
                 best = (quality(report), posture, report, observation, group)
