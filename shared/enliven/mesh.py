@@ -117,7 +117,7 @@ def refine(mesh: Mesh, longest: float, most_vertices: int = 400_000) -> Mesh:
     if not longest > 0:
         raise InputError(f"the longest edge is {longest} m", where="refine", mend="Give a length above 0.")
     while True:
-        vertices, faces, parents = split_long_edges(mesh.vertices, mesh.faces, longest)
+        vertices, faces, parents, _ = split_long_edges(mesh.vertices, mesh.faces, longest)
         if len(parents) == 0 or len(vertices) > most_vertices:
             return mesh
         colours = mesh.colours

@@ -93,13 +93,18 @@ def shells(faces, count):  # type: ignore[no-untyped-def]
     return out
 
 
-def split_long_edges(vertices: Float, faces: Int32, longest: float) -> tuple[Float, Int32, Any]:
-    """One round of halving: new vertices (V + S, 3), new faces, and (S, 2) each new vertex's two parents."""
+def split_long_edges(vertices: Float, faces: Int32, longest: float) -> tuple[Float, Int32, Any, Any]:
+    """One round of halving edges.
+
+    Returns:
+        (V + S, 3) vertices, (G, 3) faces, (S, 2) each new vertex's two parents, and (G,) the face of ``faces``
+        that each new face is a part of.
+    """
     corners = vertices[faces]
     lengths = np.linalg.norm(corners - np.roll(corners, -1, 1), axis=2)
     long = lengths > longest
     if not long.any():
-        return vertices, faces, np.empty((0, 2), np.int64)
+        return vertices, faces, np.empty((0, 2), np.int64), np.arange(len(faces))
     count = len(vertices)
     pairs = np.stack([faces, np.roll(faces, -1, 1)], -1)
     pairs.sort(-1)
@@ -109,7 +114,8 @@ def split_long_edges(vertices: Float, faces: Int32, longest: float) -> tuple[Flo
     middle[long] = inverse.reshape(-1) + count
     parents = np.stack([unique // count, unique % count], -1)
     points = (vertices[parents[:, 0]] + vertices[parents[:, 1]]) / 2
-    return np.concatenate([vertices, points]), _split_faces(faces, middle, lengths), parents
+    split, origin = _split_faces(faces, middle, lengths)
+    return np.concatenate([vertices, points]), split, parents, origin
 
 
 @njit(cache=True, nogil=True)
@@ -119,9 +125,11 @@ def _split_faces(faces, middle, lengths):  # type: ignore[no-untyped-def]
     for f in range(faces.shape[0]):
         total += 1 + (middle[f, 0] >= 0) + (middle[f, 1] >= 0) + (middle[f, 2] >= 0)
     out = np.empty((total, 3), np.int32)
+    origin = np.empty(total, np.int64)
     n = 0
     for f in range(faces.shape[0]):
         cuts = (middle[f, 0] >= 0) + (middle[f, 1] >= 0) + (middle[f, 2] >= 0)
+        origin[n : n + cuts + 1] = f
         if cuts == 0:
             out[n] = faces[f]
             n += 1
@@ -144,4 +152,4 @@ def _split_faces(faces, middle, lengths):  # type: ignore[no-untyped-def]
                 out[n, 0], out[n, 1], out[n, 2] = ab, corner, cut
                 out[n + 1, 0], out[n + 1, 1], out[n + 1, 2] = ab, cut, c
                 n += 2
-    return out
+    return out, origin

@@ -1,0 +1,128 @@
+"""What holds a graph together: components, spanning joints, bridges and cut vertices."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from enliven.arrays import Bool, Float, Int, Int32
+
+
+def components(count: int, edges: Int32 | Int) -> Int:
+    """(N,) the number of the connected component of each node."""
+    ones = np.ones(len(edges), bool)
+    graph = coo_matrix((ones, (edges[:, 0], edges[:, 1])), (count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
+
+
+def joints(count: int, edges: Int32 | Int, distances: Float) -> Int32:
+    """(C - 1, 2) the edges that join C components into one, with the smallest sum of distances.
+
+    KinÊtre, "Mesh Connectivity and Regularization": the minimum spanning tree over the components, each pair
+    of which is as far apart as its nearest two nodes. Borůvka's way: every component takes its shortest way
+    out, until one is left.
+
+    Args:
+        distances: (N, N) symmetric and finite off the diagonal.
+    """
+    added: list[tuple[int, int]] = []
+    label = components(count, edges)
+    while label.max() > 0:
+        found = _shortest_ways_out(distances, label)
+        for i, j in found:
+            if label[i] != label[j]:
+                added.append((min(i, j), max(i, j)))
+                label[label == label[j]] = label[i]
+        label = np.unique(label, return_inverse=True)[1].reshape(-1)
+    return np.array(added, np.int32).reshape(-1, 2)
+
+
+@njit(cache=True, nogil=True)
+def _shortest_ways_out(distances, label):  # type: ignore[no-untyped-def]
+    """(C, 2) for each component the nearest pair of one of its nodes and one outside."""
+    count = label.max() + 1
+    best = np.full(count, np.inf)
+    out = np.zeros((count, 2), np.int64)
+    for i in range(label.shape[0]):
+        for j in range(label.shape[0]):
+            if label[i] != label[j] and distances[i, j] < best[label[i]]:
+                best[label[i]] = distances[i, j]
+                out[label[i], 0], out[label[i], 1] = i, j
+    return out
+
+
+def weak_edges(count: int, edges: Int32) -> tuple[Bool, Bool, Bool]:
+    """Where a part of a connected graph hangs on by one edge or one node.
+
+    Returns:
+        bridges: (E,) edges whose removal parts the graph.
+        cut_vertices: (N,) nodes whose removal parts the graph.
+        hanging: (E,) the bridges, and the edges by which every part but the largest hangs on a cut vertex.
+    """
+    offsets, neighbours, edge_of = _incidence(count, edges)
+    bridges, cuts = _lowlink(offsets, neighbours, edge_of, len(edges))
+    hanging = bridges.copy()
+    for cut in np.flatnonzero(cuts):
+        touching = (edges == cut).any(1)
+        label = components(count, edges[~touching])
+        sizes = np.bincount(label)
+        sizes[label[cut]] = 0
+        other = np.where(edges[:, 0] == cut, edges[:, 1], edges[:, 0])
+        hanging |= touching & (label[other] != sizes.argmax())
+    return bridges, cuts, hanging
+
+
+def _incidence(count: int, edges: Int32) -> tuple[Int, Int, Int]:
+    """CSR neighbours of each node, with the number of the edge that leads there."""
+    ends = np.concatenate([edges, edges[:, ::-1]]).astype(np.int64)
+    number = np.tile(np.arange(len(edges)), 2)
+    order = np.argsort(ends[:, 0], kind="stable")
+    offsets = np.concatenate([[0], np.cumsum(np.bincount(ends[:, 0], minlength=count))])
+    return offsets, ends[order, 1], number[order]
+
+
+@njit(cache=True, nogil=True)
+def _lowlink(offsets, neighbours, edge_of, edge_count):  # type: ignore[no-untyped-def]
+    """Tarjan's bridges and cut vertices by depth-first search, without recursion."""
+    count = offsets.shape[0] - 1
+    bridges, cuts = np.zeros(edge_count, np.bool_), np.zeros(count, np.bool_)
+    order, low = np.full(count, -1, np.int64), np.zeros(count, np.int64)
+    came_by, fill = np.full(count, -1, np.int64), offsets[:-1].copy()
+    stack = np.empty(count, np.int64)
+    clock = 0
+    for root in range(count):
+        if order[root] >= 0:
+            continue
+        stack[0], depth, children = root, 1, 0
+        order[root] = low[root] = clock
+        clock += 1
+        while depth > 0:
+            v = stack[depth - 1]
+            if fill[v] < offsets[v + 1]:
+                u, e = neighbours[fill[v]], edge_of[fill[v]]
+                fill[v] += 1
+                if e == came_by[v]:
+                    continue
+                if order[u] >= 0:
+                    low[v] = min(low[v], order[u])
+                    continue
+                came_by[u] = e
+                order[u] = low[u] = clock
+                clock += 1
+                stack[depth] = u
+                depth += 1
+                continue
+            depth -= 1
+            if depth > 0:
+                parent = stack[depth - 1]
+                low[parent] = min(low[parent], low[v])
+                if low[v] > order[parent]:
+                    bridges[came_by[v]] = True
+                if parent == root:
+                    children += 1
+                elif low[v] >= order[parent]:
+                    cuts[parent] = True
+        cuts[root] = children > 1
+    return bridges, cuts

@@ -1,0 +1,158 @@
+"""The deformation graph: few nodes on a surface, linked to their neighbours, that carry all vertices.
+
+KinÊtre, "Orientation-Aware Sampling" and "Mesh Connectivity and Regularization".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int, Int32
+from enliven.character import Character, SkinWeights
+from enliven.deformation.connectivity import joints, weak_edges
+from enliven.deformation.sampling import SurfaceSamples, distance_matrix, poisson_disk
+from enliven.deformation.surface import Territories, between_nodes, territories
+from enliven.deformation.weights import blending_weights
+from enliven.errors import InputError
+from enliven.mesh import Mesh
+
+NEIGHBOURS = 4
+"""The paper's k, for edges and for the nodes that a point follows."""
+_DETOUR = 1.5
+"""How much longer than the straight way, beyond one node spacing, the way along the surface may be."""
+
+
+@dataclass(frozen=True)
+class DeformationGraph:
+    """Nodes and the edges between them; always connected.
+
+    Attributes:
+        positions: (N, 3) metres, g_j.
+        normals: (N, 3) outward unit normals of the surface.
+        faces: (N,) the face of the mesh that each node lies on.
+        edges: (E, 2) int32, i < j, sorted.
+        rigid: (E,) the edges where E_rig acts: bridges, and where a part hangs by one cut vertex.
+        bridges: (E,) the edges whose removal parts the graph.
+        cut_vertices: (N,) the nodes whose removal parts the graph.
+        radius: metres, the R of the sampling.
+    """
+
+    positions: Float
+    normals: Float
+    faces: Int32
+    edges: Int32
+    rigid: Bool
+    bridges: Bool
+    cut_vertices: Bool
+    radius: float
+
+    @staticmethod
+    def build(
+        mesh: Mesh, nodes: int = 128, seed: int = 0, radius: float | None = None
+    ) -> DeformationGraph:
+        """Sample the mesh and link the samples; the same input gives the same graph.
+
+        Nodes are linked with their four nearest under D (eq. 6). One check is added to the paper's: two
+        nodes of one shell that are much farther apart along the surface than through the air (two legs)
+        are not linked. What is not connected then is joined by the minimum spanning tree over the
+        components: along the surface within a shell; between shells by D, or by the Euclidean distance
+        where D is infinite.
+
+        Args:
+            mesh: any triangles, in metres.
+            nodes: the number of nodes, unless ``radius`` says how far apart they are.
+            seed: of the sampling.
+            radius: metres between nodes under D, or None.
+
+        Raises:
+            InputError: for a mesh without area, or fewer than one node.
+        """
+        samples = poisson_disk(mesh, nodes, radius, seed)
+        return _linked(samples, territories(mesh, samples.positions, samples.faces, _spacing(mesh, samples)))
+
+    def skin(self, mesh: Mesh) -> SkinWeights:
+        """Four nodes and weights for each vertex of the mesh that the graph was built on (or its refinement
+        by :func:`enliven.mesh.refine`, where the graph was built on that one).
+
+        See :func:`enliven.deformation.weights.blending_weights` for the choice of the distance.
+        """
+        if int(self.faces.max()) >= len(mesh.faces):
+            raise InputError(
+                f"the graph knows face {int(self.faces.max())}, the mesh has {len(mesh.faces)}",
+                where=mesh.name,
+                mend="Use the mesh that the graph was built on.",
+            )
+        spacing = _mean_spacing(mesh.area, len(self.positions))
+        land = territories(mesh, self.positions, self.faces, spacing)
+        lengths = np.linalg.norm(self.positions[self.edges[:, 0]] - self.positions[self.edges[:, 1]], axis=1)
+        ways = between_nodes(
+            len(self.positions),
+            np.concatenate([land.borders, self.edges]),
+            np.concatenate([land.lengths, lengths]),
+            8 * spacing,
+        )
+        near = ~_detours(self.positions, ways, spacing)
+        return blending_weights(mesh.vertices, land.owner, self.positions, near, NEIGHBOURS)
+
+
+def character_from(mesh: Mesh, graph: DeformationGraph, id: str) -> Character:
+    """The mesh as a character whose transforms are the nodes of ``graph``."""
+    return Character(
+        id,
+        mesh.vertices.astype(np.float32),
+        mesh.faces,
+        graph.skin(mesh),
+        graph.positions.astype(np.float32),
+        graph.edges,
+        "graph",
+    )
+
+
+def _mean_spacing(area: float, count: int) -> float:
+    """Metres: the paper's R = sqrt(A / N)."""
+    return float(np.sqrt(area / count))
+
+
+def _spacing(mesh: Mesh, samples: SurfaceSamples) -> float:
+    return _mean_spacing(mesh.area, len(samples.positions))
+
+
+def _detours(positions: Float, ways: Float, spacing: float) -> Bool:
+    """(N, N) true where the way along the surface is much longer than the straight one."""
+    straight = np.linalg.norm(positions[:, None] - positions[None], axis=2)
+    return np.asarray(ways > _DETOUR * straight + spacing)
+
+
+def _linked(samples: SurfaceSamples, land: Territories) -> DeformationGraph:
+    """The graph over ``samples``."""
+    count = len(samples.positions)
+    apart = distance_matrix(samples)
+    straight = np.linalg.norm(samples.positions[:, None] - samples.positions[None], axis=2)
+    spacing = max(samples.radius, 1e-12)
+    ways = between_nodes(count, land.borders, land.lengths, np.inf)
+    same_shell = land.shell[:, None] == land.shell[None]
+    nearest = np.where(same_shell & _detours(samples.positions, ways, spacing), np.inf, apart)
+    edges = _nearest_edges(nearest)
+    across = np.where(np.isfinite(apart), apart, straight)
+    # Ways along the surface come first: no way between shells is shorter than any of them.
+    longest = float(ways[np.isfinite(ways)].max(initial=0.0))
+    edges = np.concatenate([edges, joints(count, edges, np.where(same_shell & np.isfinite(ways), ways, longest + across))])
+    edges = np.unique(edges, axis=0).astype(np.int32)
+    bridges, cuts, hanging = weak_edges(count, edges)
+    return DeformationGraph(
+        samples.positions, samples.normals, samples.faces, edges, hanging, bridges, cuts, samples.radius
+    )
+
+
+def _nearest_edges(distances: Float) -> Int32:
+    """(E, 2) i < j: every node with its k nearest at a finite distance, undirected."""
+    k = min(NEIGHBOURS, len(distances) - 1)
+    if k < 1:
+        return np.empty((0, 2), np.int32)
+    nearest: Int = np.argpartition(distances, k - 1, axis=1)[:, :k]
+    rows = np.repeat(np.arange(len(distances)), k)
+    pairs = np.stack([rows, nearest.reshape(-1)], 1)
+    pairs = pairs[np.isfinite(distances[pairs[:, 0], pairs[:, 1]])]
+    return np.unique(np.sort(pairs, 1), axis=0).astype(np.int32).reshape(-1, 2)
