@@ -1,0 +1,1 @@
+"""Readers of foreign recordings, found by name or by the files' content."""

@@ -1,0 +1,135 @@
+"""``enliven record``: what a sensor delivers, into a file."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from enliven.errors import InputError
+from enliven.recording import Recorder
+from enliven_edge.sensors.base import Sensor
+from enliven_edge.sensors.registry import open_sensor
+
+RECORD_EPILOG = """\
+[bold]Examples[/bold]
+
+Ten seconds of the made-up performer:  enliven record --sensor synthetic --seconds 10 -o take.mcap
+
+A part of another recording:  enliven record --sensor replay --set path=long.mcap --seconds 5 -o part.mcap
+"""
+
+_PATIENCE = 0.25
+"""Seconds to wait for a frame before looking whether to stop and handing what there is to the disk."""
+
+
+def record(
+    output: Annotated[Path, typer.Option("--output", "-o", help="The recording to make.")],
+    sensor: Annotated[str, typer.Option(help="The sensor's name.")] = "synthetic",
+    setting: Annotated[
+        list[str] | None, typer.Option("--set", help="An option of the sensor, KEY=VALUE; may be repeated.")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=0.0, help="Stop after so many seconds of the sensor's clock.")
+    ] = None,
+    level: Annotated[int, typer.Option(min=1, max=22, help="Compression: 1 fast, 19 small.")] = 1,
+    overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
+) -> None:
+    """Record a sensor until its stream ends, the time is up, or Ctrl-C."""
+    console = Console()
+    with (
+        open_sensor(sensor, **sensor_options(setting or [])) as stream,
+        Recorder(output, compression_level=level, overwrite=overwrite) as recorder,
+        _stop_on_interrupt() as stop,
+        _progress(console) as progress,
+    ):
+        recorder.add_metadata("record", {"sensor": sensor, "options": " ".join(setting or [])})
+        task = progress.add_task(f"Recording {stream.name}", total=None, count=0)
+        count = 0
+        for count in record_stream(stream, recorder, stop, seconds):
+            progress.update(task, count=count)
+    console.print(f"{output}: {count} frames of {stream.name}, {output.stat().st_size / 1e6:.1f} MB")
+
+
+def record_stream(
+    stream: Sensor, recorder: Recorder, stop: threading.Event, seconds: float | None = None
+) -> Iterator[int]:
+    """Write frames until the stream ends, ``stop`` is set, or ``seconds`` have passed; yields the count."""
+    count, first_ns = 0, None
+    while not stop.is_set():
+        try:
+            frame = stream.read(_PATIENCE)
+        except TimeoutError:
+            recorder.sync()
+            continue
+        if frame is None:
+            return
+        first_ns = frame.time_ns if first_ns is None else first_ns
+        if seconds is not None and frame.time_ns - first_ns >= seconds * 1e9:
+            return
+        recorder.write_frame(frame)
+        count += 1
+        yield count
+
+
+def sensor_options(settings: list[str]) -> dict[str, Any]:
+    """KEY=VALUE words as a mapping; numbers and true/false become what they look like.
+
+    Raises:
+        InputError: for a word without '='.
+    """
+    options: dict[str, Any] = {}
+    for word in settings:
+        key, equals, value = word.partition("=")
+        if not equals or not key:
+            raise InputError(f"{word!r} is not KEY=VALUE", where="--set", mend="For example: --set speed=2")
+        options[key.strip().replace("-", "_")] = _value(value.strip())
+    return options
+
+
+def _value(text: str) -> Any:
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+@contextmanager
+def _stop_on_interrupt() -> Iterator[threading.Event]:
+    """An event that Ctrl-C sets, so that the file is finished; a second Ctrl-C interrupts at once."""
+    stop = threading.Event()
+
+    def interrupted(number: int, frame: object) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    before = signal.signal(signal.SIGINT, interrupted)
+    try:
+        yield stop
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _progress(console: Console) -> Progress:
+    return Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}: {task.fields[count]} frames"),
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
+    )

@@ -1,0 +1,136 @@
+"""Kinect v2 skeletons in depth pixels as The Flow Room writes them (JSON)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.body import PARENTS, Body, J, Joint
+from enliven.errors import InputError
+from enliven.frames import BodyFrame
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
+from enliven_edge.importing.skeletons import (
+    INFERRED,
+    KINECT2_ORDER,
+    TRACKED,
+    WORLD_FROM_KINECT_SPACE,
+    Moment,
+    frames_in_world,
+)
+
+FOCAL, CENTRE_U, CENTRE_V = 365.5, 256.0, 212.0
+"""The usual depth camera of a Kinect v2 (512x424), pixels."""
+STATURE = 1.70
+"""Metres of the average person from the ankles to the head joint's crown, which sets the distance."""
+_METRES_PER_Z = 0.001
+_INVALID = -500
+_LONGEST = 0.25
+"""Metres of depth between neighbouring joints above which the background was hit instead of the body."""
+_HEAD_TO_ANKLE = 0.88
+"""The head joint's height above the ankles as a part of the stature."""
+
+
+class _Point(msgspec.Struct):
+    x: float
+    y: float
+    z: float
+
+
+class _Skeleton(msgspec.Struct):
+    joints: list[_Point]
+    trackingId: str = ""
+
+
+_decoder = msgspec.json.Decoder(list[list[_Skeleton]])
+
+
+class FlowRoomReader:
+    """Frames of bodies of 21 joints: x, y in pixels of the depth image, z in mm from a hidden origin.
+
+    The origin of z is the same for everyone in a file. It is chosen so that the people are 1.70 m tall on
+    average; shapes are right to a few per cent, distances from the sensor are not measured.
+    """
+
+    name = "flow-room"
+    description = "Kinect v2 JSON of The Flow Room (21 joints in depth pixels, one or more people)"
+    note = "z has no stated origin: people are taken to be 1.70 m tall; no times in the files: 30 frames a second"
+
+    def can_read(self, paths: Sequence[Path]) -> bool:
+        return any(_matches(path) for path in paths)
+
+    def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
+        path = only_one([path for path in paths if _matches(path)] or paths)
+        frames = _frames(path)
+        pixels = [[_cleaned(skeleton) for skeleton in frame] for frame in frames]
+        distance = _distance([points for frame in pixels for points, _ in frame], path)
+        ids: dict[str, int] = {}
+        moments = []
+        for frame, points, time_ns in zip(frames, pixels, options.times_ns(30.0), strict=False):
+            moment = Moment(time_ns)
+            for skeleton, (uvz, good) in zip(frame, points, strict=True):
+                number = ids.setdefault(skeleton.trackingId, len(ids))
+                moment.bodies.append(
+                    Body(number, _in_metres(uvz, distance), np.where(good, TRACKED, INFERRED))
+                )
+            moments.append(moment)
+        return frames_in_world(moments, options.device or "kinect2", WORLD_FROM_KINECT_SPACE, str(path))
+
+
+def _frames(path: Path) -> list[list[_Skeleton]]:
+    try:
+        frames = _decoder.decode(path.read_bytes())
+    except (msgspec.MsgspecError, OSError) as error:
+        raise InputError(f"it is not this kind of JSON ({error})", where=str(path)) from None
+    for number, frame in enumerate(frames):
+        for skeleton in frame:
+            if len(skeleton.joints) != 21:
+                raise InputError(
+                    f"frame {number} has a body of {len(skeleton.joints)} joints, expected 21",
+                    where=str(path),
+                )
+    return frames
+
+
+def _cleaned(skeleton: _Skeleton) -> tuple[Float, Bool]:
+    """(20, 3) u, v, z and (20,) whether z was measured; elsewhere z is the parent's."""
+    points = np.array([(p.x, p.y, p.z) for p in skeleton.joints], float)[list(KINECT2_ORDER)]
+    good = points[:, 2] > _INVALID
+    middle = float(np.median(points[good, 2])) if good.any() else 0.0
+    for joint, parent in enumerate(PARENTS):
+        expected = points[parent, 2] if parent >= 0 else middle
+        if not good[joint] or abs(points[joint, 2] - expected) * _METRES_PER_Z > _LONGEST:
+            points[joint, 2], good[joint] = expected, False
+    return points, good
+
+
+def _distance(bodies: Sequence[Float], path: Path) -> float:
+    """Metres from the sensor to z = 0, from the people's median height in pixels."""
+    heights = [
+        float(max(uvz[Joint.ANKLE_LEFT, 1], uvz[Joint.ANKLE_RIGHT, 1]) - uvz[Joint.HEAD, 1]) for uvz in bodies
+    ]
+    tall = float(np.percentile(heights, 75)) if heights else 0.0
+    if tall < 20.0:
+        raise InputError(
+            "nobody stands upright in it, so the distance to the sensor cannot be told", where=str(path)
+        )
+    middle = float(np.median([uvz[:, 2] for uvz in bodies])) * _METRES_PER_Z
+    return FOCAL * STATURE * _HEAD_TO_ANKLE / tall - middle
+
+
+def _in_metres(uvz: Float, distance: float) -> Float:
+    """(20, 3) the joints in the Kinect's skeleton space."""
+    z = distance + uvz[:, 2] * _METRES_PER_Z
+    joints = np.empty((J, 3))
+    joints[:, 0] = (uvz[:, 0] - CENTRE_U) / FOCAL * z
+    joints[:, 1] = (CENTRE_V - uvz[:, 1]) / FOCAL * z
+    joints[:, 2] = z
+    return joints
+
+
+def _matches(path: Path) -> bool:
+    head = head_of(path, 512).lstrip()
+    return head.startswith(b"[") and b'"bodyIndex"' in head and b'"joints"' in head

@@ -1,0 +1,38 @@
+"""Left and right swapped: some drivers deliver the image that a mirror would show."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+
+from enliven.body import Body, Joint
+from enliven.frames import BodyFrame, DepthFrame, Frame
+
+_ACROSS = np.array([-1.0, 1.0, 1.0])
+OTHER_SIDE = [
+    Joint[name.replace("LEFT", "?").replace("RIGHT", "LEFT").replace("?", "RIGHT")]
+    for name in Joint.__members__
+]
+"""(20,) the joint on the other side of the body."""
+
+
+def mirrored(frames: Iterator[Frame]) -> Iterator[Frame]:
+    """Every frame as a mirror shows it; the sensor stays where it is."""
+    for frame in frames:
+        yield _depth(frame) if isinstance(frame, DepthFrame) else _bodies(frame)
+
+
+def _depth(frame: DepthFrame) -> DepthFrame:
+    camera = frame.intrinsics
+    k1, k2, p1, p2, k3 = camera.distortion
+    lens = dataclasses.replace(camera, cx=camera.width - 1 - camera.cx, distortion=(k1, k2, p1, -p2, k3))
+    colour = None if frame.colour is None else np.ascontiguousarray(frame.colour[:, ::-1])
+    depth = np.ascontiguousarray(frame.depth[:, ::-1])
+    return dataclasses.replace(frame, depth=depth, intrinsics=lens, colour=colour)
+
+
+def _bodies(frame: BodyFrame) -> BodyFrame:
+    bodies = [Body(b.id, b.joints[OTHER_SIDE] * _ACROSS, b.confidence[OTHER_SIDE]) for b in frame.bodies]
+    return dataclasses.replace(frame, bodies=bodies)

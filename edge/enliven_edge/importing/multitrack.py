@@ -1,0 +1,87 @@
+"""Skeletons of several Kinect v2 and several people as KinectMultiTrack writes them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from enliven.body import Body
+from enliven.errors import InputError
+from enliven.frames import BodyFrame
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
+from enliven_edge.importing.skeletons import (
+    KINECT2_NAMES,
+    TRACKED,
+    WORLD_FROM_KINECT_SPACE,
+    Moment,
+    frames_in_world,
+    observed,
+)
+from enliven_edge.importing.tables import first_lines, numbers_of, rows_of
+
+_KEYS = ("Tracker_Time", "Person_Id", "Kinect_Id")
+
+
+class MultiTrackReader:
+    """CSV with a header: a row for each time, person and Kinect; 25 joints in alphabetical order.
+
+    The Kinects keep their own spaces, so one of them is read: ``options.device``, or the one with most rows.
+    Times count from the first row (the files' milliseconds since the year 1 do not fit nanoseconds).
+    """
+
+    name = "multitrack"
+    description = "KinectMultiTrack CSV (several Kinect v2, several people); --device chooses the Kinect"
+    note = "no tracking states in the files: every joint counts as tracked"
+
+    def can_read(self, paths: Sequence[Path]) -> bool:
+        return any(_matches(path) for path in paths)
+
+    def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
+        path = only_one([path for path in paths if _matches(path)] or paths)
+        header, *rows = rows_of(path)
+        column = {name.strip(): index for index, name in enumerate(header)}
+        wanted = [*_KEYS, *(f"{joint}_{axis}" for joint in KINECT2_NAMES for axis in "XYZ")]
+        missing = [name for name in wanted if name not in column]
+        if missing:
+            raise InputError(f"the column {missing[0]} is missing", where=str(path))
+        rows = rows[:-1] if rows and len(rows[-1]) != len(header) else rows
+        device = _chosen(Counter(row[column["Kinect_Id"]] for row in rows), options.device, path)
+        rows = [row for row in rows if row[column["Kinect_Id"]] == device]
+        kept = [[row[column[name]] for name in wanted if name != "Kinect_Id"] for row in rows]
+        moments = _moments(numbers_of(kept, path, len(wanted) - 1, 2))
+        return frames_in_world(moments, f"kinect2-{device}", WORLD_FROM_KINECT_SPACE, str(path))
+
+
+def _moments(values: np.ndarray) -> list[Moment]:
+    """Rows of time in ms, person, 20 x 3 joints, gathered by time."""
+    values = values[np.argsort(values[:, 0], kind="stable")]
+    moments: list[Moment] = []
+    for row in values:
+        time_ns = round((row[0] - values[0, 0]) * 1e6)
+        if not moments or moments[-1].time_ns != time_ns:
+            moments.append(Moment(time_ns))
+        if int(row[1]) not in [body.id for body in moments[-1].bodies]:
+            joints, confidence = observed(row[2:].reshape(20, 3), np.full(20, TRACKED))
+            moments[-1].bodies.append(Body(int(row[1]), joints, confidence))
+    return moments
+
+
+def _chosen(devices: Counter[str], wanted: str | None, path: Path) -> str:
+    """The Kinect to read; among equals the first in the file."""
+    if not devices:
+        raise InputError("it holds a header and no rows", where=str(path))
+    if wanted is None:
+        return devices.most_common(1)[0][0]
+    if wanted not in devices:
+        raise InputError(
+            f"there is no Kinect {wanted!r}", where=str(path), mend=f"Known: {', '.join(sorted(devices))}."
+        )
+    return wanted
+
+
+def _matches(path: Path) -> bool:
+    header = (first_lines(head_of(path), 1) or [""])[0]
+    return all(f"{name}," in header for name in (*_KEYS, "SpineBase_X"))

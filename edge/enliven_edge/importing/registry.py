@@ -1,0 +1,86 @@
+"""The readers that are known, and the one that fits some files."""
+
+from __future__ import annotations
+
+import difflib
+import glob
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from enliven.errors import InputError
+from enliven_edge.importing.base import Reader
+
+ENTRY_POINTS = "enliven.readers"
+"""Other packages add readers through this group: an entry point names a class like those here."""
+
+_BUILT_IN = (
+    "opencv_depth:OpenCvDepthReader",
+    "posed_depth:PosedDepthReader",
+    "realsense:RealSenseReader",
+    "raw_depth:RawKinectReader",
+    "labanotation:LabanotationReader",
+    "multitrack:MultiTrackReader",
+    "msr_action3d:MsrAction3dReader",
+    "gait:GaitReader",
+    "flow_room:FlowRoomReader",
+    "body_scanner:BodyScannerReader",
+    "plain_depth:PlainDepthReader",
+)
+"""Asked in this order; the one that asks least comes last."""
+
+
+def readers() -> dict[str, Reader]:
+    """Every reader by name: the built-in ones, then those of other packages."""
+    made: list[Reader] = []
+    for place in _BUILT_IN:
+        module, _, kind = place.partition(":")
+        made.append(getattr(import_module(f"enliven_edge.importing.{module}"), kind)())
+    made += [entry.load()() for entry in entry_points(group=ENTRY_POINTS)]
+    return {reader.name: reader for reader in made}
+
+
+def find_reader(paths: Sequence[Path], name: str | None = None) -> Reader:
+    """The reader called ``name``, or the first that recognises the files.
+
+    Raises:
+        InputError: naming the nearest reader where the name is unknown, or where no reader fits.
+    """
+    known = readers()
+    if name is not None:
+        if name in known:
+            return known[name]
+        near = difflib.get_close_matches(name, known, n=1)
+        mend = f"Did you mean {near[0]}?" if near else f"Known: {', '.join(known)}."
+        raise InputError(f"there is no reader called {name!r}", where="--reader", mend=mend)
+    for reader in known.values():
+        if reader.can_read(paths):
+            return reader
+    raise InputError(
+        "no reader recognises " + ("this file" if len(paths) == 1 else f"any of these {len(paths)} files"),
+        where=str(paths[0]),
+        mend="`enliven import --list-readers` shows the layouts that are known.",
+    )
+
+
+def find_files(names: Sequence[str]) -> list[Path]:
+    """The files that are meant by files, folders (those directly inside) and patterns, each once.
+
+    Raises:
+        InputError: for a name that means no file.
+    """
+    found: dict[Path, None] = {}
+    for name in names:
+        path = Path(name)
+        if path.is_dir():
+            inside = sorted(entry for entry in path.iterdir() if entry.is_file())
+        elif path.exists():
+            inside = [path]
+        else:
+            inside = [match for match in map(Path, sorted(glob.glob(name))) if match.is_file()]
+        if not inside:
+            what = "the folder holds no files" if path.is_dir() else "there is no such file"
+            raise InputError(what, where=name, mend="Check the path.")
+        found.update(dict.fromkeys(inside))
+    return list(found)

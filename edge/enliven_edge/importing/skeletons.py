@@ -1,0 +1,124 @@
+"""From the skeletons of foreign recordings to bodies in the world.
+
+The Kinect SDKs' skeleton space has +X to the sensor's left, +Y up and +Z away from the sensor, metres. It is
+right-handed, so half a turn about the vertical brings it into the world of a level camera (+X to the
+sensor's right, +Z towards it): a person who faces the sensor looks along +Z with the left hand at +X.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.body import ANKLE_ABOVE_SOLE, Body, Joint
+from enliven.errors import InputError
+from enliven.frames import BodyFrame
+
+WORLD_FROM_KINECT_SPACE = np.diag([-1.0, 1.0, -1.0])
+"""(3, 3) world_from_sensor of a level sensor for the skeleton space of the Kinect SDKs 1 and 2."""
+
+KINECT2_ORDER = (0, 1, 20, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19)
+"""(20,) the joint of the Kinect SDK 2 (JointType) for each of :class:`enliven.body.Joint`.
+
+SpineBase, SpineMid and SpineShoulder stand for the hip centre, the spine and the shoulder centre; the neck,
+the hand tips and the thumbs have no counterpart.
+"""
+
+KINECT2_NAMES = [
+    "SpineBase",
+    "SpineMid",
+    "SpineShoulder",
+    "Head",
+    "ShoulderLeft",
+    "ElbowLeft",
+    "WristLeft",
+    "HandLeft",
+    "ShoulderRight",
+    "ElbowRight",
+    "WristRight",
+    "HandRight",
+    "HipLeft",
+    "KneeLeft",
+    "AnkleLeft",
+    "FootLeft",
+    "HipRight",
+    "KneeRight",
+    "AnkleRight",
+    "FootRight",
+]
+"""(20,) the names of the Kinect SDK 2 for each of :class:`enliven.body.Joint`."""
+
+TRACKED, INFERRED, NOT_TRACKED = 1.0, 0.4, 0.0
+CONFIDENCE_OF_STATE = np.array([NOT_TRACKED, INFERRED, TRACKED])
+"""(3,) the confidence of the SDKs' tracking states 0, 1 and 2."""
+
+FOOT_ABOVE_SOLE = 0.02
+_FEET = (Joint.FOOT_LEFT, Joint.FOOT_RIGHT)
+_ANKLES = (Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """The bodies of one time, still in the sensor's space."""
+
+    time_ns: int
+    bodies: list[Body] = field(default_factory=list)
+
+
+def frames_in_world(
+    moments: Sequence[Moment], sensor: str, world_from_sensor: Float, where: str
+) -> Iterator[BodyFrame]:
+    """The body frames of a take, turned into the world and put on the floor.
+
+    The floor is the median of the lower sole's height over the take: of two feet one stands nearly always,
+    and neither a jump nor a few wrong feet move a median.
+
+    Args:
+        moments: in the order of time.
+        sensor: its identity.
+        world_from_sensor: (3, 3) rotation from the sensor's space.
+        where: the file, for messages.
+
+    Raises:
+        InputError: where no joint was seen.
+    """
+    turned = [_turned(moment, world_from_sensor) for moment in moments]
+    floor = _floor([body for moment in turned for body in moment.bodies], where)
+    for moment in turned:
+        bodies = [Body(b.id, b.joints - [0.0, floor, 0.0], b.confidence) for b in moment.bodies]
+        yield BodyFrame(bodies, moment.time_ns, sensor)
+
+
+def observed(joints: Float, confidence: Float) -> tuple[Float, Float]:
+    """Joints (20, 3) and confidence (20,) without gaps: what is not finite is put at the hip with 0."""
+    good = np.isfinite(joints).all(-1)
+    seen = joints[good] if good.any() else np.zeros((1, 3))
+    hip = joints[Joint.HIP_CENTER] if good[Joint.HIP_CENTER] else seen.mean(0)
+    return np.where(good[:, None], joints, hip), np.where(good, np.clip(confidence, 0.0, 1.0), 0.0)
+
+
+def _turned(moment: Moment, turn: Float) -> Moment:
+    return Moment(moment.time_ns, [Body(b.id, b.joints @ turn.T, b.confidence) for b in moment.bodies])
+
+
+def _floor(bodies: Sequence[Body], where: str) -> float:
+    """The height of the floor under these bodies."""
+    lowest = [height for height in map(_sole, bodies) if np.isfinite(height)]
+    if not lowest:
+        raise InputError("no joint of any person was seen", where=where, mend="Choose another recording.")
+    return float(np.median(lowest))
+
+
+def _sole(body: Body) -> float:
+    """The height of the lower sole of a body, from the joints that were seen, or else from all."""
+    for least in (0.5, -1.0):
+        heights = [float(body.joints[j, 1]) - FOOT_ABOVE_SOLE for j in _FEET if body.confidence[j] > least]
+        heights += [
+            float(body.joints[j, 1]) - ANKLE_ABOVE_SOLE for j in _ANKLES if body.confidence[j] > least
+        ]
+        if heights:
+            return min(heights)
+    return float("nan")

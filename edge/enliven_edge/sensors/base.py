@@ -1,0 +1,39 @@
+"""What a sensor is to the rest of the edge."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Protocol, Self
+
+from enliven.frames import Frame
+
+
+class Sensor(Protocol):
+    """A stream of frames, from hardware, from a file or made up; a context manager that closes itself.
+
+    ``name`` is the sensor's identity, as its frames carry it.
+    """
+
+    name: str
+
+    def read(self, timeout: float | None = None) -> Frame | None:
+        """The next frame, as soon as it is due; None when the stream has ended.
+
+        Args:
+            timeout: seconds to wait at most; None waits for as long as it takes.
+
+        Raises:
+            TimeoutError: when no frame was due in time; the stream goes on with the next call.
+            ResourceError: when the sensor was lost.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let the device or file go; a second call does nothing."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...

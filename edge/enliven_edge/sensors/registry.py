@@ -1,0 +1,69 @@
+"""Sensors by name: the one door through which every stream comes in."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+from importlib import import_module
+from importlib.metadata import entry_points
+from typing import Any
+
+from enliven.errors import InputError
+from enliven_edge.sensors.base import Sensor
+
+ENTRY_POINTS = "enliven.sensors"
+"""Other packages add sensors through this group: an entry point names a class that makes a Sensor."""
+
+_BUILT_IN = {
+    "replay": "enliven_edge.sensors.replay:ReplaySensor",
+    "synthetic": "enliven_edge.sensors.synthetic:SyntheticSensor",
+}
+
+
+def sensor_names() -> list[str]:
+    """The names that :func:`open_sensor` takes, sorted."""
+    return sorted({*_BUILT_IN, *(entry.name for entry in entry_points(group=ENTRY_POINTS))})
+
+
+def open_sensor(name: str, **options: Any) -> Sensor:
+    """The sensor called ``name``, opened.
+
+    Args:
+        name: one of :func:`sensor_names`.
+        options: what the sensor's class takes.
+
+    Raises:
+        InputError: for an unknown name or option, naming the nearest known one.
+        ResourceError: where the device is missing or taken.
+    """
+    kind = _kind(name)
+    known = inspect.signature(kind).parameters
+    for option in options:
+        if option not in known and not any(p.kind is p.VAR_KEYWORD for p in known.values()):
+            raise InputError(
+                f"unknown option {option!r}", where=f"sensor {name}", mend=_nearest(option, list(known))
+            )
+    missing = [p.name for p in known.values() if p.default is p.empty and p.kind is p.POSITIONAL_OR_KEYWORD]
+    for option in missing:
+        if option not in options:
+            raise InputError(f"the option {option!r} is missing", where=f"sensor {name}", mend="Give it.")
+    sensor: Sensor = kind(**options)
+    return sensor
+
+
+def _kind(name: str) -> Any:
+    """The class of a sensor; imported only now, so that a missing camera stack hurts nobody else."""
+    if name in _BUILT_IN:
+        module, _, kind = _BUILT_IN[name].partition(":")
+        return getattr(import_module(module), kind)
+    for entry in entry_points(group=ENTRY_POINTS):
+        if entry.name == name:
+            return entry.load()
+    raise InputError(
+        f"there is no sensor called {name!r}", where="sensor", mend=_nearest(name, sensor_names())
+    )
+
+
+def _nearest(word: str, known: list[str]) -> str:
+    near = difflib.get_close_matches(word, known, n=1)
+    return f"Did you mean {near[0]}?" if near else f"Known: {', '.join(known)}."

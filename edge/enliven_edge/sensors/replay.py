@@ -1,0 +1,105 @@
+"""A recording in place of a sensor."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+
+from enliven.errors import InputError
+from enliven.frames import Frame
+from enliven.recording import Recording
+
+_USUAL_STEP_NS = 33_333_333
+
+
+class ReplaySensor:
+    """Delivers every frame of a recording, none dropped, at the recorded pace or another.
+
+    The pace is kept against a monotonic clock from the first frame on: who reads late gets the next frames
+    at once until the pace is caught up. When looping, times go on where they ended, one usual step later.
+
+    Args:
+        path: a recording of enliven.
+        speed: 1 as recorded, 2 twice as fast, 0 as fast as it goes.
+        loop: begin again at the end.
+
+    Raises:
+        InputError: where the file is no recording, holds no frames, or the speed is not possible.
+    """
+
+    def __init__(self, path: str | Path, speed: float = 1.0, loop: bool = False) -> None:
+        if not (math.isfinite(speed) and speed >= 0):
+            raise InputError(
+                f"the speed is {speed}",
+                where="replay",
+                mend="Give 1 for the recorded pace, 0 for no waiting.",
+            )
+        self.recording = Recording(path)
+        info = self.recording.info
+        self.name = info.sensors[0] if info.sensors else "replay"
+        self._speed = speed
+        self._frames = _endless(self.recording) if loop else self.recording.frames()
+        self._next = next(self._frames, None)
+        if self._next is None:
+            raise InputError(
+                "the recording holds no frames", where=str(path), mend="Record or import something first."
+            )
+        self._first_ns = self._next.time_ns
+        self._started: float | None = None
+
+    def read(self, timeout: float | None = None) -> Frame | None:
+        """The next frame, when it is due; None after the last.
+
+        Raises:
+            TimeoutError: when it is not due within ``timeout`` seconds.
+        """
+        frame = self._next
+        if frame is None:
+            return None
+        wait = self._due(frame) - time.monotonic() if self._speed else 0.0
+        if timeout is not None and wait > timeout:
+            time.sleep(max(timeout, 0.0))
+            raise TimeoutError(f"the next frame of {self.name} is due in {wait - timeout:.3f} s")
+        if wait > 0:
+            time.sleep(wait)
+        self._next = next(self._frames, None)
+        return frame
+
+    def close(self) -> None:
+        """End the stream."""
+        self._next = None
+        self._frames = iter(())
+
+    def __enter__(self) -> ReplaySensor:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _due(self, frame: Frame) -> float:
+        """The monotonic second at which a frame is to be delivered."""
+        if self._started is None:
+            self._started = time.monotonic()
+        return self._started + (frame.time_ns - self._first_ns) * 1e-9 / self._speed
+
+
+def _endless(recording: Recording) -> Iterator[Frame]:
+    """The frames again and again, with times that go on rising."""
+    shift, step = 0, _USUAL_STEP_NS
+    while True:
+        first = last = None
+        for frame in recording.frames():
+            if last is not None and frame.time_ns > last:
+                step = frame.time_ns - last
+            first = frame.time_ns if first is None else first
+            last = frame.time_ns
+            yield dataclasses.replace(frame, time_ns=frame.time_ns + shift) if shift else frame
+        if first is None or last is None:
+            return
+        shift += last - first + step
