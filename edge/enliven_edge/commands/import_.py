@@ -61,9 +61,8 @@ class Found:
     def summary(self) -> str:
         """One line for the user."""
         seconds = (self.last_ns - self.first_ns) * 1e-9
-        what = (
-            self.size if self.size else f"bodies, {self.people} {'person' if self.people == 1 else 'people'}"
-        )
+        who = "1 person" if self.people == 1 else f"{self.people} people"
+        what = self.size or f"bodies, {who}"
         colour = f", {self.coloured} with colour" if self.coloured else ""
         return f"{self.frames} frames of {what}{colour}, {seconds:.1f} s, sensor {', '.join(self.sensors)}"
 
@@ -101,9 +100,10 @@ def import_recording(
     chosen = find_reader(paths, reader)
     frames = chosen.read(paths, ImportOptions(fps, device))
     found = write_recording(mirrored(frames) if mirror else frames, chosen, output, level, overwrite, console)
-    console.print(f"{output}: {found.summary} ({chosen.name}, {output.stat().st_size / 1e6:.1f} MB)")
+    size = output.stat().st_size / 1e6
+    typer.echo(f"{output}: {found.summary} ({chosen.name}, {size:.1f} MB)")
     if chosen.note:
-        console.print(f"Note: {chosen.note}.")
+        typer.echo(f"Note: {chosen.note}.")
 
 
 def write_recording(

@@ -55,7 +55,7 @@ def record(
         count = 0
         for count in record_stream(stream, recorder, stop, seconds):
             progress.update(task, count=count)
-    console.print(f"{output}: {count} frames of {stream.name}, {output.stat().st_size / 1e6:.1f} MB")
+    typer.echo(f"{output}: {count} frames of {stream.name}, {output.stat().st_size / 1e6:.1f} MB")
 
 
 def record_stream(

@@ -57,7 +57,7 @@ class FlowRoomReader:
 
     name = "flow-room"
     description = "Kinect v2 JSON of The Flow Room (21 joints in depth pixels, one or more people)"
-    note = "z has no stated origin: people are taken to be 1.70 m tall; no times in the files: 30 frames a second"
+    note = "z has no stated origin: people are taken to be 1.70 m tall; no times: 30 frames a second"
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         return any(_matches(path) for path in paths)

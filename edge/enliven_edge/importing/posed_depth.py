@@ -40,10 +40,11 @@ class PosedDepthReader:
         images = sorted((path for path in paths if path.name.endswith(_SUFFIX)), key=natural_order)
         if not images:
             raise InputError(f"no file is named *{_SUFFIX}", where=str(paths[0]))
-        lens = _matrix(images[0].parent / _CAMERA, 3)
+        matrix = _matrix(images[0].parent / _CAMERA, 3)
+        fx, fy, cx, cy = (float(matrix[at]) for at in _LENS)
         for path, time_ns in zip(images, options.times_ns(30.0), strict=False):
             width, height = png_size(path)
-            camera = Intrinsics(width, height, *(float(lens[at]) for at in _LENS))
+            camera = Intrinsics(width, height, fx, fy, cx, cy)
             pose = LEVEL_WORLD_FROM_CAMERA @ _rigid(_matrix(_pose_file(path), 4), _pose_file(path))
             colour = read_colour(path.with_name(path.name.removesuffix(_SUFFIX) + ".color.png"))
             yield DepthFrame(read_depth_png(path), camera, time_ns, options.device or "rgbd", colour, pose)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Bool, Float
 from enliven.body import ANKLE_ABOVE_SOLE, Body, Joint
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
@@ -73,8 +73,8 @@ def frames_in_world(
 ) -> Iterator[BodyFrame]:
     """The body frames of a take, turned into the world and put on the floor.
 
-    The floor is the median of the lower sole's height over the take: of two feet one stands nearly always,
-    and neither a jump nor a few wrong feet move a median.
+    The floor is the lower quartile, over the take, of the lower sole's height: of two feet one stands nearly
+    always, and neither a jump nor some wrong feet move a quartile.
 
     Args:
         moments: in the order of time.
@@ -94,7 +94,7 @@ def frames_in_world(
 
 def observed(joints: Float, confidence: Float) -> tuple[Float, Float]:
     """Joints (20, 3) and confidence (20,) without gaps: what is not finite is put at the hip with 0."""
-    good = np.isfinite(joints).all(-1)
+    good: Bool = np.asarray(np.isfinite(joints).all(-1))
     seen = joints[good] if good.any() else np.zeros((1, 3))
     hip = joints[Joint.HIP_CENTER] if good[Joint.HIP_CENTER] else seen.mean(0)
     return np.where(good[:, None], joints, hip), np.where(good, np.clip(confidence, 0.0, 1.0), 0.0)
@@ -109,7 +109,7 @@ def _floor(bodies: Sequence[Body], where: str) -> float:
     lowest = [height for height in map(_sole, bodies) if np.isfinite(height)]
     if not lowest:
         raise InputError("no joint of any person was seen", where=where, mend="Choose another recording.")
-    return float(np.median(lowest))
+    return float(np.percentile(lowest, 25.0))
 
 
 def _sole(body: Body) -> float:

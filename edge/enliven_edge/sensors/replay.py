@@ -57,6 +57,8 @@ class ReplaySensor:
         Raises:
             TimeoutError: when it is not due within ``timeout`` seconds.
         """
+        if self._next is None:
+            self._next = next(self._frames, None)
         frame = self._next
         if frame is None:
             return None
@@ -66,7 +68,7 @@ class ReplaySensor:
             raise TimeoutError(f"the next frame of {self.name} is due in {wait - timeout:.3f} s")
         if wait > 0:
             time.sleep(wait)
-        self._next = next(self._frames, None)
+        self._next = None
         return frame
 
     def close(self) -> None:
