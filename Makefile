@@ -1,0 +1,33 @@
+# The front door. Every target sets up what it needs first; nothing else need be typed.
+.PHONY: help run test lint bench setup setup-dev record-references clean
+
+help:            ## what can be made
+	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
+
+run: setup       ## watch a chair move with a recorded person (a window, or a film where there is no display)
+	@.venv/bin/enliven run $(ARGS)
+
+test: setup-dev  ## linters, types, every test, and one run of the main job
+	@.venv/bin/ruff check .
+	@.venv/bin/ruff format --check .
+	@.venv/bin/mypy
+	@.venv/bin/python -m pytest $(ARGS)
+
+lint: setup-dev  ## linters and types only
+	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy
+
+bench: setup-dev ## measure: make bench, or make bench ONLY=road
+	@.venv/bin/python -m pip install -q -c constraints.txt -r tests/benchmarks/requirements.txt
+	@.venv/bin/python tests/benchmarks/run.py $(ONLY)
+
+record-references: setup-dev ## record the stored poses and picture of tests/system again, on purpose
+	@.venv/bin/python -m pytest tests/system --record-references
+
+setup:
+	@sh scripts/setup.sh run
+
+setup-dev:
+	@sh scripts/setup.sh dev
+
+clean:           ## remove what was made here
+	rm -rf .venv out build dist .pytest_cache .mypy_cache .ruff_cache

@@ -1,0 +1,83 @@
+#!/bin/sh
+# Makes this checkout ready: a Python, the packages in .venv, and the few system libraries that are missing.
+# Usage: setup.sh run | dev.  Asks nothing, says what it is about to do, and is done at once the second time.
+set -eu
+cd "$(dirname "$0")/.."
+kind=${1:-run}
+
+say() { printf '%s\n' "enliven: $*"; }
+fail() { printf '%s\n' "enliven: $*" >&2; exit 4; }
+
+find_python() {
+    for name in ${PYTHON:-} python3.13 python3.12 python3.11 python3 python; do
+        if command -v "$name" >/dev/null 2>&1 &&
+            "$name" -c 'import sys; sys.exit(not ((3, 11) <= sys.version_info[:2] <= (3, 14)))' 2>/dev/null; then
+            printf '%s' "$name"
+            return
+        fi
+    done
+}
+
+make_venv() {
+    [ -x .venv/bin/python ] && .venv/bin/python -c 'import sys, pip' 2>/dev/null && return
+    python=$(find_python)
+    [ -n "$python" ] || fail "no Python 3.11 or newer was found. Install one (Debian: apt install python3 python3-venv," \
+        "macOS: brew install python@3.12), or name one: make run PYTHON=/path/to/python3"
+    say "making .venv with $("$python" --version)"
+    rm -rf .venv
+    if ! "$python" -m venv .venv; then
+        rm -rf .venv
+        install_system python3-venv || fail "this Python cannot make a virtual environment: apt install python3-venv"
+        "$python" -m venv .venv
+    fi
+}
+
+install_system() {
+    if ! command -v apt-get >/dev/null 2>&1; then
+        return 1
+    elif [ "$(id -u)" = 0 ]; then
+        sudo=
+    elif command -v sudo >/dev/null 2>&1 && sudo -n true 2>/dev/null; then
+        sudo="sudo -n"
+    else
+        return 1
+    fi
+    say "installing system packages with apt: $*"
+    $sudo apt-get update -qq >/dev/null && DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -qq "$@" >/dev/null
+}
+
+missing_system() {
+    [ "$(uname -s)" = Linux ] || return 0
+    .venv/bin/python - "$kind" <<'PY'
+import ctypes, shutil, sys
+def lacks(name):
+    try:
+        ctypes.CDLL(name)
+        return False
+    except OSError:
+        return True
+# moderngl's EGL back end opens the names without a version, which glibc resolves through these.
+wanted = {"libEGL.so.1": "libegl1", "libGL.so.1": "libgl1"}
+print(*[package for library, package in wanted.items() if lacks(library)], end=" ")
+if sys.argv[1] == "dev":
+    print(*[package for tool, package in {"Xvfb": "xvfb", "xvfb-run": "xvfb"}.items() if not shutil.which(tool)], end="")
+PY
+}
+
+stamp=".venv/.ready-$kind"
+wanted=$(cat constraints.txt shared/pyproject.toml edge/pyproject.toml viewer/pyproject.toml scripts/setup.sh | cksum)
+make_venv
+if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
+    say "installing the Python packages into .venv (a minute or two, once)"
+    extra=
+    [ "$kind" = dev ] && extra="[test]"
+    PIP_CONSTRAINT="$PWD/constraints.txt" PIP_DISABLE_PIP_VERSION_CHECK=1 .venv/bin/python -m pip install -q \
+        --only-binary ':all:' -e "./shared$extra" -e ./edge -e ./viewer
+    missing=$(missing_system | tr -s ' \n' '\n' | sort -u | tr '\n' ' ')
+    if [ -n "$(printf '%s' "$missing" | tr -d ' ')" ]; then
+        # shellcheck disable=SC2086
+        install_system $missing || fail "these system packages are missing: $missing" \
+            "Type: sudo apt-get install -y $missing"
+    fi
+    printf '%s' "$wanted" >"$stamp"
+fi

@@ -1,0 +1,43 @@
+"""enliven doctor: what this machine has, what it lacks, and how to mend it."""
+
+from __future__ import annotations
+
+import json
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from enliven.doctor import Check, all_checks
+
+_LACKING = 4
+
+
+def doctor(
+    as_json: bool = typer.Option(False, "--json", help="Print the checks as JSON, for scripts."),
+) -> None:
+    """Say what this machine has and lacks: OpenGL, ports, sensors, permissions, and how to mend it.
+
+    Ends with exit code 0 where all is well, 4 where something is missing.
+
+    \b
+      enliven doctor
+      enliven doctor --json | python -m json.tool
+    """
+    found = all_checks()
+    if as_json:
+        typer.echo(json.dumps([vars(check) for check in found], indent=2))
+    else:
+        Console().print(_table(found))
+    if not all(check.ok for check in found):
+        raise typer.Exit(_LACKING)
+
+
+def _table(found: list[Check]) -> Table:
+    """One row a check, with what to do under what is missing."""
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    for check in found:
+        mark = "[green]ok[/]" if check.ok else "[red]missing[/]"
+        detail = check.detail if check.ok else f"{check.detail}\n[yellow]{check.mend}[/]"
+        table.add_row(mark, check.name, detail)
+    return table

@@ -1,0 +1,101 @@
+"""enliven run: the edge and the viewer as two processes of their own, started and ended together."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+from pathlib import Path
+
+import typer
+
+from enliven.commands.processes import Process, run_together
+from enliven.errors import InputError, ResourceError
+from enliven.wire.ports import free_ports
+
+
+def run(
+    recording: Path | None = typer.Option(None, help="Replay this recording; without one, the shipped one."),
+    sensor: str | None = typer.Option(None, help="Use this sensor instead of a recording."),
+    mesh: str = typer.Option("chair", help="The mesh to possess: a file, or 'chair'."),
+    possess_at: float = typer.Option(1.5, help="Seconds after the first frame at which the body takes hold."),
+    parts: str = typer.Option("all", help="What takes hold: 'legs', 'upper body', ..."),
+    out: Path = typer.Option(Path("out"), help="Folder for the film and the contact sheet."),
+    film: bool | None = typer.Option(
+        None, "--film/--window", help="A film or a window; by the display where not said."
+    ),
+    seconds: float | None = typer.Option(None, help="Stop after this many seconds of the recording."),
+) -> None:
+    """Start the edge and the viewer together: the whole road from a depth recording to a moving mesh.
+
+    With a display the viewer opens a window. Without one it renders off-screen and writes
+    out/enliven.mp4 and out/enliven.png.
+
+    \b
+      enliven run
+      enliven run --recording take.mcap --mesh horse.obj --possess-at 2
+      enliven run --sensor synthetic --window
+    """
+    _need_both_programs()
+    if recording is not None and not recording.exists():
+        raise InputError("there is no such recording", where=str(recording), mend="Check the path.")
+    as_film = not has_display() if film is None else film
+    if as_film and film is None:
+        typer.echo("enliven: there is no display here, so this makes a film; with one, a window opens")
+    ports = free_ports()
+    edge = _edge_arguments(recording, sensor, mesh, possess_at, parts, seconds, ports, as_film)
+    view = _view_arguments(out, ports, as_film)
+    code = run_together([Process("edge", edge), Process("viewer", view, leads=True)])
+    if code:
+        raise typer.Exit(code)
+    if as_film:
+        typer.echo(f"enliven: the film is {out / 'enliven.mp4'}, the contact sheet {out / 'enliven.png'}")
+
+
+def has_display() -> bool:
+    """Whether a window can be opened here."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _need_both_programs() -> None:
+    for package, name in (("enliven_edge", "enliven-edge"), ("enliven_viewer", "enliven-viewer")):
+        if importlib.util.find_spec(package) is None:
+            raise ResourceError(
+                f"{name} is not installed here",
+                mend=f"Install it: pip install {name}, or use 'enliven edge' or 'view'.",
+            )
+
+
+def _edge_arguments(
+    recording: Path | None,
+    sensor: str | None,
+    mesh: str,
+    possess_at: float,
+    parts: str,
+    seconds: float | None,
+    ports: tuple[int, int],
+    as_film: bool,
+) -> list[str]:
+    """The edge's command line; a film loses no frame, so the edge waits for its viewer before it starts."""
+    arguments = ["edge", "--mesh", mesh, "--possess-at", str(possess_at), "--parts", parts]
+    arguments += ["--port", str(ports[0]), "--control-port", str(ports[1]), "--name", f"run-{os.getpid()}"]
+    arguments += ["--wait-for-viewer", "60"]
+    if sensor is not None:
+        arguments += ["--sensor", sensor]
+    elif recording is not None:
+        arguments += ["--recording", str(recording)]
+    if seconds is not None:
+        arguments += ["--seconds", str(seconds)]
+    elif sensor is None and not as_film:
+        arguments += ["--loop"]
+    return arguments
+
+
+def _view_arguments(out: Path, ports: tuple[int, int], as_film: bool) -> list[str]:
+    """The viewer's command line."""
+    arguments = ["view", "--edge", "127.0.0.1", "--port", str(ports[0]), "--control-port", str(ports[1])]
+    if as_film:
+        arguments += ["--film", str(out / "enliven.mp4"), "--sheet", str(out / "enliven.png")]
+    return arguments

@@ -1,0 +1,79 @@
+"""What a machine has and lacks: checks that each package contributes by the group ``enliven.checks``."""
+
+from __future__ import annotations
+
+import importlib.util
+import platform
+import socket
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+
+DEFAULT_PORTS = (5580, 5581)
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was looked at: whether it is well, what was seen, and how to mend it where not."""
+
+    name: str
+    ok: bool
+    detail: str
+    mend: str = ""
+
+
+def all_checks() -> list[Check]:
+    """Every installed package's checks, the library's own first."""
+    found = sorted(entry_points(group="enliven.checks"), key=lambda e: (e.name != "shared", e.name))
+    made: list[Check] = []
+    for entry in found:
+        try:
+            contributed: Callable[[], list[Check]] = entry.load()
+            made += contributed()
+        except Exception as error:  # a broken package must not hide what the others have to say
+            made.append(Check(entry.name, False, f"its checks failed: {error}", "Install the package again."))
+    return made
+
+
+def checks() -> list[Check]:
+    """Python, the compiler cache, the ports."""
+    return [_python(), _compiler_cache(), *(_port(port) for port in DEFAULT_PORTS)]
+
+
+def _python() -> Check:
+    version = platform.python_version()
+    ok = sys.version_info >= (3, 11)
+    return Check(
+        "Python",
+        ok,
+        f"{version} on {platform.system()} {platform.machine()}",
+        "Install Python 3.11 or newer.",
+    )
+
+
+def _compiler_cache() -> Check:
+    """Numba keeps compiled kernels beside the sources, or in the user's cache folder."""
+    spec = importlib.util.find_spec("enliven")
+    folder = Path(spec.origin).parent if spec and spec.origin else Path.cwd()
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return Check("compiled kernels", True, "are kept between starts")
+    except OSError:
+        mend = (
+            "Set NUMBA_CACHE_DIR to a folder that can be written, or every start compiles for half a minute."
+        )
+        return Check("compiled kernels", False, f"{folder} cannot be written", mend)
+
+
+def _port(port: int) -> Check:
+    """Whether an edge could listen here now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError as error:
+            mend = "Another edge may be running; stop it, or start with --port."
+            return Check(f"port {port}", False, f"taken ({error.strerror})", mend)
+    return Check(f"port {port}", True, "free")

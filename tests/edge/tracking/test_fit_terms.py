@@ -1,0 +1,194 @@
+"""The compiled terms of the fit: their gradients are the energies' derivatives, their twins agree."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven_edge.tracking import model, ranges, terms
+from enliven_edge.tracking.fit import _PAIRS, _moved
+from enliven_edge.tracking.posture import Posture, exponential, forward, logarithm
+
+TURNS = (model.DOF_FRAME, model.DOF_AXIS)
+
+
+def random_posture(seed: int, spread: float = 0.3) -> Posture:
+    """A person at about 2.5 m in front of the sensor, limbs turned at random."""
+    random = np.random.default_rng(seed)
+    posture = Posture(np.array([0.1, 0.95, -2.5]), ranges.standing(), model.lengths_for_height(1.7))
+    step = np.concatenate([random.normal(0, 0.05, 3), random.normal(0, spread, model.DOFS - 3), np.zeros(12)])
+    return _moved(posture, step)
+
+
+def surroundings(posture: Posture):
+    """(ends, radii, frames, offsets, body) as the terms take them, the capsules without taper.
+
+    The terms take the point of the axis nearest to a sample as fixed, which is exact without taper only.
+    """
+    ends, radii = posture.capsules()
+    radii = np.repeat(radii[:, :1], 2, axis=1)
+    world, pivots, by_length = forward(posture.position, posture.rotations, posture.lengths)
+    body = (world, pivots, by_length, model.MOVES, *TURNS)
+    return ends, radii, model.CAPSULES.frame, model.CAPSULES.ends, body
+
+
+def surface_points(posture: Posture, seed: int, count: int = 80, noise: float = 0.01):
+    """Points on the posture's capsules, moved by noise, and the outward normals there."""
+    random = np.random.default_rng(seed)
+    ends, radii = posture.capsules()
+    which = random.integers(0, len(ends), count)
+    t = random.uniform(0.1, 0.9, count)[:, None]
+    axis = ends[which, 1] - ends[which, 0]
+    normal = np.cross(axis, random.normal(size=(count, 3)))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    radius = radii[which, :1]
+    points = (
+        ends[which, 0] * (1 - t)
+        + ends[which, 1] * t
+        + normal * (radius + random.normal(0, noise, (count, 1)))
+    )
+    return points, normal
+
+
+def depth_energy(posture: Posture, points, normals):
+    matrix, gradient = np.zeros((42, 42)), np.zeros(42)
+    energy, _ = terms.depth_to_model(
+        matrix, gradient, points, normals, *surroundings(posture), 1.0, 0.07, 0.04, np.zeros(19)
+    )
+    return energy, gradient
+
+
+def self_energy(posture: Posture):
+    matrix, gradient = np.zeros((42, 42)), np.zeros(42)
+    return terms.self_intersection(matrix, gradient, *surroundings(posture), _PAIRS, 1.0, 3), gradient
+
+
+def free_space_energy(posture: Posture, view):
+    matrix, gradient = np.zeros((42, 42)), np.zeros(42)
+    energy = terms.free_space(matrix, gradient, *surroundings(posture), view, 1.0, 0.25, 5, np.zeros(19))
+    return energy, gradient
+
+
+def slope(function, posture: Posture, direction) -> float:
+    """The central difference of an energy along a step of the unknowns."""
+    h = 1e-6
+    return (function(_moved(posture, h * direction))[0] - function(_moved(posture, -h * direction))[0]) / (
+        2 * h
+    )
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=25, deadline=None)
+def test_gradient_of_the_data_term_is_half_the_energy_slope(seed):
+    posture = random_posture(seed)
+    points, normals = surface_points(random_posture(seed + 1, 0.3), seed)
+    direction = np.random.default_rng(seed).normal(size=42)
+    direction[model.DOFS :] *= 0.05
+    _, gradient = depth_energy(posture, points, normals)
+    expected = slope(lambda p: depth_energy(p, points, normals), posture, direction)
+    # The nearest capsule may change within the difference for a point in eighty.
+    assert 2 * gradient @ direction == pytest.approx(expected, rel=0.02, abs=2e-4)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=25, deadline=None)
+def test_gradient_of_self_intersection_is_half_the_energy_slope(seed):
+    posture = random_posture(seed, 0.9)
+    direction = np.random.default_rng(seed).normal(size=42)
+    direction[model.DOFS :] *= 0.05
+    _, gradient = self_energy(posture)
+    girth = model.DOFS + model.GIRTH
+    direction[girth] = 0.0  # how far limbs may enter each other does not inflate the person
+    assert 2 * gradient @ direction == pytest.approx(
+        slope(self_energy, posture, direction), rel=0.02, abs=1e-6
+    )
+
+
+def test_nothing_pulls_on_a_person_who_is_where_the_points_are():
+    posture = random_posture(3)
+    points, normals = surface_points(posture, 3, noise=0.0)
+    energy, gradient = depth_energy(posture, points, normals)
+    assert energy < 1e-5
+    assert np.abs(gradient).max() < 1e-2
+
+
+def test_a_limb_in_free_space_is_pushed_into_the_silhouette():
+    """A view whose person is a band in the middle and whose wall is far: outside limbs move inward."""
+    h, w = 120, 160
+    person, other = np.zeros((h, w)), np.full((h, w), 5.0)
+    person[:, 70:90], other[:, 70:90] = 2.4, 0.0
+    column = np.clip(np.arange(w), 70, 89)
+    nearest = np.stack([np.broadcast_to(np.arange(h)[:, None], (h, w)), np.broadcast_to(column, (h, w))], -1)
+    mount = np.diag([1.0, -1.0, -1.0, 1.0])
+    mount[1, 3] = 1.0
+    view = (person, other, nearest.astype(float), np.array([130.0, 130.0, 79.5, 59.5]), mount)
+    posture = Posture(
+        np.array([0.0, 0.95, -2.5]), ranges.standing(arm_raise=1.4), model.lengths_for_height(1.7)
+    )
+    energy, gradient = free_space_energy(posture, view)
+    assert energy > 0
+    lowered = _moved(posture, -1e-3 * gradient / np.abs(gradient).max())
+    assert free_space_energy(lowered, view)[0] < energy
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=50, deadline=None)
+def test_logarithm_inverts_exponential(seed):
+    v = np.random.default_rng(seed).normal(size=3)
+    v *= min(1.0, 3.1 / np.linalg.norm(v))
+    np.testing.assert_allclose(logarithm(exponential(v)), v, atol=1e-6)
+
+
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0.6, 0.8, 0), (-0.48, 0.6, 0.64)])
+def test_logarithm_of_half_a_turn(axis):
+    half_turn = exponential(np.pi * np.array(axis, float))
+    np.testing.assert_allclose(exponential(logarithm(half_turn)), half_turn, atol=1e-6)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=25, deadline=None)
+def test_nearest_capsule_matches_the_obvious_search(seed):
+    posture = random_posture(seed)
+    ends, radii = posture.capsules()
+    point = np.random.default_rng(seed).normal([0, 1, -2.5], 0.5)
+    normal = np.array([0.0, 0.0, 1.0])
+    costs = []
+    for (a, b), (ra, rb) in zip(ends, radii, strict=True):
+        t = np.clip((point - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+        out = point - (a + t * (b - a))
+        distance = np.linalg.norm(out) - (ra + t * (rb - ra))
+        costs.append(abs(distance) + 0.04 * (1 - out @ normal / np.linalg.norm(out)))
+    found, _, _ = terms.nearest_capsule(point, normal, ends, radii, 0.04)
+    assert found == int(np.argmin(costs))
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=25, deadline=None)
+def test_forward_kinematics_keeps_bone_lengths(seed):
+    from enliven.body import BONES
+
+    resting = Posture(np.zeros(3), ranges.standing(), model.lengths_for_height(1.7)).joints()
+    joints = random_posture(seed, 0.8).joints()
+    for a, b in BONES:
+        if (a, b) != (0, 1):  # hips and spine are in neighbouring frames, still rigid
+            assert np.linalg.norm(joints[a] - joints[b]) == pytest.approx(
+                np.linalg.norm(resting[a] - resting[b])
+            )
+
+
+def test_mirroring_twice_changes_nothing():
+    rotations = random_posture(5).rotations
+    np.testing.assert_allclose(ranges.mirrored(ranges.mirrored(rotations)), rotations, atol=1e-12)
+
+
+def test_standing_height_is_the_height_asked_for():
+    for height in (1.2, 1.75, 2.0):
+        assert model.height_of(model.lengths_for_height(height)) == pytest.approx(height, rel=0.01)
+
+
+def test_left_is_left():
+    joints = Posture(np.zeros(3), ranges.standing(), model.lengths_for_height(1.7)).joints()
+    from enliven.body import Joint
+
+    assert joints[Joint.HAND_LEFT, 0] > 0 > joints[Joint.HAND_RIGHT, 0]
+    assert joints[Joint.FOOT_LEFT, 2] > joints[Joint.ANKLE_LEFT, 2]

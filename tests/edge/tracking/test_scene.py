@@ -1,0 +1,103 @@
+"""Floor, room and foreground."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.camera import Intrinsics, world_from_level_camera
+from enliven_edge.tracking.floor import world_from_floor
+from enliven_edge.tracking.foreground import Room, label, people, widened
+from enliven_edge.tracking.observation import WorkingCamera, reduce_depth, surface_normals, world_points
+
+
+def floor_and_wall(mount: np.ndarray, seed: int) -> np.ndarray:
+    """Camera-frame points on a floor and a wall at 4 m, with a centimetre of noise."""
+    random = np.random.default_rng(seed)
+    floor = np.stack([random.uniform(-2, 2, 3000), np.zeros(3000), random.uniform(-4, -1.2, 3000)], 1)
+    wall = np.stack([random.uniform(-2, 2, 3000), random.uniform(0, 2.5, 3000), np.full(3000, -4.0)], 1)
+    world = np.concatenate([floor, wall]) + random.normal(0, 0.01, (6000, 3))
+    camera_from_world = np.linalg.inv(mount)
+    return world @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
+
+
+@given(st.floats(0.5, 2.4), st.floats(-0.3, 0.5), st.booleans(), st.integers(0, 100))
+@settings(max_examples=20, deadline=None)
+def test_the_floor_is_found_from_any_mounting(height, tilt, upside_down, seed):
+    mount = world_from_level_camera(height, tilt, np.pi if upside_down else 0.0)
+    found = world_from_floor(floor_and_wall(mount, seed), upside_down)
+    assert found is not None
+    assert found[1, 3] == pytest.approx(height, abs=0.03)
+    np.testing.assert_allclose(found[:3, :3], mount[:3, :3], atol=0.03)
+
+
+def test_a_wall_alone_is_no_floor():
+    random = np.random.default_rng(0)
+    wall = np.stack([random.uniform(-1, 1, 2000), random.uniform(-1, 1, 2000), np.full(2000, 2.0)], 1)
+    assert world_from_floor(wall) is None
+    assert world_from_floor(np.zeros((0, 3))) is None
+
+
+def test_reduction_is_a_median_of_what_is_known():
+    depth = np.zeros((8, 8), np.uint16)
+    depth[:4, :4], depth[:4, 4:] = 1000, 65535
+    depth[0, 0], depth[4, 4] = 0, 3000
+    reduced = reduce_depth(depth, 4, 2, 2)
+    np.testing.assert_allclose(reduced, [[1.0, 0.0], [0.0, 3.0]])
+
+
+def test_normals_of_a_slanted_plane():
+    camera = WorkingCamera(Intrinsics(160, 120, 130, 130, 79.5, 59.5), 160)
+    normal = np.array([0.3, -0.2, -1.0]) / np.linalg.norm([0.3, -0.2, -1.0])
+    ray = np.concatenate([camera.ray, np.ones((120, 160, 1))], -1)
+    z = (normal @ np.array([0, 0, 2.0])) / (ray @ normal)
+    points = world_points(z, camera.ray, np.eye(4))
+    rows, columns = np.array([20, 60, 100]), np.array([30, 80, 120])
+    found = surface_normals(points, z, rows, columns, np.zeros(3))
+    np.testing.assert_allclose(found, np.tile(normal, (3, 1)), atol=1e-6)
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=20, deadline=None)
+def test_labels_match_a_flood_fill(seed):
+    from scipy import ndimage
+
+    mask = np.random.default_rng(seed).random((30, 40)) < 0.5
+    labels, count = label(np.ones((30, 40)), mask)
+    expected, expected_count = ndimage.label(mask)
+    assert count == expected_count
+    np.testing.assert_array_equal(labels, expected)
+
+
+def test_a_step_in_depth_parts_two_groups():
+    z = np.ones((10, 10))
+    z[:, 5:] = 2.0
+    assert label(z, np.ones((10, 10), bool))[1] == 2
+
+
+def test_widened_is_a_dilation():
+    from scipy import ndimage
+
+    mask = np.random.default_rng(0).random((20, 20)) < 0.05
+    np.testing.assert_array_equal(widened(mask, 2), ndimage.binary_dilation(mask, np.ones((5, 5))))
+
+
+def test_the_room_gives_way_at_once_and_takes_in_slowly():
+    room, nobody = Room((4, 4)), np.zeros((4, 4), bool)
+    room.learn(np.full((4, 4), 2.0), nobody)
+    for _ in range(12):
+        room.learn(np.full((4, 4), 3.0), nobody)
+    assert room.z.min() > 2.95
+    closer = np.full((4, 4), 2.0)
+    room.learn(closer, nobody)
+    assert room.in_front(closer).all()
+    for _ in range(600):
+        room.learn(closer, nobody)
+    assert not room.in_front(closer).any()
+
+
+def test_a_wall_is_nobody():
+    z = np.full((120, 160), 2.0)
+    camera = WorkingCamera(Intrinsics(160, 120, 130, 130, 79.5, 59.5), 160)
+    points = world_points(z, camera.ray, np.eye(4))
+    assert people(z, points, np.ones((120, 160), bool), 1 / 130**2) == []
