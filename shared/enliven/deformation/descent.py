@@ -1,0 +1,218 @@
+"""Preconditioned L-BFGS with exact steps, in compiled loops; see :mod:`enliven.deformation.embedded`."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from enliven.arrays import Float
+from enliven.deformation.block_cholesky import factorise, substitute
+from enliven.deformation.energy import CON, REG, RIG, ROT, along_line, best_step, gradient
+from enliven.rotation import nearest_quaternion
+
+_PAIRS = 6
+_TIKHONOV = 1e-6
+"""Keeps the matrix definite where nothing holds a node; the energy itself has no such term."""
+
+
+class Memory(NamedTuple):
+    """The last steps and changes of the gradient that L-BFGS remembers, and room to work in.
+
+    Attributes:
+        steps: (M, N, 4, 3).
+        changes: (M, N, 4, 3).
+        curvatures: (M,) their inner products.
+        room: (4, N, 4, 3).
+    """
+
+    steps: Float
+    changes: Float
+    curvatures: Float
+    room: Float
+
+    @staticmethod
+    def empty(count: int) -> Memory:
+        """Nothing remembered, for ``count`` nodes."""
+        shape = (_PAIRS, count, 4, 3)
+        return Memory(np.zeros(shape), np.zeros(shape), np.zeros(_PAIRS), np.zeros((4, count, 4, 3)))
+
+
+@njit(cache=True, nogil=True)
+def _add(blocks, start, row, i, j, u, v, w):  # type: ignore[no-untyped-def]
+    """Add w u vᵀ (u, v (4,)) at nodes (i, j), where i >= j; blocks above the diagonal are left out."""
+    if i < j:
+        return
+    low, high = start[j], start[j + 1] - 1
+    while low < high:
+        middle = (low + high) // 2
+        if row[middle] < i:
+            low = middle + 1
+        else:
+            high = middle
+    for r in range(4):
+        for c in range(4):
+            blocks[low, r, c] += w * u[r] * v[c]
+
+
+@njit(cache=True, nogil=True)
+def assemble(t, start, row, product, blocks):  # type: ignore[no-untyped-def]
+    """Kernel: factorise the Gauss-Newton matrix at rest, one coordinate's share, into ``blocks``.
+
+    E_rot is 4 w_rot |dR|^2 there, for what stretches; turning is free, but the matrix must not know about
+    turning, which couples the coordinates, so it is braked like stretching. L-BFGS finds out.
+    """
+    blocks[:] = 0.0
+    forth, back, none = np.zeros(4), np.zeros(4), np.zeros(4)
+    unit = np.eye(4)
+    for j in range(start.shape[0] - 1):
+        for c in range(3):
+            blocks[start[j], c, c] += 4 * t.weights[ROT]
+        for c in range(4):
+            blocks[start[j], c, c] += _TIKHONOV
+    for e in range(t.edges.shape[0]):
+        i, j = t.edges[e, 0], t.edges[e, 1]
+        forth[:3], forth[3] = t.offsets[e], 1.0
+        back[:3], back[3] = -t.offsets[e], 1.0
+        none[3] = -1.0
+        for first, second, a, b in ((forth, none, i, j), (back, none, j, i)):
+            _couple(blocks, start, row, a, b, first, second, t.weights[REG])
+    for m in range(t.rigid.shape[0]):
+        e = t.rigid[m]
+        j, k = t.edges[e, 0], t.edges[e, 1]
+        for c in range(3):
+            _couple(blocks, start, row, j, k, unit[c], -unit[c], t.weights[RIG])
+        forth[:3], forth[3] = 0.5 * t.turning * t.offsets[e], 1.0
+        back[:3], back[3] = 0.5 * t.turning * t.offsets[e], -1.0
+        _couple(blocks, start, row, j, k, forth, back, t.weights[RIG])
+    for m in range(t.nodes.shape[0]):
+        w = t.weights[CON] * t.pulls[m]
+        if w > 0.0:
+            for a in range(4):
+                for b in range(4):
+                    if t.rows[m, a, 3] != 0.0 and t.rows[m, b, 3] != 0.0:
+                        i, j = t.nodes[m, a], t.nodes[m, b]
+                        _add(blocks, start, row, i, j, t.rows[m, a], t.rows[m, b], w)
+    return factorise(start, row, product, blocks)
+
+
+@njit(cache=True, nogil=True)
+def _couple(blocks, start, row, i, j, u, v, w):  # type: ignore[no-untyped-def]
+    """Add w (u; v)(u; v)ᵀ at the nodes i and j."""
+    _add(blocks, start, row, i, i, u, u, w)
+    _add(blocks, start, row, j, j, v, v, w)
+    _add(blocks, start, row, i, j, u, v, w)
+    _add(blocks, start, row, j, i, v, u, w)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _dot(a, b):  # type: ignore[no-untyped-def]
+    u, v = a.reshape(-1), b.reshape(-1)
+    total = 0.0
+    for i in range(u.shape[0]):
+        total += u[i] * v[i]
+    return total
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _add_scaled(a, scale, b):  # type: ignore[no-untyped-def]
+    u, v = a.reshape(-1), b.reshape(-1)
+    for i in range(u.shape[0]):
+        u[i] += scale * v[i]
+
+
+@njit(cache=True, nogil=True)
+def descend(x, t, start, row, blocks, memory, most, tolerance):  # type: ignore[no-untyped-def]
+    """Kernel: lower the energy from ``x``, in place; returns the number of iterations."""
+    now, before, way, trial = memory.room[0], memory.room[1], memory.room[2], memory.room[3]
+    _follow_rigidly(x, t, now, trial)
+    energy = sum(gradient(x, t, now))
+    kept = 0
+    for iteration in range(most):
+        _direction(now, memory, kept, start, row, blocks, way)
+        slope = _dot(now, way)
+        if not slope < 0.0 or -slope <= tolerance * energy + 1e-12:
+            return iteration
+        c = along_line(x, way, t)
+        step = best_step(c)
+        if step == 0.0:
+            return iteration
+        _add_scaled(x, step, way)
+        before[:] = now
+        energy = sum(gradient(x, t, now))
+        slot = kept % _PAIRS
+        memory.steps[slot] = step * way
+        memory.changes[slot] = now - before
+        curvature = _dot(memory.steps[slot], memory.changes[slot])
+        if curvature > 1e-12 * abs(slope) * step:
+            memory.curvatures[slot] = curvature
+            kept += 1
+    return most
+
+
+@njit(cache=True, nogil=True)
+def _direction(now, memory, kept, start, row, blocks, out):  # type: ignore[no-untyped-def]
+    """The two loops of L-BFGS (J. Nocedal 1980) around the solve with the constant factor."""
+    out[:] = -now
+    share = np.zeros(_PAIRS)
+    oldest = max(0, kept - _PAIRS)
+    for n in range(kept - 1, oldest - 1, -1):
+        m = n % _PAIRS
+        share[m] = _dot(memory.steps[m], out) / memory.curvatures[m]
+        _add_scaled(out, -share[m], memory.changes[m])
+    substitute(start, row, blocks, out)
+    out *= 0.5
+    for n in range(oldest, kept):
+        m = n % _PAIRS
+        _add_scaled(out, share[m] - _dot(memory.changes[m], out) / memory.curvatures[m], memory.steps[m])
+
+
+@njit(cache=True, nogil=True)
+def _follow_rigidly(x, t, now, trial):  # type: ignore[no-untyped-def]
+    """Move the whole graph by the rigid motion that best brings the points to their targets, if that helps.
+
+    E_rot and E_reg do not change in a rigid motion, so a body that turns or leaps costs nothing.
+    """
+    total = t.pulls.sum()
+    if not total > 0.0:
+        return
+    count = t.nodes.shape[0]
+    points = np.zeros((count, 3))
+    for m in range(count):
+        for k in range(4):
+            for c in range(4):
+                points[m] += t.rows[m, k, c] * x[t.nodes[m, k], c]
+    middle, goal = np.zeros(3), np.zeros(3)
+    for m in range(count):
+        middle += t.pulls[m] * points[m]
+        goal += t.pulls[m] * t.targets[m]
+    middle /= total
+    goal /= total
+    spread = np.zeros((3, 3))
+    size = 0.0
+    for m in range(count):
+        for a in range(3):
+            size += t.pulls[m] * (points[m, a] - middle[a]) ** 2
+            for b in range(3):
+                spread[a, b] += t.pulls[m] * (t.targets[m, a] - goal[a]) * (points[m, b] - middle[b])
+    # A pull to "no turn": the points may lie on a line, about which any turn would be as good.
+    for a in range(3):
+        spread[a, a] += 1e-6 * size + 1e-12
+    w, i, j, k = nearest_quaternion(spread)
+    turn = np.array(
+        [
+            [1 - 2 * (j * j + k * k), 2 * (i * j - w * k), 2 * (i * k + w * j)],
+            [2 * (i * j + w * k), 1 - 2 * (i * i + k * k), 2 * (j * k - w * i)],
+            [2 * (i * k - w * j), 2 * (j * k + w * i), 1 - 2 * (i * i + j * j)],
+        ]
+    )
+    for n in range(x.shape[0]):
+        for a in range(3):
+            for c in range(3):
+                trial[n, c, a] = turn[a, 0] * x[n, c, 0] + turn[a, 1] * x[n, c, 1] + turn[a, 2] * x[n, c, 2]
+            trial[n, 3, a] = goal[a]
+            for b in range(3):
+                trial[n, 3, a] += turn[a, b] * (x[n, 3, b] - middle[b])
+    if sum(gradient(trial, t, now)) < sum(gradient(x, t, now)):
+        x[:] = trial
