@@ -16,6 +16,7 @@ from enliven_edge.tracking.foreground import Room, candidates, people
 from enliven_edge.tracking.observation import Observation, WorkingCamera, observe, world_points
 from enliven_edge.tracking.posture import Posture, continued
 from enliven_edge.tracking.reach import within_reach
+from enliven_edge.tracking.recovery import SecondThoughts
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.smoothing import OneEuro
 
@@ -32,6 +33,7 @@ class Tracker:
     def __init__(self, settings: TrackerSettings | None = None) -> None:
         self.settings = settings or TrackerSettings()
         self._fitter = Fitter(self.settings.fit)
+        self._second_thoughts = SecondThoughts(self._fitter)
         self._smooth = OneEuro(self.settings.smoothing)
         self._camera: WorkingCamera | None = None
         self._mount: Float | None = None
@@ -66,7 +68,8 @@ class Tracker:
         if report is None or observation is None or self._posture is None:
             return []
         joints = self._smooth(self._posture.joints(), frame.time_ns)
-        return [Body(self._person, joints, _confidence(report, observation, self._posture))]
+        capsule = _capsule_confidence(report, observation, self._posture)
+        return [Body(self._person, joints, _joint_confidence(capsule))]
 
     def _place(self, frame: DepthFrame) -> tuple[WorkingCamera, Float]:
         """The working camera and where it stands, found once a sensor (a moving sensor tells it itself)."""
@@ -101,6 +104,8 @@ class Tracker:
         posture, report = self._fitter.fit(
             observation, predicted, predicted=predicted, proportions=proportions
         )
+        certain = _capsule_confidence(report, observation, posture)
+        posture, report = self._second_thoughts.reconsider(observation, posture, report, certain)
         good = quality(report) > _ACCEPTABLE
         self._bad = 0 if good else self._bad + 1
         if self._bad > self.settings.lost_after:
@@ -152,11 +157,15 @@ class Tracker:
         return np.full(len(model.LENGTHS), firmness)
 
 
-def _confidence(report: FitReport, observation: Observation, posture: Posture) -> Float:
-    """(20,) how far each joint is supported by the points its capsules explain, and not seen through."""
+def _capsule_confidence(report: FitReport, observation: Observation, posture: Posture) -> Float:
+    """(C,) how far each capsule is supported by the points it explains, and not seen through."""
     expected = _expected_support(posture, len(observation.points))
     supported = np.minimum(1.0, report.support / np.maximum(1.0, 0.35 * expected))
-    capsule = supported * (1.0 - report.violated)
+    return np.asarray(supported * (1.0 - report.violated))
+
+
+def _joint_confidence(capsule: Float) -> Float:
+    """(20,) the joints' confidence from the capsules'."""
     confidence = np.zeros(20)
     for joint, value in zip(model.CAPSULES.joint, capsule, strict=True):
         confidence[joint] = max(confidence[joint], value)
