@@ -54,7 +54,7 @@ def _stance(width: float, z: float = HOME_Z, toes: float = 0.16) -> tuple[tuple[
     return (width / 2, z, toes), (-width / 2, z, -toes)
 
 
-_ARMREST = Arm(flex=-0.16, abduct=0.24, twist=0.14, elbow=1.66, pronate=1.15, wrist=0.10)
+_ARMREST = Arm(flex=-0.16, abduct=0.24, twist=0.14, elbow=1.68, pronate=1.15, wrist=0.10)
 """The forearms level and forward, as on the armrests of a chair."""
 
 
@@ -81,10 +81,10 @@ def _alive(posture: Posture, time: float, duration: float, amount: float = 1.0) 
 
 _CHAIR_SECONDS = 9.0
 _CHAIR_STEPS = [
-    Step(1, 2.85, 3.25, lift=0.24, toe=0.45),  # march: right knee,
-    Step(0, 3.38, 3.78, lift=0.24, toe=0.45),  # left knee
+    Step(1, 2.85, 3.25, lift=0.33, toe=0.50, arc=(0.09, 0.20)),  # march: right knee,
+    Step(0, 3.38, 3.78, lift=0.33, toe=0.50, arc=(-0.09, 0.20)),  # left knee
     Step(0, 3.95, 4.27, dx=0.24, lift=0.10),  # sideways to its left,
-    Step(1, 4.37, 4.69, dx=0.24, lift=0.10),
+    Step(1, 4.37, 4.68, dx=0.24, lift=0.10),
     Step(0, 4.82, 5.12, dz=0.24, lift=0.12),  # and forward
     Step(1, 5.24, 5.54, dz=0.24, lift=0.12),
     Step(0, 7.00, 7.30, dx=-0.24, dz=-0.24, lift=0.15, toe=0.5, both=True),  # the hop takes it home
@@ -94,15 +94,15 @@ _CHAIR_TRACKS = {
     # A small lean the other way, the left, the right (further back than it came from), and upright.
     "lean": Track((1.55, 0), (1.70, -0.06), (2.02, 0.34), (2.10, 0.34), (2.50, -0.36), (2.56, -0.36), (2.86, 0)),
     "head": Track((1.62, 0), (1.80, 0.05), (2.12, -0.14), (2.58, 0.15), (2.95, 0)),
-    "arms": Track((5.50, 0), (5.62, -0.12), (5.86, 1), (6.04, 0.30), (6.26, 1.02), (6.56, 0)),
+    "arms": Track((5.50, 0), (5.62, -0.12), (5.86, 1), (6.03, 0.30), (6.27, 1.02), (6.57, 0)),
     "crouch": Track(
-        (5.5, 0), (5.64, -0.02), (5.90, 0.01), (6.50, 0.0), (6.86, -0.24), (7.00, 0.0), (7.30, -0.03), (7.42, -0.17), (7.72, 0)
+        (5.50, 0), (5.64, -0.02), (5.90, 0.01), (6.50, 0.0), (6.87, -0.24), (7.00, 0.0), (7.30, -0.03), (7.42, -0.17), (7.72, 0)
     ),
-    "tuck": Track((6.50, 0), (6.86, 0.55), (7.02, 0.05), (7.28, 0.16), (7.42, 0.40), (7.74, 0)),
-    "turn": Track((7.62, 0), (7.70, -0.05), (7.98, 0.62), (8.04, 0.62), (8.36, -0.60), (8.40, -0.60), (8.66, 0)),
+    "tuck": Track((6.50, 0), (6.87, 0.55), (7.02, 0.05), (7.28, 0.16), (7.42, 0.40), (7.74, 0)),
+    "turn": Track((7.62, 0), (7.70, -0.05), (7.98, 0.62), (8.04, 0.62), (8.37, -0.60), (8.40, -0.60), (8.67, 0)),
     "look": Track((7.58, 0), (7.86, 0.30), (8.00, 0.16), (8.22, -0.28), (8.38, -0.14), (8.64, 0)),
-    "bow": Track((8.34, 0), (8.42, -0.05), (8.66, 0.52), (8.70, 0.52), (8.97, 0)),
-    "nod": Track((8.36, 0), (8.60, 0.20), (8.76, 0.26), (8.99, 0)),
+    "bow": Track((8.34, 0), (8.42, -0.05), (8.67, 0.52), (8.70, 0.52), (8.97, 0)),
+    "nod": Track((8.37, 0), (8.60, 0.20), (8.76, 0.26), (8.99, 0)),
 }
 
 

@@ -132,7 +132,8 @@ class Flesh:
 
     Attributes:
         shape: (P, 16) float64. A taper: a (0:3), b - a (3:6), 1/|b - a|^2 (6), ra (7), rb - ra (8), bulge
-            (9). An ellipsoid: centre (0:3), rows of its axes (3:12), half axes (12:15).
+            (9). An ellipsoid: centre (0:3), its axes over their half lengths
+            (3:12, row by row), 1 / half lengths (12:15).
         kind, group, material: (P,) int64.
         hull: (P, 7) float64 the ends and radius of a capsule around each primitive.
     """
@@ -201,7 +202,7 @@ def _place_ellipsoid(piece: Piece, performer: Performer, frames: Float, shape: F
     length = p.arms if 4 <= piece.limb <= 9 else p.legs if 10 <= piece.limb <= 13 else 1.0
     grow = (p.girth, length, p.girth) if piece.limb != Limb.SKULL else (1.0, 1.0, 1.0)
     half = np.array([r * s * g for r, g in zip(piece.b, grow, strict=True)])
-    shape[0:3], shape[3:12], shape[12:15] = centre, frame[:, :3].T.ravel(), half
+    shape[0:3], shape[3:12], shape[12:15] = centre, (frame[:, :3] / half).T.ravel(), 1.0 / half
     longest = int(np.argmax(half))
     core = half[longest] - np.sort(half)[1]
     axis = frame[:, longest] * core

@@ -32,24 +32,30 @@ class Footwork:
         for step in self._steps:
             if step.foot != side:
                 continue
-            s = step.progress(time)
-            x, z = x + s * step.dx, z + s * step.dz
+            dx, dz = step.offset(time)
+            x, z = x + dx, z + dz
             lift += step.height(time)
             pitch -= step.toe * pulse(time, step.start, (step.start + step.stop) / 2, PUSH)
         return Foot(x, z, lift, yaw, pitch)
 
     def pelvis(self, time: float) -> tuple[float, float]:
         """(x, z) of the pelvis: between the feet, and over the standing one while the other flies."""
-        left, right = self.foot(0, time), self.foot(1, time)
-        middle = ((left.x + right.x) / 2, (left.z + right.z) / 2)
+        left, right = self._ground(0, time), self._ground(1, time)
+        middle = ((left[0] + right[0]) / 2, (left[1] + right[1]) / 2)
         toward = [pulse(time, s.start, s.stop, SHIFT) for s in self._steps if not s.both]
         standing = [(left, right)[1 - s.foot] for s in self._steps if not s.both]
         total = max(1.0, sum(toward))
         x, z = middle
         for weight, foot in zip(toward, standing, strict=True):
-            x += self._carry * weight / total * (foot.x - middle[0])
-            z += 0.5 * self._carry * weight / total * (foot.z - middle[1])
+            x += self._carry * weight / total * (foot[0] - middle[0])
+            z += 0.5 * self._carry * weight / total * (foot[1] - middle[1])
         return x, z
+
+    def _ground(self, side: int, time: float) -> tuple[float, float]:
+        """(x, z) of a foot without the arcs of its flights."""
+        x, z, _ = self._stance[side]
+        mine = [(s.progress(time), s) for s in self._steps if s.foot == side]
+        return x + sum(p * s.dx for p, s in mine), z + sum(p * s.dz for p, s in mine)
 
     def favour(self, time: float) -> float:
         """Which foot carries: from -1 (the right) to +1 (the left); 0 both."""

@@ -11,11 +11,12 @@ seed and frame number give the same image on every machine with IEEE doubles.
 from __future__ import annotations
 
 import math
+from statistics import NormalDist
 
 import numpy as np
 from numba import njit
 
-from enliven.arrays import AnyArray, Float, UInt8, UInt16
+from enliven.arrays import AnyArray, Float, Int, UInt8, UInt16
 from enliven.camera import Intrinsics, rays
 from enliven_edge.sensors.profile import SensorProfile
 
@@ -39,8 +40,8 @@ class DepthNoise:
         self._ray = rays(intrinsics)
         scale = intrinsics.width / profile.camera.width
         n, f, r = profile.noise, profile.faults, profile.range
-        self._window = max(1, round(n.correlation * scale))
         self._blob = max(2, round(3 * scale))
+        self._windows = (max(1, round(n.correlation * scale)), self._blob, max(3, round(14 * scale)))
         self._lateral = n.lateral * scale
         self._reach = max(1, round(f.edge * scale)) if f.edge > 0 else 0
         self._parallax = intrinsics.fx * r.baseline
@@ -49,9 +50,9 @@ class DepthNoise:
         )
         self._limits = np.array([r.near, r.far, r.depth_step, self._disparity_unit])
         self._sigma = np.array([n.constant, n.linear, n.quadratic, n.start, n.slant])
-        self._losses = np.array([f.edge_holes, f.flying, math.cos(math.radians(f.grazing)), f.dark, f.mirror])
-        self._still = self._field(_FROZEN, 0, self._window)
-        self._still_blobs = self._field(_FROZEN, 1, self._blob)
+        self._losses = np.array([_quantile(p) for p in (f.edge_holes, 0.12 * f.edge_holes, f.dark, f.mirror)])
+        self._tears = np.array([f.flying, math.cos(math.radians(f.grazing))])
+        self._still = [self._field(_FROZEN, stream, self._windows[stream]) for stream in range(3)]
 
     def corrupt(self, depth: Float, material: UInt8, index: int) -> UInt16:
         """(H, W) uint16 millimetres, 0 where nothing is reported.
@@ -62,23 +63,25 @@ class DepthNoise:
             index: the frame's number: with the seed it fixes everything random.
         """
         frozen = self._profile.noise.frozen
-        axial = math.sqrt(frozen) * self._still + math.sqrt(1.0 - frozen) * self._field(index, 0, self._window)
-        blobs = math.sqrt(frozen) * self._still_blobs + math.sqrt(1.0 - frozen) * self._field(index, 1, self._blob)
-        moved, stuff = np.empty_like(depth), np.empty_like(material)
-        _displace(
-            depth, material, self._field(index, 2, self._blob), self._field(index, 3, self._blob),
-            self._lateral, moved, stuff,
-        )  # fmt: skip
-        shadow = np.zeros(self._shape, np.bool_)
+        axial, blobs = self._aged(index, 0, frozen), self._aged(index, 1, frozen)
+        patches = self._aged(index, 2, 0.9)
+        across, down = self._field(index, 3, self._blob), self._field(index, 4, self._blob)
+        shadow, zone = np.zeros(self._shape, np.bool_), np.zeros(self._shape, np.bool_)
         if self._parallax != 0.0:
-            _cast_shadow(moved, self._parallax, shadow)
-        low, high = _extremes(moved, self._reach)
+            _cast_shadow(depth, self._parallax, shadow)
+        if self._reach > 0:
+            _mark_edges(depth, self._reach, zone)
         out = np.zeros(self._shape, np.uint16)
         _report(
-            moved, stuff, shadow, low, high, axial, blobs, self._bytes(index, 4, self._shape), self._ray,
-            self._limits, self._sigma, self._losses, out,
+            depth, material, shadow, zone, across, down, self._lateral, self._reach, axial, blobs, patches,
+            self._bytes(index, 5, self._shape), self._ray, self._limits, self._sigma, self._losses, self._tears, out,
         )  # fmt: skip
         return out
+
+    def _aged(self, index: int, stream: int, frozen: float) -> Float:
+        """(H, W) unit noise of which the part ``frozen`` of the variance never changes."""
+        fresh = self._field(index, stream, self._windows[stream])
+        return math.sqrt(frozen) * self._still[stream] + math.sqrt(1.0 - frozen) * fresh
 
     def _bytes(self, index: int, stream: int, shape: tuple[int, int]) -> UInt8:
         """Random bytes of one frame and one purpose."""
@@ -87,20 +90,35 @@ class DepthNoise:
         return bits.astype("<u8").view(np.uint8)[:count].reshape(shape)
 
     def _field(self, index: int, stream: int, window: int) -> Float:
-        """(H, W) nearly Gaussian noise of unit variance, equal over ``window`` pixels (a box of bytes)."""
-        pad = window if window > 1 else 2
-        raw = self._bytes(index, stream, (self._shape[0] + pad, self._shape[1] + pad))
-        box = window if window > 1 else 1
+        """(H, W) nearly Gaussian noise of unit variance, alike over about ``window`` pixels.
+
+        Bytes through two box filters, in integers; where the window is one pixel, sums of four bytes.
+        """
+        height, width = self._shape
+        box = max(1, round(0.7 * window))
         if box == 1:
-            four = raw[:-2, :-2].astype(np.int64) + raw[1:-1, 2:] + raw[2:, 1:-1] + raw[1:-1, :-2]
-            return (four - 510.0) / (2.0 * _BYTE_DEVIATION)
-        out = np.empty(self._shape)
-        _box_sums(raw, box, out)
-        return (out - 127.5 * box * box) / (box * _BYTE_DEVIATION)
+            raw = self._bytes(index, stream, (4 * height, width)).astype(np.int64)
+            summed = raw[0::4] + raw[1::4] + raw[2::4] + raw[3::4]
+            return (summed - 510.0) / (2.0 * _BYTE_DEVIATION)
+        raw = self._bytes(index, stream, (height + 2 * box - 2, width + 2 * box - 2)).astype(np.int64)
+        once = np.empty((height + box - 1, width + box - 1), np.int64)
+        twice = np.empty((height, width), np.int64)
+        _box_sums(raw, box, once)
+        _box_sums(once, box, twice)
+        # The sum of the squared weights of two boxes in a row, per axis: b (2 b^2 + 1) / 3.
+        squares = box * (2 * box * box + 1) // 3
+        return (twice - 127.5 * box**4) / (squares * _BYTE_DEVIATION)
+
+
+def _quantile(part: float) -> float:
+    """The value below which ``part`` of a unit Gaussian lies."""
+    if part <= 0.0 or part >= 1.0:
+        return -math.inf if part <= 0.0 else math.inf
+    return NormalDist().inv_cdf(part)
 
 
 @njit(cache=True, nogil=True)
-def _box_sums(raw: UInt8, box: int, out: Float) -> None:
+def _box_sums(raw: Int, box: int, out: Int) -> None:
     """Sums of ``raw`` over box x box windows, in integers."""
     height, width = out.shape
     columns = np.zeros(raw.shape[1], np.int64)
@@ -119,19 +137,6 @@ def _box_sums(raw: UInt8, box: int, out: Float) -> None:
             total -= columns[u]
         for u in range(raw.shape[1]):
             columns[u] -= raw[v, u]
-
-
-@njit(cache=True, nogil=True)
-def _displace(
-    depth: Float, material: UInt8, across: Float, down: Float, sigma: float, moved: Float, stuff: UInt8
-) -> None:
-    """Each pixel looks ``sigma`` pixels beside itself: edges fray, flat surfaces do not change."""
-    height, width = depth.shape
-    for v in range(height):
-        for u in range(width):
-            x = min(max(int(np.rint(u + sigma * across[v, u])), 0), width - 1)
-            y = min(max(int(np.rint(v + sigma * down[v, u])), 0), height - 1)
-            moved[v, u], stuff[v, u] = depth[y, x], material[y, x]
 
 
 @njit(cache=True, nogil=True)
@@ -155,71 +160,73 @@ def _cast_shadow(depth: Float, parallax: float, shadow: AnyArray) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _extremes(depth: Float, reach: int) -> tuple[Float, Float]:
-    """(H, W) the least and the greatest depth within ``reach`` pixels (a square window, separably)."""
+def _mark_edges(depth: Float, reach: int, zone: AnyArray) -> None:
+    """The pixels within ``reach`` (a square) of a place where one surface ends in front of another."""
     height, width = depth.shape
-    row_low, row_high = np.empty_like(depth), np.empty_like(depth)
-    low, high = np.empty_like(depth), np.empty_like(depth)
     for v in range(height):
         for u in range(width):
-            a, b = depth[v, u], depth[v, u]
-            for w in range(max(u - reach, 0), min(u + reach + 1, width)):
-                a, b = min(a, depth[v, w]), max(b, depth[v, w])
-            row_low[v, u], row_high[v, u] = a, b
-    for v in range(height):
-        for u in range(width):
-            a, b = row_low[v, u], row_high[v, u]
-            for w in range(max(v - reach, 0), min(v + reach + 1, height)):
-                a, b = min(a, row_low[w, u]), max(b, row_high[w, u])
-            low[v, u], high[v, u] = a, b
-    return low, high
+            right = u + 1 < width and _is_tear(
+                depth[v, max(u - 1, 0)], depth[v, u], depth[v, u + 1], depth[v, min(u + 2, width - 1)]
+            )
+            below = v + 1 < height and _is_tear(
+                depth[max(v - 1, 0), u], depth[v, u], depth[v + 1, u], depth[min(v + 2, height - 1), u]
+            )
+            if right or below:
+                zone[
+                    max(v - reach + 1 - right, 0) : v + reach + below, max(u - reach + 1 - below, 0) : u + reach + right
+                ] = True
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def _is_tear(before: float, here: float, there: float, beyond: float) -> bool:
+    """Whether the depth jumps between ``here`` and ``there``, more than the surfaces' own slopes explain."""
+    jump = abs(there - here)
+    if jump < _JUMP * min(here, there):
+        return False
+    return jump > 3.0 * min(abs(here - before), abs(beyond - there))
 
 
 @njit(cache=True, nogil=True)
 def _report(
-    depth: Float, stuff: UInt8, shadow: AnyArray, low: Float, high: Float, axial: Float, blobs: Float, dice: UInt8,
-    ray: Float, limits: Float, sigma: Float, losses: Float, out: UInt16,
+    depth: Float, stuff: UInt8, shadow: AnyArray, zone: AnyArray, across: Float, down: Float, lateral: float,
+    reach: int, axial: Float, blobs: Float, patches: Float, dice: UInt8, ray: Float, limits: Float, sigma: Float,
+    losses: Float, tears: Float, out: UInt16,
 ) -> None:  # fmt: skip
-    """What the sensor says of every pixel."""
+    """What the sensor says of every pixel; an edge's pixels look beside themselves, so that it frays."""
     height, width = depth.shape
     for v in range(height):
         for u in range(width):
-            z = depth[v, u]
-            if shadow[v, u] or not limits[0] <= z <= 2.0 * limits[1]:
+            x, y = u, v
+            if zone[v, u]:
+                x = min(max(int(np.rint(u + lateral * across[v, u])), 0), width - 1)
+                y = min(max(int(np.rint(v + lateral * down[v, u])), 0), height - 1)
+            z, material = depth[y, x], stuff[y, x]
+            if shadow[y, x] or not limits[0] * 0.5 <= z <= limits[1] * 2.0:
                 continue
             chance = dice[v, u] / 256.0
-            if low[v, u] * (1.0 + _JUMP) < high[v, u] and _is_torn(depth, v, u):
-                behind = high[v, u] - z < z - low[v, u]
-                if _lost(losses[0] if behind else 0.12 * losses[0], blobs[v, u]):
+            if zone[v, u]:
+                low, high = _extremes(depth, v, u, reach)
+                behind = high - z < z - low
+                if blobs[v, u] < losses[0 if behind else 1]:
                     continue
-                if chance < losses[1]:
-                    mix = chance / losses[1]
-                    z = low[v, u] + mix * (min(high[v, u], limits[1]) - low[v, u])
-            cosine = _cosine(depth, ray, v, u)
-            if cosine < losses[2] * (1.0 + 0.5 * chance):
+                if chance < tears[0]:
+                    z = low + chance / tears[0] * (min(high, limits[1]) - low)
+            cosine = _cosine(depth, ray, y, x)
+            if cosine < tears[1]:
                 continue
-            if stuff[v, u] > 0 and _lost(losses[2 + stuff[v, u]], blobs[v, u]):
+            if material > 0 and patches[v, u] < losses[1 + material]:
                 continue
             out[v, u] = _measured(z, cosine, axial[v, u], limits, sigma)
 
 
-@njit(cache=True, nogil=True)
-def _is_torn(depth: Float, v: int, u: int) -> bool:
-    return True
+@njit(cache=True, nogil=True, forceinline=True)
+def _extremes(depth: Float, v: int, u: int, reach: int) -> tuple[float, float]:
+    """The least and the greatest depth within ``reach`` pixels."""
+    window = depth[max(v - reach, 0) : v + reach + 1, max(u - reach, 0) : u + reach + 1]
+    return window.min(), window.max()
 
 
-@njit(cache=True, nogil=True)
-def _lost(part: float, blob: float) -> bool:
-    """Whether a blob of unit variance lies below the quantile of ``part`` (logistic, to within 0.02)."""
-    if part <= 0.0:
-        return False
-    # x -> 1 / 2 (1 + x / sqrt(1 + x^2 * 0.64 ... )) is replaced by its rational inverse: exact arithmetic.
-    p = min(max(part, 1e-6), 1.0 - 1e-6)
-    t = 2.0 * p - 1.0
-    return blob < t / np.sqrt(1.0 - t * t) * 1.25 if part < 1.0 else True
-
-
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def _cosine(depth: Float, ray: Float, v: int, u: int) -> float:
     """Cosine between the surface's normal and the ray, from the flatter neighbour on either axis."""
     height, width = depth.shape
@@ -237,14 +244,14 @@ def _cosine(depth: Float, ray: Float, v: int, u: int) -> float:
     return abs(nx * x + ny * y + nz) / length if length > 0.0 else 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def _slope(before: float, here: float, after: float) -> float:
     """The smaller in size of the differences to both neighbours."""
     a, b = here - before, after - here
     return a if abs(a) < abs(b) else b
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def _measured(z: float, cosine: float, noise: float, limits: Float, sigma: Float) -> int:
     """Depth z with noise, in the sensor's steps, as whole millimetres (0: out of range).
 

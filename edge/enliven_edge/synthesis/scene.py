@@ -33,16 +33,17 @@ def _table(x: float, z: float, top: float) -> tuple[Box, ...]:
 
 
 ROOM: tuple[Box, ...] = (
-    Box((-2.9, -0.2, -4.2), (2.9, 0.0, 1.5)),  # floor
-    Box((-2.9, 0.0, -4.2), (2.9, 2.7, -3.88)),  # back wall
+    Box((-2.9, -0.2, -6.2), (2.9, 0.0, 1.5)),  # floor
+    Box((-2.9, 0.0, -4.2), (0.52, 2.7, -3.88)),  # back wall, on both sides of an open door
+    Box((1.32, 0.0, -4.2), (2.9, 2.7, -3.88)),
+    Box((0.52, 2.02, -4.2), (1.32, 2.7, -3.88)),
     Box((-2.9, 0.0, -4.2), (-1.75, 2.7, 1.5)),  # wall on the left of the image
     Box((-1.75, 0.0, -3.88), (-1.62, 2.7, -3.74)),  # a pipe's casing in the corner
     Box((0.42, 0.0, -3.88), (0.52, 2.12, -3.80)),  # door frame
     Box((1.32, 0.0, -3.88), (1.42, 2.12, -3.80)),
     Box((0.42, 2.02, -3.88), (1.42, 2.12, -3.80)),
-    Box((0.62, 0.28, -3.88), (1.22, 0.92, -3.865)),  # panels of the door
-    Box((0.62, 1.06, -3.88), (1.22, 1.90, -3.865)),
-    Box((-1.35, 1.30, -3.88), (-0.65, 1.78, -3.84), MIRROR),  # a screen on the wall
+    Box((-2.9, 0.0, -6.2), (2.9, 2.7, -5.9)),  # the corridor behind it, too far for many sensors
+    Box((-1.50, 1.18, -3.88), (-0.46, 1.78, -3.83), MIRROR),  # a screen on the wall
     Box((-1.75, 0.0, -3.2), (-1.42, 1.05, -2.35)),  # a low cupboard
     Box((-1.70, 1.05, -2.75), (-1.55, 1.28, -2.55), DARK),  # and something black on it
     *_table(1.30, -3.55, 0.72),

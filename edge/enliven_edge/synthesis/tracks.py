@@ -54,6 +54,7 @@ class Step:
         dx, dz: metres the foot goes.
         lift: metres the ball rises at the middle.
         toe: radians the toes hang at the middle of the flight.
+        arc: (x, z) metres the foot swings aside at the middle of its flight.
         both: a hop: the pelvis does not shift onto the other foot, but flies along.
     """
 
@@ -64,6 +65,7 @@ class Step:
     dz: float = 0.0
     lift: float = 0.1
     toe: float = 0.3
+    arc: tuple[float, float] = (0.0, 0.0)
     both: bool = False
 
     def progress(self, time: float) -> float:
@@ -71,8 +73,16 @@ class Step:
         return ease((time - self.start) / (self.stop - self.start))
 
     def height(self, time: float) -> float:
-        """Metres of the ball above its planted height: a bump that leaves and lands at rest; a hop is a throw."""
+        """Metres of the ball above its planted height: it leaves and lands at rest; a hop is a throw."""
+        bump = self._bump(time)
+        return self.lift * (bump if self.both else bump * bump)
+
+    def offset(self, time: float) -> tuple[float, float]:
+        """(x, z) metres that the foot has gone."""
+        s, bump = self.progress(time), self._bump(time) ** 2
+        return s * self.dx + bump * self.arc[0], s * self.dz + bump * self.arc[1]
+
+    def _bump(self, time: float) -> float:
+        """A parabola over the flight, 1 at its middle, 0 before and after."""
         s = (time - self.start) / (self.stop - self.start)
-        if s <= 0.0 or s >= 1.0:
-            return 0.0
-        return self.lift * (4.0 * s * (1.0 - s) if self.both else (4.0 * s * (1.0 - s)) ** 2)
+        return 4.0 * s * (1.0 - s) if 0.0 < s < 1.0 else 0.0

@@ -1,0 +1,104 @@
+"""The performer in the room before the sensor: one call a frame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.body import Body
+from enliven.camera import world_from_level_camera
+from enliven.errors import InputError
+from enliven.frames import DepthFrame
+from enliven.settings import setting
+from enliven_edge.sensors.profile import SensorProfile
+from enliven_edge.synthesis.choreography import choreography
+from enliven_edge.synthesis.flesh import flesh_of
+from enliven_edge.synthesis.noise import DepthNoise
+from enliven_edge.synthesis.performer import Figure, Performer, Proportions
+from enliven_edge.synthesis.render import Renderer
+from enliven_edge.synthesis.scene import cast_room
+
+
+@dataclass(frozen=True)
+class StudioSettings:
+    """What is performed, by whom, and how it is seen."""
+
+    choreography: str = setting("chair", "What the performer does.")
+    performer: Proportions = setting(Proportions, "The performer's build.")
+    camera_height: float = setting(1.15, "The sensor above the floor.", unit="m", low=0.1, high=3.0)
+    camera_tilt: float = setting(5.0, "How far the sensor looks down.", unit="deg", low=-45, high=60)
+    noise: bool = setting(True, "Whether the sensor has the faults of its profile, or none.")
+    seed: int = setting(0, "Another seed, another sensor of the same make.", low=0, high=2**31)
+    width: int = setting(0, "Width of the images; 0 for the profile's own.", unit="px", low=0, high=4096)
+
+
+class Studio:
+    """Frames by number: the same settings and number always give the same frame.
+
+    Args:
+        profile: the sensor.
+        settings: the rest.
+
+    Raises:
+        InputError: for an unknown choreography, or a width that does not scale the image evenly.
+    """
+
+    def __init__(self, profile: SensorProfile, settings: StudioSettings | None = None) -> None:
+        self.profile, self.settings = profile, settings or StudioSettings()
+        s = self.settings
+        self.intrinsics = profile.intrinsics(_checked_width(profile, s.width))
+        self.choreography = choreography(s.choreography)
+        self.world_from_camera = world_from_level_camera(s.camera_height, math.radians(s.camera_tilt))
+        self._camera_from_world = np.linalg.inv(self.world_from_camera)
+        self._performer = Performer(s.performer)
+        self._room, self._room_material = cast_room(self.intrinsics, self.world_from_camera)
+        self._renderer = Renderer(self.intrinsics)
+        self._noise = DepthNoise(profile, self.intrinsics, s.seed)
+        self.sensor = f"synthetic {profile.name}"
+
+    @property
+    def frames(self) -> int:
+        """How many frames one run of the choreography has."""
+        return round(self.choreography.duration * self.profile.camera.fps)
+
+    def time_ns(self, index: int) -> int:
+        """The sensor's time of a frame, integer nanoseconds."""
+        return round(index * 1_000_000_000 / self.profile.camera.fps)
+
+    def figure(self, time: float) -> Figure:
+        """The performer at a time in seconds; the choreography begins again when it is over."""
+        return self._performer.pose(self.choreography.posture(time % self.choreography.duration))
+
+    def body(self, time_ns: int) -> Body:
+        """The true joints at a time of the sensor's clock."""
+        return Body(1, self.figure(time_ns * 1e-9).joints, np.ones(20))
+
+    def frame(self, index: int) -> DepthFrame:
+        """What the sensor reports as its frame of that number."""
+        figure = self.figure(self.time_ns(index) * 1e-9)
+        depth, material = self._room.copy(), self._room_material.copy()
+        self._renderer.draw(flesh_of(self._performer, figure, self._camera_from_world), depth, material)
+        image = self._noise.corrupt(depth, material, index) if self.settings.noise else _perfect(depth)
+        return DepthFrame(
+            image, self.intrinsics, self.time_ns(index), self.sensor, world_from_camera=self.world_from_camera
+        )
+
+
+def _perfect(depth: np.ndarray) -> np.ndarray:
+    """(H, W) uint16 millimetres of a depth in metres, 0 where there is nothing."""
+    return np.where(depth < 65.0, np.rint(np.minimum(depth, 65.0) * 1000.0), 0.0).astype(np.uint16)
+
+
+def _checked_width(profile: SensorProfile, width: int) -> int | None:
+    """The width to render at, None for the profile's own."""
+    if width == 0:
+        return None
+    if width < 16 or width * profile.camera.height % profile.camera.width:
+        raise InputError(
+            f"an image {width} pixels wide is no even scale of {profile.camera.width}x{profile.camera.height}",
+            where=profile.name,
+            mend=f"Give {profile.camera.width}, or its half or quarter.",
+        )
+    return width
