@@ -89,6 +89,8 @@ class Body:
         """Metres from the soles to the crown, as the bones' lengths stand (not the posture's)."""
         chain = (Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD, Joint.KNEE_LEFT, Joint.ANKLE_LEFT)
         length = sum(float(np.linalg.norm(self.joints[j] - self.joints[PARENTS[j]])) for j in chain)
+        hips = self.joints[[Joint.HIP_LEFT, Joint.HIP_RIGHT]].mean(0)
+        length += float(np.linalg.norm(self.joints[Joint.HIP_CENTER] - hips))
         return length + HEAD_ABOVE_JOINT + ANKLE_ABOVE_SOLE
 
 

@@ -51,7 +51,7 @@ def _best_plane(
             continue
         distance = points @ normal + height
         below = np.count_nonzero(distance < -3 * tolerance)
-        score = np.count_nonzero(np.abs(distance) < tolerance) - 3 * below
+        score = float(np.count_nonzero(np.abs(distance) < tolerance) - 3 * below)
         if score > best:
             best, best_normal, best_height = score, normal, height
     return best_normal, best_height

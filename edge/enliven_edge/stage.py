@@ -1,0 +1,61 @@
+"""The stage: the characters and the performers who step into them."""
+
+from __future__ import annotations
+
+from enliven.body import Body
+from enliven.character import Pose
+from enliven.errors import InputError
+from enliven_edge.actor import Actor, Cues
+
+
+class Stage:
+    """Bodies in, one pose a character out."""
+
+    def __init__(self, actors: list[Actor]) -> None:
+        self.actors = {actor.character.id: actor for actor in actors}
+        self._bodies: list[Body] = []
+
+    def perform(self, bodies: list[Body], time_ns: int) -> list[Pose]:
+        """One pose a character.
+
+        Args:
+            bodies: everybody in view, world frame.
+            time_ns: the sensor's clock.
+        """
+        self._bodies = bodies
+        return [actor.perform(bodies, time_ns) for actor in self.actors.values()]
+
+    def cues(self) -> dict[str, Cues]:
+        """By character, what is held or would be."""
+        return {name: actor.cues(self._bodies) for name, actor in self.actors.items()}
+
+    def possess(self, character: str, body: int | None = None, parts: str = "all") -> None:
+        """A performer takes hold of a character, now.
+
+        Args:
+            character: its id.
+            body: who; the first in view where None.
+            parts: what takes hold, a name of :data:`enliven.body.PARTS`.
+
+        Raises:
+            InputError: where there is no such character or performer, or nothing is in reach.
+        """
+        actor = self._actor(character)
+        present = [b for b in self._bodies if body is None or b.id == body]
+        if not present:
+            who = "nobody is in view" if body is None else f"performer {body} is not in view"
+            raise InputError(
+                who, where=f"possessing {character!r}", mend="Step in front of the sensor first."
+            )
+        actor.possess(present[0], parts)
+
+    def release(self, character: str) -> None:
+        """A character is let go; it eases back to rest where it stands."""
+        self._actor(character).release()
+
+    def _actor(self, character: str) -> Actor:
+        if character not in self.actors:
+            known = ", ".join(self.actors) or "none"
+            what = f"there is no character {character!r}"
+            raise InputError(what, where="stage", mend=f"Known: {known}.")
+        return self.actors[character]
