@@ -1,0 +1,203 @@
+"""The stage: meeting, taking hold, letting go, and nothing that jumps."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.body import Body, Joint
+from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.errors import InputError
+from enliven.shapes import make_chair
+from enliven_edge.actor import Actor, ActorSettings
+from enliven_edge.placement import Placement, facing, meeting
+from enliven_edge.stage import Stage
+from enliven_edge.tracking import model
+from enliven_edge.tracking.posture import Posture, rotation
+from enliven_edge.tracking.ranges import standing
+
+FRAME = 33_333_333
+
+
+@pytest.fixture(scope="module")
+def chair():
+    mesh = make_chair(0.03)
+    graph = DeformationGraph.build(mesh, nodes=64, seed=0)
+    return character_from(mesh, graph, "chair"), graph
+
+
+def person(x=0.0, z=-2.5, yaw=0.0, id=1, elbow=1.5, lift=0.0, confidence=1.0) -> Body:
+    """A standing person with the forearms forward, the left knee lifted by ``lift`` radians."""
+    rotations = standing(yaw, arm_forward=0.1, elbow=elbow)
+    rotations[model.THIGH_L] = rotation(x=-lift) @ rotations[model.THIGH_L]
+    rotations[model.SHIN_L] = rotation(x=lift)
+    posture = Posture(np.array([x, 1.0, z]), rotations, model.lengths_for_height(1.75))
+    return Body(id, posture.joints(), np.full(20, confidence))
+
+
+def stage(chair, **options) -> Stage:
+    return Stage([Actor(*chair, ActorSettings(**options))])
+
+
+def farthest(a, b) -> float:
+    return float(np.linalg.norm(a.positions - b.positions, axis=1).max())
+
+
+def test_a_free_character_meets_the_first_performer(chair):
+    poses = stage(chair).perform([person(x=0.4, z=-2.2)], 0)
+    centre = poses[0].positions.mean(0)
+    assert abs(centre[0] - 0.4) < 0.1
+    assert -2.3 < centre[2] < -1.6
+
+
+def test_taking_hold_does_not_jump(chair):
+    house = stage(chair)
+    before = house.perform([person()], 0)[0]
+    house.possess("chair")
+    after = house.perform([person()], FRAME)[0]
+    assert farthest(before, after) < 0.01
+
+
+def test_a_lifted_knee_lifts_the_chairs_leg(chair):
+    house = stage(chair, fade=0.0)
+    house.perform([person()], 0)
+    house.possess("chair")
+    still = house.perform([person()], FRAME)[0]
+    for i in range(20):
+        pose = house.perform([person(lift=0.06 * i)], (i + 2) * FRAME)[0]
+    rest = chair[0].pivots
+    left_back_foot = (rest[:, 1] < 0.3) & (rest[:, 0] > 0) & (rest[:, 2] < 0.25)
+    right_back_foot = (rest[:, 1] < 0.3) & (rest[:, 0] < 0) & (rest[:, 2] < 0.25)
+    moved = pose.positions - still.positions
+    assert moved[left_back_foot, 2].mean() > 0.15
+    assert np.linalg.norm(moved[right_back_foot], axis=1).mean() < 0.1
+
+
+@given(st.floats(-1, 1), st.floats(-1.5, 1.5), st.floats(-0.6, 0.6))
+@settings(max_examples=8, deadline=None)
+def test_walking_and_turning_as_a_whole_moves_the_mesh_rigidly(chair, dx, dz, yaw):
+    """The law: a rigid motion of the performer is the same rigid motion of the mesh."""
+    house = stage(chair, fade=0.0)
+    house.perform([person()], 0)
+    house.possess("chair")
+    start = house.perform([person()], FRAME)[0]
+    steps = 30
+    for i in range(1, steps + 1):
+        body = person()
+        turn = rotation(y=yaw * i / steps)
+        joints = (body.joints - [0, 0, -2.5]) @ turn.T + [dx * i / steps, 0, -2.5 + dz * i / steps]
+        moved = Body(1, joints, body.confidence)
+        pose = house.perform([moved], (i + 1) * FRAME)[0]
+    for i in range(20):
+        pose = house.perform([moved], (steps + 2 + i) * FRAME)[0]
+    expected = (start.positions - [0, 0, -2.5]) @ rotation(y=yaw).T + [dx, 0, -2.5 + dz]
+    assert np.linalg.norm(pose.positions - expected, axis=1).max() < 0.01
+
+
+def test_letting_go_eases_back_to_rest_where_it_is(chair):
+    house = stage(chair)
+    house.perform([person()], 0)
+    house.possess("chair")
+    for i in range(30):
+        held = house.perform([person(x=0.02 * i, lift=0.02 * i)], (i + 1) * FRAME)[0]
+    house.release("chair")
+    next_pose = house.perform([], 31 * FRAME)[0]
+    assert farthest(held, next_pose) < 0.02
+    for i in range(32, 70):
+        last = house.perform([], i * FRAME)[0]
+    turns = last.linear / np.cbrt(np.linalg.det(last.linear))[:, None, None]
+    np.testing.assert_allclose(turns, np.broadcast_to(turns[0], turns.shape), atol=1e-5)
+    assert abs(last.positions[:, 0].mean() - held.positions[:, 0].mean()) < 0.05
+
+
+def test_a_performer_who_is_lost_leaves_the_mesh_as_it_is_and_takes_it_up_again(chair):
+    house = stage(chair, fade=0.0)
+    house.perform([person()], 0)
+    house.possess("chair")
+    held = house.perform([person(lift=0.3)], FRAME)[0]
+    assert farthest(house.perform([], 2 * FRAME)[0], held) < 1e-4
+    again = house.perform([person(x=0.3, id=7)], 3 * FRAME)[0]
+    for i in range(4, 30):
+        again = house.perform([person(x=0.3, id=7)], i * FRAME)[0]
+    assert again.positions[:, 0].mean() > held.positions[:, 0].mean() + 0.2
+
+
+def test_nan_joints_leave_the_pose_finite(chair):
+    house = stage(chair, fade=0.0)
+    house.perform([person()], 0)
+    house.possess("chair")
+    broken = person()
+    broken.joints[Joint.HAND_LEFT] = np.nan
+    broken.joints[Joint.KNEE_RIGHT] = 1e30
+    for i in range(5):
+        pose = house.perform([broken], (i + 1) * FRAME)[0]
+        assert np.isfinite(pose.positions).all()
+        assert np.abs(pose.positions).max() < 10
+
+
+def test_only_the_named_part_takes_hold(chair):
+    house = stage(chair)
+    house.perform([person()], 0)
+    house.possess("chair", parts="legs")
+    cues = house.cues()["chair"]
+    assert cues.state == "possessed"
+    assert chair[0].pivots[cues.nodes, 1].max() < 1.2
+
+
+def test_the_preview_shows_what_would_be_held(chair):
+    house = stage(chair)
+    house.perform([person()], 0)
+    preview = house.cues()["chair"]
+    assert preview.state == "free"
+    assert len(preview.nodes) > 10
+    house.possess("chair")
+    held = house.cues()["chair"]
+    assert set(preview.nodes) <= set(held.nodes)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [{"character": "chiar"}, {"character": "chair", "body": 9}, {"character": "chair", "parts": "tail"}],
+)
+def test_what_cannot_be_done_is_said_and_changes_nothing(chair, asked):
+    house = stage(chair)
+    before = house.perform([person()], 0)[0]
+    with pytest.raises(InputError):
+        house.possess(**{"character": "chair"} | asked)
+    assert house.actors["chair"].state == "free"
+    assert farthest(house.perform([person()], FRAME)[0], before) < 1e-6
+
+
+def test_nobody_in_view_is_said(chair):
+    house = stage(chair)
+    house.perform([], 0)
+    with pytest.raises(InputError, match="nobody is in view"):
+        house.possess("chair")
+
+
+def test_out_of_reach_is_said(chair):
+    house = stage(chair, place="fixed")
+    house.perform([person(z=-9.0)], 0)
+    with pytest.raises(InputError, match="no part of the mesh is within"):
+        house.possess("chair")
+
+
+@given(st.floats(-3, 3), st.floats(0.3, 3), st.integers(0, 100))
+@settings(max_examples=30, deadline=None)
+def test_placement_there_and_back(yaw, scale, seed):
+    random = np.random.default_rng(seed)
+    placement = Placement(scale, yaw, random.normal(size=3))
+    points = random.normal(size=(5, 3))
+    np.testing.assert_allclose(placement.to_rest(placement.to_world(points)), points, atol=1e-9)
+
+
+@given(st.floats(-3.1, 3.1))
+@settings(max_examples=30, deadline=None)
+def test_facing_is_the_yaw_of_the_person(yaw):
+    assert facing(person(yaw=yaw)) == pytest.approx(yaw, abs=1e-6)
+
+
+def test_the_mesh_is_as_tall_as_the_performer():
+    body = person()
+    assert meeting(body, 0.9, 1.0).scale * 0.9 == pytest.approx(body.height)
+    assert body.height == pytest.approx(1.75, abs=0.07)
