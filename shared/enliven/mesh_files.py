@@ -42,7 +42,9 @@ def load_mesh(path: Path | str) -> LoadedMesh:
         what = "it is a folder" if path.is_dir() else "there is no such file"
         raise InputError(what, where=str(path), mend="Check the path.")
     if suffix not in READABLE:
-        raise InputError(f"{suffix or 'a file without an ending'} is no known mesh", where=str(path), mend=known)
+        raise InputError(
+            f"{suffix or 'a file without an ending'} is no known mesh", where=str(path), mend=known
+        )
     if path.stat().st_size == 0:
         raise InputError("the file is empty", where=str(path), mend="Export the mesh again.")
     try:
@@ -52,7 +54,9 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     except Exception as error:  # the readers of foreign bytes raise whatever they like
         reason = str(error).strip().splitlines()
         what = f"it cannot be read as {suffix[1:]}: {reason[0][:200] if reason else type(error).__name__}"
-        raise InputError(what, where=str(path), mend="Is it whole, and of the kind it says? " + known) from None
+        raise InputError(
+            what, where=str(path), mend="Is it whole, and of the kind it says? " + known
+        ) from None
     try:
         mesh, notes = repair(mesh)
     except InputError as error:
@@ -131,7 +135,9 @@ def save_mesh(mesh: Mesh, path: Path | str) -> None:
     path = Path(path)
     if path.suffix.lower() not in WRITABLE:
         known = ", ".join(s[1:] for s in WRITABLE)
-        raise InputError(f"cannot write {path.suffix or 'no'} files", where=str(path), mend=f"Known: {known}.")
+        raise InputError(
+            f"cannot write {path.suffix or 'no'} files", where=str(path), mend=f"Known: {known}."
+        )
     colours = None if mesh.colours is None else mesh.colours
     out = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colours, process=False)
     data = out.export(file_type=path.suffix.lower()[1:])

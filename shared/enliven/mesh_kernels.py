@@ -97,8 +97,8 @@ def split_long_edges(vertices: Float, faces: Int32, longest: float) -> tuple[Flo
     """One round of halving edges.
 
     Returns:
-        (V + S, 3) vertices, (G, 3) faces, (S, 2) each new vertex's two parents, and (G,) the face of ``faces``
-        that each new face is a part of.
+        (V + S, 3) vertices, (G, 3) faces, (S, 2) each new vertex's two parents, and (G,) the face of
+        ``faces`` that each new face is a part of.
     """
     corners = vertices[faces]
     lengths = np.linalg.norm(corners - np.roll(corners, -1, 1), axis=2)

@@ -42,11 +42,13 @@ def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
 def _without_broken_vertices(mesh: Mesh, notes: list[str]) -> Mesh:
     """Faces at vertices that are not finite, or absurdly far, go; the vertices are loose from then on."""
     # Squares of coordinates must stay finite too.
-    good = (np.abs(mesh.vertices) < 1e100).all(1)
+    good = np.asarray((np.abs(mesh.vertices) < 1e100).all(1))
     if good.all():
         return mesh
     keep = good[mesh.faces].all(1)
-    notes.append(f"removed {int((~good).sum())} vertices that are not finite, with {int((~keep).sum())} faces")
+    notes.append(
+        f"removed {int((~good).sum())} vertices that are not finite, with {int((~keep).sum())} faces"
+    )
     vertices = np.where(good[:, None], mesh.vertices, 0.0)
     return replace(mesh, vertices=vertices, faces=mesh.faces[keep])
 

@@ -243,4 +243,5 @@ def _coloured(vertices: Float, nearest: Int, boards: list[_Board]) -> UInt8:
     wood = np.array([board.colour != _FABRIC for board in boards])[nearest]
     x, y, z = vertices.T
     grain = 0.05 * np.sin(41 * x + 9 * np.sin(3 * y) + nearest) + 0.04 * np.sin(57 * z + 7 * np.sin(4 * y))
-    return np.clip(colours * (1 + np.where(wood, grain, 0.0))[:, None], 0, 255).astype(np.uint8)
+    shaded = colours * (1 + np.where(wood, grain, 0.0))[:, None]
+    return np.asarray(np.clip(shaded, 0, 255), np.uint8)

@@ -31,9 +31,9 @@ class AttachmentSettings:
     radius: float = setting(0.04, "Radius of the cylinder around each bone.", unit="m", low=0.0, high=0.5)
     along: int = setting(4, "Samples along each bone.", low=1, high=64)
     around: int = setting(4, "Samples around each bone.", low=1, high=64)
-    reach: float = setting(0.10, "How near a graph node must be to be taken hold of.", unit="m", low=0.0, high=2.0)
+    reach: float = setting(0.10, "How near a node must be to be taken hold of.", unit="m", low=0.0, high=2.0)
     normal_angle: float = setting(
-        math.pi / 2, "How far a sample's and a node's normals may be apart.", unit="rad", low=0.0, high=math.pi
+        math.pi / 2, "How far two normals may be apart.", unit="rad", low=0.0, high=math.pi
     )
     joints: bool = setting(True, "Whether the joints take hold too, besides the bones.")
 
@@ -171,7 +171,7 @@ def attach(
 def _samples(
     joints: Float, usable: Bool, chosen: Bool, settings: AttachmentSettings
 ) -> tuple[Float, Float, Int, Float, Float]:
-    """Position, normal (zero at a joint: any way is right), bone, fraction and radial offset of each sample."""
+    """Position, normal (zero at a joint), bone, fraction and radial offset of each sample."""
     points, normals = bone_samples(joints, settings.radius, settings.along, settings.around)
     count = points.shape[1]
     bones = np.flatnonzero(usable[1:] & usable[_PARENT[1:]] & chosen[1:])

@@ -6,7 +6,7 @@ and everything that depends on the pattern alone (order, fill, where each produc
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -78,12 +78,13 @@ def analyse(count: int, pairs: Int) -> BlockPattern:
             below[heir] |= below[node] - {heir}
     rows = [np.array([node, *sorted(below[node])]) for node in range(count)]
     start = np.concatenate([[0], np.cumsum([len(r) for r in rows])])
-    pattern = BlockPattern(start.astype(np.int32), np.concatenate(rows).astype(np.int32), np.empty(0, np.int32))
+    row = np.concatenate(rows).astype(np.int32)
+    pattern = BlockPattern(start.astype(np.int32), row, np.empty(0, np.int32))
     products = []
     for lower in rows:
         i, j = np.tril_indices(len(lower) - 1)
         products.append(np.stack([lower[1:][i], lower[1:][j]], 1))
-    return BlockPattern(pattern.start, pattern.row, pattern.block_of(np.concatenate(products)))
+    return replace(pattern, product=pattern.block_of(np.concatenate(products)))
 
 
 @njit(cache=True, nogil=True, fastmath=True)

@@ -10,9 +10,11 @@ from numba import njit
 from enliven.arrays import Float
 from enliven.deformation.block_cholesky import factorise, substitute
 from enliven.deformation.energy import CON, REG, RIG, ROT, along_line, best_step, gradient
-from enliven.rotation import nearest_quaternion
+from enliven.rotation import nearest_rotations
 
 _PAIRS = 6
+_NEGLIGIBLE = 1e-9
+"""An energy that nobody sees: with the default weights, every point 3 micrometres off."""
 _TIKHONOV = 1e-6
 """Keeps the matrix definite where nothing holds a node; the energy itself has no such term."""
 
@@ -21,8 +23,8 @@ class Memory(NamedTuple):
     """The last steps and changes of the gradient that L-BFGS remembers, and room to work in.
 
     Attributes:
-        steps: (M, N, 4, 3).
-        changes: (M, N, 4, 3).
+        steps: (M, 12 N).
+        changes: (M, 12 N).
         curvatures: (M,) their inner products.
         room: (4, N, 4, 3).
     """
@@ -35,7 +37,7 @@ class Memory(NamedTuple):
     @staticmethod
     def empty(count: int) -> Memory:
         """Nothing remembered, for ``count`` nodes."""
-        shape = (_PAIRS, count, 4, 3)
+        shape = (_PAIRS, 12 * count)
         return Memory(np.zeros(shape), np.zeros(shape), np.zeros(_PAIRS), np.zeros((4, count, 4, 3)))
 
 
@@ -107,8 +109,7 @@ def _couple(blocks, start, row, i, j, u, v, w):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _dot(a, b):  # type: ignore[no-untyped-def]
-    u, v = a.reshape(-1), b.reshape(-1)
+def _dot(u, v):  # type: ignore[no-untyped-def]
     total = 0.0
     for i in range(u.shape[0]):
         total += u[i] * v[i]
@@ -116,35 +117,41 @@ def _dot(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _add_scaled(a, scale, b):  # type: ignore[no-untyped-def]
-    u, v = a.reshape(-1), b.reshape(-1)
+def _add_scaled(u, scale, v):  # type: ignore[no-untyped-def]
     for i in range(u.shape[0]):
         u[i] += scale * v[i]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _set_scaled(u, scale, v):  # type: ignore[no-untyped-def]
+    for i in range(u.shape[0]):
+        u[i] = scale * v[i]
 
 
 @njit(cache=True, nogil=True)
 def descend(x, t, start, row, blocks, memory, most, tolerance):  # type: ignore[no-untyped-def]
     """Kernel: lower the energy from ``x``, in place; returns the number of iterations."""
-    now, before, way, trial = memory.room[0], memory.room[1], memory.room[2], memory.room[3]
-    _follow_rigidly(x, t, now, trial)
-    energy = sum(gradient(x, t, now))
+    room, steps, changes = memory.room, memory.steps, memory.changes
+    now, before, way = room[0].reshape(-1), room[1].reshape(-1), room[2].reshape(-1)
+    _follow_rigidly(x, t, room[0], room[3])
+    energy = gradient(x, t, room[0])
     kept = 0
     for iteration in range(most):
-        _direction(now, memory, kept, start, row, blocks, way)
+        _direction(now, memory, kept, start, row, blocks, room[2])
         slope = _dot(now, way)
-        if not slope < 0.0 or -slope <= tolerance * energy + 1e-12:
+        if not slope < 0.0 or -slope <= tolerance * energy[4] + _NEGLIGIBLE:
             return iteration
-        c = along_line(x, way, t)
-        step = best_step(c)
+        step = best_step(along_line(x, room[2], t))
         if step == 0.0:
             return iteration
-        _add_scaled(x, step, way)
-        before[:] = now
-        energy = sum(gradient(x, t, now))
+        _add_scaled(x.reshape(-1), step, way)
+        _set_scaled(before, 1.0, now)
+        energy = gradient(x, t, room[0])
         slot = kept % _PAIRS
-        memory.steps[slot] = step * way
-        memory.changes[slot] = now - before
-        curvature = _dot(memory.steps[slot], memory.changes[slot])
+        _set_scaled(steps[slot], step, way)
+        _set_scaled(changes[slot], 1.0, now)
+        _add_scaled(changes[slot], -1.0, before)
+        curvature = _dot(steps[slot], changes[slot])
         if curvature > 1e-12 * abs(slope) * step:
             memory.curvatures[slot] = curvature
             kept += 1
@@ -154,18 +161,19 @@ def descend(x, t, start, row, blocks, memory, most, tolerance):  # type: ignore[
 @njit(cache=True, nogil=True)
 def _direction(now, memory, kept, start, row, blocks, out):  # type: ignore[no-untyped-def]
     """The two loops of L-BFGS (J. Nocedal 1980) around the solve with the constant factor."""
-    out[:] = -now
+    way = out.reshape(-1)
+    _set_scaled(way, -1.0, now)
     share = np.zeros(_PAIRS)
     oldest = max(0, kept - _PAIRS)
     for n in range(kept - 1, oldest - 1, -1):
         m = n % _PAIRS
-        share[m] = _dot(memory.steps[m], out) / memory.curvatures[m]
-        _add_scaled(out, -share[m], memory.changes[m])
+        share[m] = _dot(memory.steps[m], way) / memory.curvatures[m]
+        _add_scaled(way, -share[m], memory.changes[m])
     substitute(start, row, blocks, out)
-    out *= 0.5
+    _set_scaled(way, 0.5, way)
     for n in range(oldest, kept):
         m = n % _PAIRS
-        _add_scaled(out, share[m] - _dot(memory.changes[m], out) / memory.curvatures[m], memory.steps[m])
+        _add_scaled(way, share[m] - _dot(memory.changes[m], way) / memory.curvatures[m], memory.steps[m])
 
 
 @njit(cache=True, nogil=True)
@@ -174,45 +182,48 @@ def _follow_rigidly(x, t, now, trial):  # type: ignore[no-untyped-def]
 
     E_rot and E_reg do not change in a rigid motion, so a body that turns or leaps costs nothing.
     """
-    total = t.pulls.sum()
-    if not total > 0.0:
+    turn, middle, goal = np.empty((3, 3)), np.zeros(3), np.zeros(3)
+    if not _rigid_motion(x, t, turn, middle, goal):
         return
+    for n in range(x.shape[0]):
+        for a in range(3):
+            for c in range(4):
+                total = 0.0 if c < 3 else goal[a]
+                for b in range(3):
+                    total += turn[a, b] * (x[n, c, b] - (0.0 if c < 3 else middle[b]))
+                trial[n, c, a] = total
+    if gradient(trial, t, now)[4] < gradient(x, t, now)[4]:
+        _set_scaled(x.reshape(-1), 1.0, trial.reshape(-1))
+
+
+@njit(cache=True, nogil=True)
+def _rigid_motion(x, t, turn, middle, goal):  # type: ignore[no-untyped-def]
+    """The rotation about ``middle``, which goes to ``goal``; False where nothing pulls."""
     count = t.nodes.shape[0]
     points = np.zeros((count, 3))
+    total = 0.0
     for m in range(count):
-        for k in range(4):
-            for c in range(4):
-                points[m] += t.rows[m, k, c] * x[t.nodes[m, k], c]
-    middle, goal = np.zeros(3), np.zeros(3)
-    for m in range(count):
-        middle += t.pulls[m] * points[m]
-        goal += t.pulls[m] * t.targets[m]
-    middle /= total
-    goal /= total
-    spread = np.zeros((3, 3))
+        total += t.pulls[m]
+        for a in range(3):
+            for k in range(4):
+                for c in range(4):
+                    points[m, a] += t.rows[m, k, c] * x[t.nodes[m, k], c, a]
+            middle[a] += t.pulls[m] * points[m, a]
+            goal[a] += t.pulls[m] * t.targets[m, a]
+    if not total > 0.0:
+        return False
+    for a in range(3):
+        middle[a] /= total
+        goal[a] /= total
+    spread = np.zeros((1, 3, 3))
     size = 0.0
     for m in range(count):
         for a in range(3):
             size += t.pulls[m] * (points[m, a] - middle[a]) ** 2
             for b in range(3):
-                spread[a, b] += t.pulls[m] * (t.targets[m, a] - goal[a]) * (points[m, b] - middle[b])
+                spread[0, a, b] += t.pulls[m] * (t.targets[m, a] - goal[a]) * (points[m, b] - middle[b])
     # A pull to "no turn": the points may lie on a line, about which any turn would be as good.
     for a in range(3):
-        spread[a, a] += 1e-6 * size + 1e-12
-    w, i, j, k = nearest_quaternion(spread)
-    turn = np.array(
-        [
-            [1 - 2 * (j * j + k * k), 2 * (i * j - w * k), 2 * (i * k + w * j)],
-            [2 * (i * j + w * k), 1 - 2 * (i * i + k * k), 2 * (j * k - w * i)],
-            [2 * (i * k - w * j), 2 * (j * k + w * i), 1 - 2 * (i * i + j * j)],
-        ]
-    )
-    for n in range(x.shape[0]):
-        for a in range(3):
-            for c in range(3):
-                trial[n, c, a] = turn[a, 0] * x[n, c, 0] + turn[a, 1] * x[n, c, 1] + turn[a, 2] * x[n, c, 2]
-            trial[n, 3, a] = goal[a]
-            for b in range(3):
-                trial[n, 3, a] += turn[a, b] * (x[n, 3, b] - middle[b])
-    if sum(gradient(trial, t, now)) < sum(gradient(x, t, now)):
-        x[:] = trial
+        spread[0, a, a] += 1e-6 * size + 1e-12
+    nearest_rotations(spread, turn.reshape(1, 3, 3))
+    return True

@@ -3,9 +3,9 @@
 KinÊtre, eq. 8, is minimised by L-BFGS, preconditioned with one constant matrix. E_reg and E_con are linear
 least squares and the same for each coordinate; with E_rot and E_rig taken as in the rest pose they make one
 symmetric system of four unknowns a node, which is factorised in 4x4 blocks
-(:mod:`enliven.deformation.block_cholesky`). An iteration is a gradient, a solve with that factor, and an exact
-step: along a line the energy is a polynomial of degree four, so the best step is known and the energy never
-rises.
+(:mod:`enliven.deformation.block_cholesky`). An iteration is a gradient, a solve with that factor, and an
+exact step: along a line the energy is a polynomial of degree four, so the best step is known and the energy
+never rises.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ class EmbeddedSettings:
     )
     iterations: int = setting(12, "Most iterations in a frame.", low=1, high=1000)
     tolerance: float = setting(
-        1e-4, "A frame is done when an iteration would lower the energy by less than this part of it.", low=0.0
+        1e-4,
+        "A frame is done when an iteration promises to lower the energy by less than this part.",
+        low=0.0,
     )
 
 
@@ -181,8 +183,8 @@ class EmbeddedSolver:
     def _report(self) -> None:
         """Fill ``energy`` with each term, weighted, and their sum."""
         parts = gradient(self._x, self._terms, np.empty_like(self._x))
-        names = ("rotation", "smoothness", "constraint", "rigidity")
-        self.energy = {**dict(zip(names, parts, strict=True)), "total": sum(parts)}
+        names = ("rotation", "smoothness", "constraint", "rigidity", "total")
+        self.energy = dict(zip(names, parts, strict=True))
 
 
 def _pairs_of(nodes: Int32) -> list[Int]:

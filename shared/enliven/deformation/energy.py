@@ -46,13 +46,13 @@ class Terms(NamedTuple):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def gradient(x, t, out):  # type: ignore[no-untyped-def]
-    """Kernel: ``out`` (N, 4, 3) takes dE/dx; returns (w E_rot, w E_reg, w E_con, w E_rig)."""
+    """Kernel: ``out`` (N, 4, 3) takes dE/dx; returns (w E_rot, w E_reg, w E_con, w E_rig, E)."""
     out[:] = 0.0
     rot = _rotation_gradient(x, t.weights[ROT], out)
     reg = _smoothness_gradient(x, t.edges, t.offsets, t.weights[REG], out)
     con = _constraint_gradient(x, t.nodes, t.rows, t.targets, t.pulls, t.weights[CON], out)
     rig = _rigidity_gradient(x, t.edges, t.offsets, t.rigid, t.turning, t.weights[RIG], out)
-    return rot, reg, con, rig
+    return rot, reg, con, rig, rot + reg + con + rig
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -226,7 +226,7 @@ def _constraint_line(x, d, nodes, rows, targets, pulls, w, out):  # type: ignore
 
 @njit(cache=True, nogil=True)
 def best_step(c):  # type: ignore[no-untyped-def]
-    """The s > 0 of a minimum of the quartic c0 + ... + c4 s^4, c1 < 0, that is below c0; 0 if none is found."""
+    """The s > 0 of a minimum of c0 + ... + c4 s^4 (c1 < 0) that lies below c0; 0 if none is found."""
     high = 1.0
     for _ in range(60):
         if c[1] + high * (2 * c[2] + high * (3 * c[3] + high * 4 * c[4])) >= 0.0:

@@ -49,9 +49,7 @@ class DeformationGraph:
     radius: float
 
     @staticmethod
-    def build(
-        mesh: Mesh, nodes: int = 128, seed: int = 0, radius: float | None = None
-    ) -> DeformationGraph:
+    def build(mesh: Mesh, nodes: int = 128, seed: int = 0, radius: float | None = None) -> DeformationGraph:
         """Sample the mesh and link the samples; the same input gives the same graph.
 
         Nodes are linked with their four nearest under D (eq. 6). One check is added to the paper's: two
@@ -138,7 +136,8 @@ def _linked(samples: SurfaceSamples, land: Territories) -> DeformationGraph:
     across = np.where(np.isfinite(apart), apart, straight)
     # Ways along the surface come first: no way between shells is shorter than any of them.
     longest = float(ways[np.isfinite(ways)].max(initial=0.0))
-    edges = np.concatenate([edges, joints(count, edges, np.where(same_shell & np.isfinite(ways), ways, longest + across))])
+    links = np.where(same_shell & np.isfinite(ways), ways, longest + across)
+    edges = np.concatenate([edges, joints(count, edges, links)])
     edges = np.unique(edges, axis=0).astype(np.int32)
     bridges, cuts, hanging = weak_edges(count, edges)
     return DeformationGraph(

@@ -77,7 +77,7 @@ def poisson_disk(mesh: Mesh, nodes: int = 128, radius: float | None = None, seed
     """
     if nodes < 1 or (radius is not None and not radius > 0):
         raise InputError(
-            f"{nodes} nodes, radius {radius}", where="sampling", mend="Give at least 1 node, a radius above 0."
+            f"{nodes} nodes, radius {radius}", where="sampling", mend="Give 1 node or more, a radius above 0."
         )
     rng = np.random.default_rng(seed)
     area = mesh.area

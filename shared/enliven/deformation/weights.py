@@ -72,7 +72,7 @@ def _blend(vertices, owner, positions, candidates, k):  # type: ignore[no-untype
 
 @njit(cache=True, nogil=True)
 def insert(near, who, found, length, item):  # type: ignore[no-untyped-def]
-    """Keep ``near`` the smallest lengths in ascending order, ``who`` beside it; returns how many there are."""
+    """Keep ``near`` the smallest lengths, ascending, ``who`` beside it; returns how many there are."""
     if found == near.shape[0]:
         if length >= near[found - 1]:
             return found
