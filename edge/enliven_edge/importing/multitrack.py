@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from enliven.arrays import Bool, Float
 from enliven.body import Body
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
@@ -49,21 +50,21 @@ class MultiTrackReader:
             raise InputError(f"the column {missing[0]} is missing", where=str(path))
         rows = rows[:-1] if rows and len(rows[-1]) != len(header) else rows
         device = _chosen(Counter(row[column["Kinect_Id"]] for row in rows), options.device, path)
-        rows = [row for row in rows if row[column["Kinect_Id"]] == device]
         kept = [[row[column[name]] for name in wanted if name != "Kinect_Id"] for row in rows]
-        moments = _moments(numbers_of(kept, path, len(wanted) - 1, 2))
+        values = numbers_of(kept, path, len(wanted) - 1, 2)
+        moments = _moments(values, np.array([row[column["Kinect_Id"]] == device for row in rows]))
         return frames_in_world(moments, f"kinect2-{device}", WORLD_FROM_KINECT_SPACE, str(path))
 
 
-def _moments(values: np.ndarray) -> list[Moment]:
-    """Rows of time in ms, person, 20 x 3 joints, gathered by time."""
-    values = values[np.argsort(values[:, 0], kind="stable")]
+def _moments(values: Float, ours: Bool) -> list[Moment]:
+    """Rows of time in ms, person and 20 x 3 joints by time; others' rows give the time alone."""
+    order = np.argsort(values[:, 0], kind="stable")
     moments: list[Moment] = []
-    for row in values:
-        time_ns = round((row[0] - values[0, 0]) * 1e6)
+    for row, our in zip(values[order], ours[order], strict=True):
+        time_ns = round((row[0] - values[order[0], 0]) * 1e6)
         if not moments or moments[-1].time_ns != time_ns:
             moments.append(Moment(time_ns))
-        if int(row[1]) not in [body.id for body in moments[-1].bodies]:
+        if our and int(row[1]) not in [body.id for body in moments[-1].bodies]:
             joints, confidence = observed(row[2:].reshape(20, 3), np.full(20, TRACKED))
             moments[-1].bodies.append(Body(int(row[1]), joints, confidence))
     return moments

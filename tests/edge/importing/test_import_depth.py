@@ -1,0 +1,233 @@
+"""Depth readers, each on small images of its layout that this test writes."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from enliven.camera import project, rays, unproject
+from enliven.errors import InputError
+from enliven_edge.importing.base import ImportOptions, natural_order
+from enliven_edge.importing.mirror import mirrored
+from enliven_edge.importing.registry import find_files, find_reader, readers
+
+XML = """<?xml version="1.0"?>
+<opencv_storage>
+<intrinsic type_id="opencv-matrix"><rows>3</rows><cols>3</cols><dt>f</dt>
+  <data>
+    52.5 0. 3.2e+001 0. 52.6 2.4e+001 0. 0. 1.</data></intrinsic>
+<t type_id="opencv-matrix"><rows>3</rows><cols>1</cols><dt>f</dt><data> 1. 2. 3.</data></t>
+</opencv_storage>
+"""
+
+
+def depth_image(seed: int, height: int = 48, width: int = 64) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, 5000, (height, width), np.uint16)
+
+
+def save(path, array):
+    Image.fromarray(array).save(path)
+
+
+def read(folder, **options):
+    paths = find_files([str(folder)])
+    reader = find_reader(paths)
+    return reader.name, list(reader.read(paths, ImportOptions(**options)))
+
+
+def test_opencv_depth(tmp_path):
+    for i in (0, 1, 2, 10):
+        save(tmp_path / f"{i}_depth.png", depth_image(i))
+        (tmp_path / f"{i}_camera.xml").write_text(XML)
+    save(tmp_path / "10.jpg", np.full((48, 64, 3), 200, np.uint8))
+    save(tmp_path / "10_mask.jpg", np.zeros((48, 64), np.uint8))
+    (tmp_path / "SOURCE.txt").write_text("words")
+    name, frames = read(tmp_path, fps=20)
+    assert name == "opencv-depth"
+    assert [frame.time_ns for frame in frames] == [0, 50_000_000, 100_000_000, 150_000_000]
+    for i, frame in zip((0, 1, 2, 10), frames, strict=True):
+        assert np.array_equal(frame.depth, depth_image(i))
+    camera = frames[0].intrinsics
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (52.5, 52.6, 32.0, 24.0)
+    assert [frame.colour is not None for frame in frames] == [False, False, False, True]
+    assert abs(int(frames[3].colour[5, 5, 1]) - 200) < 3
+
+
+def test_raw_kinect1(tmp_path):
+    for i in range(2):
+        depth_image(i, 480, 640).astype("<u2").tofile(tmp_path / f"depth-{i}.u16")
+    name, frames = read(tmp_path)
+    assert name == "raw-kinect1"
+    assert np.array_equal(frames[1].depth, depth_image(1, 480, 640))
+    assert frames[1].intrinsics.fx == 525
+    assert frames[1].time_ns == 33_333_333
+
+
+def test_random_bytes_of_the_right_length_are_no_kinect_image(tmp_path):
+    np.random.default_rng(0).integers(0, 65536, (480, 640), np.uint16).tofile(tmp_path / "noise.bin")
+    with pytest.raises(InputError, match="no reader recognises"):
+        read(tmp_path)
+
+
+def test_realsense_takes_the_device_of_the_file_name(tmp_path):
+    sizes = [
+        {"1280x720": [960.0, 0, 630.5, 0, 961.0, 350.5, 0, 0, 1]},
+        {"640x480": [640.0, 0, 320, 0, 640, 240, 0, 0, 1]},
+    ]
+    entry = {"Device": "M11", "Type": "Intel RealSense D415", "Serial": "42", "Depth Intrinsics": sizes}
+    (tmp_path / "device_repository.json").write_text(json.dumps([{"Device": "M7"}, entry]))
+    save(tmp_path / "0_M11_depth_0.png", depth_image(0, 360, 640))
+    name, frames = read(tmp_path)
+    camera = frames[0].intrinsics
+    assert name == "realsense"
+    assert frames[0].sensor == "realsense-d415-42"
+    assert (camera.fx, camera.fy) == (480.0, 480.5)
+    assert (camera.cx, camera.cy) == (315.0, 175.0)
+    save(tmp_path / "1_M99_depth_0.png", depth_image(0, 360, 640))
+    with pytest.raises(InputError, match=r"M99 is not in the list.*Known: M11, M7"):
+        read(tmp_path)
+
+
+def test_a_size_without_calibration_is_refused(tmp_path):
+    (tmp_path / "device_repository.json").write_text('[{"Device": "A", "Depth Intrinsics": []}]')
+    save(tmp_path / "0_A_depth_0.png", depth_image(0))
+    with pytest.raises(InputError, match="no depth calibration for 64x48"):
+        read(tmp_path)
+
+
+def test_posed_depth_turns_the_world_upright(tmp_path):
+    pose = np.eye(4)
+    pose[:3, :3] = [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]
+    pose[:3, 3] = (1, 2, 3)
+    save(tmp_path / "frame-000.depth.png", depth_image(0))
+    np.savetxt(tmp_path / "frame-000.pose.txt", pose)
+    np.savetxt(tmp_path / "camera-intrinsics.txt", [[585, 0, 32], [0, 586, 24], [0, 0, 1]])
+    name, frames = read(tmp_path)
+    assert name == "posed-depth"
+    assert np.allclose(frames[0].world_from_camera, np.diag([1, -1, -1, 1]) @ pose)
+    assert np.linalg.det(frames[0].world_from_camera[:3, :3]) == pytest.approx(1)
+    assert (frames[0].intrinsics.fx, frames[0].intrinsics.cy) == (585, 24)
+    np.savetxt(tmp_path / "frame-000.pose.txt", 2 * pose)
+    with pytest.raises(InputError, match="not a rotation"):
+        read(tmp_path)
+    (tmp_path / "frame-000.pose.txt").write_text("1 2 three")
+    with pytest.raises(InputError, match="something else than numbers"):
+        read(tmp_path)
+
+
+def test_plain_depth_of_the_usual_shape(tmp_path):
+    save(tmp_path / "a9.png", depth_image(9, 240, 320))
+    save(tmp_path / "a10.png", depth_image(10, 240, 320))
+    name, frames = read(tmp_path)
+    assert name == "plain-depth"
+    assert np.array_equal(frames[0].depth, depth_image(9, 240, 320))
+    assert frames[0].intrinsics.fx == 262.5
+    save(tmp_path / "a11.png", depth_image(1, 50, 50))
+    with pytest.raises(InputError, match="50x50, and no file states its camera"):
+        read(tmp_path)
+
+
+def test_a_damaged_image_is_named(tmp_path):
+    for i in range(2):
+        save(tmp_path / f"{i}_depth.png", depth_image(i))
+        (tmp_path / f"{i}_camera.xml").write_text(XML)
+    whole = (tmp_path / "1_depth.png").read_bytes()
+    (tmp_path / "1_depth.png").write_bytes(whole[:200])
+    with pytest.raises(InputError, match=r"1_depth.png: the image is damaged"):
+        read(tmp_path)
+    save(tmp_path / "1_depth.png", np.zeros((48, 64), np.uint8))
+    with pytest.raises(InputError, match=r"1_depth.png: it is not a PNG of one 16-bit channel"):
+        read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("<opencv_storage>", "camera file is damaged"),
+        ("<opencv_storage></opencv_storage>", "has 0 numbers"),
+        (XML.replace("52.5", "0."), "focal length"),
+        (XML.replace("52.5", "nan"), "focal length"),
+    ],
+)
+def test_a_damaged_camera_file_is_refused(tmp_path, text, expected):
+    save(tmp_path / "0_depth.png", depth_image(0))
+    (tmp_path / "0_camera.xml").write_text(text)
+    with pytest.raises(InputError, match=expected):
+        read(tmp_path)
+
+
+def test_mirroring_keeps_every_point_in_its_place_across(tmp_path):
+    save(tmp_path / "0_depth.png", depth_image(0))
+    (tmp_path / "0_camera.xml").write_text(XML)
+    (frame,) = read(tmp_path)[1]
+    (mirror,) = mirrored(iter([frame]))
+    points = unproject(frame.depth, rays(frame.intrinsics))
+    reflected = unproject(mirror.depth, rays(mirror.intrinsics))[:, ::-1] * [-1, 1, 1]
+    assert np.allclose(points, reflected)
+    (again,) = mirrored(iter([mirror]))
+    assert again.intrinsics == frame.intrinsics
+    seen = frame.depth > 0
+    assert np.allclose(project(points[seen], frame.intrinsics)[:, 0], np.nonzero(seen)[1])
+
+
+def test_files_are_sorted_as_people_count(tmp_path):
+    names = ["a2_x10.png", "a10_x1.png", "a2_x9.png"]
+    ordered = sorted((tmp_path / name for name in names), key=natural_order)
+    assert [path.name for path in ordered] == ["a2_x9.png", "a2_x10.png", "a10_x1.png"]
+
+
+def test_files_folders_and_patterns(tmp_path):
+    for name in ("a.txt", "b.txt", "c.bin"):
+        (tmp_path / name).write_text("x")
+    assert len(find_files([str(tmp_path)])) == 3
+    assert len(find_files([str(tmp_path / "*.txt"), str(tmp_path / "a.txt")])) == 2
+    (tmp_path / "empty").mkdir()
+    for name, expected in (("none", "no such file"), ("*.png", "no such file"), ("empty", "holds no files")):
+        with pytest.raises(InputError, match=expected):
+            find_files([str(tmp_path / name)])
+
+
+def frames_or_refusal(reader, path):
+    try:
+        return list(reader.read([path]))
+    except InputError as error:
+        assert str(path.parent) in error.where
+        return None
+
+
+def test_every_reader_presents_itself_and_survives_any_file(tmp_path):
+    contents = [b"", b"\0" * 5000, b"\x89PNG\r\n\x1a\n", b"[", b"1,2,3\n", bytes(range(256)), b"Head;x;y;z\n"]
+    paths = [tmp_path / f"{i}_depth.png" for i in range(len(contents))]
+    for path, content in zip(paths, contents, strict=True):
+        path.write_bytes(content)
+    for name, reader in readers().items():
+        assert reader.name == name
+        assert reader.description
+        for path in [*paths, tmp_path / "missing.csv", tmp_path]:
+            assert reader.can_read([path]) in (True, False)
+            assert frames_or_refusal(reader, path) in ([], None)
+        assert not reader.can_read([])
+
+
+def test_an_unknown_reader_names_the_nearest(tmp_path):
+    with pytest.raises(InputError, match="Did you mean kinect-gait"):
+        find_reader([tmp_path], "kinect-gate")
+
+
+def test_other_packages_add_readers(monkeypatch, tmp_path):
+    class Mine:
+        name, description, note = "mine", "a layout", ""
+
+        def can_read(self, paths):
+            return paths[0].suffix == ".mine"
+
+        def read(self, paths, options):
+            yield from ()
+
+    class Entry:
+        def load(self):
+            return Mine
+
+    monkeypatch.setattr("enliven_edge.importing.registry.entry_points", lambda group: [Entry()])
+    assert find_reader([tmp_path / "a.mine"]).name == "mine"
