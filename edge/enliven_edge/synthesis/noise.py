@@ -16,7 +16,7 @@ from statistics import NormalDist
 import numpy as np
 from numba import njit
 
-from enliven.arrays import AnyArray, Float, Int, UInt8, UInt16
+from enliven.arrays import AnyArray, Float, Int32, UInt8, UInt16
 from enliven.camera import Intrinsics, rays
 from enliven_edge.sensors.profile import SensorProfile
 
@@ -24,6 +24,10 @@ _BYTE_DEVIATION = math.sqrt((256.0**2 - 1.0) / 12.0)
 _JUMP = 0.035
 """Part of the distance (and metres at 1 m) beyond which two neighbours are different surfaces."""
 _FROZEN = -1
+_FROZEN_PATCHES = 0.9
+"""Part of the variance that never changes of where dark and mirroring surfaces are lost."""
+_NOWHERE = 1e3
+"""Metres: the depth of what a ray never meets."""
 
 
 class DepthNoise:
@@ -45,14 +49,18 @@ class DepthNoise:
         self._lateral = n.lateral * scale
         self._reach = max(1, round(f.edge * scale)) if f.edge > 0 else 0
         self._parallax = intrinsics.fx * r.baseline
-        self._disparity_unit = (
-            profile.camera.fx * abs(r.baseline) / r.disparity_step if r.disparity_step > 0 else 0.0
-        )
-        self._limits = np.array([r.near, r.far, r.depth_step, self._disparity_unit])
+        unit = profile.camera.fx * abs(r.baseline) / r.disparity_step if r.disparity_step > 0 else 0.0
+        steepest = math.tan(math.radians(f.grazing)) ** 2
+        self._limits = np.array([r.near, r.far, r.depth_step, unit, steepest])
         self._sigma = np.array([n.constant, n.linear, n.quadratic, n.start, n.slant])
         self._losses = np.array([_quantile(p) for p in (f.edge_holes, 0.12 * f.edge_holes, f.dark, f.mirror)])
-        self._tears = np.array([f.flying, math.cos(math.radians(f.grazing))])
-        self._still = [self._field(_FROZEN, stream, self._windows[stream]) for stream in range(3)]
+        self._flying = f.flying
+        self._pitch = np.array([1.0 / intrinsics.fx, 1.0 / intrinsics.fy])
+        self._frozen = (n.frozen, n.frozen, _FROZEN_PATCHES)
+        self._still = [
+            math.sqrt(self._frozen[stream]) * self._field(_FROZEN, stream, self._windows[stream])
+            for stream in range(3)
+        ]
 
     def corrupt(self, depth: Float, material: UInt8, index: int) -> UInt16:
         """(H, W) uint16 millimetres, 0 where nothing is reported.
@@ -62,26 +70,29 @@ class DepthNoise:
             material: (H, W) 0 ordinary, 1 dark, 2 mirroring.
             index: the frame's number: with the seed it fixes everything random.
         """
-        frozen = self._profile.noise.frozen
-        axial, blobs = self._aged(index, 0, frozen), self._aged(index, 1, frozen)
-        patches = self._aged(index, 2, 0.9)
+        axial, blobs, patches = self._aged(index, 0), self._aged(index, 1), self._aged(index, 2)
         across, down = self._field(index, 3, self._blob), self._field(index, 4, self._blob)
         shadow, zone = np.zeros(self._shape, np.bool_), np.zeros(self._shape, np.bool_)
+        depth = np.minimum(depth, _NOWHERE)
+        slant = np.empty(self._shape)
+        _slants(depth, self._ray, self._pitch, slant)
         if self._parallax != 0.0:
             _cast_shadow(depth, self._parallax, shadow)
         if self._reach > 0:
             _mark_edges(depth, self._reach, zone)
-        out = np.zeros(self._shape, np.uint16)
-        _report(
-            depth, material, shadow, zone, across, down, self._lateral, self._reach, axial, blobs, patches,
-            self._bytes(index, 5, self._shape), self._ray, self._limits, self._sigma, self._losses, self._tears, out,
+        seen = np.empty(self._shape)
+        _look(
+            depth, material, shadow, zone, across, down, self._lateral, self._reach, blobs, patches,
+            self._bytes(index, 5, self._shape), self._losses, self._flying, self._limits[1], seen, slant,
         )  # fmt: skip
+        out = np.empty(self._shape, np.uint16)
+        _measure(seen, slant, axial, self._limits, self._sigma, out)
         return out
 
-    def _aged(self, index: int, stream: int, frozen: float) -> Float:
-        """(H, W) unit noise of which the part ``frozen`` of the variance never changes."""
-        fresh = self._field(index, stream, self._windows[stream])
-        return math.sqrt(frozen) * self._still[stream] + math.sqrt(1.0 - frozen) * fresh
+    def _aged(self, index: int, stream: int) -> Float:
+        """(H, W) unit noise of which a part of the variance never changes."""
+        frozen = self._frozen[stream]
+        return self._still[stream] + math.sqrt(1.0 - frozen) * self._field(index, stream, self._windows[stream])
 
     def _bytes(self, index: int, stream: int, shape: tuple[int, int]) -> UInt8:
         """Random bytes of one frame and one purpose."""
@@ -100,14 +111,14 @@ class DepthNoise:
             raw = self._bytes(index, stream, (4 * height, width)).astype(np.int64)
             summed = raw[0::4] + raw[1::4] + raw[2::4] + raw[3::4]
             return (summed - 510.0) / (2.0 * _BYTE_DEVIATION)
-        raw = self._bytes(index, stream, (height + 2 * box - 2, width + 2 * box - 2)).astype(np.int64)
-        once = np.empty((height + box - 1, width + box - 1), np.int64)
-        twice = np.empty((height, width), np.int64)
+        raw = self._bytes(index, stream, (height + 2 * box - 2, width + 2 * box - 2)).astype(np.int32)
+        once = np.empty((height + box - 1, width + box - 1), np.int32)
+        twice = np.empty((height, width), np.int32)
         _box_sums(raw, box, once)
         _box_sums(once, box, twice)
         # The sum of the squared weights of two boxes in a row, per axis: b (2 b^2 + 1) / 3.
         squares = box * (2 * box * box + 1) // 3
-        return (twice - 127.5 * box**4) / (squares * _BYTE_DEVIATION)
+        return (twice - 127.5 * box**4) * (1.0 / (squares * _BYTE_DEVIATION))
 
 
 def _quantile(part: float) -> float:
@@ -118,10 +129,10 @@ def _quantile(part: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _box_sums(raw: Int, box: int, out: Int) -> None:
+def _box_sums(raw: Int32, box: int, out: Int32) -> None:
     """Sums of ``raw`` over box x box windows, in integers."""
     height, width = out.shape
-    columns = np.zeros(raw.shape[1], np.int64)
+    columns = np.zeros(raw.shape[1], np.int32)
     for v in range(box - 1):
         for u in range(raw.shape[1]):
             columns[u] += raw[v, u]
@@ -187,86 +198,95 @@ def _is_tear(before: float, here: float, there: float, beyond: float) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _report(
+def _look(
     depth: Float, stuff: UInt8, shadow: AnyArray, zone: AnyArray, across: Float, down: Float, lateral: float,
-    reach: int, axial: Float, blobs: Float, patches: Float, dice: UInt8, ray: Float, limits: Float, sigma: Float,
-    losses: Float, tears: Float, out: UInt16,
+    reach: int, blobs: Float, patches: Float, dice: UInt8, losses: Float, flying: float, far: float,
+    seen: Float, slant: Float,
 ) -> None:  # fmt: skip
-    """What the sensor says of every pixel; an edge's pixels look beside themselves, so that it frays."""
+    """What each pixel looks at: (H, W) metres, 0 where nothing answers; an edge's pixels look beside themselves.
+
+    ``slant`` follows to where a pixel looks.
+    """
     height, width = depth.shape
     for v in range(height):
         for u in range(width):
-            x, y = u, v
             if zone[v, u]:
-                x = min(max(int(np.rint(u + lateral * across[v, u])), 0), width - 1)
-                y = min(max(int(np.rint(v + lateral * down[v, u])), 0), height - 1)
-            z, material = depth[y, x], stuff[y, x]
-            if shadow[y, x] or not limits[0] * 0.5 <= z <= limits[1] * 2.0:
-                continue
-            chance = dice[v, u] / 256.0
-            if zone[v, u]:
-                low, high = _extremes(depth, v, u, reach)
-                behind = high - z < z - low
-                if blobs[v, u] < losses[0 if behind else 1]:
-                    continue
-                if chance < tears[0]:
-                    z = low + chance / tears[0] * (min(high, limits[1]) - low)
-            cosine = _cosine(depth, ray, y, x)
-            if cosine < tears[1]:
-                continue
-            if material > 0 and patches[v, u] < losses[1 + material]:
-                continue
-            out[v, u] = _measured(z, cosine, axial[v, u], limits, sigma)
+                _look_at_edge(
+                    depth, shadow, across, down, lateral, reach, blobs, dice, losses, flying, far, seen, slant, v, u
+                )
+            else:
+                seen[v, u] = 0.0 if shadow[v, u] else depth[v, u]
+            if stuff[v, u] > 0 and patches[v, u] < losses[1 + stuff[v, u]]:
+                seen[v, u] = 0.0
 
 
-@njit(cache=True, nogil=True, forceinline=True)
-def _extremes(depth: Float, v: int, u: int, reach: int) -> tuple[float, float]:
-    """The least and the greatest depth within ``reach`` pixels."""
-    window = depth[max(v - reach, 0) : v + reach + 1, max(u - reach, 0) : u + reach + 1]
-    return window.min(), window.max()
-
-
-@njit(cache=True, nogil=True, forceinline=True)
-def _cosine(depth: Float, ray: Float, v: int, u: int) -> float:
-    """Cosine between the surface's normal and the ray, from the flatter neighbour on either axis."""
+@njit(cache=True, nogil=True)
+def _look_at_edge(
+    depth: Float, shadow: AnyArray, across: Float, down: Float, lateral: float, reach: int, blobs: Float,
+    dice: UInt8, losses: Float, flying: float, far: float, seen: Float, slant: Float, v: int, u: int,
+) -> None:  # fmt: skip
+    """One pixel near an edge: it may look across the edge, see nothing, or mix both sides."""
     height, width = depth.shape
-    z = depth[v, u]
-    across = _slope(depth[v, max(u - 1, 0)], z, depth[v, min(u + 1, width - 1)])
-    down = _slope(depth[max(v - 1, 0), u], z, depth[min(v + 1, height - 1), u])
-    pitch_x = abs(ray[v, min(u + 1, width - 1), 0] - ray[v, max(u - 1, 0), 0]) * 0.5
-    pitch_y = abs(ray[min(v + 1, height - 1), u, 1] - ray[max(v - 1, 0), u, 1]) * 0.5
-    x, y = ray[v, u, 0], ray[v, u, 1]
-    # Tangents d/du (x z, y z, z) and d/dv; their cross product is the normal.
-    ax, ay, az = pitch_x * z + x * across, y * across, across
-    bx, by, bz = x * down, pitch_y * z + y * down, down
-    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    length = np.sqrt((nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0))
-    return abs(nx * x + ny * y + nz) / length if length > 0.0 else 0.0
+    x = min(max(int(np.rint(u + lateral * across[v, u])), 0), width - 1)
+    y = min(max(int(np.rint(v + lateral * down[v, u])), 0), height - 1)
+    z = depth[y, x]
+    low, high = z, z
+    for q in range(max(v - reach, 0), min(v + reach + 1, height)):
+        for p in range(max(u - reach, 0), min(u + reach + 1, width)):
+            low, high = min(low, depth[q, p]), max(high, depth[q, p])
+    behind = high - z < z - low
+    if shadow[y, x] or blobs[v, u] < losses[0 if behind else 1]:
+        seen[v, u] = 0.0
+        return
+    chance = dice[v, u] / 256.0
+    seen[v, u] = low + chance / flying * (min(high, far) - low) if chance < flying else z
+    slant[v, u] = 0.0 if (y, x) != (v, u) else slant[v, u]
 
 
-@njit(cache=True, nogil=True, forceinline=True)
-def _slope(before: float, here: float, after: float) -> float:
-    """The smaller in size of the differences to both neighbours."""
-    a, b = here - before, after - here
-    return a if abs(a) < abs(b) else b
+@njit(cache=True, nogil=True, error_model="numpy")
+def _slants(depth: Float, ray: Float, pitch: Float, out: Float) -> None:
+    """(H, W) tan^2 of the angle between each pixel's ray and its surface's normal.
+
+    The slope across and down is that to the nearer of both neighbours, so that edges do not count.
+    """
+    height, width = depth.shape
+    for v in range(height):
+        above, here, below = depth[max(v - 1, 0)], depth[v], depth[min(v + 1, height - 1)]
+        for u in range(1, width - 1):
+            z, x, y = here[u], ray[v, u, 0], ray[v, u, 1]
+            left, right, up, down = z - here[u - 1], here[u + 1] - z, z - above[u], below[u] - z
+            across = left if abs(left) < abs(right) else right
+            along = up if abs(up) < abs(down) else down
+            # Tangents d/du and d/dv of (x z, y z, z); their cross product is the normal.
+            ax, ay, az = pitch[0] * z + x * across, y * across, across
+            bx, by, bz = x * along, pitch[1] * z + y * along, along
+            nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+            facing = nx * x + ny * y + nz
+            out[v, u] = (nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0) / (facing * facing) - 1.0
+        out[v, 0], out[v, width - 1] = out[v, 1], out[v, width - 2]
 
 
-@njit(cache=True, nogil=True, forceinline=True)
-def _measured(z: float, cosine: float, noise: float, limits: Float, sigma: Float) -> int:
-    """Depth z with noise, in the sensor's steps, as whole millimetres (0: out of range).
+@njit(cache=True, nogil=True, error_model="numpy")
+def _measure(seen: Float, slant: Float, noise: Float, limits: Float, sigma: Float, out: UInt16) -> None:
+    """Depths with their scatter, in the sensor's steps, as whole millimetres; 0 out of range.
 
     The published deviations include the steps; a uniform step q contributes q^2 / 12 of the variance, so the
     scatter before it is the rest.
     """
-    out_of = z - sigma[3]
-    tangent2 = 1.0 / (cosine * cosine) - 1.0
-    deviation = sigma[0] + sigma[1] * max(out_of, 0.0) + sigma[2] * out_of * out_of + sigma[4] * tangent2 / np.sqrt(z)
-    step = z * z / limits[3] if limits[3] > 0.0 else limits[2]
-    rest = deviation * deviation - step * step / 12.0
-    z += noise * np.sqrt(rest) if rest > 0.0 else 0.0
-    if z <= 0.0:
-        return 0
-    if limits[3] > 0.0:
-        z = limits[3] / np.rint(limits[3] / z)
-    z = np.rint(z / limits[2]) * limits[2]
-    return int(np.rint(z * 1000.0)) if limits[0] <= z <= limits[1] else 0
+    near, far, step, unit, steepest = limits[0], limits[1], limits[2], limits[3], limits[4]
+    by_disparity = unit > 0.0
+    per_unit = 1.0 / unit if by_disparity else 0.0
+    height, width = out.shape
+    for v in range(height):
+        for u in range(width):
+            z, tangent2 = max(seen[v, u], 1e-3), slant[v, u]
+            beyond = z - sigma[3]
+            deviation = sigma[0] + sigma[1] * max(beyond, 0.0) + sigma[2] * beyond * beyond
+            deviation += sigma[4] * tangent2 / np.sqrt(z)
+            jump = z * z * per_unit if by_disparity else step
+            rest = max(deviation * deviation - jump * jump / 12.0, 0.0)
+            found = max(z + noise[v, u] * np.sqrt(rest), 1e-3)
+            found = unit / np.rint(unit / found) if by_disparity else found
+            found = np.rint(found / step) * step
+            good = near <= found <= far and tangent2 <= steepest
+            out[v, u] = np.uint16(np.rint(found * 1000.0)) if good else np.uint16(0)
