@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from enliven.arrays import Float, Int, Int32
+from enliven.arrays import Bool, Float, Int, Int32
 
 Field = Callable[[Float], Float]
 """(N, 3) points to (N,) signed distances in metres, negative inside."""
@@ -44,7 +44,7 @@ def surface_of(field: Field, low: Float, high: Float, cell: float) -> tuple[Floa
     return vertices, _triangles(vertices, quads)
 
 
-def _crossed(inside: Float) -> Float:
+def _crossed(inside: Bool) -> Bool:
     """True for each cell whose eight corners are not all on one side."""
     views = [
         inside[i : inside.shape[0] - 1 + i, j : inside.shape[1] - 1 + j, k : inside.shape[2] - 1 + k]
@@ -78,7 +78,7 @@ def _onto_surface(field: Field, points: Float, cell: float) -> Float:
     return np.asarray(points - step * np.minimum(1.0, 0.5 * cell / np.maximum(length, 1e-12)))
 
 
-def _quads(inside: Float, number: Int, axis: int) -> Int:
+def _quads(inside: Bool, number: Int, axis: int) -> Int:
     """(Q, 4) the vertices around each grid edge along ``axis`` that the surface crosses, outward."""
     first = np.take(inside, range(inside.shape[axis] - 1), axis)
     second = np.take(inside, range(1, inside.shape[axis]), axis)

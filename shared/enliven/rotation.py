@@ -33,7 +33,7 @@ def multiply(a: AnyArray, b: AnyArray) -> Float:
 
 def conjugate(q: AnyArray) -> Float:
     """(..., 4) the inverse rotation of unit quaternions (..., 4)."""
-    return np.asarray(q, np.float64) * np.array([1.0, -1.0, -1.0, -1.0])
+    return np.asarray(np.asarray(q, np.float64) * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def rotate(q: AnyArray, v: AnyArray) -> Float:

@@ -1,0 +1,166 @@
+"""Reading and writing meshes; every way in which a file can be bad ends in one clear message."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+
+from enliven.errors import InputError, ResourceError
+from enliven.mesh import Mesh
+from enliven.mesh_files import WRITABLE, load_mesh, save_mesh
+from enliven.mesh_text import fans
+
+TETRAHEDRON = Mesh(
+    np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]),
+    np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]),
+    "tetrahedron",
+)
+
+
+@pytest.mark.parametrize("suffix", WRITABLE)
+def test_what_is_written_is_read_back(tmp_path, suffix):
+    path = tmp_path / f"t{suffix}"
+    save_mesh(TETRAHEDRON, path)
+    mesh, notes = load_mesh(path)
+    assert mesh.name == "t"
+    assert mesh.area == pytest.approx(TETRAHEDRON.area)
+    found = np.array(sorted(mesh.vertices[mesh.faces].mean(1).tolist()))
+    np.testing.assert_allclose(
+        found, sorted(TETRAHEDRON.vertices[TETRAHEDRON.faces].mean(1).tolist()), atol=1e-6
+    )
+    assert len(mesh.vertices) == 4
+    assert all("welded" in note for note in notes)
+
+
+def test_colours_survive_ply(tmp_path):
+    colours = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [9, 9, 9]], np.uint8)
+    path = tmp_path / "c.ply"
+    save_mesh(Mesh(TETRAHEDRON.vertices, TETRAHEDRON.faces, "c", colours), path)
+    np.testing.assert_array_equal(load_mesh(path).mesh.colours, colours)
+
+
+def write_gltf(path, nodes, cut=0):
+    """A glTF with one triangle, placed by the given nodes; ``cut`` bytes of its buffer are missing."""
+    data = struct.pack("<9f3H", 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 2)
+    document = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": list(range(len(nodes)))}],
+        "nodes": nodes,
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"byteLength": len(data)}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 6}],
+        "accessors": [
+            {
+                "bufferView": 0,
+                "componentType": 5126,
+                "count": 3,
+                "type": "VEC3",
+                "min": [0, 0, 0],
+                "max": [1, 1, 0],
+            },
+            {"bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR"},
+        ],
+    }
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    data += b"\0" * (-len(data) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(data), b"BIN\0") + data
+    path.write_bytes((struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)[: -cut or None])
+
+
+def test_a_scene_is_flattened_with_its_transforms(tmp_path):
+    path = tmp_path / "scene.glb"
+    write_gltf(path, [{"mesh": 0, "translation": [5, 0, 0]}, {"mesh": 0, "scale": [2, 2, 2]}])
+    mesh, notes = load_mesh(path)
+    assert mesh.area == pytest.approx(0.5 + 2.0)
+    assert mesh.vertices[:, 0].max() == pytest.approx(6.0)
+    assert any("2 separate shells" in note for note in notes)
+
+
+def test_a_mirrored_node_keeps_its_faces_outward(tmp_path):
+    path = tmp_path / "mirror.glb"
+    write_gltf(path, [{"mesh": 0, "scale": [1, 1, -1]}])
+    np.testing.assert_allclose(load_mesh(path).mesh.face_normals(), [[0, 0, -1]], atol=1e-12)
+
+
+def test_polygons_become_fans(tmp_path):
+    assert fans([[0, 1, 2, 3, 4], [7, 8, 9]]).tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [7, 8, 9]]
+    path = tmp_path / "quad.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n")
+    assert len(load_mesh(path).mesh.faces) == 2
+    path = tmp_path / "quad.off"
+    path.write_text(
+        "COFF # colours\n4 1 0\n0 0 0 255 0 0 255\n1 0 0 1 1 1 1\n"
+        "1 1 0 1 1 1 1\n0 1 0 1 1 1 1\n4 0 1 2 3 9 9 9\n"
+    )
+    assert load_mesh(path).mesh.area == pytest.approx(1.0)
+
+
+def test_tetrahedra_give_their_boundary(tmp_path):
+    path = tmp_path / "two.mesh"
+    path.write_text(
+        "MeshVersionFormatted 1\nDimension 3\nVertices\n5\n0 0 0 0\n1 0 0 0\n0 1 0 0\n0 0 1 0\n1 1 1 0\n"
+        "Tetrahedra\n2\n1 2 3 4 0\n2 3 4 5 0\nEnd\n"
+    )
+    mesh = load_mesh(path).mesh
+    assert len(mesh.faces) == 6
+    volume = np.einsum("fa,fa->", mesh.vertices[mesh.faces[:, 0]], mesh.face_vectors()) / 6
+    assert abs(volume) == pytest.approx(1 / 6 + 1 / 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("empty.obj", b""),
+        ("points.obj", b"v 0 0 0\nv 1 0 0\n"),
+        ("words.obj", b"this is no mesh\n"),
+        ("photo.ply", b"\x89PNG\r\n\x1a\n" + bytes(200)),
+        ("zeros.stl", bytes(84)),
+        ("short.off", b"OFF\n8 12 0\n0 0 0\n"),
+        ("no.off", b"hello\n"),
+        ("counts.off", b"OFF\n"),
+        ("index.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n"),
+        ("nan.off", b"OFF\n3 1 0\n0 0 0\nnan 0 0\n0 1 0\n3 0 1 2\n"),
+        ("short.mesh", b"MeshVersionFormatted 1\nVertices\n9\n0 0 0 0\n"),
+        ("no.mesh", b"solid"),
+        ("short.glb", b"glTF\x02\0\0\0\xff\0\0\0"),
+        ("text.gltf", b'{"asset":'),
+        ("mesh.docx", b"PK"),
+        ("noending", b"OFF"),
+    ],
+)
+def test_bad_files_are_refused_with_the_file_named(tmp_path, name, content):
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        load_mesh(path)
+    assert name in str(caught.value)
+
+
+def test_truncated_files_are_refused(tmp_path):
+    path = tmp_path / "cut.glb"
+    write_gltf(path, [{"mesh": 0}], cut=12)
+    with pytest.raises(InputError, match=r"cut\.glb"):
+        load_mesh(path)
+    for suffix in (".stl", ".ply"):
+        path = tmp_path / f"cut{suffix}"
+        save_mesh(TETRAHEDRON, path)
+        path.write_bytes(path.read_bytes()[:-30])
+        with pytest.raises(InputError, match=f"cut{suffix}"):
+            load_mesh(path)
+
+
+def test_missing_files_and_folders(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        load_mesh(tmp_path / "nowhere.obj")
+    with pytest.raises(InputError, match="folder"):
+        load_mesh(tmp_path)
+
+
+def test_what_cannot_be_written(tmp_path):
+    with pytest.raises(InputError, match="Known"):
+        save_mesh(TETRAHEDRON, tmp_path / "mesh.docx")
+    with pytest.raises(ResourceError):
+        save_mesh(TETRAHEDRON, tmp_path / "no" / "such" / "folder.obj")
