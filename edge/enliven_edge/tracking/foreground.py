@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from scipy import ndimage
 
 from enliven.arrays import Bool, Float, Int
 from enliven_edge.tracking.settings import SceneSettings
@@ -22,10 +23,19 @@ class Room:
     def __init__(self, shape: tuple[int, int]) -> None:
         self.z = np.zeros(shape)
 
-    def in_front(self, z: Float) -> Bool:
-        """(h, w) pixels that are known and stand before the room."""
+    def in_front(self, z: Float, *, guess: bool) -> Bool:
+        """(h, w) pixels that are known and stand before the room.
+
+        Args:
+            guess: where the room was never seen, it is as deep as where it was seen nearest in the image, so
+                that the wall behind somebody who left is not taken for somebody. Else anything there counts.
+        """
+        room, known = self.z, self.z > 0
+        if guess and known.any() and not known.all():
+            row, column = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+            room = self.z[row, column]
         margin = 0.05 + 0.012 * z * z
-        return np.asarray((z > 0) & ((self.z == 0) | (z < self.z - margin)))
+        return np.asarray((z > 0) & ((room == 0) | (z < room - margin)))
 
     def learn(self, z: Float, person: Bool) -> None:
         """Takes in a frame whose ``person`` pixels, widened by two, are left out."""
@@ -38,15 +48,16 @@ class Room:
         self.z[nearer] += 0.01 * (z - self.z)[nearer]
 
 
-def candidates(z: Float, points: Float, room: Room, settings: SceneSettings) -> Bool:
+def candidates(z: Float, points: Float, room: Room, settings: SceneSettings, *, guess: bool) -> Bool:
     """(h, w) pixels that are in range, above the floor and in front of the room.
 
     Args:
         z: (h, w) metres along the optical axis.
         points: (h, w, 3) the pixels in the world frame.
+        guess: see :meth:`Room.in_front`.
     """
     in_range = (z > settings.near) & (z < settings.far)
-    return np.asarray(in_range & (points[..., 1] > settings.floor_band) & room.in_front(z))
+    return np.asarray(in_range & (points[..., 1] > settings.floor_band) & room.in_front(z, guess=guess))
 
 
 def people(z: Float, points: Float, mask: Bool, pixel_area: float) -> list[Bool]:

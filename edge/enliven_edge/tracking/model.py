@@ -1,4 +1,4 @@
-"""The articulated body that is fitted to depth: 13 frames, 27 angles, 12 lengths, 19 capsules.
+"""The articulated body that is fitted to depth: 13 frames, 27 angles, 12 lengths, 20 capsules.
 
 Every rigid frame turns about a pivot in its parent's frame. At zero rotation the person stands upright
 facing +Z with the arms hanging, so each limb lies along -Y of its frame. All offsets are linear in the

@@ -60,9 +60,11 @@ class Tracker:
         z = camera.reduce(frame.depth)
         points = world_points(z, camera.ray, mount)
         assert self._room is not None
-        mask = candidates(z, points, self._room, self.settings.scene)
+        scene = self.settings.scene
+        mask = candidates(z, points, self._room, scene, guess=False)
         report, observation, person = self._follow(z, points, mask, camera, mount)
         if report is None:
+            mask = candidates(z, points, self._room, scene, guess=True)
             report, observation, person = self._find(z, points, mask, camera, mount)
         self._room.learn(z, person)
         if report is None or observation is None or self._posture is None:

@@ -53,7 +53,15 @@ def surface_points(posture: Posture, seed: int, count: int = 80, noise: float = 
 def depth_energy(posture: Posture, points, normals):
     matrix, gradient = np.zeros((42, 42)), np.zeros(42)
     energy, _ = terms.depth_to_model(
-        matrix, gradient, points, normals, *surroundings(posture), 1.0, 0.07, 0.04, np.zeros(19)
+        matrix,
+        gradient,
+        points,
+        normals,
+        *surroundings(posture),
+        1.0,
+        0.07,
+        0.04,
+        np.zeros(len(model.CAPSULES.frame)),
     )
     return energy, gradient
 
@@ -65,7 +73,9 @@ def self_energy(posture: Posture):
 
 def free_space_energy(posture: Posture, view):
     matrix, gradient = np.zeros((42, 42)), np.zeros(42)
-    energy = terms.free_space(matrix, gradient, *surroundings(posture), view, 1.0, 0.25, 5, np.zeros(19))
+    energy = terms.free_space(
+        matrix, gradient, *surroundings(posture), view, 1.0, 0.25, 5, np.zeros(len(model.CAPSULES.frame))
+    )
     return energy, gradient
 
 

@@ -90,10 +90,10 @@ def test_the_room_gives_way_at_once_and_takes_in_slowly():
     assert room.z.min() > 2.95
     closer = np.full((4, 4), 2.0)
     room.learn(closer, nobody)
-    assert room.in_front(closer).all()
+    assert room.in_front(closer, guess=True).all()
     for _ in range(600):
         room.learn(closer, nobody)
-    assert not room.in_front(closer).any()
+    assert not room.in_front(closer, guess=True).any()
 
 
 def test_a_wall_is_nobody():
@@ -101,3 +101,12 @@ def test_a_wall_is_nobody():
     camera = WorkingCamera(Intrinsics(160, 120, 130, 130, 79.5, 59.5), 160)
     points = world_points(z, camera.ray, np.eye(4))
     assert people(z, points, np.ones((120, 160), bool), 1 / 130**2) == []
+
+
+def test_the_wall_behind_somebody_who_left_is_the_room():
+    room, somebody = Room((20, 20)), np.zeros((20, 20), bool)
+    somebody[5:15, 8:12] = True
+    room.learn(np.full((20, 20), 3.0), somebody)
+    assert not room.in_front(np.full((20, 20), 3.0), guess=True).any()
+    assert room.in_front(np.full((20, 20), 3.0), guess=False).any()
+    assert room.in_front(np.full((20, 20), 2.0), guess=True).all()

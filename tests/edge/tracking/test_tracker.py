@@ -1,0 +1,158 @@
+"""The tracker follows people whose shape it does not know, finds them again, and bears bad frames."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from enliven.body import Body, Joint
+from enliven.camera import Intrinsics
+from enliven.frames import DepthFrame
+from enliven_edge.sensors.synthetic import SyntheticSensor
+from enliven_edge.synthesis.scene import cast_room
+from enliven_edge.tracking.settings import SmoothingSettings, TrackerSettings
+from enliven_edge.tracking.tracker import Tracker
+
+HALF = 320
+
+
+def recorded(choreography: str, frames: int, start: int = 0, **options):
+    """[(frame, truth)] of a synthetic performer, the mounting left for the tracker to find."""
+    with SyntheticSensor(choreography=choreography, width=HALF, realtime=False, **options) as sensor:
+        made = []
+        for _ in range(start + frames):
+            frame = sensor.read()
+            made.append((dataclasses.replace(frame, world_from_camera=None), sensor.truth(frame.time_ns)))
+        return made[start:]
+
+
+def errors(tracked: list[list[Body]], truth: list[Body]) -> np.ndarray:
+    """(F, 20) metres between tracked and true joints; NaN where nobody was tracked."""
+    return np.stack(
+        [
+            np.linalg.norm(bodies[0].joints - true.joints, axis=1) if bodies else np.full(20, np.nan)
+            for bodies, true in zip(tracked, truth, strict=True)
+        ]
+    )
+
+
+@pytest.mark.parametrize("choreography", ["wave", "walk"])
+def test_it_follows_a_person_within_centimetres(choreography):
+    made = recorded(choreography, 60)
+    tracker = Tracker()
+    tracked = [tracker.track(frame) for frame, _ in made]
+    error = errors(tracked, [truth for _, truth in made])
+    assert not np.isnan(error).any(), "the person was lost"
+    assert error.mean() < 0.05
+    assert np.percentile(error, 95) < 0.12
+
+
+def test_the_person_keeps_one_identity_and_left_stays_left():
+    made = recorded("walk", 40)
+    tracker = Tracker()
+    for frame, truth in made:
+        (body,) = tracker.track(frame)
+        assert body.id == 1
+        side = truth.joints[Joint.SHOULDER_LEFT] - truth.joints[Joint.SHOULDER_RIGHT]
+        found = body.joints[Joint.SHOULDER_LEFT] - body.joints[Joint.SHOULDER_RIGHT]
+        assert found @ side > 0
+
+
+def test_the_sensor_finds_out_where_it_stands():
+    (frame, _), *_ = recorded("idle", 1)
+    with SyntheticSensor(choreography="idle", width=HALF, realtime=False) as sensor:
+        true = sensor.read().world_from_camera
+    tracker = Tracker()
+    tracker.track(frame)
+    assert tracker.world_from_camera is not None
+    assert tracker.world_from_camera[1, 3] == pytest.approx(true[1, 3], abs=0.06)
+    np.testing.assert_allclose(tracker.world_from_camera[:3, :3], true[:3, :3], atol=0.04)
+
+
+def test_who_leaves_and_comes_back_is_found_again():
+    """The wall behind somebody who left is seen for the first time: it is nobody."""
+    made = recorded("idle", 30)
+    room = room_alone(made[0][0])
+    tracker = Tracker()
+    for frame, _ in made[:10]:
+        assert tracker.track(frame)
+    for i in range(10):
+        left = tracker.track(dataclasses.replace(room, time_ns=made[10 + i][0].time_ns))
+    assert left == []
+    found = [tracker.track(frame) for frame, _ in made[20:]]
+    error = errors(found[5:], [truth for _, truth in made[25:]])
+    assert not np.isnan(error).any()
+    assert error.mean() < 0.06
+
+
+def room_alone(frame: DepthFrame) -> DepthFrame:
+    """The same sensor's view with nobody there."""
+    with SyntheticSensor(choreography="idle", width=HALF, realtime=False) as sensor:
+        mount = sensor.read().world_from_camera
+    depth, _ = cast_room(frame.intrinsics, mount)
+    millimetres = np.where(np.isfinite(depth) & (depth < 4.0), depth * 1000, 0)
+    return dataclasses.replace(frame, depth=millimetres.astype(np.uint16))
+
+
+@pytest.mark.parametrize("value", [0, 65535, 1, 2000])
+def test_frames_with_nobody_give_nobody(value):
+    """Zeros, all 65535, a hand on the lens, a wall."""
+    tracker = Tracker()
+    intrinsics = Intrinsics(160, 120, 130, 130, 79.5, 59.5)
+    for i in range(8):
+        frame = DepthFrame(np.full((120, 160), value, np.uint16), intrinsics, i * 33_333_333, "test")
+        assert tracker.track(frame) == []
+
+
+def test_noise_gives_nothing_that_is_not_finite():
+    random = np.random.default_rng(0)
+    tracker = Tracker()
+    intrinsics = Intrinsics(160, 120, 130, 130, 79.5, 59.5)
+    for i in range(5):
+        depth = random.integers(0, 65536, (120, 160)).astype(np.uint16)
+        for body in tracker.track(DepthFrame(depth, intrinsics, i * 33_333_333, "test")):
+            assert np.isfinite(body.joints).all()
+
+
+def test_a_bad_frame_between_good_ones_does_not_lose_the_person():
+    made = recorded("idle", 16)
+    tracker = Tracker()
+    for i, (frame, _) in enumerate(made):
+        if i == 8:
+            frame = dataclasses.replace(frame, depth=np.zeros_like(frame.depth))
+        bodies = tracker.track(frame)
+        if i > 11:
+            assert bodies
+
+
+def test_another_resolution_in_mid_stream_starts_anew():
+    made = recorded("idle", 3)
+    tracker = Tracker()
+    for frame, _ in made:
+        tracker.track(frame)
+    half = dataclasses.replace(
+        made[0][0], depth=made[0][0].depth[::2, ::2].copy(), intrinsics=made[0][0].intrinsics.scaled(0.5)
+    )
+    assert tracker.track(half)
+
+
+def test_smoothing_off_gives_the_fit_itself():
+    made = recorded("idle", 4)
+    tracker = Tracker(TrackerSettings(smoothing=SmoothingSettings(amount=0.0)))
+    for frame, _ in made:
+        (body,) = tracker.track(frame)
+    np.testing.assert_array_equal(body.joints, tracker.posture.joints())
+
+
+def test_confidence_is_low_where_nothing_is_seen():
+    """The legs are cut away: the feet must not be called sure, the head must."""
+    made = recorded("idle", 12)
+    tracker = Tracker()
+    for frame, _ in made:
+        cut = frame.depth.copy()
+        cut[150:] = 0
+        bodies = tracker.track(dataclasses.replace(frame, depth=cut))
+    assert bodies
+    confidence = bodies[0].confidence
+    assert confidence[Joint.HEAD] > 0.8
+    assert max(confidence[Joint.FOOT_LEFT], confidence[Joint.FOOT_RIGHT]) < 0.3
