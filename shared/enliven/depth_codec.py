@@ -116,9 +116,8 @@ def decode_depth(payload: bytes, *, max_pixels: int = MAX_PIXELS) -> UInt16:
 
 def _pack_fast(depth: UInt16, levels: UInt16, ranks: UInt16, level: int) -> bytes:
     """Packing 0."""
-    count = len(levels) or 65535
-    planes = predict_image(depth, ranks, count)
-    content = _table_bytes(levels) + (planes if count > 255 else planes[:1]).tobytes()
+    planes = predict_image(depth, ranks, len(levels) or 65535)
+    content = _table_bytes(levels) + planes.tobytes()
     return zstandard.ZstdCompressor(level=level).compress(content)
 
 

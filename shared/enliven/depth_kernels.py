@@ -41,7 +41,7 @@ def predict_level(w: int, n: int, nw: int, ne: int, last: int) -> int:
 
 @njit(cache=True, nogil=True)
 def predict_image(depth: UInt16, ranks: UInt16, count: int) -> UInt8:
-    """(2, H, W) low and high bytes of the residuals of an (H, W) image.
+    """(1 or 2, H, W) low and, above 255 levels, high bytes of the residuals of an (H, W) image.
 
     Args:
         depth: (H, W) millimetres.
@@ -49,7 +49,8 @@ def predict_image(depth: UInt16, ranks: UInt16, count: int) -> UInt8:
         count: the number of levels P.
     """
     height, width = depth.shape
-    planes = np.empty((2, height, width), np.uint8)
+    wide = count > 255
+    planes = np.empty((2 if wide else 1, height, width), np.uint8)
     above = np.zeros(width + 2, np.int32)
     row = np.zeros(width + 2, np.int32)
     last, half, least = (count + 1) // 2, count // 2, -((count - 1) // 2)
@@ -67,7 +68,8 @@ def predict_image(depth: UInt16, ranks: UInt16, count: int) -> UInt8:
                 s = 2 * r if r > 0 else 1 - 2 * r
                 last = v
             planes[0, y, x] = s & 255
-            planes[1, y, x] = s >> 8
+            if wide:
+                planes[1, y, x] = s >> 8
             row[x] = v
             w, nw, n = v, n, ne
         row[width] = 0

@@ -43,7 +43,8 @@ def open_sensor(name: str, **options: Any) -> Sensor:
             raise InputError(
                 f"unknown option {option!r}", where=f"sensor {name}", mend=_nearest(option, list(known))
             )
-    missing = [p.name for p in known.values() if p.default is p.empty and p.kind is p.POSITIONAL_OR_KEYWORD]
+    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    missing = [p.name for p in known.values() if p.default is p.empty and p.kind in kinds]
     for option in missing:
         if option not in options:
             raise InputError(f"the option {option!r} is missing", where=f"sensor {name}", mend="Give it.")
