@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import Float, Float32, Int32, UInt16
+from enliven.arrays import Float, Float32, Int32, UInt8, UInt16
 from enliven.errors import InputError
 
 
@@ -34,6 +34,7 @@ class Character:
         pivots: (J, 3) float32 rest positions of the graph nodes, or of the bones' joints.
         edges: (E, 2) int32 pairs of pivots to draw: graph edges, or bones.
         kind: "graph" or "bones".
+        colours: (V, 3) uint8 sRGB, or None.
     """
 
     id: str
@@ -43,6 +44,7 @@ class Character:
     pivots: Float32
     edges: Int32
     kind: str = "graph"
+    colours: UInt8 | None = None
 
     def __post_init__(self) -> None:
         problem = _problem_of(self)
@@ -67,6 +69,8 @@ def _problem_of(character: Character) -> str:
         return "it has no vertices, no faces or no pivots"
     if character.skin.indices.shape != (vertices, 4) or character.skin.weights.shape != (vertices, 4):
         return f"the skin weights are {character.skin.indices.shape}, expected ({vertices}, 4)"
+    if character.colours is not None and character.colours.shape != (vertices, 3):
+        return f"the colours are {character.colours.shape}, expected ({vertices}, 3)"
     if int(character.skin.indices.max()) >= count:
         return f"a vertex follows transform {int(character.skin.indices.max())} of {count}"
     if int(character.faces.min()) < 0 or int(character.faces.max()) >= vertices:

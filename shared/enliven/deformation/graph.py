@@ -105,6 +105,7 @@ def character_from(mesh: Mesh, graph: DeformationGraph, id: str) -> Character:
         graph.positions.astype(np.float32),
         graph.edges,
         "graph",
+        None if mesh.colours is None else np.ascontiguousarray(mesh.colours[:, :3]),
     )
 
 
