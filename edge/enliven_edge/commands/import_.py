@@ -21,18 +21,6 @@ from enliven_edge.importing.base import ImportOptions, Reader
 from enliven_edge.importing.mirror import mirrored
 from enliven_edge.importing.registry import find_files, find_reader, readers
 
-IMPORT_EPILOG = """\
-[bold]Examples[/bold]
-
-A folder of depth images:  enliven import scans/person_turn -o turn.mcap
-
-One skeleton recording:  enliven import gestures/wave.csv -o wave.mcap
-
-One of two Kinects that saw two people:  enliven import study.csv --device 10.0.0.7 -o two.mcap
-
-Depth images without times:  enliven import "frames/*.u16" --fps 15 -o frames.mcap
-"""
-
 
 @dataclass
 class Found:
@@ -85,7 +73,15 @@ def import_recording(
     overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
     list_readers: Annotated[bool, typer.Option("--list-readers", help="Show the known layouts.")] = False,
 ) -> None:
-    """Bring a foreign recording in: depth images or skeletons, in any of the known layouts."""
+    """Bring a foreign recording in: depth images or skeletons, in any of the known layouts.
+
+    \b
+      enliven import person_turn/ -o turn.mcap                    a folder of depth images
+      enliven import gestures/wave.csv -o wave.mcap               one skeleton recording
+      enliven import study.csv --device 10.0.0.7 -o two.mcap      one of several Kinects in a file
+      enliven import "frames/*.u16" --fps 15 -o frames.mcap       images without times
+      enliven import --list-readers                               the layouts that are known
+    """
     console = Console()
     if list_readers:
         console.print(_reader_table())

@@ -18,14 +18,6 @@ from enliven.recording import Recorder
 from enliven_edge.sensors.base import Sensor
 from enliven_edge.sensors.registry import open_sensor
 
-RECORD_EPILOG = """\
-[bold]Examples[/bold]
-
-Ten seconds of the made-up performer:  enliven record --sensor synthetic --seconds 10 -o take.mcap
-
-A part of another recording:  enliven record --sensor replay --set path=long.mcap --seconds 5 -o part.mcap
-"""
-
 _PATIENCE = 0.25
 """Seconds to wait for a frame before looking whether to stop and handing what there is to the disk."""
 
@@ -42,7 +34,12 @@ def record(
     level: Annotated[int, typer.Option(min=1, max=22, help="Compression: 1 fast, 19 small.")] = 1,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
 ) -> None:
-    """Record a sensor until its stream ends, the time is up, or Ctrl-C."""
+    """Record a sensor until its stream ends, the time is up, or Ctrl-C.
+
+    \b
+      enliven record --sensor synthetic --seconds 10 -o take.mcap
+      enliven record --sensor replay --set path=long.mcap --set speed=0 --seconds 5 -o start.mcap
+    """
     console = Console()
     with (
         open_sensor(sensor, **sensor_options(setting or [])) as stream,

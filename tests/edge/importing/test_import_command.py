@@ -18,12 +18,12 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.recording import Recorder, Recording
-from enliven_edge.commands.import_ import IMPORT_EPILOG, import_recording
-from enliven_edge.commands.record import RECORD_EPILOG, record, sensor_options
+from enliven_edge.commands.import_ import import_recording
+from enliven_edge.commands.record import record, sensor_options
 
 app = typer.Typer(pretty_exceptions_enable=False)
-app.command("import", epilog=IMPORT_EPILOG)(import_recording)
-app.command("record", epilog=RECORD_EPILOG)(record)
+app.command("import")(import_recording)
+app.command("record")(record)
 
 
 def run(*words) -> str:
