@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import glob
+import warnings
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -37,7 +38,11 @@ def readers() -> dict[str, Reader]:
     for place in _BUILT_IN:
         module, _, kind = place.partition(":")
         made.append(getattr(import_module(f"enliven_edge.importing.{module}"), kind)())
-    made += [entry.load()() for entry in entry_points(group=ENTRY_POINTS)]
+    for entry in entry_points(group=ENTRY_POINTS):
+        try:
+            made.append(entry.load()())
+        except Exception as error:  # another package's fault must not stop an import that needs none of it
+            warnings.warn(f"the reader {entry.name!r} cannot be loaded: {error}", stacklevel=2)
     return {reader.name: reader for reader in made}
 
 

@@ -226,8 +226,18 @@ def test_other_packages_add_readers(monkeypatch, tmp_path):
             yield from ()
 
     class Entry:
+        name = "mine"
+
         def load(self):
             return Mine
 
-    monkeypatch.setattr("enliven_edge.importing.registry.entry_points", lambda group: [Entry()])
-    assert find_reader([tmp_path / "a.mine"]).name == "mine"
+    class Broken(Entry):
+        name = "broken"
+
+        def load(self):
+            raise ImportError("no such module")
+
+    module = "enliven_edge.importing.registry.entry_points"
+    monkeypatch.setattr(module, lambda group: [Broken(), Entry()])
+    with pytest.warns(UserWarning, match="'broken' cannot be loaded"):
+        assert find_reader([tmp_path / "a.mine"]).name == "mine"
