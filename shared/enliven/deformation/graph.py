@@ -52,11 +52,11 @@ class DeformationGraph:
     def build(mesh: Mesh, nodes: int = 128, seed: int = 0, radius: float | None = None) -> DeformationGraph:
         """Sample the mesh and link the samples; the same input gives the same graph.
 
-        Nodes are linked with their four nearest under D (eq. 6). One check is added to the paper's: two
-        nodes of one shell that are much farther apart along the surface than through the air (two legs)
-        are not linked. What is not connected then is joined by the minimum spanning tree over the
-        components: along the surface within a shell; between shells by D, or by the Euclidean distance
-        where D is infinite.
+        Nodes are linked with their four nearest under D (eq. 6). One check is added to the paper's: nodes
+        that are near only through the air are not linked, which are two nodes of one shell that are much
+        farther apart along the surface (two legs), or of two shells that do not nearly touch. What is not
+        connected then is joined by the minimum spanning tree over the components: along the surface within
+        a shell; between shells by D, or by the Euclidean distance where D is infinite.
 
         Args:
             mesh: any triangles, in metres.
@@ -68,7 +68,8 @@ class DeformationGraph:
             InputError: for a mesh without area, or fewer than one node.
         """
         samples = poisson_disk(mesh, nodes, radius, seed)
-        return _linked(samples, territories(mesh, samples.positions, samples.faces, _spacing(mesh, samples)))
+        spacing = _mean_spacing(mesh.area, len(samples.positions))
+        return _linked(samples, territories(mesh, samples.positions, samples.faces, spacing), spacing)
 
     def skin(self, mesh: Mesh) -> SkinWeights:
         """Four nodes and weights for each vertex of the mesh that the graph was built on (or its refinement
@@ -91,7 +92,7 @@ class DeformationGraph:
             np.concatenate([land.lengths, lengths]),
             8 * spacing,
         )
-        near = ~_detours(self.positions, ways, spacing)
+        near = ~_detours(self.positions, ways, spacing) | _through(self.positions, self.normals, spacing)
         return blending_weights(mesh.vertices, land.owner, self.positions, near, NEIGHBOURS)
 
 
@@ -114,26 +115,32 @@ def _mean_spacing(area: float, count: int) -> float:
     return float(np.sqrt(area / count))
 
 
-def _spacing(mesh: Mesh, samples: SurfaceSamples) -> float:
-    return _mean_spacing(mesh.area, len(samples.positions))
-
-
 def _detours(positions: Float, ways: Float, spacing: float) -> Bool:
     """(N, N) true where the way along the surface is much longer than the straight one."""
     straight = np.linalg.norm(positions[:, None] - positions[None], axis=2)
     return np.asarray(ways > _DETOUR * straight + spacing)
 
 
-def _linked(samples: SurfaceSamples, land: Territories) -> DeformationGraph:
+def _through(positions: Float, normals: Float, spacing: float) -> Bool:
+    """(N, N) true for nodes on the two faces of a part that is thinner than half the node spacing.
+
+    Each lies behind the other's surface, and not deep; two legs that face each other lie before it.
+    """
+    way = positions[None] - positions[:, None]
+    depth = -np.einsum("ija,ia->ij", way, normals)
+    behind = (depth > 0) & (depth < spacing / 2)
+    return np.asarray(behind & behind.T & (np.linalg.norm(way, axis=2) < 2 * spacing))
+
+
+def _linked(samples: SurfaceSamples, land: Territories, spacing: float) -> DeformationGraph:
     """The graph over ``samples``."""
     count = len(samples.positions)
     apart = distance_matrix(samples)
     straight = np.linalg.norm(samples.positions[:, None] - samples.positions[None], axis=2)
-    spacing = max(samples.radius, 1e-12)
     ways = between_nodes(count, land.borders, land.lengths, np.inf)
     same_shell = land.shell[:, None] == land.shell[None]
-    nearest = np.where(same_shell & _detours(samples.positions, ways, spacing), np.inf, apart)
-    edges = _nearest_edges(nearest)
+    far = np.where(same_shell, _detours(samples.positions, ways, spacing), straight > _DETOUR * spacing)
+    edges = _nearest_edges(np.where(far, np.inf, apart))
     across = np.where(np.isfinite(apart), apart, straight)
     # Ways along the surface come first: no way between shells is shorter than any of them.
     longest = float(ways[np.isfinite(ways)].max(initial=0.0))

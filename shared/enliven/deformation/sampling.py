@@ -12,8 +12,8 @@ from enliven.errors import InputError
 from enliven.mesh import Mesh, weld
 
 _DARTS_PER_NODE = 80
-_SMOOTH = 0.7
-"""Cosine of the bend between a face and a vertex normal up to which the surface counts as smooth there."""
+_SMOOTH = 0.75
+"""Least cosine between a vertex normal and its faces' normals where the surface counts as smooth."""
 
 
 class SurfaceSamples(NamedTuple):
@@ -59,9 +59,12 @@ def _corner_normals(mesh: Mesh, faces: Int) -> Float:
     """(N, 3, 3) unit normals at the corners of ``faces`` (N,)."""
     welded, welded_of = weld(mesh)
     own = mesh.face_normals()[faces][:, None]
-    smooth = welded.vertex_normals()[welded_of][mesh.faces[faces]]
-    keeps = (smooth * own).sum(-1, keepdims=True) > _SMOOTH
-    return np.where(keeps, smooth, own)
+    normals = welded.vertex_normals()
+    sharpest = np.ones(len(normals))
+    cosines = (normals[welded.faces] * welded.face_normals()[:, None]).sum(-1)
+    np.minimum.at(sharpest, welded.faces, cosines)
+    corners = welded_of[mesh.faces[faces]]
+    return np.where((sharpest[corners] > _SMOOTH)[..., None], normals[corners], own)
 
 
 def poisson_disk(mesh: Mesh, nodes: int = 128, radius: float | None = None, seed: int = 0) -> SurfaceSamples:
