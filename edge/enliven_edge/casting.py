@@ -1,0 +1,59 @@
+"""Casting: from a mesh, whatever its origin, to an actor on the stage."""
+
+from __future__ import annotations
+
+import logging
+import re
+from pathlib import Path
+
+from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.mesh import Mesh, fit_height, refine
+from enliven.mesh_files import load_mesh
+from enliven.shapes import make_chair
+from enliven_edge.actor import Actor, ActorSettings
+
+log = logging.getLogger(__name__)
+
+CHAIR = "chair"
+"""The mesh that the project makes itself, by name instead of by path."""
+_HEIGHT = 1.75
+"""Metres: meshes are brought to a person's height, from which the performer's own is a small factor."""
+_LONGEST_EDGE = 0.04
+
+
+def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: str = "y") -> Actor:
+    """The actor of a mesh file, or of the chair.
+
+    A mesh that meets its performer is scaled to a person's height and refined where its triangles are too
+    large to bend; one that stays fixed is taken as modelled, in metres.
+
+    Args:
+        spec: a path, or "chair".
+        nodes: of the deformation graph.
+        up: "x", "y" or "z", the mesh's own axis that points up.
+
+    Raises:
+        InputError: for a mesh that cannot be used.
+    """
+    settings = settings or ActorSettings()
+    mesh = _prepared(spec, settings, up)
+    graph = DeformationGraph.build(mesh, nodes=nodes)
+    return Actor(character_from(mesh, graph, name_of(spec)), graph, settings)
+
+
+def name_of(spec: str) -> str:
+    """A short id for a character: the file's stem, of letters, digits, '-' and '_'."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", Path(spec).stem)[:40].strip("-") or "mesh"
+
+
+def _prepared(spec: str, settings: ActorSettings, up: str) -> Mesh:
+    """The mesh as it goes on stage; what was repaired is said in the log."""
+    if spec == CHAIR:
+        return make_chair()
+    mesh, notes = load_mesh(spec)
+    for note in notes:
+        log.info("%s: %s", spec, note)
+    if settings.place == "fixed":
+        return mesh
+    mesh = fit_height(mesh, _HEIGHT, up)  # type: ignore[arg-type]
+    return refine(mesh, _LONGEST_EDGE)

@@ -1,0 +1,33 @@
+"""How fast the edge is: frames a second and latency over the last few seconds."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+_REMEMBERED = 150
+
+
+class Pace:
+    """Statistics over the last 150 frames."""
+
+    def __init__(self) -> None:
+        self._latency: deque[float] = deque(maxlen=_REMEMBERED)
+        self._done: deque[int] = deque(maxlen=_REMEMBERED)
+
+    def took(self, read_ns: int, published_ns: int) -> None:
+        """One frame, read and published at these times of one clock, nanoseconds."""
+        self._latency.append((published_ns - read_ns) * 1e-6)
+        self._done.append(published_ns)
+
+    @property
+    def fps(self) -> float:
+        """Frames a second; 0 before the second frame."""
+        if len(self._done) < 2 or self._done[-1] == self._done[0]:
+            return 0.0
+        return (len(self._done) - 1) * 1e9 / (self._done[-1] - self._done[0])
+
+    def latency_ms(self, percent: float) -> float:
+        """The percentile of the latency from frame read to pose published, milliseconds; 0 before the first."""
+        return float(np.percentile(self._latency, percent)) if self._latency else 0.0

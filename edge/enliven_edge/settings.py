@@ -1,0 +1,30 @@
+"""Everything of the edge that a TOML file may set: ``enliven edge --settings edge.toml``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from enliven.settings import setting
+from enliven_edge.actor import ActorSettings
+from enliven_edge.tracking.settings import TrackerSettings
+
+
+@dataclass(frozen=True)
+class WireSettings:
+    """Where the edge listens."""
+
+    name: str = setting("edge", "The edge's name on the network, unique on this machine.")
+    host: str = setting("127.0.0.1", "Address to listen on; 0.0.0.0 for every interface.")
+    port: int = setting(5580, "Port of the poses; 0 picks a free one.", low=0, high=65535)
+    control_port: int = setting(5581, "Port of the commands; 0 picks a free one.", low=0, high=65535)
+
+
+@dataclass(frozen=True)
+class EdgeSettings:
+    """The edge."""
+
+    nodes: int = setting(128, "Nodes of a deformation graph.", low=4, high=4096)
+    up: str = setting("y", "The mesh's own axis that points up: x, y or z.")
+    tracker: TrackerSettings = setting(TrackerSettings, "The tracker.")
+    actor: ActorSettings = setting(ActorSettings, "How characters meet and follow their performers.")
+    wire: WireSettings = setting(WireSettings, "The network.")
