@@ -3,6 +3,9 @@
 Every level is told apart by yes-no questions (a hole? as predicted? above or below? by how much?), and the
 odds of each answer are learned from the answers given so far in the same surroundings. The coder is the
 carry-free one with 32-bit bounds (Witten, Neal and Cleary, CACM 30(6), 1987, narrowed to two symbols).
+
+Unsigned values pass through np.int64 first: compiled, int() of them is unsigned, and unsigned with signed
+makes a float.
 """
 
 from __future__ import annotations
@@ -31,7 +34,7 @@ _RATES = np.array([round(65536 / (n + 1.6)) for n in range(_PATIENCE + 1)], np.i
 @njit(cache=True, nogil=True)
 def _learn(states: AnyArray, at: int, bit: int) -> None:
     """Move the odds of a question towards the answer; the low byte of a state counts the answers."""
-    state = np.int64(states[at])
+    state = int(states[at])
     odds, count = state >> 8, state & 255
     odds += ((65535 * bit - odds) * _RATES[count]) >> 16
     odds = min(max(odds, 32), 65503)
@@ -68,7 +71,7 @@ def _get(coder: AnyArray, data: UInt8, odds: int) -> int:
     else:
         low = middle + 1
     while (low ^ high) & 0xFF000000 == 0:
-        byte = np.int64(data[coder[2]]) if coder[2] < data.size else 0
+        byte = int(np.int64(data[coder[2]])) if coder[2] < data.size else 0
         coder[2] += 1
         low, high = (low << 8) & 0xFFFFFFFF, ((high << 8) & 0xFFFFFFFF) | 255
         value = ((value << 8) & 0xFFFFFFFF) | byte
@@ -79,7 +82,7 @@ def _get(coder: AnyArray, data: UInt8, odds: int) -> int:
 @njit(cache=True, nogil=True)
 def _ask(coder: AnyArray, data: UInt8, states: AnyArray, at: int, bit: int, encode: bool) -> int:
     """Encode the answer ``bit``, or decode and return it, with the odds of a state."""
-    odds = np.int64(states[at]) >> 8
+    odds = int(states[at]) >> 8
     if encode:
         _put(coder, data, odds, bit)
     else:
@@ -105,17 +108,15 @@ def _surroundings(w: int, ww: int, n: int, ne: int, p: int, recent: int) -> int:
 @njit(cache=True, nogil=True)
 def _residual(coder: AnyArray, data: UInt8, states: AnyArray, base: int, r: int, encode: bool) -> int:
     """Encode ``r``, or decode and return it: zero? negative? then the size, one by one and then in bits."""
-    if _ask(coder, data, states, base, np.int64(r == 0), encode):
+    if _ask(coder, data, states, base, int(r == 0), encode):
         return 0
-    negative = _ask(coder, data, states, base + 1, np.int64(r < 0), encode)
+    negative = _ask(coder, data, states, base + 1, int(r < 0), encode)
     size = abs(r)
     for m in range(1, UNARY + 1):
-        if _ask(coder, data, states, base + 1 + m, np.int64(size == m), encode):
+        if _ask(coder, data, states, base + 1 + m, int(size == m), encode):
             return -m if negative else m
     rest, bits = size - UNARY, 0
-    while bits < 17 and not _ask(
-        coder, data, states, _LARGE + bits, np.int64(rest >> (bits + 1) == 0), encode
-    ):
+    while bits < 17 and not _ask(coder, data, states, _LARGE + bits, int(rest >> (bits + 1) == 0), encode):
         bits += 1
     made = 1
     for b in range(bits - 1, -1, -1):
@@ -134,11 +135,11 @@ def _code_table(values: UInt16, data: UInt8, coder: AnyArray, states: AnyArray, 
     """Encode the ascending (P + 1,) ``values``, or decode them; a step is expected to be as the former."""
     former, size = 1, 0
     for level in range(1, values.size):
-        step = np.int64(values[level]) - np.int64(values[level - 1]) if encode else 0
+        step = int(np.int64(values[level])) - int(np.int64(values[level - 1])) if encode else 0
         r = _residual(coder, data, states, _TABLE + size * QUESTIONS, step - former, encode)
         step = former + r
         if not encode:
-            value = np.int64(values[level - 1]) + step
+            value = int(np.int64(values[level - 1])) + step
             if step < 1 or value > 65535:
                 return False
             values[level] = value
@@ -165,9 +166,9 @@ def _code_image(
             holes = (
                 (w != 0) | (n != 0) << 1 | (nw != 0) << 2 | (ne != 0) << 3 | (ww != 0) << 4 | (nn != 0) << 5
             )
-            v = np.int64(table[depth[y, x - 2]]) if encode else 0
+            v = int(np.int64(table[depth[y, x - 2]])) if encode else 0
             row[x], error[x] = 0, 0
-            if _ask(coder, data, states, holes, np.int64(v == 0), encode):
+            if _ask(coder, data, states, holes, int(v == 0), encode):
                 depth[y, x - 2] = 0
                 continue
             p = predict_level(w, n, nw, ne, last)
@@ -198,7 +199,7 @@ def pack_levels(depth: UInt16, ranks: UInt16, values: UInt16, tabled: bool, out:
         tabled: whether the values are written too.
         out: room for the packed bytes.
     """
-    states = np.full(_STATES, 32768 << 8, np.uint32)
+    states = np.full(_STATES, 32768 << 8, np.int32)
     coder = np.array([0, 0xFFFFFFFF, 0, 0], np.int64)
     if tabled:
         _code_table(values, out, coder, states, True)
@@ -219,10 +220,10 @@ def unpack_levels(data: UInt8, values: UInt16, tabled: bool, depth: UInt16) -> b
         tabled: whether the values are in the data.
         depth: (H, W), written.
     """
-    states = np.full(_STATES, 32768 << 8, np.uint32)
+    states = np.full(_STATES, 32768 << 8, np.int32)
     coder = np.array([0, 0xFFFFFFFF, 4, 0], np.int64)
     for at in range(4):
-        coder[3] = (coder[3] << 8) | (np.int64(data[at]) if at < data.size else 0)
+        coder[3] = (coder[3] << 8) | (int(np.int64(data[at])) if at < data.size else 0)
     if tabled and not _code_table(values, data, coder, states, False):
         return False
     return _code_image(depth, values, values.size - 1, data, coder, states, False)

@@ -57,7 +57,7 @@ def predict_image(depth: UInt16, ranks: UInt16, count: int) -> UInt8:
     for y in range(height):
         w, nw, n = 0, 0, int(above[0])
         for x in range(width):
-            v, ne = int(ranks[depth[y, x]]), int(above[x + 1])
+            v, ne = int(np.int64(ranks[depth[y, x]])), int(above[x + 1])
             s = 0
             if v != 0:
                 r = v - predict_level(w, n, nw, ne, last)
@@ -95,9 +95,9 @@ def restore_image(planes: UInt8, values: UInt16, count: int, depth: UInt16) -> b
     for y in range(height):
         w, nw, n = 0, 0, int(above[0])
         for x in range(width):
-            s, ne = int(planes[0, y, x]), int(above[x + 1])
+            s, ne = int(np.int64(planes[0, y, x])), int(above[x + 1])
             if wide:
-                s |= int(planes[1, y, x]) << 8
+                s |= int(np.int64(planes[1, y, x])) << 8
             if s > count:
                 return False
             v = 0
