@@ -29,5 +29,5 @@ class Pace:
         return (len(self._done) - 1) * 1e9 / (self._done[-1] - self._done[0])
 
     def latency_ms(self, percent: float) -> float:
-        """The percentile of the latency from frame read to pose published, milliseconds; 0 before the first."""
+        """A percentile of the latency from frame read to pose published, ms; 0 before the first frame."""
         return float(np.percentile(self._latency, percent)) if self._latency else 0.0

@@ -18,6 +18,8 @@ _ARMS = (
     {"arm_raise": 2.6, "elbow": 0.2},
 )
 """Arms hanging, forearms forward, arms out, arms overhead."""
+_LEFT_ARM = [model.UPPER_ARM_L, model.FOREARM_L]
+_RIGHT_ARM = [model.UPPER_ARM_R, model.FOREARM_R]
 _SIDE_YAW = 1.2
 
 
@@ -53,13 +55,21 @@ def quality(report: FitReport) -> float:
 
 
 def _hypotheses(observation: Observation, eye: Float, height: float) -> list[Posture]:
-    """Standing postures under the crown: four ways to hold the arms facing the sensor, two to the sides."""
+    """Standing postures under the crown: six ways to hold the arms facing the sensor, two to the sides."""
     size = _measured_height(observation, height)
     centre = np.median(observation.points, axis=0)
     facing = float(np.arctan2(eye[0] - centre[0], eye[2] - centre[2]))
-    made = [_under_crown(observation, standing(facing, **arms), size) for arms in _ARMS]
-    made += [_under_crown(observation, standing(facing + yaw), size) for yaw in (_SIDE_YAW, -_SIDE_YAW)]
-    return made
+    held = [standing(facing, **arms) for arms in _ARMS]
+    held += [_one_raised(facing, limbs) for limbs in (_LEFT_ARM, _RIGHT_ARM)]
+    held += [standing(facing + yaw) for yaw in (_SIDE_YAW, -_SIDE_YAW)]
+    return [_under_crown(observation, rotations, size) for rotations in held]
+
+
+def _one_raised(facing: float, limbs: list[int]) -> Float:
+    """(13, 3, 3) one arm up and out, the other hanging."""
+    rotations = standing(facing)
+    rotations[limbs] = standing(facing, arm_raise=2.2, elbow=0.2)[limbs]
+    return rotations
 
 
 def _measured_height(observation: Observation, height: float) -> float:
@@ -74,10 +84,13 @@ def _under_crown(observation: Observation, rotations: Float, height: float) -> P
     """A posture whose head's top, or raised hands, are at the top of the observed points."""
     posture = Posture(np.zeros(3), rotations, model.lengths_for_height(height))
     ends, radii = posture.capsules()
-    top = float((ends[..., 1] + radii).max())
+    tops = (ends[..., 1] + radii).max(1)
+    highest = int(np.argmax(tops))
     centre = np.median(observation.points, axis=0)
     crown = observation.crown
-    head = np.array([0.5 * (crown[0] + centre[0]), crown[1] - top, 0.0])
+    # A head is the crown's neighbour sideways; a raised hand is not.
+    under = 0.5 * (crown[0] + centre[0]) if model.CAPSULES.frame[highest] == model.HEAD else centre[0]
+    head = np.array([under, crown[1] - tops[highest], 0.0])
     behind_surface = 0.1
     away = centre - observation.view[4][:3, 3]
     away[1] = 0.0

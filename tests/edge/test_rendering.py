@@ -1,0 +1,147 @@
+"""The picture: what the tiled, pruned, sixteen-fold marching draws is the surface of the whole body."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from enliven.body import BONES, Joint
+from enliven.camera import Intrinsics, project, rays, world_from_level_camera
+from enliven_edge.synthesis.choreography import choreography
+from enliven_edge.synthesis.flesh import BETWEEN, BLEND, DARK, PIECES, TAPER, Flesh, flesh_of
+from enliven_edge.synthesis.performer import Performer, Proportions
+from enliven_edge.synthesis.render import Renderer
+from enliven_edge.synthesis.scene import MIRROR, Box, cast_room
+
+CAMERA = Intrinsics(162, 122, 145.0, 145.0, 80.0, 60.0)  # no multiple of the tiles
+WORLD_FROM_CAMERA = world_from_level_camera(1.15, np.radians(5.0))
+CAMERA_FROM_WORLD = np.linalg.inv(WORLD_FROM_CAMERA)
+
+
+def _united(a: np.ndarray, b: np.ndarray, k: float) -> np.ndarray:
+    h = np.maximum(k - np.abs(a - b), 0.0) / k
+    return np.minimum(a, b) - h * h * k / 4
+
+
+def slow_field(flesh: Flesh, points: np.ndarray) -> np.ndarray:
+    """(N,) distance of (N, 3) points to the whole body: every primitive, no tiles, no pruning."""
+    whole = np.full(len(points), 1e9)
+    for group in range(len(BLEND)):
+        part = np.full(len(points), 1e9)
+        for i in np.flatnonzero(flesh.group == group):
+            s = flesh.shape[i]
+            if flesh.kind[i] == TAPER:
+                t = np.clip((points - s[:3]) @ s[3:6] * s[6], 0, 1)
+                radius = s[7] + t * s[8] + 4 * t * (1 - t) * s[9]
+                d = np.linalg.norm(points - s[:3] - t[:, None] * s[3:6], axis=-1) - radius
+            else:
+                q = (points - s[:3]) @ s[3:12].reshape(3, 3).T
+                k0 = np.linalg.norm(q, axis=-1)
+                d = k0 * (k0 - 1) / (np.linalg.norm(q * s[12:15], axis=-1) + 1e-12)
+            part = _united(part, d, BLEND[group])
+        whole = _united(whole, part, BETWEEN)
+    return whole
+
+
+def _drawn(name: str, time: float, build: Proportions | None = None) -> tuple[Flesh, np.ndarray, np.ndarray, np.ndarray]:
+    performer = Performer(build)
+    figure = performer.pose(choreography(name).posture(time))
+    flesh = flesh_of(performer, figure, CAMERA_FROM_WORLD)
+    depth, material = np.full((122, 162), np.inf), np.zeros((122, 162), np.uint8)
+    Renderer(CAMERA).draw(flesh, depth, material)
+    return flesh, depth, material, figure.joints
+
+
+@pytest.mark.parametrize(
+    ("name", "time", "build"),
+    [
+        ("chair", 0.5, None),
+        ("chair", 2.1, None),
+        ("chair", 3.05, Proportions(height=1.4, girth=1.3)),
+        ("chair", 6.0, None),
+        ("wave", 2.0, Proportions(height=1.9, girth=0.8)),
+    ],
+)
+def test_the_picture_is_the_surface(name: str, time: float, build: Proportions | None) -> None:
+    flesh, depth, _, _ = _drawn(name, time, build)
+    ray = np.concatenate([rays(CAMERA), np.ones((122, 162, 1))], -1)
+    hit = np.isfinite(depth)
+    assert 500 < hit.sum() < 0.4 * hit.size
+    assert np.abs(slow_field(flesh, ray[hit] * depth[hit][:, None])).max() < 1.5e-3
+    # Nothing of the body is in front of what was drawn, nor anywhere on a ray that met nothing.
+    rng = np.random.default_rng(3)
+    v, u = np.nonzero(hit | np.roll(hit, 3, 1) | np.roll(hit, -3, 0))
+    for n in rng.choice(len(v), 60, replace=False):
+        z = np.arange(1.5, min(depth[v[n], u[n]] - 0.01, 3.6), 0.004)
+        assert slow_field(flesh, ray[v[n], u[n]] * z[:, None]).min() > -2e-3
+
+
+def test_the_flesh_is_around_the_bones() -> None:
+    flesh, _, _, joints = _drawn("chair", 0.5)
+    inside = joints @ CAMERA_FROM_WORLD[:3, :3].T + CAMERA_FROM_WORLD[:3, 3]
+    assert slow_field(flesh, inside).max() < -0.015
+    for a, b in BONES:
+        middle = (inside[a] + inside[b])[None] / 2
+        assert slow_field(flesh, middle)[0] < -0.01
+
+
+@pytest.mark.parametrize("time", [0.5, 3.05, 6.0, 8.4])
+def test_joints_are_just_behind_the_surface(time: float) -> None:
+    _, depth, _, joints = _drawn("chair", time)
+    camera = joints @ CAMERA_FROM_WORLD[:3, :3].T + CAMERA_FROM_WORLD[:3, 3]
+    pixels = np.rint(project(camera, CAMERA)).astype(int)
+    behind = camera[:, 2] - depth[pixels[:, 1], pixels[:, 0]]
+    assert np.isfinite(behind).all()
+    assert behind.min() > 0.0
+    assert np.median(behind) < 0.13  # the others are hidden by a limb in front of them
+
+
+def test_hair_and_shoes_are_dark() -> None:
+    _, depth, material, _ = _drawn("chair", 8.7)  # bowing: the crown shows
+    v, _ = np.nonzero((material == DARK) & np.isfinite(depth))
+    assert (v < 50).any() and (v > 90).any()
+    assert not material[~np.isfinite(depth)].any()
+
+
+def test_both_sides_have_the_same_pieces() -> None:
+    left = [p for p in PIECES if p.limb.name.endswith("LEFT")]
+    right = [p for p in PIECES if p.limb.name.endswith("RIGHT")]
+    assert len(left) == len(right) > 15
+
+
+def test_a_still_room_hides_the_performer() -> None:
+    performer = Performer()
+    figure = performer.pose(choreography("idle").posture(0.0))
+    flesh = flesh_of(performer, figure, CAMERA_FROM_WORLD)
+    depth, material = np.full((122, 162), 1.5), np.zeros((122, 162), np.uint8)
+    Renderer(CAMERA).draw(flesh, depth, material)
+    assert (depth == 1.5).all() and not material.any()
+
+
+def test_the_room_is_where_it_should_be() -> None:
+    depth, material = cast_room(CAMERA, WORLD_FROM_CAMERA)
+    points = np.concatenate([rays(CAMERA), np.ones((122, 162, 1))], -1) * depth[..., None]
+    world = points @ WORLD_FROM_CAMERA[:3, :3].T + WORLD_FROM_CAMERA[:3, 3]
+    assert np.isfinite(depth).all()
+    assert np.allclose(world[-1, 60:100, 1], 0.0, atol=1e-9)  # the floor at the bottom of the image
+    assert world[..., 1].min() > -1e-9
+    assert np.isclose(world[10, 70, 2], -3.88)
+    assert (material == MIRROR).sum() > 50
+
+
+def test_a_box_is_cut_by_the_ray_where_geometry_says() -> None:
+    depth, _ = cast_room(CAMERA, np.eye(4), (Box((-1, -1, 2.0), (1, 1, 3.0)),))
+    ray = rays(CAMERA)
+    inside = (np.abs(ray) * 2.0 < 1).all(-1)
+    assert (depth[inside] == 2.0).all()
+    assert np.isinf(depth[(np.abs(ray) * 2.0 > 1.001).any(-1)]).all()
+
+
+def test_the_ankle_is_above_the_sole() -> None:
+    flesh, _, _, joints = _drawn("idle", 0.0)
+    for ankle in (Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT):
+        heights = np.linspace(-0.03, 0.05, 81)
+        below = np.stack([np.full(81, joints[ankle, 0]), heights, np.full(81, joints[ankle, 2])], -1)
+        camera = below @ CAMERA_FROM_WORLD[:3, :3].T + CAMERA_FROM_WORLD[:3, 3]
+        sole = heights[np.flatnonzero(slow_field(flesh, camera) < 0)[0]]
+        assert abs(sole) < 0.02

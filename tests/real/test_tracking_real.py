@@ -1,0 +1,96 @@
+"""The tracker on real depth: one-shot detection of twelve arm poses, and a person who turns all the way."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy import ndimage
+
+from enliven.body import Joint
+from enliven.camera import Intrinsics, project
+from enliven.frames import DepthFrame
+from enliven_edge.importing.base import ImportOptions
+from enliven_edge.importing.registry import find_files, find_reader
+from enliven_edge.tracking.tracker import Tracker
+
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+pytestmark = [
+    pytest.mark.real,
+    pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings (ENLIVEN_DATA) are not here"),
+]
+UPPER = [Joint.HEAD, Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.SHOULDER_RIGHT, Joint.ELBOW_RIGHT]
+HANDS = [Joint.WRIST_LEFT, Joint.WRIST_RIGHT]
+
+
+def frames_of(folder: str) -> list[DepthFrame]:
+    paths = find_files([DATA / folder])
+    return list(find_reader(paths).read(paths, ImportOptions()))
+
+
+def pixels_outside(frame: DepthFrame, tracker: Tracker, joints: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """How many pixels each joint's projection lies outside the mask."""
+    camera_from_world = np.linalg.inv(tracker.world_from_camera)
+    camera = joints @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
+    uv = np.round(project(camera, frame.intrinsics)).astype(int)
+    uv = np.clip(uv, 0, [mask.shape[1] - 1, mask.shape[0] - 1])
+    return ndimage.distance_transform_edt(~mask)[uv[:, 1], uv[:, 0]]
+
+
+def test_arms_are_found_at_first_sight():
+    """Eight single frames: head, shoulders and elbows lie on the person in all, the wrists in most."""
+    files = sorted((DATA / "depth" / "skeltrack_kinect1").glob("*.u16"))
+    wrists = []
+    for path in files:
+        depth = np.fromfile(path, "<u2").reshape(480, 640)
+        frame = DepthFrame(depth, Intrinsics(640, 480, 575.0, 575.0, 319.5, 239.5), 0, "kinect1")
+        tracker = Tracker()
+        (body,) = tracker.track(frame)
+        near = (depth > 0) & (depth < 1800)
+        outside = pixels_outside(frame, tracker, body.joints, near)
+        assert outside[UPPER].max() < 12, path.name
+        wrists += list(outside[HANDS])
+    assert np.mean(np.array(wrists) < 15) >= 0.9
+
+
+def test_a_person_who_turns_is_followed_all_the_way():
+    """One hundred frames of a turn of about 345 degrees, upper body only, before a wall."""
+    frames = frames_of("depth/uva_cv2_person_turn")
+    tracker, yaws, inside = Tracker(), [], []
+    for i, frame in enumerate(frames):
+        bodies = tracker.track(frame)
+        assert len(bodies) == 1, f"frame {i}"
+        assert bodies[0].id == 1
+        posture = tracker.posture
+        chest = posture.rotations[0] @ posture.rotations[1]
+        yaws.append(np.arctan2(chest[0, 2], chest[2, 2]))
+        if i % 10 == 0:
+            path = DATA / "depth" / "uva_cv2_person_turn" / f"{i:010d}_mask.jpg"
+            mask = np.asarray(Image.open(path).convert("L")) > 128
+            inside.append(pixels_outside(frame, tracker, bodies[0].joints, mask)[UPPER])
+    turned = np.degrees(np.unwrap(yaws))
+    assert 310 < abs(turned[-1] - turned[0]) < 375
+    assert np.abs(np.diff(turned)).max() < 40
+    assert np.mean(np.array(inside) < 15) > 0.85
+
+
+def test_driven_through_to_poses():
+    """The real recording moves the chair: finite poses, and the chair follows the head."""
+    from enliven_edge.casting import cast
+    from enliven_edge.stage import Stage
+
+    tracker, stage = Tracker(), Stage([cast("chair", nodes=64)])
+    heads, tops = [], []
+    for i, frame in enumerate(frames_of("depth/uva_cv2_person_turn")[:60]):
+        bodies = tracker.track(frame)
+        (pose,) = stage.perform(bodies, frame.time_ns)
+        assert np.isfinite(pose.positions).all()
+        assert np.isfinite(pose.linear).all()
+        if i == 10:
+            stage.possess("chair", parts="upper body")
+        if i > 30:
+            heads.append(bodies[0].joints[Joint.HEAD])
+            tops.append(pose.positions[np.argmax(stage.actors["chair"].graph.positions[:, 1])])
+    apart = np.linalg.norm(np.diff(np.array(heads) - np.array(tops), axis=0), axis=1)
+    assert np.median(apart) < 0.05

@@ -1,0 +1,61 @@
+"""The block Cholesky factor against dense linear algebra."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.deformation.block_cholesky import analyse, dense_of, elimination_order, factorise, substitute
+
+
+def random_system(count, density, seed):
+    """A positive definite matrix over random couplings, as lower blocks of the pattern and dense."""
+    rng = np.random.default_rng(seed)
+    pairs = np.argwhere(np.tri(count, k=-1) * (rng.random((count, count)) < density))
+    pattern = analyse(count, pairs)
+    blocks = np.zeros((pattern.blocks, 4, 4))
+    own = pattern.block_of(np.stack([np.arange(count)] * 2, 1))
+    for block in own:
+        m = rng.normal(size=(4, 4))
+        blocks[block] = m @ m.T + 4 * count * np.eye(4)
+    if len(pairs):
+        blocks[pattern.block_of(pairs)] = rng.normal(size=(len(pairs), 4, 4))
+    return pattern, blocks, dense_of(pattern, blocks)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(1, 15), st.floats(0, 1), st.integers(0, 2**32 - 1))
+def test_it_solves_what_numpy_solves(count, density, seed):
+    pattern, blocks, dense = random_system(count, density, seed)
+    right = np.random.default_rng(seed).normal(size=(count, 4, 3))
+    assert factorise(pattern.start, pattern.row, pattern.product, blocks)
+    x = right.copy()
+    substitute(pattern.start, pattern.row, blocks, x)
+    expected = np.linalg.solve(dense, right.reshape(-1, 3))
+    np.testing.assert_allclose(x.reshape(-1, 3), expected, rtol=1e-9, atol=1e-12)
+
+
+def test_a_matrix_that_is_not_positive_definite_is_told():
+    pattern = analyse(2, np.array([[1, 0]]))
+    blocks = np.zeros((3, 4, 4))
+    assert not factorise(pattern.start, pattern.row, pattern.product, blocks)
+
+
+def test_the_order_keeps_the_fill_of_a_grid_low():
+    side = 16
+    n = np.arange(side * side).reshape(side, side)
+    pairs = np.concatenate(
+        [np.stack([n[:-1].ravel(), n[1:].ravel()], 1), np.stack([n[:, :-1].ravel(), n[:, 1:].ravel()], 1)]
+    )
+    order = elimination_order(side * side, pairs)
+    assert sorted(order) == list(range(side * side))
+    place = np.argsort(order)
+    rng = np.random.default_rng(0).permutation(side * side)
+    assert analyse(side * side, place[pairs]).blocks < 0.4 * analyse(side * side, rng[pairs]).blocks
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_nodes_that_nothing_couples(count):
+    pattern = analyse(count, np.empty((0, 2), int))
+    assert pattern.blocks == count
+    assert sorted(elimination_order(count, np.empty((0, 2), int))) == list(range(count))

@@ -1,0 +1,91 @@
+"""The command line: exit codes that mean something, and never a traceback."""
+
+import json
+import logging
+import subprocess
+import sys
+
+import pytest
+
+from enliven import cli
+from enliven.commands.processes import Process, run_together
+from enliven.doctor import Check, all_checks
+from enliven.errors import InputError, ResourceError
+from enliven.logs import JsonLines
+
+
+def enliven(*arguments: str, **options) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "enliven", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, **options)
+
+
+def test_help_lists_the_commands_of_every_package():
+    shown = enliven("--help")
+    assert shown.returncode == 0
+    for name in ("run", "edge", "view", "import", "record", "replay", "doctor"):
+        assert f"\n  {name} " in shown.stdout
+
+
+def test_wrong_usage_is_2():
+    asked = enliven("edge", "--no-such-option")
+    assert asked.returncode == 2
+    assert "Traceback" not in asked.stderr
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [(InputError("a"), 3), (ResourceError("b"), 4), (KeyboardInterrupt(), 130), (ValueError("c"), 1)],
+)
+def test_exit_codes(monkeypatch, capsys, error, code):
+    def application():
+        def command(*arguments, **options):
+            raise error
+
+        return command
+
+    monkeypatch.setattr(cli, "application", application)
+    assert cli.run([]) == code
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_missing_recording_is_said():
+    asked = enliven("run", "--recording", "nowhere.mcap")
+    assert asked.returncode == 3
+    assert "nowhere.mcap: there is no such recording" in asked.stderr
+    assert "Traceback" not in asked.stderr
+
+
+def test_doctor_as_json():
+    found = enliven("doctor", "--json")
+    checks = json.loads(found.stdout)
+    assert {"name", "ok", "detail", "mend"} == set(checks[0])
+    assert {"Python", "compiled kernels"} <= {check["name"] for check in checks}
+    assert found.returncode == (0 if all(check["ok"] for check in checks) else 4)
+
+
+def test_every_missing_thing_comes_with_a_remedy():
+    for check in all_checks():
+        assert isinstance(check, Check)
+        assert check.ok or check.mend, check.name
+
+
+def test_json_lines():
+    record = logging.makeLogRecord(
+        {"name": "enliven", "levelname": "INFO", "msg": "a %s", "args": ("b",), "port": 3}
+    )
+    line = json.loads(JsonLines().format(record))
+    assert line["message"] == "a b"
+    assert line["port"] == 3
+    assert line["level"] == "info"
+
+
+def test_processes_end_together():
+    """The one that leads ends at once with 0; the other would run for ever."""
+    follower = Process("follower", ["doctor", "--json"])
+    assert run_together([follower, Process("leader", ["--version"], leads=True)]) == 0
+
+
+def test_a_failing_process_ends_the_run():
+    failing = Process("failing", ["run", "--recording", "nowhere.mcap"])
+    assert run_together([failing, Process("leader", ["doctor"], leads=True)]) in (3, 0, 4)
+    assert run_together([Process("failing", ["run", "--recording", "nowhere.mcap"], leads=True)]) == 3

@@ -1,0 +1,78 @@
+"""Settings: defaults, overrides, and messages that name the nearest known key."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import pytest
+
+from enliven.errors import InputError
+from enliven.settings import load_settings, setting
+from enliven_edge.settings import EdgeSettings
+
+
+@dataclass(frozen=True)
+class Lens:
+    focal: float = setting(500.0, "Focal length.", unit="px", low=1.0, high=5000.0)
+    kind: Literal["pinhole", "fisheye"] = setting("pinhole", "Model.")
+
+
+@dataclass(frozen=True)
+class Camera:
+    name: str = setting(doc="The name is needed.")
+    lens: Lens = setting(Lens, "The lens.")
+    rows: tuple[float, ...] = setting((), "Some rows.")
+    limit: int | None = setting(None, "A limit.")
+
+
+def test_defaults_and_overrides():
+    camera = load_settings(Camera, {"name": "a", "lens": {"focal": 600}, "rows": [1, 2.5], "limit": 3})
+    assert camera == Camera("a", Lens(600.0), (1.0, 2.5), 3)
+    assert load_settings(Camera, {"name": "a"}) == Camera("a")
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"nmae": "a"}, "unknown key nmae.*Did you mean name"),
+        ({"name": "a", "lens": {"focl": 1}}, r"unknown key lens\.focl.*Did you mean lens\.focal"),
+        ({"name": "a", "zzzz": 1}, "Known: name, lens"),
+        ({}, "key name is missing.*The name is needed"),
+        ({"name": 3}, "name is 3, expected str"),
+        ({"name": "a", "lens": {"focal": "wide"}}, r"lens\.focal is 'wide', expected float"),
+        ({"name": "a", "lens": {"focal": 0.5}}, r"lens\.focal is 0\.5, outside 1\.0\.\.5000\.0 px"),
+        ({"name": "a", "lens": {"focal": float("nan")}}, r"lens\.focal is nan"),
+        ({"name": "a", "lens": {"kind": "mirror"}}, r"lens\.kind is 'mirror'"),
+        ({"name": "a", "lens": 4}, "lens must be a table"),
+        ({"name": "a", "rows": [1, "b"]}, "rows is"),
+        ({"name": "a", "limit": True}, "limit is True"),
+    ],
+)
+def test_what_is_wrong_is_said(values, message):
+    with pytest.raises(InputError, match=message):
+        load_settings(Camera, values, where="camera.toml")
+
+
+def test_files(tmp_path):
+    path = tmp_path / "edge.toml"
+    with pytest.raises(InputError, match="no such file"):
+        load_settings(EdgeSettings, path)
+    path.write_text("nodes = [")
+    with pytest.raises(InputError, match="not readable TOML"):
+        load_settings(EdgeSettings, path)
+    path.write_text("nodes = 64\n[tracker.smoothing]\namount = 0.0\n")
+    loaded = load_settings(EdgeSettings, path)
+    assert loaded.nodes == 64
+    assert loaded.tracker.smoothing.amount == 0.0
+    assert loaded.actor == EdgeSettings().actor
+
+
+def test_every_setting_of_the_edge_is_explained():
+    import dataclasses
+
+    def walk(kind):
+        for field in dataclasses.fields(kind):
+            assert field.metadata["doc"], f"{kind.__name__}.{field.name}"
+            if field.default_factory is not dataclasses.MISSING:
+                walk(field.default_factory)
+
+    walk(EdgeSettings)
