@@ -46,9 +46,16 @@ def test_bones_keep_their_lengths(name: str, height: float) -> None:
 
 _angle = st.floats(-0.6, 0.6)
 _foot = st.builds(
-    Foot, st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.sampled_from([0.0, 0.1, 0.4]), _angle, st.floats(-0.6, 0.0)
+    Foot,
+    st.floats(-0.3, 0.3),
+    st.floats(-0.3, 0.3),
+    st.sampled_from([0.0, 0.1, 0.4]),
+    _angle,
+    st.floats(-0.6, 0.0),
 )
-_arm = st.builds(Arm, st.floats(-0.7, 2.5), st.floats(0, 1.6), _angle, st.floats(0, 2.4), _angle, _angle, st.floats(0, 0.3))
+_arm = st.builds(
+    Arm, st.floats(-0.7, 2.5), st.floats(0, 1.6), _angle, st.floats(0, 2.4), _angle, _angle, st.floats(0, 0.3)
+)
 
 
 @settings(deadline=None, max_examples=60)
@@ -57,7 +64,9 @@ def test_any_posture_has_the_performers_bones(
     left: Foot, right: Foot, one: Arm, other: Arm, yaw: float, pitch: float, roll: float, rise: float
 ) -> None:
     performer = Performer()
-    made = Posture(left, right, one, other, 0.0, 0.0, rise, yaw, pitch, roll, yaw, pitch, roll, yaw, pitch, roll)
+    made = Posture(
+        left, right, one, other, 0.0, 0.0, rise, yaw, pitch, roll, yaw, pitch, roll, yaw, pitch, roll
+    )
     usual = performer.pose(Posture(Foot(0.15, 0.0), Foot(-0.15, 0.0)))
     figure = performer.pose(made)
     assert np.allclose(_lengths(figure.joints), _lengths(usual.joints), atol=1e-6)
@@ -162,7 +171,9 @@ def test_tracks_pass_their_keys_and_never_overshoot(values: list[float], time: f
 
 @settings(deadline=None, max_examples=50)
 @given(st.floats(-3, 3), st.floats(0, 1), st.floats(0.05, 1), st.floats(0.05, 1))
-def test_eases_and_pulses_stay_between_nothing_and_all(t: float, start: float, length: float, rise: float) -> None:
+def test_eases_and_pulses_stay_between_nothing_and_all(
+    t: float, start: float, length: float, rise: float
+) -> None:
     assert 0 <= ease(t) <= 1 and math.isclose(ease(t) + ease(1 - t), 1, abs_tol=1e-9)
     assert 0 <= pulse(t, start, start + length, rise) <= 1
     assert pulse(start + length / 2, start, start + length, rise) == pytest.approx(1)

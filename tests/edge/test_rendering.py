@@ -43,7 +43,9 @@ def slow_field(flesh: Flesh, points: np.ndarray) -> np.ndarray:
     return whole
 
 
-def _drawn(name: str, time: float, build: Proportions | None = None) -> tuple[Flesh, np.ndarray, np.ndarray, np.ndarray]:
+def _drawn(
+    name: str, time: float, build: Proportions | None = None
+) -> tuple[Flesh, np.ndarray, np.ndarray, np.ndarray]:
     performer = Performer(build)
     figure = performer.pose(choreography(name).posture(time))
     flesh = flesh_of(performer, figure, CAMERA_FROM_WORLD)

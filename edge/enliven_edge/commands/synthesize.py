@@ -27,7 +27,9 @@ A wave before another camera:  enliven synthesize -o wave.mcap --choreography wa
 
 def synthesize(
     output: Annotated[Path, typer.Option("--output", "-o", help="The recording to make.")],
-    choreography: Annotated[str, typer.Option(help="What the performer does: chair, walk, wave, idle.")] = "chair",
+    choreography: Annotated[
+        str, typer.Option(help="What the performer does: chair, walk, wave, idle.")
+    ] = "chair",
     profile: Annotated[str, typer.Option(help="The camera: a name, or a .toml file.")] = "kinect1",
     seed: Annotated[int, typer.Option(help="Fixes everything random.")] = 0,
     width: Annotated[int, typer.Option(help="Pixels across; 0 for the camera's own.")] = 320,
@@ -43,7 +45,9 @@ def synthesize(
     values = {"choreography": choreography, "seed": seed, "width": width, "noise": noise}
     studio = Studio(load_profile(profile), load_settings(StudioSettings, values, where="synthesize"))
     with Recorder(output, compression_level=level, sync_seconds=math.inf, overwrite=overwrite) as recorder:
-        recorder.add_metadata("synthesize", {key: str(value) for key, value in {**values, "profile": profile}.items()})
+        recorder.add_metadata(
+            "synthesize", {key: str(value) for key, value in {**values, "profile": profile}.items()}
+        )
         for _ in track(write_performance(studio, recorder), "Rendering", total=studio.frames, transient=True):
             pass
     typer.echo(f"{output}: {studio.frames} frames of {studio.sensor}, {output.stat().st_size / 1e6:.2f} MB")

@@ -20,7 +20,9 @@ class CameraProfile:
     height: int = setting(doc="Height of the depth image.", unit="px", low=16, high=4096)
     fx: float = setting(doc="Focal length across.", unit="px", low=10, high=10000)
     fy: float = setting(doc="Focal length down.", unit="px", low=10, high=10000)
-    cx: float = setting(doc="Principal point, from the centre of the left column.", unit="px", low=0, high=4096)
+    cx: float = setting(
+        doc="Principal point, from the centre of the left column.", unit="px", low=0, high=4096
+    )
     cy: float = setting(doc="Principal point, from the centre of the top row.", unit="px", low=0, high=4096)
     distortion: tuple[float, float, float, float, float] = setting(
         (0.0, 0.0, 0.0, 0.0, 0.0), "Brown-Conrady k1, k2, p1, p2, k3 (zero: delivered rectified)."
@@ -43,7 +45,11 @@ class RangeProfile:
         high=1,
     )
     disparity_step: float = setting(
-        0.0, "Step of the disparity at full resolution; 0 where depth is not measured by disparity.", unit="px", low=0, high=1
+        0.0,
+        "Step of the disparity at full resolution; 0 where depth is not measured by disparity.",
+        unit="px",
+        low=0,
+        high=1,
     )
     depth_step: float = setting(0.001, "Step of the reported depth.", unit="m", low=0.0001, high=0.1)
 
@@ -52,16 +58,26 @@ class RangeProfile:
 class NoiseProfile:
     """How a measured depth scatters: sigma(z) = constant + linear (z - from) + quadratic (z - from)^2."""
 
-    constant: float = setting(doc="Axial standard deviation at the reference distance.", unit="m", low=0, high=0.2)
+    constant: float = setting(
+        doc="Axial standard deviation at the reference distance.", unit="m", low=0, high=0.2
+    )
     linear: float = setting(0.0, "Its growth with distance.", unit="m/m", low=0, high=0.1)
     quadratic: float = setting(0.0, "Its growth with distance squared.", unit="m/m^2", low=0, high=0.1)
     start: float = setting(0.0, "The reference distance.", unit="m", low=0, high=5)
     slant: float = setting(
-        0.0, "Added standard deviation at 45 degrees of slant and 1 m (times tan^2 / sqrt(z)).", unit="m", low=0, high=0.05
+        0.0,
+        "Added standard deviation at 45 degrees of slant and 1 m (times tan^2 / sqrt(z)).",
+        unit="m",
+        low=0,
+        high=0.05,
     )
     lateral: float = setting(0.8, "Standard deviation of where an edge appears.", unit="px", low=0, high=5)
-    correlation: float = setting(1.0, "Width of the window over which neighbours share their noise.", unit="px", low=1, high=25)
-    frozen: float = setting(0.0, "Part of the variance that stays the same from frame to frame.", low=0, high=0.99)
+    correlation: float = setting(
+        1.0, "Width of the window over which neighbours share their noise.", unit="px", low=1, high=25
+    )
+    frozen: float = setting(
+        0.0, "Part of the variance that stays the same from frame to frame.", low=0, high=0.99
+    )
 
 
 @dataclass(frozen=True)
@@ -70,10 +86,16 @@ class FaultProfile:
 
     edge: float = setting(2.0, "Reach of an edge's faults.", unit="px", low=0, high=12)
     edge_holes: float = setting(0.3, "Part of the pixels behind an edge that report nothing.", low=0, high=1)
-    flying: float = setting(0.0, "Part of the pixels at an edge that report a depth between both sides.", low=0, high=1)
+    flying: float = setting(
+        0.0, "Part of the pixels at an edge that report a depth between both sides.", low=0, high=1
+    )
     grazing: float = setting(80.0, "Slant beyond which a surface is not seen.", unit="deg", low=30, high=90)
-    dark: float = setting(0.2, "Part of a surface that swallows the light (hair, black shoes) that is lost.", low=0, high=1)
-    mirror: float = setting(0.8, "Part of a surface that mirrors the light away (a screen) that is lost.", low=0, high=1)
+    dark: float = setting(
+        0.2, "Part of a surface that swallows the light (hair, black shoes) that is lost.", low=0, high=1
+    )
+    mirror: float = setting(
+        0.8, "Part of a surface that mirrors the light away (a screen) that is lost.", low=0, high=1
+    )
 
 
 @dataclass(frozen=True)
@@ -110,12 +132,17 @@ class SensorProfile:
 def profiles_folder() -> Path:
     """The folder of the shipped profiles: inside an installed wheel, or beside the packages in a checkout."""
     package = Path(__file__).resolve().parent.parent
-    places = (package / "firmware_configs" / "sensors", package.parent.parent / "firmware_configs" / "sensors")
+    places = (
+        package / "firmware_configs" / "sensors",
+        package.parent.parent / "firmware_configs" / "sensors",
+    )
     for place in places:
         if place.is_dir():
             return place
     raise InputError(
-        "the sensor profiles are missing", where=str(places[0]), mend="Install the package enliven-edge again."
+        "the sensor profiles are missing",
+        where=str(places[0]),
+        mend="Install the package enliven-edge again.",
     )
 
 

@@ -39,7 +39,9 @@ def choreography(name: str) -> Choreography:
     """
     if name not in _MAKERS:
         raise InputError(
-            f"there is no choreography {name!r}", where="synthetic performer", mend=f"Known: {', '.join(_MAKERS)}."
+            f"there is no choreography {name!r}",
+            where="synthetic performer",
+            mend=f"Known: {', '.join(_MAKERS)}.",
         )
     return _MAKERS[name]()
 
@@ -49,12 +51,14 @@ def choreography_names() -> list[str]:
     return list(_MAKERS)
 
 
-def _stance(width: float, z: float = HOME_Z, toes: float = 0.16) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+def _stance(
+    width: float, z: float = HOME_Z, toes: float = 0.16
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Feet ``width`` metres apart, the toes turned out by ``toes`` radians."""
     return (width / 2, z, toes), (-width / 2, z, -toes)
 
 
-_ARMREST = Arm(flex=-0.16, abduct=0.24, twist=0.14, elbow=1.68, pronate=1.15, wrist=0.10)
+_ARMREST = Arm(flex=-0.16, abduct=0.24, twist=0.14, elbow=1.80, pronate=1.15, wrist=0.02)
 """The forearms level and forward, as on the armrests of a chair."""
 
 
@@ -62,8 +66,16 @@ def _alive(posture: Posture, time: float, duration: float, amount: float = 1.0) 
     """The posture with breath and the small sway of someone who stands."""
     breath = amount * sway(time, duration, max(2, round(duration / 3.4)), 0.1)
     slow, slower = sway(time, duration, 3, 0.37) * amount, sway(time, duration, 2, 0.0) * amount
-    left = replace(posture.left_arm, shrug=posture.left_arm.shrug + 0.012 * breath, flex=posture.left_arm.flex + 0.012 * slow)
-    right = replace(posture.right_arm, shrug=posture.right_arm.shrug + 0.012 * breath, flex=posture.right_arm.flex - 0.014 * slower)
+    left = replace(
+        posture.left_arm,
+        shrug=posture.left_arm.shrug + 0.012 * breath,
+        flex=posture.left_arm.flex + 0.012 * slow,
+    )
+    right = replace(
+        posture.right_arm,
+        shrug=posture.right_arm.shrug + 0.012 * breath,
+        flex=posture.right_arm.flex - 0.014 * slower,
+    )
     return replace(
         posture,
         left_arm=left,
@@ -92,14 +104,26 @@ _CHAIR_STEPS = [
 ]
 _CHAIR_TRACKS = {
     # A small lean the other way, the left, the right (further back than it came from), and upright.
-    "lean": Track((1.55, 0), (1.70, -0.06), (2.02, 0.34), (2.10, 0.34), (2.50, -0.36), (2.56, -0.36), (2.86, 0)),
+    "lean": Track(
+        (1.55, 0), (1.70, -0.06), (2.02, 0.34), (2.10, 0.34), (2.50, -0.36), (2.56, -0.36), (2.86, 0)
+    ),
     "head": Track((1.62, 0), (1.80, 0.05), (2.12, -0.14), (2.58, 0.15), (2.95, 0)),
     "arms": Track((5.50, 0), (5.64, -0.10), (5.96, 1), (6.16, 0.42), (6.40, 1.0), (6.74, 0)),
     "crouch": Track(
-        (5.50, 0), (5.64, -0.02), (5.96, 0.01), (6.50, 0), (6.84, -0.22), (7.04, 0), (7.38, -0.03), (7.52, -0.16), (7.82, 0)
+        (5.50, 0),
+        (5.64, -0.02),
+        (5.96, 0.01),
+        (6.50, 0),
+        (6.84, -0.22),
+        (7.04, 0),
+        (7.38, -0.03),
+        (7.52, -0.16),
+        (7.82, 0),
     ),
     "tuck": Track((6.50, 0), (6.84, 0.55), (7.06, 0.05), (7.36, 0.16), (7.52, 0.40), (7.84, 0)),
-    "turn": Track((7.62, 0), (7.70, -0.05), (7.98, 0.62), (8.04, 0.62), (8.37, -0.60), (8.40, -0.60), (8.67, 0)),
+    "turn": Track(
+        (7.62, 0), (7.70, -0.05), (7.98, 0.62), (8.04, 0.62), (8.37, -0.60), (8.40, -0.60), (8.67, 0)
+    ),
     "look": Track((7.58, 0), (7.86, 0.30), (8.00, 0.16), (8.22, -0.28), (8.38, -0.14), (8.64, 0)),
     "bow": Track((8.34, 0), (8.42, -0.05), (8.67, 0.52), (8.70, 0.52), (8.97, 0)),
     "nod": Track((8.37, 0), (8.60, 0.20), (8.76, 0.26), (8.99, 0)),
@@ -118,7 +142,9 @@ def _chair() -> Choreography:
             left_foot=feet.foot(0, time),
             right_foot=feet.foot(1, time),
             left_arm=_flapped(flap, tuck, -0.10 * behind + 0.08 * value["turn"]),
-            right_arm=_flapped(_CHAIR_TRACKS["arms"](time - 0.03), tuck, 0.10 * behind - 0.08 * value["turn"]),
+            right_arm=_flapped(
+                _CHAIR_TRACKS["arms"](time - 0.03), tuck, 0.10 * behind - 0.08 * value["turn"]
+            ),
             x=x - 0.10 * value["lean"],
             z=z - 0.16 * bow - 0.20 * tuck * (value["crouch"] < 0) * -value["crouch"],
             rise=value["crouch"] + feet.hop(time) - 0.008,
@@ -210,7 +236,9 @@ def _walk() -> Choreography:
         swing, favour = feet.favour(time - 0.05), feet.favour(time)
 
         def arm(forward: float) -> Arm:
-            return Arm(flex=0.03 + forward, abduct=0.12, twist=0.25, elbow=0.28 + 0.6 * max(forward, 0.0), wrist=0.1)
+            return Arm(
+                flex=0.03 + forward, abduct=0.12, twist=0.25, elbow=0.28 + 0.6 * max(forward, 0.0), wrist=0.1
+            )
 
         made = Posture(
             left, right, arm(-0.9 * stride), arm(0.9 * stride), x, z,
@@ -222,4 +250,9 @@ def _walk() -> Choreography:
     return Choreography("walk", 5.6, posture, feet.planted)
 
 
-_MAKERS: dict[str, Callable[[], Choreography]] = {"chair": _chair, "walk": _walk, "wave": _wave, "idle": _idle}
+_MAKERS: dict[str, Callable[[], Choreography]] = {
+    "chair": _chair,
+    "walk": _walk,
+    "wave": _wave,
+    "idle": _idle,
+}

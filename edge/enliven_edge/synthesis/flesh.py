@@ -42,7 +42,9 @@ class Piece:
     material: int = ORDINARY
 
 
-def _ball(group: int, limb: Limb, a: tuple[float, float, float], b: tuple[float, float, float], material: int = 0) -> Piece:
+def _ball(
+    group: int, limb: Limb, a: tuple[float, float, float], b: tuple[float, float, float], material: int = 0
+) -> Piece:
     return Piece(group, ELLIPSOID, limb, a, b, limb, material=material)
 
 
@@ -61,7 +63,7 @@ def _taper(
 _CHEST, _SKULL, _PELVIS = Limb.CHEST, Limb.SKULL, Limb.PELVIS
 _TRUNK = (
     _ball(0, _PELVIS, (0.0, -0.035, 0.0), (0.158, 0.12, 0.112)),
-    _ball(0, Limb.ABDOMEN, (0.0, -0.01, 0.01), (0.140, 0.16, 0.104)),
+    _ball(0, Limb.ABDOMEN, (0.0, -0.01, 0.01), (0.147, 0.16, 0.106)),
     _ball(0, _CHEST, (0.0, -0.175, 0.004), (0.160, 0.195, 0.116)),
     _taper(0, _CHEST, (-0.12, -0.04, -0.012), _CHEST, (0.12, -0.04, -0.012), (0.056, 0.056, 0.004)),
 )
@@ -94,12 +96,12 @@ _ARM = (
 )
 _T, _S, _A = Limb.THIGH_LEFT, Limb.SHANK_LEFT, Limb.FOOT_LEFT
 _LEG = (
-    _taper(4, _T, (0.0, -0.03, 0.0), _S, (0.0, 0.02, 0.0), (0.084, 0.057, 0.007)),
+    _taper(4, _T, (0.0, -0.03, 0.0), _S, (0.0, 0.01, 0.0), (0.087, 0.056, 0.006)),
     _ball(4, _T, (0.004, -0.19, 0.024), (0.064, 0.165, 0.058)),
-    _ball(4, _S, (0.0, 0.0, 0.012), (0.052, 0.062, 0.050)),
-    _taper(4, _S, (0.0, 0.0, 0.0), _A, (0.0, 0.03, -0.008), (0.054, 0.040, 0.0)),
+    _ball(4, _S, (0.0, 0.0, 0.010), (0.042, 0.060, 0.048)),
+    _taper(4, _S, (0.0, 0.0, 0.0), _A, (0.0, 0.03, -0.008), (0.055, 0.044, 0.0)),
     _ball(4, _S, (0.0, -0.135, -0.028), (0.050, 0.125, 0.050)),
-    _taper(4, _S, (0.0, -0.27, -0.004), _S, (0.0, -0.385, -0.004), (0.050, 0.064, 0.0)),
+    _taper(4, _S, (0.0, -0.12, -0.002), _S, (0.0, -0.385, -0.004), (0.056, 0.063, 0.0)),
     _taper(4, _A, (0.0, -0.036, -0.03), _A, (0.0, -0.052, 0.125), (0.042, 0.030, 0.004), DARK),
     _ball(4, _A, (0.006, -0.058, 0.055), (0.044, 0.026, 0.135), DARK),
 )
@@ -168,9 +170,7 @@ def flesh_of(performer: Performer, figure: Figure, camera_from_world: Float) -> 
 
 def _product(a: Float, b: Float) -> Float:
     """The matrix product of (3, 3) and (3, n) with a fixed order of additions (no BLAS, no fused steps)."""
-    return np.asarray(
-        a[:, 0, None] * b[None, 0] + a[:, 1, None] * b[None, 1] + a[:, 2, None] * b[None, 2]
-    )
+    return np.asarray(a[:, 0, None] * b[None, 0] + a[:, 1, None] * b[None, 1] + a[:, 2, None] * b[None, 2])
 
 
 def _at(frame: Float, local: tuple[float, float, float], performer: Performer, limb: Limb) -> Float:

@@ -21,7 +21,10 @@ class Footwork:
     """
 
     def __init__(
-        self, stance: tuple[tuple[float, float, float], tuple[float, float, float]], steps: list[Step], carry: float = 0.72
+        self,
+        stance: tuple[tuple[float, float, float], tuple[float, float, float]],
+        steps: list[Step],
+        carry: float = 0.72,
     ) -> None:
         self._stance, self._steps, self._carry = stance, steps, carry
 
@@ -69,5 +72,3 @@ class Footwork:
     def planted(self, side: int, time: float) -> bool:
         """Whether the ball of the foot is on the floor."""
         return all(not s.start < time < s.stop for s in self._steps if s.foot == side)
-
-

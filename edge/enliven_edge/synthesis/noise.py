@@ -23,6 +23,8 @@ from enliven_edge.sensors.profile import SensorProfile
 _BYTE_DEVIATION = math.sqrt((256.0**2 - 1.0) / 12.0)
 _JUMP = 0.035
 """Part of the distance (and metres at 1 m) beyond which two neighbours are different surfaces."""
+_BEYOND = 1.25
+"""Times the range: no scatter brings a surface into view that is farther than this."""
 _FROZEN = -1
 _FROZEN_PATCHES = 0.9
 """Part of the variance that never changes of where dark and mirroring surfaces are lost."""
@@ -92,7 +94,9 @@ class DepthNoise:
     def _aged(self, index: int, stream: int) -> Float:
         """(H, W) unit noise of which a part of the variance never changes."""
         frozen = self._frozen[stream]
-        return self._still[stream] + math.sqrt(1.0 - frozen) * self._field(index, stream, self._windows[stream])
+        return self._still[stream] + math.sqrt(1.0 - frozen) * self._field(
+            index, stream, self._windows[stream]
+        )
 
     def _bytes(self, index: int, stream: int, shape: tuple[int, int]) -> UInt8:
         """Random bytes of one frame and one purpose."""
@@ -184,7 +188,8 @@ def _mark_edges(depth: Float, reach: int, zone: AnyArray) -> None:
             )
             if right or below:
                 zone[
-                    max(v - reach + 1 - right, 0) : v + reach + below, max(u - reach + 1 - below, 0) : u + reach + right
+                    max(v - reach + 1 - right, 0) : v + reach + below,
+                    max(u - reach + 1 - below, 0) : u + reach + right,
                 ] = True
 
 
@@ -197,7 +202,7 @@ def _is_tear(before: float, here: float, there: float, beyond: float) -> bool:
     return jump > 3.0 * min(abs(here - before), abs(beyond - there))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _look(
     depth: Float, stuff: UInt8, shadow: AnyArray, zone: AnyArray, across: Float, down: Float, lateral: float,
     reach: int, blobs: Float, patches: Float, dice: UInt8, losses: Float, flying: float, far: float,
@@ -212,7 +217,21 @@ def _look(
         for u in range(width):
             if zone[v, u]:
                 _look_at_edge(
-                    depth, shadow, across, down, lateral, reach, blobs, dice, losses, flying, far, seen, slant, v, u
+                    depth,
+                    shadow,
+                    across,
+                    down,
+                    lateral,
+                    reach,
+                    blobs,
+                    dice,
+                    losses,
+                    flying,
+                    far,
+                    seen,
+                    slant,
+                    v,
+                    u,
                 )
             else:
                 seen[v, u] = 0.0 if shadow[v, u] else depth[v, u]
@@ -220,7 +239,7 @@ def _look(
                 seen[v, u] = 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _look_at_edge(
     depth: Float, shadow: AnyArray, across: Float, down: Float, lateral: float, reach: int, blobs: Float,
     dice: UInt8, losses: Float, flying: float, far: float, seen: Float, slant: Float, v: int, u: int,
@@ -233,7 +252,9 @@ def _look_at_edge(
     low, high = z, z
     for q in range(max(v - reach, 0), min(v + reach + 1, height)):
         for p in range(max(u - reach, 0), min(u + reach + 1, width)):
-            low, high = min(low, depth[q, p]), max(high, depth[q, p])
+            other = depth[q, p]
+            low = other if other < low else low
+            high = other if other > high else high
     behind = high - z < z - low
     if shadow[y, x] or blobs[v, u] < losses[0 if behind else 1]:
         seen[v, u] = 0.0
@@ -288,5 +309,5 @@ def _measure(seen: Float, slant: Float, noise: Float, limits: Float, sigma: Floa
             found = max(z + noise[v, u] * np.sqrt(rest), 1e-3)
             found = unit / np.rint(unit / found) if by_disparity else found
             found = np.rint(found / step) * step
-            good = near <= found <= far and tangent2 <= steepest
+            good = near <= found <= far and seen[v, u] <= _BEYOND * far and tangent2 <= steepest
             out[v, u] = np.uint16(np.rint(found * 1000.0)) if good else np.uint16(0)

@@ -88,7 +88,7 @@ class Performer:
         self.ball = np.array([0.0, -0.052, 0.128]) * s
         self.ankle_height = 0.082 * s
         reach = STRAIGHTEST * (self.thigh + self.shank)
-        self.standing = self.ankle_height + reach - float(self.hip[1]) - 0.022 * s
+        self.standing = self.ankle_height + reach - float(self.hip[1]) - 0.014 * s
 
     def pose(self, posture: Posture) -> Figure:
         """Forward kinematics.
@@ -161,7 +161,14 @@ class Performer:
             frames[limb + side] = _frame(rotation, joints[joint])
 
     def _leg(
-        self, foot: Foot, ankle: Float, orientation: Float, side: int, pelvis: Float, joints: Float, frames: Float
+        self,
+        foot: Foot,
+        ankle: Float,
+        orientation: Float,
+        side: int,
+        pelvis: Float,
+        joints: Float,
+        frames: Float,
     ) -> None:
         """Hip to foot: the knee from the two lengths, bending in the plane of the foot and its splay."""
         first = (Joint.HIP_LEFT, Joint.HIP_RIGHT)[side]

@@ -11,7 +11,7 @@ from numba import njit
 from enliven.arrays import Float, Int, UInt8
 from enliven.camera import Intrinsics, rays
 from enliven_edge.synthesis.flesh import BETWEEN, BLEND, PIECES, Flesh
-from enliven_edge.synthesis.marching import LANES, SIDE, Lanes, empty_lanes, march
+from enliven_edge.synthesis.marching import DEPTH, END, LANES, LANES_SIZE, LENGTH, MET, SIDE, X, Y, march
 
 _BLEND = np.array(BLEND)
 _REACH = np.array([BLEND[piece.group] + 0.5 * BETWEEN for piece in PIECES])
@@ -57,7 +57,9 @@ class Renderer:
 
 
 @njit(cache=True, nogil=True)
-def _sort_into_tiles(hull: Float, reach: Float, tiles: Float, bands: Float, lists: Int, spans: Float, counts: Int) -> None:
+def _sort_into_tiles(
+    hull: Float, reach: Float, tiles: Float, bands: Float, lists: Int, spans: Float, counts: Int
+) -> None:
     """The primitives that may show in each tile, and the depths (m) between which they all lie."""
     counts[:] = 0
     spans[:, :, 0], spans[:, :, 1] = np.inf, 0.0
@@ -70,7 +72,9 @@ def _sort_into_tiles(hull: Float, reach: Float, tiles: Float, bands: Float, list
         low = min(hull[i, 1], hull[i, 4]) - radius
         high = max(hull[i, 1], hull[i, 4]) + radius
         for r in range(tiles.shape[0]):
-            if low > max(bands[r, 1] * first, bands[r, 1] * last) or high < min(bands[r, 0] * first, bands[r, 0] * last):
+            if low > max(bands[r, 1] * first, bands[r, 1] * last) or high < min(
+                bands[r, 0] * first, bands[r, 0] * last
+            ):
                 continue
             for c in range(tiles.shape[1]):
                 span = radius / first + tiles[r, c, 2] * 1.0001
@@ -109,8 +113,7 @@ def _draw(
     blend: Float, between: float, depth: Float, material: UInt8,
 ) -> None:  # fmt: skip
     """March the rays of every tile that has primitives, and keep what is nearer than what was there."""
-    clear, lanes = np.empty(len(shape)), empty_lanes()
-    reached, met = lanes[4], lanes[5]
+    clear, lanes = np.empty(len(shape)), np.empty(LANES_SIZE)
     for r in range(lists.shape[0]):
         for c in range(lists.shape[1]):
             if counts[r, c] == 0:
@@ -119,14 +122,14 @@ def _draw(
             _aim(lanes, ray, depth, r * SIDE, c * SIDE, spans[r, c, 1])
             march(shape, kind, group, near_by, clear, lanes, spans[r, c, 0], blend, between)
             for k in range(LANES):
-                if met[k] >= 0.0:
+                if lanes[MET + k] >= 0.0:
                     v, u = r * SIDE + k // SIDE, c * SIDE + k % SIDE
-                    depth[v, u] = reached[k]
-                    material[v, u] = stuff[int(met[k])]
+                    depth[v, u] = lanes[DEPTH + k]
+                    material[v, u] = stuff[int(lanes[MET + k])]
 
 
 @njit(cache=True, nogil=True)
-def _aim(lanes: Lanes, ray: Float, depth: Float, top: int, left: int, far: float) -> None:
+def _aim(lanes: Float, ray: Float, depth: Float, top: int, left: int, far: float) -> None:
     """The rays of a tile, their lengths, and where they end; those outside the image end at once."""
     height, width = depth.shape
     for k in range(LANES):
@@ -134,5 +137,5 @@ def _aim(lanes: Lanes, ray: Float, depth: Float, top: int, left: int, far: float
         inside = v < height and u < width
         v, u = min(v, height - 1), min(u, width - 1)
         x, y = ray[v, u, 0], ray[v, u, 1]
-        lanes[0][k], lanes[1][k], lanes[2][k] = x, y, np.sqrt(x * x + y * y + 1.0)
-        lanes[3][k] = min(far, depth[v, u]) if inside else 0.0
+        lanes[X + k], lanes[Y + k], lanes[LENGTH + k] = x, y, np.sqrt(x * x + y * y + 1.0)
+        lanes[END + k] = min(far, depth[v, u]) if inside else 0.0

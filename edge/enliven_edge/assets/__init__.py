@@ -1,0 +1,9 @@
+"""What ships with the edge: a recording to watch before anyone has a camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+CHAIR = Path(__file__).resolve().parent / "chair.mcap"
+"""Nine seconds of a made-up performer before a Kinect v1, with their true joints; made by
+``enliven synthesize -o chair.mcap`` and made again by it bit for bit."""
