@@ -15,7 +15,7 @@ from numba import njit
 
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.body import PARENTS, PARTS, J, Joint
-from enliven.deformation.bones import bone_rotations, bone_samples, filled, known_bones
+from enliven.deformation.bones import bone_rotations, bone_samples, filled
 from enliven.deformation.graph import DeformationGraph
 from enliven.deformation.weights import insert
 from enliven.errors import InputError
@@ -47,7 +47,7 @@ class Attachment:
         node_indices: (L, 4) int32 the nodes that move each point.
         node_weights: (L, 4) how much; they sum to one, 0 where fewer than four are valid.
         bone: (L,) the child joint of the bone that each point sits on (:class:`enliven.body.Joint`).
-        along: (L,) where along the bone: 0 at the parent joint, 1 at the child.
+        along: (L,) where along the bone: 0 is the parent joint itself, 1 the child joint itself.
         radial: (L, 3) metres from the bone's axis to the point, in the world, when it took hold.
         rest: (20, 3) metres, the joints when they took hold.
     """
@@ -73,7 +73,7 @@ class Attachment:
         return held, total[held] / total.max()
 
     def targets(self, joints: Float) -> Float:
-        """(L, 3) metres where the points should be now, q_l; NaN on bones with a joint that is not finite.
+        """(L, 3) metres where the points should be now, q_l; NaN where a joint they need is not finite.
 
         A point keeps its fraction along the bone, however long the bone is now, and its distance from the
         bone's axis.
@@ -84,10 +84,17 @@ class Attachment:
         joints = checked_joints(joints)
         turns, _ = bone_rotations(self.rest, joints)
         ends = filled(joints, filled(self.rest, self.rest))
-        known = known_bones(joints)
         out = np.empty((len(self), 3))
-        _place(ends, turns, known, self.bone, self.along, self.radial, out)
+        _place(ends, turns, self.bone, self.along, self.radial, out)
+        finite = np.asarray(np.isfinite(joints).all(1))
+        out[~self._of_ends(finite.astype(np.float64)).astype(bool)] = np.nan
         return out
+
+    def _of_ends(self, values: Float) -> Float:
+        """(L,) the smaller of ``values`` (20,) at a bone's ends; at a joint itself, that joint's own."""
+        child, parent = values[self.bone], values[_PARENT[self.bone]]
+        inner = np.minimum(child, parent)
+        return np.where(self.along == 1.0, child, np.where(self.along == 0.0, parent, inner))
 
     def target_weights(self, confidence: Float) -> Float:
         """(L,) in [0, 1]: 0 where a joint of the bone is lost, rising smoothly with its confidence.
@@ -98,7 +105,7 @@ class Attachment:
         sure = np.clip(np.nan_to_num(np.asarray(confidence, np.float64), nan=0.0), 0.0, 1.0)
         if sure.shape != (J,):
             raise InputError(f"the confidence is {sure.shape}, expected ({J},)", where="attachment")
-        weaker = np.minimum(sure[self.bone], sure[_PARENT[self.bone]])
+        weaker = self._of_ends(sure)
         return np.asarray(weaker * weaker * (3 - 2 * weaker))
 
 
@@ -242,7 +249,7 @@ def _hold(points, normals, nodes, node_normals, reach, cosine):  # type: ignore[
 
 
 @njit(cache=True, nogil=True)
-def _place(joints, turns, known, bone, along, radial, out):  # type: ignore[no-untyped-def]
+def _place(joints, turns, bone, along, radial, out):  # type: ignore[no-untyped-def]
     """Kernel of :meth:`Attachment.targets`."""
     for i in range(bone.shape[0]):
         child = bone[i]
@@ -252,5 +259,3 @@ def _place(joints, turns, known, bone, along, radial, out):  # type: ignore[no-u
             out[i, a] = joints[parent, a] + along[i] * (joints[child, a] - joints[parent, a])
             for c in range(3):
                 out[i, a] += turn[a, c] * radial[i, c]
-            if not known[child - 1]:
-                out[i, a] = np.nan

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from enliven.arrays import Float
+from enliven.arrays import Float, Int
 from enliven.deformation.block_cholesky import factorise, substitute
 from enliven.deformation.energy import CON, REG, RIG, ROT, along_line, best_step, gradient
-from enliven.rotation import nearest_rotations
+from enliven.deformation.safeguards import choose_start, set_upright
 
-_PAIRS = 6
+_PAIRS = 8
 _NEGLIGIBLE = 1e-9
 """An energy that nobody sees: with the default weights, every point 3 micrometres off."""
 _TIKHONOV = 1e-6
@@ -26,19 +26,27 @@ class Memory(NamedTuple):
         steps: (M, 12 N).
         changes: (M, 12 N).
         curvatures: (M,) their inner products.
-        room: (4, N, 4, 3).
+        room: (3, N, 4, 3).
+        kept: (1,) int64 how many there have been.
     """
 
     steps: Float
     changes: Float
     curvatures: Float
     room: Float
+    kept: Int
 
     @staticmethod
     def empty(count: int) -> Memory:
         """Nothing remembered, for ``count`` nodes."""
         shape = (_PAIRS, 12 * count)
-        return Memory(np.zeros(shape), np.zeros(shape), np.zeros(_PAIRS), np.zeros((4, count, 4, 3)))
+        return Memory(
+            np.zeros(shape),
+            np.zeros(shape),
+            np.zeros(_PAIRS),
+            np.zeros((3, count, 4, 3)),
+            np.zeros(1, np.int64),
+        )
 
 
 @njit(cache=True, nogil=True)
@@ -129,16 +137,34 @@ def _set_scaled(u, scale, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def solve_frame(x, rest, t, start, row, blocks, memory, most, tolerance):  # type: ignore[no-untyped-def]
+    """Kernel: minimise the energy from ``x``, in place; returns the number of iterations.
+
+    No node is left inside out: where the descent ends with one, it is set upright and the descent goes on.
+    """
+    if choose_start(x, rest, t, memory.room[0], memory.room[1]):
+        memory.kept[0] = 0
+    done = descend(x, t, start, row, blocks, memory, most, tolerance)
+    for _ in range(2):
+        if not set_upright(x, t.edges):
+            return done
+        memory.kept[0] = 0
+        done += descend(x, t, start, row, blocks, memory, most, tolerance)
+    set_upright(x, t.edges)
+    return done
+
+
+@njit(cache=True, nogil=True)
 def descend(x, t, start, row, blocks, memory, most, tolerance):  # type: ignore[no-untyped-def]
-    """Kernel: lower the energy from ``x``, in place; returns the number of iterations."""
+    """Kernel: L-BFGS from ``x``, in place, until little is promised; returns the number of iterations.
+
+    What it remembers is kept from frame to frame: the energy's shape changes less than its minimum.
+    """
     room, steps, changes = memory.room, memory.steps, memory.changes
     now, before, way = room[0].reshape(-1), room[1].reshape(-1), room[2].reshape(-1)
-    _follow_rigidly(x, t, room[0], room[3])
     energy = gradient(x, t, room[0])
-    kept = 0
     for iteration in range(most):
-        _direction(now, memory, kept, start, row, blocks, room[2])
-        slope = _dot(now, way)
+        slope = _direction(now, memory, start, row, blocks, room[2])
         if not slope < 0.0 or -slope <= tolerance * energy[4] + _NEGLIGIBLE:
             return iteration
         step = best_step(along_line(x, room[2], t))
@@ -147,21 +173,37 @@ def descend(x, t, start, row, blocks, memory, most, tolerance):  # type: ignore[
         _add_scaled(x.reshape(-1), step, way)
         _set_scaled(before, 1.0, now)
         energy = gradient(x, t, room[0])
-        slot = kept % _PAIRS
+        slot = memory.kept[0] % _PAIRS
         _set_scaled(steps[slot], step, way)
         _set_scaled(changes[slot], 1.0, now)
         _add_scaled(changes[slot], -1.0, before)
         curvature = _dot(steps[slot], changes[slot])
         if curvature > 1e-12 * abs(slope) * step:
             memory.curvatures[slot] = curvature
-            kept += 1
+            memory.kept[0] += 1
+        else:
+            # The slot's old pair is gone, and with it the order of the others.
+            memory.kept[0] = 0
     return most
 
 
 @njit(cache=True, nogil=True)
-def _direction(now, memory, kept, start, row, blocks, out):  # type: ignore[no-untyped-def]
-    """The two loops of L-BFGS (J. Nocedal 1980) around the solve with the constant factor."""
+def _direction(now, memory, start, row, blocks, out):  # type: ignore[no-untyped-def]
+    """``out`` takes where to go; returns the slope there. What is remembered goes where it misleads."""
     way = out.reshape(-1)
+    _two_loops(now, memory, start, row, blocks, out)
+    slope = _dot(now, way)
+    if not slope < 0.0 and memory.kept[0] > 0:
+        memory.kept[0] = 0
+        _two_loops(now, memory, start, row, blocks, out)
+        slope = _dot(now, way)
+    return slope
+
+
+@njit(cache=True, nogil=True)
+def _two_loops(now, memory, start, row, blocks, out):  # type: ignore[no-untyped-def]
+    """The two loops of L-BFGS (J. Nocedal 1980) around the solve with the constant factor."""
+    way, kept = out.reshape(-1), memory.kept[0]
     _set_scaled(way, -1.0, now)
     share = np.zeros(_PAIRS)
     oldest = max(0, kept - _PAIRS)
@@ -174,56 +216,3 @@ def _direction(now, memory, kept, start, row, blocks, out):  # type: ignore[no-u
     for n in range(oldest, kept):
         m = n % _PAIRS
         _add_scaled(way, share[m] - _dot(memory.changes[m], way) / memory.curvatures[m], memory.steps[m])
-
-
-@njit(cache=True, nogil=True)
-def _follow_rigidly(x, t, now, trial):  # type: ignore[no-untyped-def]
-    """Move the whole graph by the rigid motion that best brings the points to their targets, if that helps.
-
-    E_rot and E_reg do not change in a rigid motion, so a body that turns or leaps costs nothing.
-    """
-    turn, middle, goal = np.empty((3, 3)), np.zeros(3), np.zeros(3)
-    if not _rigid_motion(x, t, turn, middle, goal):
-        return
-    for n in range(x.shape[0]):
-        for a in range(3):
-            for c in range(4):
-                total = 0.0 if c < 3 else goal[a]
-                for b in range(3):
-                    total += turn[a, b] * (x[n, c, b] - (0.0 if c < 3 else middle[b]))
-                trial[n, c, a] = total
-    if gradient(trial, t, now)[4] < gradient(x, t, now)[4]:
-        _set_scaled(x.reshape(-1), 1.0, trial.reshape(-1))
-
-
-@njit(cache=True, nogil=True)
-def _rigid_motion(x, t, turn, middle, goal):  # type: ignore[no-untyped-def]
-    """The rotation about ``middle``, which goes to ``goal``; False where nothing pulls."""
-    count = t.nodes.shape[0]
-    points = np.zeros((count, 3))
-    total = 0.0
-    for m in range(count):
-        total += t.pulls[m]
-        for a in range(3):
-            for k in range(4):
-                for c in range(4):
-                    points[m, a] += t.rows[m, k, c] * x[t.nodes[m, k], c, a]
-            middle[a] += t.pulls[m] * points[m, a]
-            goal[a] += t.pulls[m] * t.targets[m, a]
-    if not total > 0.0:
-        return False
-    for a in range(3):
-        middle[a] /= total
-        goal[a] /= total
-    spread = np.zeros((1, 3, 3))
-    size = 0.0
-    for m in range(count):
-        for a in range(3):
-            size += t.pulls[m] * (points[m, a] - middle[a]) ** 2
-            for b in range(3):
-                spread[0, a, b] += t.pulls[m] * (t.targets[m, a] - goal[a]) * (points[m, b] - middle[b])
-    # A pull to "no turn": the points may lie on a line, about which any turn would be as good.
-    for a in range(3):
-        spread[0, a, a] += 1e-6 * size + 1e-12
-    nearest_rotations(spread, turn.reshape(1, 3, 3))
-    return True

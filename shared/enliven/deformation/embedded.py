@@ -17,7 +17,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.block_cholesky import analyse, elimination_order
-from enliven.deformation.descent import Memory, assemble, descend
+from enliven.deformation.descent import Memory, assemble, solve_frame
 from enliven.deformation.energy import Terms, gradient
 from enliven.deformation.graph import DeformationGraph
 from enliven.errors import InputError
@@ -40,7 +40,7 @@ class EmbeddedSettings:
         "E_rig compares translations as eq. 7 prints it, which resists turning a loose part with the whole, "
         "or in the middle of the edge, which does not.",
     )
-    iterations: int = setting(12, "Most iterations in a frame.", low=1, high=1000)
+    iterations: int = setting(20, "Most iterations in a frame.", low=1, high=1000)
     tolerance: float = setting(
         1e-4,
         "A frame is done when an iteration promises to lower the energy by less than this part.",
@@ -94,7 +94,10 @@ class EmbeddedSolver:
         self._blocks = np.empty((self._pattern.blocks, 4, 4))
         self._factored = np.full(len(nodes), np.nan)
         self._memory = Memory.empty(count)
-        self._x = np.empty((count, 4, 3))
+        self._rest = np.empty((count, 4, 3))
+        self._rest[:, :3] = np.eye(3)
+        self._rest[:, 3] = graph.positions[self._order]
+        self._x = self._rest.copy()
         self.energy: dict[str, float] = {}
         self.iterations = 0
         self.reset(start)
@@ -124,8 +127,7 @@ class EmbeddedSolver:
     def reset(self, start: tuple[Float, Float] | None = None) -> None:
         """Go to ``start`` (linear parts, positions), or to rest."""
         if start is None:
-            self._x[:, :3] = np.eye(3)
-            self._x[:, 3] = self.graph.positions[self._order]
+            self._x[:] = self._rest
         else:
             self._x[:, :3] = np.swapaxes(start[0], 1, 2)[self._order]
             self._x[:, 3] = start[1][self._order]
@@ -146,8 +148,9 @@ class EmbeddedSolver:
         if not np.array_equal(self._terms.pulls, self._factored):
             assemble(self._terms, self._pattern.start, self._pattern.row, self._pattern.product, self._blocks)
             self._factored = self._terms.pulls.copy()
-        self.iterations = descend(
+        self.iterations = solve_frame(
             self._x,
+            self._rest,
             self._terms,
             self._pattern.start,
             self._pattern.row,

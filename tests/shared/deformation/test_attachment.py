@@ -1,0 +1,305 @@
+"""Possession: what takes hold, where the held points go, and how bones turn."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven import rotation
+from enliven.body import BONES, PARENTS, PARTS, J, Joint
+from enliven.deformation.attachment import AttachmentSettings, attach
+from enliven.deformation.bones import bone_rotations, bone_samples
+from enliven.deformation.embedded import EmbeddedSolver
+from enliven.deformation.graph import DeformationGraph
+from enliven.errors import InputError
+from enliven.shapes import make_chair
+
+SURE = np.ones(J)
+LEFT_ARM = (Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT)
+
+
+def standing():
+    """(20, 3) a person of 1.75 m at the origin who faces +Z, forearms held forward, feet apart."""
+    joints = np.zeros((J, 3))
+    spine = {Joint.HIP_CENTER: 0.95, Joint.SPINE: 1.08, Joint.SHOULDER_CENTER: 1.42, Joint.HEAD: 1.6}
+    for joint, height in spine.items():
+        joints[joint, 1] = height
+    left = {
+        Joint.SHOULDER_LEFT: (0.18, 1.40, 0.0),
+        Joint.ELBOW_LEFT: (0.23, 1.12, 0.0),
+        Joint.WRIST_LEFT: (0.26, 1.11, 0.25),
+        Joint.HAND_LEFT: (0.27, 1.10, 0.33),
+        Joint.HIP_LEFT: (0.10, 0.90, 0.0),
+        Joint.KNEE_LEFT: (0.16, 0.50, 0.0),
+        Joint.ANKLE_LEFT: (0.22, 0.08, 0.0),
+        Joint.FOOT_LEFT: (0.22, 0.03, 0.12),
+    }
+    for joint, place in left.items():
+        joints[joint] = place
+        joints[Joint[joint.name.replace("LEFT", "RIGHT")]] = np.array(place) * [-1, 1, 1]
+    return joints
+
+
+@pytest.fixture(scope="module")
+def graph():
+    return DeformationGraph.build(make_chair())
+
+
+@pytest.fixture(scope="module")
+def held(graph):
+    return attach(graph, standing(), SURE)
+
+
+def moved(joints, turn, about, which):
+    """The joints of ``which`` turned by a rotation vector about a point."""
+    out = joints.copy()
+    which = list(which)
+    out[which] = rotation.rotate(rotation.from_rotation_vector(turn), joints[which] - about) + about
+    return out
+
+
+def test_bone_samples_lie_on_cylinders_and_face_outwards():
+    joints = standing()
+    points, normals = bone_samples(joints, 0.04, 4, 4)
+    assert points.shape == normals.shape == (19, 16, 3)
+    for (parent, child), around, facing in zip(BONES, points, normals, strict=True):
+        axis = (joints[child] - joints[parent]) / np.linalg.norm(joints[child] - joints[parent])
+        arms = around - joints[parent]
+        along = arms @ axis
+        np.testing.assert_allclose(arms - along[:, None] * axis, 0.04 * facing, atol=1e-12)
+        np.testing.assert_allclose(np.linalg.norm(facing, axis=1), 1)
+        length = np.linalg.norm(joints[child] - joints[parent])
+        np.testing.assert_allclose(along, np.repeat([0.125, 0.375, 0.625, 0.875], 4) * length)
+        for ring in facing.reshape(4, 4, 3):
+            np.testing.assert_allclose(ring.sum(0), 0, atol=1e-12)
+
+
+def slow_attachment(graph, joints, reach=0.10):
+    """By hand: the points that have a node within reach that faces their way, and their weights."""
+    points, normals = bone_samples(joints)
+    points = np.concatenate([points.reshape(-1, 3), joints])
+    normals = np.concatenate([normals.reshape(-1, 3), np.zeros((J, 3))])
+    found = []
+    for p, n in zip(points, normals, strict=True):
+        lengths = np.linalg.norm(graph.positions - p, axis=1)
+        valid = (lengths < reach) & ((graph.normals @ n > 1e-9) | (not n.any()))
+        nearest = sorted(np.flatnonzero(valid), key=lengths.__getitem__)[:4]
+        if nearest:
+            weights = 1 - lengths[nearest] / reach
+            found.append((p, nearest, weights / weights.sum()))
+    return found
+
+
+def test_the_right_samples_take_hold_of_the_right_nodes(graph, held):
+    expected = slow_attachment(graph, standing())
+    assert len(held) == len(expected) > 100
+    found = sorted(
+        zip(held.points.tolist(), held.node_indices, held.node_weights, strict=True), key=lambda c: c[0]
+    )
+    for (point, indices, weights), (p, nodes, w) in zip(
+        found, sorted(expected, key=lambda e: e[0].tolist()), strict=True
+    ):
+        np.testing.assert_allclose(point, p)
+        assert indices[: len(nodes)].tolist() == nodes
+        np.testing.assert_allclose(weights[: len(nodes)], w, atol=1e-9)
+        assert (weights[len(nodes) :] == 0).all()
+
+
+def test_a_standing_person_holds_every_limb_of_the_chair(held):
+    assert set(held.bone) == set(range(1, J))
+    nodes, strength = held.nodes
+    assert len(nodes) > 30
+    assert 0 < strength.min() <= strength.max() == 1
+    assert set(nodes) == set(held.node_indices[held.node_weights > 0])
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_named_part_takes_hold_with_its_own_bones_only(graph, held, name):
+    part = attach(graph, standing(), SURE, name, AttachmentSettings(joints=False))
+    assert set(part.bone) <= {int(j) for j in PARTS[name]}
+    whole = attach(graph, standing(), SURE, "all", AttachmentSettings(joints=False))
+    assert len(part) == np.isin(whole.bone, list(PARTS[name])).sum()
+
+
+def test_parts_may_be_several_and_must_be_known(graph):
+    both = attach(graph, standing(), SURE, ["left arm", "right arm"])
+    np.testing.assert_array_equal(both.points, attach(graph, standing(), SURE, "arms").points)
+    with pytest.raises(InputError, match="left arm"):
+        attach(graph, standing(), SURE, "tail")
+
+
+def test_out_of_reach_nothing_is_held(graph):
+    far = attach(graph, standing() + 5, SURE)
+    assert len(far) == 0
+    assert far.targets(standing()).shape == (0, 3)
+    assert far.target_weights(SURE).shape == (0,)
+    assert len(far.nodes[0]) == 0
+    rest = EmbeddedSolver(graph, far).solve(far.targets(standing()), far.target_weights(SURE))
+    np.testing.assert_array_equal(rest[1], graph.positions)
+
+
+def test_what_is_unknown_does_not_take_hold(graph):
+    joints, sure = standing(), SURE.copy()
+    joints[Joint.ELBOW_LEFT] = np.nan
+    sure[Joint.KNEE_RIGHT] = 0.0
+    sure[Joint.HEAD] = np.nan
+    held = attach(graph, joints, sure)
+    on_bone = (held.along > 0) & (held.along < 1)
+    lost = {Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT, Joint.HEAD}
+    assert set(held.bone[on_bone]) == set(range(1, J)) - {int(j) for j in lost}
+    assert not {Joint.ELBOW_LEFT, Joint.KNEE_RIGHT, Joint.HEAD} & set(held.bone[~on_bone])
+
+
+@pytest.mark.parametrize(("joints", "sure"), [(np.zeros((19, 3)), SURE), (standing(), np.ones(19))])
+def test_wrong_shapes_are_refused(graph, joints, sure):
+    with pytest.raises(InputError):
+        attach(graph, joints, sure)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 2**32 - 1))
+def test_held_points_follow_a_rigid_body_rigidly(graph, seed):
+    held = attach(graph, standing(), SURE)
+    rng = np.random.default_rng(seed)
+    turn, shift = rotation.from_rotation_vector(3 * rng.normal(size=3)), rng.normal(size=3)
+    targets = held.targets(rotation.rotate(turn, standing()) + shift)
+    np.testing.assert_allclose(targets, rotation.rotate(turn, held.points) + shift, atol=1e-9)
+
+
+def test_at_the_moment_of_taking_hold_nothing_moves(held):
+    np.testing.assert_allclose(held.targets(standing()), held.points, atol=1e-12)
+
+
+def test_an_elbow_moves_the_forearm_only(held):
+    joints = standing()
+    forward = joints[Joint.WRIST_LEFT] - joints[Joint.ELBOW_LEFT]
+    hinge = np.cross(forward, [0.0, 1.0, 0.0])
+    hinge /= np.linalg.norm(hinge)
+    bent = moved(joints, hinge, joints[Joint.ELBOW_LEFT], (Joint.WRIST_LEFT, Joint.HAND_LEFT))
+    shift = np.linalg.norm(held.targets(bent) - held.points, axis=1)
+    forearm = np.isin(held.bone, [Joint.WRIST_LEFT, Joint.HAND_LEFT])
+    assert shift[~forearm].max() < 1e-9
+    turn = rotation.from_rotation_vector(hinge)
+    expected = rotation.rotate(turn, held.points - joints[Joint.ELBOW_LEFT]) + joints[Joint.ELBOW_LEFT]
+    np.testing.assert_allclose(held.targets(bent)[forearm], expected[forearm], atol=1e-9)
+
+
+def test_points_slide_along_a_bone_that_gets_longer(held):
+    longer = standing()
+    offset = longer[Joint.WRIST_LEFT] - longer[Joint.ELBOW_LEFT]
+    longer[Joint.WRIST_LEFT] += offset
+    on_bone = held.bone == Joint.WRIST_LEFT
+    expected = held.points[on_bone] + held.along[on_bone, None] * offset
+    np.testing.assert_allclose(held.targets(longer)[on_bone], expected, atol=1e-9)
+
+
+def test_limbs_twist_with_the_torso():
+    joints = standing()
+    turned = moved(joints, [0, 0.8, 0], np.zeros(3), range(J))
+    turns, axes = bone_rotations(joints, turned)
+    expected = rotation.to_matrix(rotation.from_rotation_vector([0, 0.8, 0]))
+    np.testing.assert_allclose(turns, np.broadcast_to(expected, (19, 3, 3)), atol=1e-9)
+    np.testing.assert_allclose(axes[0], expected, atol=1e-9)
+
+
+def arm_pose(direction):
+    """Standing with the left arm straight in a direction; at rest it hangs."""
+    joints = standing()
+    shoulder = joints[Joint.SHOULDER_LEFT]
+    for joint, reach in zip(LEFT_ARM[1:], (0.28, 0.53, 0.61), strict=True):
+        joints[joint] = shoulder + reach * np.asarray(direction)
+    return joints
+
+
+@pytest.mark.parametrize("way", ["side", "front"])
+def test_a_raised_arm_never_spins(way):
+    """From hanging to straight up and on: each step of the arm turns the bone by little more than itself."""
+    rest = arm_pose([0, -1, 0])
+    last = None
+    for angle in np.linspace(0, np.pi + 0.2, 120):
+        out = [np.sin(angle), 0] if way == "side" else [0, np.sin(angle)]
+        turn = bone_rotations(rest, arm_pose([out[0], -np.cos(angle), out[1]]))[0][Joint.ELBOW_LEFT - 1]
+        np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-9)
+        if last is not None:
+            step = rotation.to_rotation_vector(rotation.from_matrix(turn @ last.T))
+            assert np.linalg.norm(step) < 6 * (np.pi + 0.2) / 119
+        last = turn
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.integers(0, 2**32 - 1))
+def test_bones_turn_to_where_they_point_whatever_the_body_does(seed):
+    rng = np.random.default_rng(seed)
+    joints = rng.normal(size=(J, 3))
+    turns, _ = bone_rotations(standing(), joints)
+    for (parent, child), turn in zip(BONES, turns, strict=True):
+        before = standing()[child] - standing()[parent]
+        after = joints[child] - joints[parent]
+        expected = after / np.linalg.norm(after)
+        np.testing.assert_allclose(turn @ before / np.linalg.norm(before), expected, atol=1e-6)
+        assert np.linalg.det(turn) == pytest.approx(1.0)
+
+
+def test_bodies_without_any_shape_do_no_harm():
+    for joints in (np.zeros((J, 3)), np.full((J, 3), np.nan), np.tile([0.0, 1, 0], (J, 1))):
+        for rest in (standing(), joints):
+            turns, axes = bone_rotations(rest, joints)
+            assert np.isfinite(turns).all() and np.isfinite(axes).all()
+
+
+def test_lost_joints_give_no_target_and_no_weight(held):
+    joints, sure = standing(), SURE.copy()
+    joints[Joint.KNEE_LEFT] = np.nan
+    sure[Joint.ELBOW_RIGHT] = 0.0
+    sure[Joint.HEAD] = np.nan
+    targets, weights = held.targets(joints), held.target_weights(sure)
+    at_ankle = (held.bone == Joint.ANKLE_LEFT) & (held.along == 1)
+    on_knee = np.isin(held.bone, [Joint.KNEE_LEFT, Joint.ANKLE_LEFT]) & ~at_ankle
+    assert np.isnan(targets[on_knee]).all()
+    np.testing.assert_allclose(targets[~on_knee], held.points[~on_knee], atol=1e-9)
+    at_wrist = (held.bone == Joint.WRIST_RIGHT) & (held.along == 1)
+    lost = np.isin(held.bone, [Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT, Joint.HEAD]) & ~at_wrist
+    assert (weights[lost] == 0).all()
+    assert (weights[~lost] == 1).all()
+
+
+def test_the_weight_rises_smoothly_with_confidence(held):
+    levels = np.linspace(0, 1, 101)
+    weights = np.array([held.target_weights(np.full(J, level))[0] for level in levels])
+    assert weights[0] == 0 and weights[-1] == 1
+    steps = np.diff(weights)
+    assert (steps >= 0).all() and steps.max() < 0.02
+
+
+def test_taking_hold_of_a_deformed_mesh_moves_nothing(graph):
+    joints = standing()
+    first = attach(graph, joints, SURE)
+    lifted = moved(joints, [-0.5, 0, 0], joints[Joint.KNEE_LEFT], (Joint.ANKLE_LEFT, Joint.FOOT_LEFT))
+    solver = EmbeddedSolver(graph, first)
+    state = solver.solve(first.targets(lifted))
+    again = attach(graph, lifted, SURE, deformed=state)
+    assert len(again) > 0.7 * len(first)
+    after = EmbeddedSolver(graph, again, start=state)
+    positions = after.solve(again.targets(lifted))[1]
+    assert np.linalg.norm(positions - state[1], axis=1).max() < 0.03
+
+
+def test_a_walking_leg_moves_the_chair_leg_with_it(graph):
+    joints = standing()
+    held = attach(graph, joints, SURE)
+    solver = EmbeddedSolver(graph, held)
+    leg = (Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.FOOT_LEFT)
+    for part in np.linspace(0, 1, 10):
+        step = moved(joints, [-0.5 * part, 0, 0], joints[Joint.HIP_LEFT], leg)
+        linear, positions = solver.solve(held.targets(step))
+    low = graph.positions[:, 1] < 0.3
+    back, left = graph.positions[:, 2] < 0.2, graph.positions[:, 0] > 0
+    forward = (positions - graph.positions)[:, 2]
+    assert forward[low & back & left].mean() > 0.25
+    assert abs(forward[low & back & ~left].mean()) < 0.1
+    assert np.linalg.det(linear).min() > 0.5
+
+
+def test_every_bone_belongs_to_its_child():
+    assert [child for _, child in BONES] == list(range(1, J))
+    assert [parent for parent, _ in BONES] == list(PARENTS[1:])
