@@ -26,10 +26,6 @@ def _wall(z: float) -> tuple[Float, np.ndarray]:
     return np.full((240, 320), z), np.zeros((240, 320), np.uint8)
 
 
-def _scaled(profile: SensorProfile) -> Intrinsics:
-    return CAMERA if profile.camera.width == 640 else profile.intrinsics()
-
-
 @pytest.mark.parametrize("name", ["kinect1", "tof", "oak-d", "realsense-d415"])
 @pytest.mark.parametrize("z", [1.1, 2.03, 3.4])
 def test_a_wall_scatters_as_published(name: str, z: float) -> None:

@@ -51,8 +51,8 @@ def test_the_command_makes_it_again_bit_for_bit(tmp_path: Path, monkeypatch: pyt
     # The header names the version of enliven that wrote the file; that of a later one may differ in this.
     monkeypatch.setattr("enliven.recording.recorder.__version__", library.removeprefix("enliven "))
     synthesize(
-        tmp_path / "chair.mcap", choreography="chair", profile="kinect1", seed=0, width=320, noise=True, level=19,
-        overwrite=False,
+        tmp_path / "chair.mcap", choreography="chair", profile="kinect1", seed=0, width=320, noise=True,
+        level=19, overwrite=False,
     )  # fmt: skip
     made = hashlib.sha256((tmp_path / "chair.mcap").read_bytes()).hexdigest()
     assert made == hashlib.sha256(CHAIR.read_bytes()).hexdigest(), AGAIN

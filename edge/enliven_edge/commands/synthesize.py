@@ -16,20 +16,10 @@ from enliven.settings import load_settings
 from enliven_edge.sensors.profile import load_profile
 from enliven_edge.synthesis.studio import Studio, StudioSettings
 
-SYNTHESIZE_EPILOG = """\
-[bold]Examples[/bold]
-
-The recording that ships with enliven, again:  enliven synthesize -o chair.mcap --width 320
-
-A wave before another camera:  enliven synthesize -o wave.mcap --choreography wave --profile oak-d
-"""
-
 
 def synthesize(
     output: Annotated[Path, typer.Option("--output", "-o", help="The recording to make.")],
-    choreography: Annotated[
-        str, typer.Option(help="What the performer does: chair, walk, wave, idle.")
-    ] = "chair",
+    choreography: Annotated[str, typer.Option(help="chair, walk, wave or idle.")] = "chair",
     profile: Annotated[str, typer.Option(help="The camera: a name, or a .toml file.")] = "kinect1",
     seed: Annotated[int, typer.Option(help="Fixes everything random.")] = 0,
     width: Annotated[int, typer.Option(help="Pixels across; 0 for the camera's own.")] = 320,
@@ -39,8 +29,12 @@ def synthesize(
 ) -> None:
     """Make a depth recording of a made-up performer, with their true joints.
 
-    The same options give the same file, bit for bit, with the same version of enliven, mcap and zstandard;
-    the images and joints in it are the same with any version of those two.
+    The same options give the same images and joints on every machine, and the same file, bit for bit, with
+    the same versions of enliven, mcap and zstandard.
+
+    \b
+      enliven synthesize -o chair.mcap             the recording that ships with enliven, again
+      enliven synthesize -o wave.mcap --choreography wave --profile oak-d --width 0
     """
     values = {"choreography": choreography, "seed": seed, "width": width, "noise": noise}
     studio = Studio(load_profile(profile), load_settings(StudioSettings, values, where="synthesize"))

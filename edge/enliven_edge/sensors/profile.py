@@ -20,10 +20,8 @@ class CameraProfile:
     height: int = setting(doc="Height of the depth image.", unit="px", low=16, high=4096)
     fx: float = setting(doc="Focal length across.", unit="px", low=10, high=10000)
     fy: float = setting(doc="Focal length down.", unit="px", low=10, high=10000)
-    cx: float = setting(
-        doc="Principal point, from the centre of the left column.", unit="px", low=0, high=4096
-    )
-    cy: float = setting(doc="Principal point, from the centre of the top row.", unit="px", low=0, high=4096)
+    cx: float = setting(doc="Principal point from the left column's centre.", unit="px", low=0, high=4096)
+    cy: float = setting(doc="Principal point from the top row's centre.", unit="px", low=0, high=4096)
     distortion: tuple[float, float, float, float, float] = setting(
         (0.0, 0.0, 0.0, 0.0, 0.0), "Brown-Conrady k1, k2, p1, p2, k3 (zero: delivered rectified)."
     )
@@ -46,7 +44,7 @@ class RangeProfile:
     )
     disparity_step: float = setting(
         0.0,
-        "Step of the disparity at full resolution; 0 where depth is not measured by disparity.",
+        "Step of the disparity at full resolution; 0 for a time-of-flight camera.",
         unit="px",
         low=0,
         high=1,
@@ -183,8 +181,8 @@ def _checked(profile: SensorProfile, where: str) -> SensorProfile:
     triangulates = profile.kind != "time of flight"
     if triangulates != (r.baseline != 0.0) or triangulates != (r.disparity_step > 0.0):
         raise InputError(
-            f"range.baseline is {r.baseline} m and range.disparity_step {r.disparity_step} px for a sensor of "
-            f"kind {profile.kind!r}",
+            f"range.baseline is {r.baseline} m and range.disparity_step {r.disparity_step} px "
+            f"for a sensor of kind {profile.kind!r}",
             where=where,
             mend="Structured light and stereo have both, a time-of-flight camera neither.",
         )

@@ -1,1 +1,1 @@
-"""A performer who does not exist, before a depth camera that does not exist, with the faults of a real one."""
+"""A made-up performer before a made-up depth camera that has the faults of a real one."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from enliven.errors import InputError
-from enliven_edge.synthesis.footwork import Footwork
+from enliven_edge.synthesis.footwork import Footwork, Stance
 from enliven_edge.synthesis.posture import Arm, Posture
 from enliven_edge.synthesis.tracks import Step, Track, sway
 
@@ -51,9 +51,7 @@ def choreography_names() -> list[str]:
     return list(_MAKERS)
 
 
-def _stance(
-    width: float, z: float = HOME_Z, toes: float = 0.16
-) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+def _stance(width: float, z: float = HOME_Z, toes: float = 0.16) -> Stance:
     """Feet ``width`` metres apart, the toes turned out by ``toes`` radians."""
     return (width / 2, z, toes), (-width / 2, z, -toes)
 

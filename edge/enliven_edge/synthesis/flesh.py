@@ -22,6 +22,9 @@ ORDINARY, DARK = 0, 1
 """Materials: what reflects the sensor's light, and what swallows most of it (hair, shoes)."""
 
 
+Triple = tuple[float, float, float]
+
+
 @dataclass(frozen=True)
 class Piece:
     """One primitive, written for the left side of an average build of 1.75 m, in metres.
@@ -33,8 +36,8 @@ class Piece:
     group: int
     kind: int
     limb: Limb
-    a: tuple[float, float, float]
-    b: tuple[float, float, float]
+    a: Triple
+    b: Triple
     other: Limb = Limb.PELVIS
     ra: float = 0.0
     rb: float = 0.0
@@ -42,19 +45,17 @@ class Piece:
     material: int = ORDINARY
 
 
-def _ball(
-    group: int, limb: Limb, a: tuple[float, float, float], b: tuple[float, float, float], material: int = 0
-) -> Piece:
+def _ball(group: int, limb: Limb, a: Triple, b: Triple, material: int = 0) -> Piece:
     return Piece(group, ELLIPSOID, limb, a, b, limb, material=material)
 
 
 def _taper(
     group: int,
     limb: Limb,
-    a: tuple[float, float, float],
+    a: Triple,
     other: Limb,
-    b: tuple[float, float, float],
-    radii: tuple[float, float, float],
+    b: Triple,
+    radii: Triple,
     material: int = 0,
 ) -> Piece:
     return Piece(group, TAPER, limb, a, b, other, *radii, material)
@@ -173,7 +174,7 @@ def _product(a: Float, b: Float) -> Float:
     return np.asarray(a[:, 0, None] * b[None, 0] + a[:, 1, None] * b[None, 1] + a[:, 2, None] * b[None, 2])
 
 
-def _at(frame: Float, local: tuple[float, float, float], performer: Performer, limb: Limb) -> Float:
+def _at(frame: Float, local: Triple, performer: Performer, limb: Limb) -> Float:
     """(3,) a point written in a limb's frame; along a limb it scales with that limb's length."""
     s = performer.scale
     p = performer.proportions

@@ -5,6 +5,8 @@ from __future__ import annotations
 from enliven_edge.synthesis.posture import Foot
 from enliven_edge.synthesis.tracks import Step, pulse
 
+Stance = tuple[tuple[float, float, float], tuple[float, float, float]]
+"""(x, z, yaw) of the left foot and of the right foot: metres, metres, radians."""
 SHIFT = 0.24
 """Seconds before a foot leaves in which the weight goes over to the other one (and after it, back)."""
 PUSH = 0.16
@@ -22,7 +24,7 @@ class Footwork:
 
     def __init__(
         self,
-        stance: tuple[tuple[float, float, float], tuple[float, float, float]],
+        stance: Stance,
         steps: list[Step],
         carry: float = 0.72,
     ) -> None:

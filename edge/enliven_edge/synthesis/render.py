@@ -48,7 +48,7 @@ class Renderer:
         return bounds
 
     def draw(self, flesh: Flesh, depth: Float, material: UInt8) -> None:
-        """Draw over ``depth`` (H, W) float64 metres (inf: nothing there) and ``material`` (H, W), in place."""
+        """Draw over ``depth`` (H, W) metres (inf: nothing there) and ``material`` (H, W), in place."""
         _sort_into_tiles(flesh.hull, _REACH, self._tiles, self._bands, self._lists, self._spans, self._counts)
         _draw(
             flesh.shape, flesh.kind, flesh.group, flesh.material, self._lists, self._spans, self._counts,

@@ -74,7 +74,7 @@ def cast_room(
 
 
 def _box_entry(origin: Float, direction: Float, box: Box) -> AnyArray:
-    """(H, W) the multiple of ``direction`` (H, W, 3) at which it enters a box, inf where it misses (slabs)."""
+    """(H, W) the multiple of ``direction`` (H, W, 3) at which it enters a box; inf where it misses."""
     with np.errstate(divide="ignore", invalid="ignore"):
         low = (np.array(box.low) - origin) / direction
         high = (np.array(box.high) - origin) / direction

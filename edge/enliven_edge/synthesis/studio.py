@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from enliven.arrays import Float, UInt16
 from enliven.body import Body
 from enliven.camera import world_from_level_camera
 from enliven.errors import InputError
@@ -18,6 +19,7 @@ from enliven_edge.synthesis.flesh import flesh_of
 from enliven_edge.synthesis.noise import DepthNoise
 from enliven_edge.synthesis.performer import Figure, Performer, Proportions
 from enliven_edge.synthesis.render import Renderer
+from enliven_edge.synthesis.rotations import on_grid
 from enliven_edge.synthesis.scene import cast_room
 
 
@@ -50,8 +52,10 @@ class Studio:
         s = self.settings
         self.intrinsics = profile.intrinsics(_checked_width(profile, s.width))
         self.choreography = choreography(s.choreography)
-        self.world_from_camera = world_from_level_camera(s.camera_height, math.radians(s.camera_tilt))
-        self._camera_from_world = np.linalg.inv(self.world_from_camera)
+        self.world_from_camera = on_grid(
+            world_from_level_camera(s.camera_height, math.radians(s.camera_tilt))
+        )
+        self._camera_from_world = _inverse(self.world_from_camera)
         self._performer = Performer(s.performer)
         self._room, self._room_material = cast_room(self.intrinsics, self.world_from_camera)
         self._renderer = Renderer(self.intrinsics)
@@ -86,7 +90,16 @@ class Studio:
         )
 
 
-def _perfect(depth: np.ndarray) -> np.ndarray:
+def _inverse(rigid: Float) -> Float:
+    """(4, 4) the inverse of a rotation and translation, with a fixed order of additions."""
+    inverse = np.eye(4)
+    inverse[:3, :3] = rigid[:3, :3].T
+    r, t = rigid[:3, :3], rigid[:3, 3]
+    inverse[:3, 3] = -(r[0] * t[0] + r[1] * t[1] + r[2] * t[2])
+    return inverse
+
+
+def _perfect(depth: Float) -> UInt16:
     """(H, W) uint16 millimetres of a depth in metres, 0 where there is nothing."""
     return np.where(depth < 65.0, np.rint(np.minimum(depth, 65.0) * 1000.0), 0.0).astype(np.uint16)
 
@@ -97,7 +110,7 @@ def _checked_width(profile: SensorProfile, width: int) -> int | None:
         return None
     if width < 16 or width * profile.camera.height % profile.camera.width:
         raise InputError(
-            f"an image {width} pixels wide is no even scale of {profile.camera.width}x{profile.camera.height}",
+            f"{width} pixels across is no even scale of {profile.camera.width}x{profile.camera.height}",
             where=profile.name,
             mend=f"Give {profile.camera.width}, or its half or quarter.",
         )

@@ -1,0 +1,157 @@
+"""The faults themselves, as compiled loops over a depth image: shadows, edges, slants, steps and scatter."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from enliven.arrays import AnyArray, Float, UInt8, UInt16
+
+_JUMP = 0.035
+"""Part of the distance (and metres at 1 m) beyond which two neighbours are different surfaces."""
+_BEYOND = 1.25
+"""Times the range: no scatter brings a surface into view that is farther than this."""
+
+
+@njit(cache=True, nogil=True)
+def cast_shadow(depth: Float, parallax: float, shadow: AnyArray) -> None:
+    """Where the second eye at ``parallax`` / focal length does not see the surface.
+
+    Its column for pixel u is u - parallax / z. Walking away from that eye, columns must go on in the same
+    direction; one that has been passed already is hidden behind something nearer.
+    """
+    height, width = depth.shape
+    for v in range(height):
+        passed = np.inf
+        for n in range(width):
+            u = width - 1 - n if parallax > 0 else n
+            column = u - parallax / depth[v, u]
+            ahead = column if parallax > 0 else -column
+            if ahead > passed:
+                shadow[v, u] = True
+            else:
+                passed = ahead
+
+
+@njit(cache=True, nogil=True)
+def mark_edges(depth: Float, reach: int, zone: AnyArray) -> None:
+    """The pixels within ``reach`` (a square) of a place where one surface ends in front of another."""
+    height, width = depth.shape
+    for v in range(height):
+        for u in range(width):
+            right = u + 1 < width and _is_tear(
+                depth[v, max(u - 1, 0)], depth[v, u], depth[v, u + 1], depth[v, min(u + 2, width - 1)]
+            )
+            below = v + 1 < height and _is_tear(
+                depth[max(v - 1, 0), u], depth[v, u], depth[v + 1, u], depth[min(v + 2, height - 1), u]
+            )
+            if right or below:
+                top, left = max(v - reach + 1, 0), max(u - reach + 1, 0)
+                zone[top : v + reach + below, left : u + reach + right] = True
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def _is_tear(before: float, here: float, there: float, beyond: float) -> bool:
+    """Whether the depth jumps between ``here`` and ``there``, more than the surfaces' own slopes explain."""
+    jump = abs(there - here)
+    if jump < _JUMP * min(here, there):
+        return False
+    return jump > 3.0 * min(abs(here - before), abs(beyond - there))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def look(
+    depth: Float, stuff: UInt8, shadow: AnyArray, zone: AnyArray, across: Float, down: Float, lateral: float,
+    reach: int, blobs: Float, patches: Float, dice: UInt8, losses: Float, flying: float, far: float,
+    seen: Float, slant: Float,
+) -> None:  # fmt: skip
+    """What each pixel looks at: (H, W) metres into ``seen``, 0 where nothing answers.
+
+    An edge's pixels look beside themselves; those that look elsewhere have no ``slant``.
+    """
+    height, width = depth.shape
+    for v in range(height):
+        for u in range(width):
+            if zone[v, u]:
+                _look_at_edge(
+                    depth, shadow, across, down, lateral, reach, blobs, dice, losses, flying, far,
+                    seen, slant, v, u,
+                )  # fmt: skip
+            else:
+                seen[v, u] = 0.0 if shadow[v, u] else depth[v, u]
+            if stuff[v, u] > 0 and patches[v, u] < losses[1 + stuff[v, u]]:
+                seen[v, u] = 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def _look_at_edge(
+    depth: Float, shadow: AnyArray, across: Float, down: Float, lateral: float, reach: int, blobs: Float,
+    dice: UInt8, losses: Float, flying: float, far: float, seen: Float, slant: Float, v: int, u: int,
+) -> None:  # fmt: skip
+    """One pixel near an edge: it may look across the edge, see nothing, or mix both sides."""
+    height, width = depth.shape
+    x = min(max(int(np.rint(u + lateral * across[v, u])), 0), width - 1)
+    y = min(max(int(np.rint(v + lateral * down[v, u])), 0), height - 1)
+    z = depth[y, x]
+    low, high = z, z
+    for q in range(max(v - reach, 0), min(v + reach + 1, height)):
+        for p in range(max(u - reach, 0), min(u + reach + 1, width)):
+            other = depth[q, p]
+            low = other if other < low else low
+            high = other if other > high else high
+    behind = high - z < z - low
+    if shadow[y, x] or blobs[v, u] < losses[0 if behind else 1]:
+        seen[v, u] = 0.0
+        return
+    chance = dice[v, u] / 256.0
+    seen[v, u] = low + chance / flying * (min(high, far) - low) if chance < flying else z
+    slant[v, u] = 0.0 if (y, x) != (v, u) else slant[v, u]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def slants(depth: Float, ray: Float, pitch: Float, out: Float) -> None:
+    """(H, W) tan^2 of the angle between each pixel's ray and its surface's normal.
+
+    The slope across and down is that to the nearer of both neighbours, so that edges do not count.
+    """
+    height, width = depth.shape
+    for v in range(height):
+        above, here, below = depth[max(v - 1, 0)], depth[v], depth[min(v + 1, height - 1)]
+        for u in range(1, width - 1):
+            z, x, y = here[u], ray[v, u, 0], ray[v, u, 1]
+            left, right, up, down = z - here[u - 1], here[u + 1] - z, z - above[u], below[u] - z
+            across = left if abs(left) < abs(right) else right
+            along = up if abs(up) < abs(down) else down
+            # Tangents d/du and d/dv of (x z, y z, z); their cross product is the normal.
+            ax, ay, az = pitch[0] * z + x * across, y * across, across
+            bx, by, bz = x * along, pitch[1] * z + y * along, along
+            nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+            facing = nx * x + ny * y + nz
+            out[v, u] = (nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0) / (facing * facing) - 1.0
+        out[v, 0], out[v, width - 1] = out[v, 1], out[v, width - 2]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def measure(seen: Float, slant: Float, noise: Float, limits: Float, sigma: Float, out: UInt16) -> None:
+    """Depths with their scatter, in the sensor's steps, as whole millimetres; 0 out of range.
+
+    The published deviations include the steps; a uniform step q contributes q^2 / 12 of the variance, so the
+    scatter before it is the rest.
+    """
+    near, far, step, unit, steepest = limits[0], limits[1], limits[2], limits[3], limits[4]
+    by_disparity = unit > 0.0
+    per_unit = 1.0 / unit if by_disparity else 0.0
+    height, width = out.shape
+    for v in range(height):
+        for u in range(width):
+            z, tangent2 = max(seen[v, u], 1e-3), slant[v, u]
+            beyond = z - sigma[3]
+            deviation = sigma[0] + sigma[1] * max(beyond, 0.0) + sigma[2] * beyond * beyond
+            deviation += sigma[4] * tangent2 / np.sqrt(z)
+            jump = z * z * per_unit if by_disparity else step
+            rest = max(deviation * deviation - jump * jump / 12.0, 0.0)
+            found = max(z + noise[v, u] * np.sqrt(rest), 1e-3)
+            found = unit / np.rint(unit / found) if by_disparity else found
+            found = np.rint(found / step) * step
+            good = near <= found <= far and seen[v, u] <= _BEYOND * far and tangent2 <= steepest
+            out[v, u] = np.uint16(np.rint(found * 1000.0)) if good else np.uint16(0)
