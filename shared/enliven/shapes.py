@@ -141,7 +141,7 @@ def _seat() -> list[_Board]:
 
 
 def _back() -> list[_Board]:
-    """The crest rail, the lower rail, and five slats between them; the middle one is the spine."""
+    """The crest rail, the lower rail, and three slats between them; the middle one is the spine."""
     forward, right = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
     crest = _curve((-0.225, 1.655, -0.078), (0.0, 1.755, -0.125), (0.225, 1.655, -0.078), count=16)
     bulge = np.sin(np.linspace(0, np.pi, 16))[:, None]
@@ -149,7 +149,7 @@ def _back() -> list[_Board]:
     boards = [_Board(crest, half, forward, 0.016, _DARK)]
     lower = _curve((-0.215, 0.96, 0.0), (0.0, 0.96, -0.022), (0.215, 0.96, 0.0), count=8)
     boards.append(_Board(lower, _tapered(lower, (0.020, 0.032), (0.020, 0.032)), forward, 0.012, _OAK))
-    for x, half in ((-0.132, 0.020), (-0.073, 0.020), (0.0, 0.034), (0.073, 0.020), (0.132, 0.020)):
+    for x, half in ((-0.118, 0.027), (0.0, 0.050), (0.118, 0.027)):
         bow = -0.02 * (1 - (x / 0.215) ** 2)
         slat = _curve((x, 0.95, bow / 2), (x * 1.02, 1.3, bow - 0.012), (x * 1.03, 1.67, -0.085 + bow))
         boards.append(_Board(slat, _tapered(slat, (half, 0.017), (half, 0.017)), right, 0.010, _OAK))

@@ -22,6 +22,8 @@ NEIGHBOURS = 4
 """The paper's k, for edges and for the nodes that a point follows."""
 _DETOUR = 1.5
 """How much longer than the straight way, beyond one node spacing, the way along the surface may be."""
+_REACH = 2.5
+"""How many node spacings along the surface a neighbour may be away."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +54,18 @@ class DeformationGraph:
     def build(mesh: Mesh, nodes: int = 128, seed: int = 0, radius: float | None = None) -> DeformationGraph:
         """Sample the mesh and link the samples; the same input gives the same graph.
 
-        Nodes are linked with their four nearest under D (eq. 6). One check is added to the paper's: nodes
-        that are near only through the air are not linked, which are two nodes of one shell that are much
-        farther apart along the surface (two legs), or of two shells that do not nearly touch. What is not
-        connected then is joined by the minimum spanning tree over the components: along the surface within
-        a shell; between shells by D, or by the Euclidean distance where D is infinite.
+        Nodes are linked with their four nearest under D (eq. 6), with three additions to the paper:
+
+        - Nodes that are near only through the air are not linked: two nodes of one shell that are much
+          farther apart along the surface (two legs), or of two shells that do not nearly touch.
+        - Where the surface bends much, few nodes face the same way, and the four nearest under D may be a
+          metre away. Neighbours lie within 2.5 node spacings along the surface; who has fewer than four
+          such takes those that are nearest along the surface.
+        - The two faces of a part thinner than half a node spacing are linked, each node with the nearest
+          one opposite, so that thin parts keep their thickness.
+
+        What is not connected then is joined by the minimum spanning tree over the components: along the
+        surface within a shell; between shells by D, or by the Euclidean distance where D is infinite.
 
         Args:
             mesh: any triangles, in metres.
@@ -139,8 +148,19 @@ def _linked(samples: SurfaceSamples, land: Territories, spacing: float) -> Defor
     straight = np.linalg.norm(samples.positions[:, None] - samples.positions[None], axis=2)
     ways = between_nodes(count, land.borders, land.lengths, np.inf)
     same_shell = land.shell[:, None] == land.shell[None]
-    far = np.where(same_shell, _detours(samples.positions, ways, spacing), straight > _DETOUR * spacing)
-    edges = _nearest_edges(np.where(far, np.inf, apart))
+    far = np.where(
+        same_shell,
+        _detours(samples.positions, ways, spacing) | (ways > _REACH * spacing),
+        straight > _DETOUR * spacing,
+    )
+    # What D cannot judge comes after all that it can, by the way along the surface.
+    around = np.where(
+        same_shell & np.isfinite(ways), apart[np.isfinite(apart)].max(initial=0.0) + ways, np.inf
+    )
+    np.fill_diagonal(around, np.inf)
+    edges = _nearest_edges(np.where(far | np.isinf(apart), around, apart), NEIGHBOURS)
+    opposite = np.where(_through(samples.positions, samples.normals, spacing), straight, np.inf)
+    edges = np.concatenate([edges, _nearest_edges(opposite, 1)])
     across = np.where(np.isfinite(apart), apart, straight)
     # Ways along the surface come first: no way between shells is shorter than any of them.
     longest = float(ways[np.isfinite(ways)].max(initial=0.0))
@@ -153,9 +173,9 @@ def _linked(samples: SurfaceSamples, land: Territories, spacing: float) -> Defor
     )
 
 
-def _nearest_edges(distances: Float) -> Int32:
+def _nearest_edges(distances: Float, k: int) -> Int32:
     """(E, 2) i < j: every node with its k nearest at a finite distance, undirected."""
-    k = min(NEIGHBOURS, len(distances) - 1)
+    k = min(k, len(distances) - 1)
     if k < 1:
         return np.empty((0, 2), np.int32)
     nearest: Int = np.argpartition(distances, k - 1, axis=1)[:, :k]

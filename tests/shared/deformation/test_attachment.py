@@ -279,9 +279,17 @@ def test_taking_hold_of_a_deformed_mesh_moves_nothing(graph):
     state = solver.solve(first.targets(lifted))
     again = attach(graph, lifted, SURE, deformed=state)
     assert len(again) > 0.7 * len(first)
-    after = EmbeddedSolver(graph, again, start=state)
-    positions = after.solve(again.targets(lifted))[1]
-    assert np.linalg.norm(positions - state[1], axis=1).max() < 0.03
+    # Each point was carried back to rest: carried forth again, it is where the body holds it.
+    linear, positions = state
+    arms = again.points[:, None] - graph.positions[again.node_indices]
+    forth = np.einsum("lkab,lkb->lka", linear[again.node_indices], arms) + positions[again.node_indices]
+    forth = (forth * again.node_weights[..., None]).sum(1)
+    gaps = np.linalg.norm(forth - again.targets(lifted), axis=1)
+    assert np.median(gaps) < 1e-3 and gaps.max() < 0.03
+    # What was stretched relaxes a little; nothing leaps.
+    after = EmbeddedSolver(graph, again, start=state).solve(again.targets(lifted))[1]
+    moves = np.linalg.norm(after - positions, axis=1)
+    assert moves.mean() < 0.01 and moves.max() < 0.06
 
 
 def test_a_walking_leg_moves_the_chair_leg_with_it(graph):
