@@ -58,7 +58,7 @@ _arm = st.builds(
 )
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=150)
 @given(_foot, _foot, _arm, _arm, _angle, _angle, _angle, st.floats(-0.5, 0.1))
 def test_any_posture_has_the_performers_bones(
     left: Foot, right: Foot, one: Arm, other: Arm, yaw: float, pitch: float, roll: float, rise: float

@@ -8,7 +8,7 @@ import pytest
 from enliven.body import BONES, Joint
 from enliven.camera import Intrinsics, project, rays, world_from_level_camera
 from enliven_edge.synthesis.choreography import choreography
-from enliven_edge.synthesis.flesh import BETWEEN, BLEND, DARK, PIECES, TAPER, Flesh, flesh_of
+from enliven_edge.synthesis.flesh import BETWEEN, BLEND, DARK, PIECES, TAPER, Anatomy, Flesh
 from enliven_edge.synthesis.performer import Performer, Proportions
 from enliven_edge.synthesis.render import Renderer
 from enliven_edge.synthesis.scene import MIRROR, Box, cast_room
@@ -48,7 +48,7 @@ def _drawn(
 ) -> tuple[Flesh, np.ndarray, np.ndarray, np.ndarray]:
     performer = Performer(build)
     figure = performer.pose(choreography(name).posture(time))
-    flesh = flesh_of(performer, figure, CAMERA_FROM_WORLD)
+    flesh = Anatomy(performer).place(figure, CAMERA_FROM_WORLD)
     depth, material = np.full((122, 162), np.inf), np.zeros((122, 162), np.uint8)
     Renderer(CAMERA).draw(flesh, depth, material)
     return flesh, depth, material, figure.joints
@@ -114,7 +114,7 @@ def test_both_sides_have_the_same_pieces() -> None:
 def test_a_still_room_hides_the_performer() -> None:
     performer = Performer()
     figure = performer.pose(choreography("idle").posture(0.0))
-    flesh = flesh_of(performer, figure, CAMERA_FROM_WORLD)
+    flesh = Anatomy(performer).place(figure, CAMERA_FROM_WORLD)
     depth, material = np.full((122, 162), 1.5), np.zeros((122, 162), np.uint8)
     Renderer(CAMERA).draw(flesh, depth, material)
     assert (depth == 1.5).all() and not material.any()

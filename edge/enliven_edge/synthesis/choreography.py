@@ -225,7 +225,7 @@ def _walk() -> Choreography:
     steps[-1] = replace(steps[-1], dz=0.18)
     for n, step in enumerate(steps[::-1]):
         steps.append(replace(step, start=3.0 + 0.58 * n, stop=3.42 + 0.58 * n, dz=-step.dz))
-    feet = Footwork(_stance(0.20), steps, carry=0.8)
+    feet = Footwork(_stance(0.20, HOME_Z - 0.35), steps, carry=0.8)
 
     def posture(time: float) -> Posture:
         x, z = feet.pelvis(time)

@@ -148,63 +148,81 @@ class Flesh:
     hull: Float
 
 
-_KIND = np.array([p.kind for p in PIECES], dtype=np.int64)
-_GROUP = np.array([p.group for p in PIECES], dtype=np.int64)
-_MATERIAL = np.array([p.material for p in PIECES], dtype=np.int64)
+class Anatomy:
+    """The pieces of one performer, scaled to the build once and placed for every figure."""
 
+    def __init__(self, performer: Performer) -> None:
+        thick = performer.scale * performer.proportions.girth
+        self._limb = np.array([p.limb for p in PIECES])
+        self._other = np.array([p.other for p in PIECES])
+        self._a = np.array([p.a for p in PIECES]) * [_growth(performer, p.limb) for p in PIECES]
+        self._b = np.array([p.b for p in PIECES]) * [_growth(performer, p.other) for p in PIECES]
+        self._kind = np.array([p.kind for p in PIECES], dtype=np.int64)
+        self._group = np.array([p.group for p in PIECES], dtype=np.int64)
+        self._material = np.array([p.material for p in PIECES], dtype=np.int64)
+        radii = np.array([(p.ra, p.rb - p.ra, p.bulge) for p in PIECES]) * thick
+        self._taper = np.flatnonzero(self._kind == TAPER)
+        self._round = np.flatnonzero(self._kind == ELLIPSOID)
+        self._radii = radii[self._taper]
+        self._half = np.array([_half_axes(performer, PIECES[i]) for i in self._round])
+        order = np.sort(self._half, axis=1)
+        self._longest = np.argmax(self._half, axis=1)
+        self._core, middle = order[:, 2] - order[:, 1], order[:, 1]
+        self._girth = np.empty(len(PIECES))
+        first, change, bulge = self._radii.T
+        self._girth[self._taper] = np.maximum(first, first + change) + np.maximum(bulge, 0.0)
+        self._girth[self._round] = middle
 
-def flesh_of(performer: Performer, figure: Figure, camera_from_world: Float) -> Flesh:
-    """The primitives of a figure in the camera's frame; ``camera_from_world`` is (4, 4)."""
-    rotation, origin = camera_from_world[:3, :3], camera_from_world[:3, 3]
-    frames = np.empty_like(figure.frames)
-    for limb in range(len(frames)):
-        frames[limb, :, :3] = _product(rotation, figure.frames[limb, :, :3])
-        frames[limb, :, 3] = _product(rotation, figure.frames[limb, :, 3:])[:, 0] + origin
-    shape, hull = np.zeros((len(PIECES), 16)), np.zeros((len(PIECES), 7))
-    for i, piece in enumerate(PIECES):
-        if piece.kind == TAPER:
-            _place_taper(piece, performer, frames, shape[i], hull[i])
-        else:
-            _place_ellipsoid(piece, performer, frames, shape[i], hull[i])
-    return Flesh(shape, _KIND, _GROUP, _MATERIAL, hull)
+    def place(self, figure: Figure, camera_from_world: Float) -> Flesh:
+        """The primitives of a figure in the camera's frame; ``camera_from_world`` is (4, 4)."""
+        frames = _product(camera_from_world[None, :3, :3], figure.frames)
+        frames[:, :, 3] += camera_from_world[:3, 3]
+        shape, hull = np.zeros((len(PIECES), 16)), np.zeros((len(PIECES), 7))
+        a = _product(frames[self._limb, :, :3], self._a[:, :, None])[:, :, 0] + frames[self._limb, :, 3]
+        b = _product(frames[self._other, :, :3], self._b[:, :, None])[:, :, 0] + frames[self._other, :, 3]
+        shape[:, 0:3], hull[:, 0:3], hull[:, 3:6], hull[:, 6] = a, a, b, self._girth
+        t, e = self._taper, self._round
+        along = b[t] - a[t]
+        shape[t, 3:6], shape[t, 7:10] = along, self._radii
+        shape[t, 6] = 1.0 / (
+            along[:, 0] * along[:, 0] + along[:, 1] * along[:, 1] + along[:, 2] * along[:, 2]
+        )
+        axes = frames[self._limb[e], :, :3]
+        shape[e, 3:12] = (axes / self._half[:, None, :]).transpose(0, 2, 1).reshape(-1, 9)
+        shape[e, 12:15] = 1.0 / self._half
+        axis = axes[np.arange(len(e)), :, self._longest] * self._core[:, None]
+        hull[e, 0:3], hull[e, 3:6] = a[e] - axis, a[e] + axis
+        return Flesh(shape, self._kind, self._group, self._material, hull)
 
 
 def _product(a: Float, b: Float) -> Float:
-    """The matrix product of (3, 3) and (3, n) with a fixed order of additions (no BLAS, no fused steps)."""
-    return np.asarray(a[:, 0, None] * b[None, 0] + a[:, 1, None] * b[None, 1] + a[:, 2, None] * b[None, 2])
+    """The product of (..., 3, 3) and (..., 3, n) in a fixed order of additions (no BLAS, no fused steps)."""
+    return np.asarray(
+        a[..., :, 0, None] * b[..., None, 0, :]
+        + a[..., :, 1, None] * b[..., None, 1, :]
+        + a[..., :, 2, None] * b[..., None, 2, :]
+    )
 
 
-def _at(frame: Float, local: Triple, performer: Performer, limb: Limb) -> Float:
-    """(3,) a point written in a limb's frame; along a limb it scales with that limb's length."""
-    s = performer.scale
-    p = performer.proportions
-    width = p.shoulders if limb == Limb.CHEST else p.hips if limb == Limb.PELVIS else p.girth
-    length = p.arms if 4 <= limb <= 9 else p.legs if 10 <= limb <= 13 else 1.0
-    scaled = np.array([local[0] * s * width, local[1] * s * length, local[2] * s * p.girth])
-    return _product(frame[:, :3], scaled[:, None])[:, 0] + frame[:, 3]
-
-
-def _place_taper(piece: Piece, performer: Performer, frames: Float, shape: Float, hull: Float) -> None:
-    thick = performer.scale * performer.proportions.girth
-    a = _at(frames[piece.limb], piece.a, performer, piece.limb)
-    b = _at(frames[piece.other], piece.b, performer, piece.other)
-    ba = b - a
-    shape[0:3], shape[3:6] = a, ba
-    shape[6] = 1.0 / float(ba[0] * ba[0] + ba[1] * ba[1] + ba[2] * ba[2])
-    shape[7:10] = piece.ra * thick, (piece.rb - piece.ra) * thick, piece.bulge * thick
-    hull[0:3], hull[3:6] = a, b
-    hull[6] = (max(piece.ra, piece.rb) + max(piece.bulge, 0.0)) * thick
-
-
-def _place_ellipsoid(piece: Piece, performer: Performer, frames: Float, shape: Float, hull: Float) -> None:
+def _growth(performer: Performer, limb: Limb) -> Triple:
+    """How much wider, longer and deeper than the reference a limb of this performer is."""
     s, p = performer.scale, performer.proportions
-    frame = frames[piece.limb]
-    centre = _at(frame, piece.a, performer, piece.limb)
-    length = p.arms if 4 <= piece.limb <= 9 else p.legs if 10 <= piece.limb <= 13 else 1.0
-    grow = (p.girth, length, p.girth) if piece.limb != Limb.SKULL else (1.0, 1.0, 1.0)
-    half = np.array([r * s * g for r, g in zip(piece.b, grow, strict=True)])
-    shape[0:3], shape[3:12], shape[12:15] = centre, (frame[:, :3] / half).T.ravel(), 1.0 / half
-    longest = int(np.argmax(half))
-    core = half[longest] - np.sort(half)[1]
-    axis = frame[:, longest] * core
-    hull[0:3], hull[3:6], hull[6] = centre - axis, centre + axis, np.sort(half)[1]
+    width = p.shoulders if limb == Limb.CHEST else p.hips if limb == Limb.PELVIS else p.girth
+    return s * width, s * _length(performer, limb), s * p.girth
+
+
+def _half_axes(performer: Performer, piece: Piece) -> Triple:
+    """Metres, of an ellipsoid; a head keeps its shape whatever the girth."""
+    s, g = performer.scale, performer.proportions.girth
+    if piece.limb == Limb.SKULL:
+        return piece.b[0] * s, piece.b[1] * s, piece.b[2] * s
+    return piece.b[0] * s * g, piece.b[1] * s * _length(performer, piece.limb), piece.b[2] * s * g
+
+
+def _length(performer: Performer, limb: Limb) -> float:
+    """The part of the reference length along a limb."""
+    if Limb.UPPER_ARM_LEFT <= limb <= Limb.HAND_RIGHT:
+        return performer.proportions.arms
+    if Limb.THIGH_LEFT <= limb <= Limb.SHANK_RIGHT:
+        return performer.proportions.legs
+    return 1.0

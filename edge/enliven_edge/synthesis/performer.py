@@ -23,6 +23,9 @@ REFERENCE_HEIGHT = 1.75
 STRAIGHTEST = 0.997
 """The part of thigh + shank that a leg reaches at most: a knee is never quite locked."""
 
+FOLDED = 0.3
+"""The part of thigh + shank at which a leg is folded: no knee bends further."""
+
 
 @dataclass(frozen=True)
 class Proportions:
@@ -94,7 +97,7 @@ class Performer:
         """Forward kinematics.
 
         The pelvis sinks below the height asked for where a planted foot would otherwise lose the floor; a
-        foot in the air that is out of reach is pulled in along the leg.
+        foot in the air that is out of reach, or nearer than a folded leg, is moved along the leg.
         """
         joints, frames = np.zeros((20, 3)), np.zeros((16, 3, 4))
         pelvis = about_y(posture.yaw) @ about_x(posture.pitch) @ about_z(-posture.roll)
@@ -175,8 +178,9 @@ class Performer:
         hip = joints[Joint.HIP_CENTER] + pelvis @ _mirrored(self.hip, side)
         reach = STRAIGHTEST * (self.thigh + self.shank)
         leg = ankle - hip
-        distance = min(float(np.sqrt(leg @ leg)), reach)
-        along = leg / float(np.sqrt(leg @ leg))
+        apart = float(np.sqrt(leg @ leg))
+        along = leg / apart if apart > 1e-6 else np.array([0.0, -1.0, 0.0])
+        distance = min(max(apart, FOLDED * reach), reach)
         ankle = hip + distance * along
         ahead = about_y(foot.yaw + (1.0 - 2.0 * side) * foot.splay) @ np.array([0.0, 0.0, 1.0])
         forward = ahead + 0.35 * (pelvis @ np.array([0.0, 0.0, 1.0]))

@@ -15,7 +15,7 @@ from enliven.frames import DepthFrame
 from enliven.settings import setting
 from enliven_edge.sensors.profile import SensorProfile
 from enliven_edge.synthesis.choreography import choreography
-from enliven_edge.synthesis.flesh import flesh_of
+from enliven_edge.synthesis.flesh import Anatomy
 from enliven_edge.synthesis.noise import DepthNoise
 from enliven_edge.synthesis.performer import Figure, Performer, Proportions
 from enliven_edge.synthesis.render import Renderer
@@ -57,6 +57,7 @@ class Studio:
         )
         self._camera_from_world = _inverse(self.world_from_camera)
         self._performer = Performer(s.performer)
+        self._anatomy = Anatomy(self._performer)
         self._room, self._room_material = cast_room(self.intrinsics, self.world_from_camera)
         self._renderer = Renderer(self.intrinsics)
         self._noise = DepthNoise(profile, self.intrinsics, s.seed)
@@ -83,7 +84,7 @@ class Studio:
         """What the sensor reports as its frame of that number."""
         figure = self.figure(self.time_ns(index) * 1e-9)
         depth, material = self._room.copy(), self._room_material.copy()
-        self._renderer.draw(flesh_of(self._performer, figure, self._camera_from_world), depth, material)
+        self._renderer.draw(self._anatomy.place(figure, self._camera_from_world), depth, material)
         image = self._noise.corrupt(depth, material, index) if self.settings.noise else _perfect(depth)
         return DepthFrame(
             image, self.intrinsics, self.time_ns(index), self.sensor, world_from_camera=self.world_from_camera
