@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32, UInt8
 from enliven.errors import InputError
-from enliven.mesh_kernels import corner_sums, first_of_position, split_long_edges
+from enliven.mesh_kernels import corner_sums, face_vectors, first_of_position, split_long_edges
 
 Axis = Literal["x", "y", "z"]
 _UP_ROTATIONS: dict[Axis, Float] = {
@@ -65,8 +65,7 @@ class Mesh:
 
     def face_vectors(self) -> Float:
         """(F, 3) each face's outward normal, as long as twice its area."""
-        a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
-        return np.cross(b - a, c - a)
+        return np.asarray(face_vectors(self.vertices, self.faces))
 
     def face_normals(self) -> Float:
         """(F, 3) unit normals; zero where a face has no area."""

@@ -11,6 +11,32 @@ from enliven.arrays import Float, Int32
 
 
 @njit(cache=True, nogil=True)
+def face_vectors(vertices, faces):  # type: ignore[no-untyped-def]
+    """(F, 3) the cross product of two edges of each face: its normal, as long as twice its area."""
+    out = np.empty((faces.shape[0], 3))
+    for f in range(faces.shape[0]):
+        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
+        ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        out[f, 0], out[f, 1], out[f, 2] = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return out
+
+
+@njit(cache=True, nogil=True)
+def sharpest_bends(faces, normals, face_normals):  # type: ignore[no-untyped-def]
+    """(V,) for each vertex the least cosine between its normal and those of the faces around it."""
+    out = np.ones(normals.shape[0])
+    for f in range(faces.shape[0]):
+        for c in range(3):
+            v = faces[f, c]
+            cosine = 0.0
+            for a in range(3):
+                cosine += normals[v, a] * face_normals[f, a]
+            out[v] = min(out[v], cosine)
+    return out
+
+
+@njit(cache=True, nogil=True)
 def corner_sums(faces, vectors, count):  # type: ignore[no-untyped-def]
     """(count, 3) for each vertex the sum of the ``vectors`` (F, 3) of the ``faces`` (F, 3) around it."""
     out = np.zeros((count, 3))
@@ -93,6 +119,17 @@ def shells(faces, count):  # type: ignore[no-untyped-def]
     return out
 
 
+@njit(cache=True, nogil=True)
+def edge_lengths(vertices, faces):  # type: ignore[no-untyped-def]
+    """(F, 3) the lengths of each face's edges 01, 12, 20."""
+    out = np.empty((faces.shape[0], 3))
+    for f in range(faces.shape[0]):
+        for c in range(3):
+            a, b = vertices[faces[f, c]], vertices[faces[f, (c + 1) % 3]]
+            out[f, c] = np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+    return out
+
+
 def split_long_edges(vertices: Float, faces: Int32, longest: float) -> tuple[Float, Int32, Any, Any]:
     """One round of halving edges.
 
@@ -100,8 +137,7 @@ def split_long_edges(vertices: Float, faces: Int32, longest: float) -> tuple[Flo
         (V + S, 3) vertices, (G, 3) faces, (S, 2) each new vertex's two parents, and (G,) the face of
         ``faces`` that each new face is a part of.
     """
-    corners = vertices[faces]
-    lengths = np.linalg.norm(corners - np.roll(corners, -1, 1), axis=2)
+    lengths = edge_lengths(vertices, faces)
     long = lengths > longest
     if not long.any():
         return vertices, faces, np.empty((0, 2), np.int64), np.arange(len(faces))

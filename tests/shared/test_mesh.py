@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from enliven.errors import InputError
 from enliven.mesh import Mesh, fit_height, refine, submesh, weld
-from enliven.mesh_kernels import corner_sums, shells
+from enliven.mesh_kernels import corner_sums, edge_lengths, sharpest_bends, shells
 from enliven.mesh_repair import repair
 
 BOX_VERTICES = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 3.0)])
@@ -45,6 +45,20 @@ def test_corner_sums_against_numpy():
         for corner in face:
             slow[corner] += vector
     np.testing.assert_allclose(corner_sums(faces, vectors, 20), slow, atol=1e-12)
+
+
+def test_face_kernels_against_numpy():
+    rng = np.random.default_rng(2)
+    mesh = Mesh(rng.normal(size=(20, 3)), rng.integers(0, 20, (50, 3)))
+    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+    np.testing.assert_allclose(mesh.face_vectors(), np.cross(b - a, c - a), atol=1e-12)
+    sides = np.stack([a - b, b - c, c - a], 1)
+    np.testing.assert_allclose(edge_lengths(mesh.vertices, mesh.faces), np.linalg.norm(sides, axis=2))
+    normals, bends = mesh.vertex_normals(), np.ones(20)
+    for face, normal in zip(mesh.faces, mesh.face_normals(), strict=True):
+        for v in face:
+            bends[v] = min(bends[v], normals[v] @ normal)
+    np.testing.assert_allclose(sharpest_bends(mesh.faces, normals, mesh.face_normals()), bends, atol=1e-12)
 
 
 @pytest.mark.parametrize(

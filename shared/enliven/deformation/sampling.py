@@ -10,6 +10,7 @@ from numba import njit
 from enliven.arrays import Float, Int, Int32
 from enliven.errors import InputError
 from enliven.mesh import Mesh, weld
+from enliven.mesh_kernels import sharpest_bends
 
 _DARTS_PER_NODE = 80
 _SMOOTH = 0.75
@@ -60,9 +61,7 @@ def _corner_normals(mesh: Mesh, faces: Int) -> Float:
     welded, welded_of = weld(mesh)
     own = mesh.face_normals()[faces][:, None]
     normals = welded.vertex_normals()
-    sharpest = np.ones(len(normals))
-    cosines = (normals[welded.faces] * welded.face_normals()[:, None]).sum(-1)
-    np.minimum.at(sharpest, welded.faces, cosines)
+    sharpest = sharpest_bends(welded.faces, normals, welded.face_normals())
     corners = welded_of[mesh.faces[faces]]
     return np.where((sharpest[corners] > _SMOOTH)[..., None], normals[corners], own)
 
