@@ -39,13 +39,20 @@ class Room:
 
     def learn(self, z: Float, person: Bool) -> None:
         """Takes in a frame whose ``person`` pixels, widened by two, are left out."""
-        known = (z > 0) & ~widened(person, 2)
-        new = known & (self.z == 0)
-        farther = known & (z > self.z)
-        nearer = known & ~new & (z < self.z)
-        self.z[new] = z[new]
-        self.z[farther] += 0.5 * (z - self.z)[farther]
-        self.z[nearer] += 0.01 * (z - self.z)[nearer]
+        _learn(self.z, z, widened(person, 2))
+
+
+@njit(cache=True, nogil=True)
+def _learn(room, z, person):  # type: ignore[no-untyped-def]
+    """New pixels are taken as they are, farther ones half-way, nearer ones by a hundredth."""
+    height, width = z.shape
+    for v in range(height):
+        for u in range(width):
+            if z[v, u] > 0.0 and not person[v, u]:
+                if room[v, u] == 0.0:
+                    room[v, u] = z[v, u]
+                else:
+                    room[v, u] += (0.5 if z[v, u] > room[v, u] else 0.01) * (z[v, u] - room[v, u])
 
 
 def candidates(z: Float, points: Float, room: Room, settings: SceneSettings, *, guess: bool) -> Bool:

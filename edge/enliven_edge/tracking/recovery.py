@@ -22,9 +22,10 @@ _POSES = (
     standing(arm_raise=0.2, arm_forward=1.5, elbow=0.2),
     standing(arm_raise=2.5, elbow=0.4),
 )
-"""Forearm forward, hanging, out, forward, overhead; the other arm's mirror image comes before these."""
+"""Forearm forward, hanging, out, forward, overhead. Before these come the arm as it was when last sure,
+and the other arm's mirror image."""
 _ARMS = ((model.UPPER_ARM_L, model.FOREARM_L), (model.UPPER_ARM_R, model.FOREARM_R))
-_DOUBTFUL = 0.5
+_DOUBTFUL, _SURE = 0.5, 0.9
 _BETTER = 0.985
 _STEPS = 5
 
@@ -35,6 +36,7 @@ class SecondThoughts:
     def __init__(self, fitter: Fitter) -> None:
         self._fitter = fitter
         self._turn = 0
+        self._remembered: dict[tuple[int, int], Float] = {}
 
     def reconsider(
         self, observation: Observation, posture: Posture, report: FitReport, confidence: Float
@@ -44,20 +46,32 @@ class SecondThoughts:
         Args:
             confidence: (C,) of every capsule, in [0, 1].
         """
-        doubtful = [arm for arm in _ARMS if _arm_confidence(confidence, arm[1]) < _DOUBTFUL]
+        doubtful = []
+        for arm in _ARMS:
+            sure = _arm_confidence(confidence, arm[1])
+            if sure > _SURE:
+                self._remembered[arm] = posture.rotations[list(arm)].copy()
+            elif sure < _DOUBTFUL:
+                doubtful.append(arm)
         if not doubtful:
             return posture, report
-        upper, fore = doubtful[self._turn % len(doubtful)]
-        choice = (self._turn // len(doubtful)) % (len(_POSES) + 1)
-        self._turn += 1
-        start = posture.copy()
-        source = mirrored(posture.rotations) if choice == 0 else _POSES[choice - 1]
-        start.rotations[[upper, fore]] = source[[upper, fore]]
+        start = self._proposal(posture, doubtful)
         tried, tried_report = self._fitter.fit(observation, start, iterations=_STEPS)
         _, same_report = self._fitter.fit(observation, posture, iterations=1)
         if tried_report.energy < _BETTER * same_report.energy:
             return tried, tried_report
         return posture, report
+
+    def _proposal(self, posture: Posture, doubtful: list[tuple[int, int]]) -> Posture:
+        """The posture with the next doubtful arm at the next place where it may be."""
+        arm = doubtful[self._turn % len(doubtful)]
+        places = [mirrored(posture.rotations)[list(arm)], *(pose[list(arm)] for pose in _POSES)]
+        if arm in self._remembered:
+            places.insert(0, self._remembered[arm])
+        start = posture.copy()
+        start.rotations[list(arm)] = places[(self._turn // len(doubtful)) % len(places)]
+        self._turn += 1
+        return start
 
 
 def _arm_confidence(confidence: Float, fore: int) -> float:

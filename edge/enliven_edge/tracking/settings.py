@@ -19,7 +19,7 @@ class SceneSettings:
     near: float = setting(0.4, "Nearer depth is ignored.", unit="m", low=0.0, high=10.0)
     far: float = setting(4.5, "Farther depth is ignored.", unit="m", low=0.5, high=20.0)
     floor_band: float = setting(0.05, "Points lower than this are the floor.", unit="m", low=0.0, high=0.5)
-    working_width: int = setting(160, "Depth is reduced to about this width.", unit="px", low=40, high=640)
+    working_width: int = setting(214, "Depth is reduced to about this width.", unit="px", low=40, high=640)
 
 
 @dataclass(frozen=True)
