@@ -12,7 +12,6 @@ from collections.abc import Callable
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-import click
 import typer
 
 from enliven import __version__
@@ -28,7 +27,7 @@ HELP = """Step into any mesh and bring it alive.
   enliven run                              watch the chair move with a recorded person
   enliven run --recording take.mcap --mesh horse.obj
   enliven import depth/*.png -o take.mcap  bring in a recording made by others
-  enliven edge --sensor kinect1            the program beside the camera
+  enliven edge --sensor synthetic          the program beside the camera
   enliven view --edge 192.168.1.20         the program on a screen
   enliven doctor                           what this machine lacks, and how to mend it
 
@@ -48,29 +47,34 @@ def run(arguments: list[str]) -> int:
     """The exit code of one command line; user errors are printed, not raised."""
     try:
         code = application()(arguments, standalone_mode=False)
-    except click.exceptions.Abort:
+    except (typer.Abort, KeyboardInterrupt):
         return _INTERRUPTED
-    except KeyboardInterrupt:
-        return _INTERRUPTED
-    except click.ClickException as error:
-        error.show()
-        return error.exit_code
-    except click.exceptions.Exit as ended:
+    except typer.Exit as ended:
         return int(ended.exit_code)
     except EnlivenError as error:
         _complain(str(error))
         return error.exit_code
     except Exception as error:
-        if os.environ.get("ENLIVEN_DEBUG"):
-            raise
-        _complain(
-            f"a fault of enliven itself: {type(error).__name__}: {error}. Set ENLIVEN_DEBUG=1 to see where."
-        )
-        return 1
+        return _other_failure(error)
     return code if isinstance(code, int) else 0
 
 
-def application() -> click.Command:
+def _other_failure(error: Exception) -> int:
+    """The exit code of wrong usage, or of a fault of our own.
+
+    Usage errors are known by what they can do: their class is click's in some versions of typer and typer's
+    own copy in others.
+    """
+    if hasattr(error, "show") and hasattr(error, "exit_code"):
+        error.show()
+        return int(error.exit_code)
+    if os.environ.get("ENLIVEN_DEBUG"):
+        raise error
+    _complain(f"a fault of enliven itself: {type(error).__name__}: {error}. ENLIVEN_DEBUG=1 shows where.")
+    return 1
+
+
+def application() -> Any:
     """The command group with every installed command."""
     app = typer.Typer(
         help=HELP, no_args_is_help=True, rich_markup_mode=None, context_settings={"max_content_width": 100}

@@ -1,0 +1,139 @@
+"""enliven edge: the program beside the camera."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import logging
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from enliven.settings import load_settings
+from enliven_edge.doctor import shipped_recording
+from enliven_edge.settings import EdgeSettings, WireSettings
+
+log = logging.getLogger(__name__)
+
+
+def edge(
+    sensor: Annotated[str | None, typer.Option(help="A sensor by name, such as synthetic.")] = None,
+    recording: Annotated[Path | None, typer.Option(help="Replay this recording instead of a sensor.")] = None,
+    option: Annotated[
+        list[str] | None, typer.Option("--set", help="An option of the sensor, KEY=VALUE.")
+    ] = None,
+    speed: Annotated[
+        float, typer.Option(min=0.0, help="Pace of a replay: 1 as recorded, 0 no waiting.")
+    ] = 1.0,
+    loop: Annotated[bool, typer.Option(help="Begin the replay again at its end.")] = False,
+    mesh: Annotated[str, typer.Option(help="The mesh to possess: a file, or 'chair'.")] = "chair",
+    possess_at: Annotated[
+        float | None, typer.Option(help="Take hold this many seconds after the start.")
+    ] = None,
+    parts: Annotated[str, typer.Option(help="What takes hold: all, legs, 'upper body', ...")] = "all",
+    settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
+    name: Annotated[str | None, typer.Option(help="The edge's name on the network.")] = None,
+    host: Annotated[str | None, typer.Option(help="Address to listen on; 0.0.0.0 for all.")] = None,
+    port: Annotated[int | None, typer.Option(help="Port of the poses, 0 for a free one.")] = None,
+    control_port: Annotated[int | None, typer.Option(help="Port of the commands.")] = None,
+    record: Annotated[Path | None, typer.Option(help="Write the take (bodies, poses) to this file.")] = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace an existing take.")] = False,
+    wait_for_viewer: Annotated[
+        float, typer.Option(help="Seconds to wait for a viewer before starting.")
+    ] = 0.0,
+    seconds: Annotated[
+        float | None, typer.Option(help="Stop after this long, by the sensor's clock.")
+    ] = None,
+) -> None:
+    """Track people with one sensor, let them possess a mesh, and publish the poses.
+
+    \b
+      enliven edge --sensor synthetic
+      enliven edge --recording take.mcap --mesh horse.obj --possess-at 2
+      enliven edge --sensor synthetic --host 0.0.0.0 --settings edge.toml
+      enliven edge --recording take.mcap --record performance.mcap --possess-at 1
+    """
+    chosen = _settings(settings, name=name, host=host, port=port, control_port=control_port)
+    source = (sensor, recording, option or [], speed, loop)
+    run = (mesh, possess_at, parts, record, overwrite, wait_for_viewer, seconds)
+    serve(chosen, source, run)
+
+
+def serve(
+    chosen: EdgeSettings,
+    source: tuple[str | None, Path | None, list[str], float, bool],
+    run: tuple[str, float | None, str, Path | None, bool, float, float | None],
+) -> None:
+    """Opens everything, serves, and closes everything; heavy modules are imported only here."""
+    from enliven_edge.casting import cast
+    from enliven_edge.outlet import Outlet
+    from enliven_edge.service import Edge
+    from enliven_edge.stage import Stage
+    from enliven_edge.tracking.tracker import Tracker
+    from enliven_edge.warmup import warm_up_stage, warm_up_tracking
+
+    mesh, possess_at, parts, record, overwrite, wait, seconds = run
+    with contextlib.ExitStack() as stack:
+        sensor = stack.enter_context(_opened(*source))
+        with Console(stderr=True).status("") as status:
+            status.update(f"preparing {mesh}: sampling, linking, weighting")
+            actor = cast(mesh, chosen.nodes, chosen.actor, chosen.up)
+            status.update("compiling the solver and the tracker (half a minute the first time, then kept)")
+            warm_up_stage(actor)
+            warm_up_tracking(chosen.tracker)
+        outlet = stack.enter_context(Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite))
+        outlet.introduce(actor.character)
+        service = Edge(
+            sensor,
+            Tracker(chosen.tracker),
+            Stage([actor]),
+            outlet,
+            possess_at=possess_at,
+            parts=parts,
+            stop_after=seconds,
+        )
+        log.info("%s listens on %s for %s", chosen.wire.name, outlet.publisher.endpoint, sensor.name)
+        with _stopped_by_signals(service.stop):
+            if wait:
+                service.wait_for_viewer(wait)
+            service.run()
+        outlet.end(service.pace)
+        log.info("%d frames, %.1f ms at the median", service.frames, service.pace.latency_ms(50))
+
+
+def _settings(path: Path | None, **overrides: str | int | None) -> EdgeSettings:
+    """The settings of the file, with what the command line says on top."""
+    loaded = load_settings(EdgeSettings, path) if path else EdgeSettings()
+    given = {key: value for key, value in overrides.items() if value is not None}
+    wire = load_settings(WireSettings, {**vars(loaded.wire), **given}, where="command line")
+    return dataclasses.replace(loaded, wire=wire)
+
+
+def _opened(
+    sensor: str | None, recording: Path | None, options: list[str], speed: float, loop: bool
+) -> contextlib.AbstractContextManager:  # type: ignore[type-arg]
+    """The sensor that was asked for: by name, a recording, or the shipped recording."""
+    from enliven_edge.commands.record import sensor_options
+    from enliven_edge.sensors.registry import open_sensor
+
+    if sensor is not None and recording is not None:
+        raise typer.BadParameter("give a sensor or a recording, not both")
+    if sensor is not None and sensor != "replay":
+        return open_sensor(sensor, **sensor_options(options))
+    path = recording or shipped_recording()
+    return open_sensor("replay", **{"path": path, "speed": speed, "loop": loop, **sensor_options(options)})
+
+
+@contextlib.contextmanager
+def _stopped_by_signals(stop) -> Iterator[None]:  # type: ignore[no-untyped-def]
+    """Ctrl-C and SIGTERM end the loop after the frame in hand."""
+    before = {s: signal.signal(s, lambda *_: stop()) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for signum, handler in before.items():
+            signal.signal(signum, handler)

@@ -1,0 +1,44 @@
+"""enliven replay: a recording through the edge, as if it were happening now."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from enliven_edge.commands.edge import edge
+
+
+def replay(
+    recording: Annotated[Path, typer.Argument(help="The recording.")],
+    speed: Annotated[float, typer.Option(min=0.0, help="1 as recorded, 2 twice as fast.")] = 1.0,
+    fast: Annotated[bool, typer.Option("--fast", help="As fast as it goes.")] = False,
+    loop: Annotated[bool, typer.Option(help="Begin again at the end.")] = False,
+    mesh: Annotated[str, typer.Option(help="The mesh to possess: a file, or 'chair'.")] = "chair",
+    possess_at: Annotated[float, typer.Option(help="Take hold this many seconds after the start.")] = 1.5,
+    parts: Annotated[str, typer.Option(help="What takes hold: all, legs, 'upper body', ...")] = "all",
+    record: Annotated[Path | None, typer.Option(help="Write the take (bodies, poses) to this file.")] = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace an existing take.")] = False,
+    port: Annotated[int | None, typer.Option(help="Port of the poses, 0 for a free one.")] = None,
+    control_port: Annotated[int | None, typer.Option(help="Port of the commands.")] = None,
+) -> None:
+    """Send a recording through the edge: tracked, driven and published like a live sensor.
+
+    \b
+      enliven replay take.mcap
+      enliven replay take.mcap --speed 0.5 --loop
+      enliven replay take.mcap --fast --record performance.mcap
+    """
+    edge(
+        recording=recording,
+        speed=0.0 if fast else speed,
+        loop=loop,
+        mesh=mesh,
+        possess_at=possess_at,
+        parts=parts,
+        record=record,
+        overwrite=overwrite,
+        port=port,
+        control_port=control_port,
+    )

@@ -1,0 +1,162 @@
+"""What leaves the edge: characters, poses, bodies, cues and heartbeats, to viewers and to a take."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import msgspec
+
+from enliven.body import Body
+from enliven.character import Character, Pose
+from enliven.frames import Frame
+from enliven.recording import Recorder
+from enliven.wire.convert import bodies_to_message, character_to_message, cues_to_message
+from enliven.wire.messages import Possess
+from enliven_edge.actor import Cues
+from enliven_edge.control import Command
+from enliven_edge.pace import Pace
+from enliven_edge.publisher import Publisher
+from enliven_edge.settings import WireSettings
+
+_FAREWELLS = 5
+_ENCODER = msgspec.msgpack.Encoder()
+
+
+class Outlet:
+    """Publishes, answers viewers, and writes the take where one was asked for.
+
+    Args:
+        wire: name, host and ports.
+        sensor: the sensor's identity, for the heartbeat.
+        record: the file of the take, or None.
+        overwrite: whether an existing take may be replaced.
+
+    Raises:
+        ResourceError: for a port in use, or a name in use on this machine.
+        InputError: for a take that exists already.
+    """
+
+    def __init__(
+        self, wire: WireSettings, sensor: str, *, record: Path | None = None, overwrite: bool = False
+    ) -> None:
+        ports = {"pose_port": wire.port, "control_port": wire.control_port}
+        self._publisher = Publisher(name=wire.name, host=wire.host, **ports)
+        try:
+            self._take = Recorder(record, overwrite=overwrite) if record else None
+        except BaseException:
+            self._publisher.close()
+            raise
+        self._publisher.set_status(sensor=sensor)
+        self._told = 0.0
+
+    @property
+    def publisher(self) -> Publisher:
+        """The sockets."""
+        return self._publisher
+
+    @property
+    def viewers(self) -> int:
+        """How many viewers are there."""
+        return self._publisher.viewers
+
+    def introduce(self, character: Character) -> None:
+        """A new character, or a new revision of one; viewers fetch it by themselves."""
+        revision = self._publisher.set_character(character)
+        self._write("character", character_to_message(character, revision), 0)
+
+    def publish(
+        self, frame: Frame, bodies: list[Body], poses: list[Pose], cues: dict[str, Cues], read_ns: int
+    ) -> None:
+        """What one frame led to.
+
+        Args:
+            read_ns: wall clock when the frame was read.
+        """
+        at = frame.time_ns
+        for pose in poses:
+            self._write("pose", self._publisher.publish_pose(pose, read_ns), at)
+        self._send("bodies", bodies_to_message(bodies, at, read_ns), at)
+        for name, cue in cues.items():
+            self._send("cues", cues_to_message(name, cue.state, cue.nodes, cue.strengths, cue.body), at)
+
+    def report(self, pace: Pace, phase: str, performers: int) -> None:
+        """How the edge is doing; goes out with the heartbeat, at once where the phase is new."""
+        changed = phase != self._publisher.status.phase
+        if changed or time.monotonic() - self._told > 0.25:
+            self._told = time.monotonic()
+            self._publisher.set_status(
+                phase=phase,
+                performers=performers,
+                fps=pace.fps,
+                latency_p50_ms=pace.latency_ms(50),
+                latency_p99_ms=pace.latency_ms(99),
+            )
+
+    def hear(self, possess: Callable[[str, int | None, str], str], release: Callable[[str], str]) -> None:
+        """Answers what viewers asked, and keeps the heart beating.
+
+        Args:
+            possess: (character, body, parts) to the reason why not, or an empty string.
+            release: (character) likewise.
+        """
+        for command in self._publisher.poll():
+            asked = command.request
+            if isinstance(asked, Possess):
+                _reply(command, possess(asked.character, asked.body, asked.parts))
+            else:
+                _reply(command, release(asked.character))
+
+    def end(self, pace: Pace) -> None:
+        """Says that the stream has ended, several times: a heartbeat may be lost on the way."""
+        self.report(pace, "ended", 0)
+        for _ in range(_FAREWELLS):
+            self._publisher.beat()
+            self.hear(lambda *_: "the stream has ended", lambda *_: "the stream has ended")
+            time.sleep(0.05)
+
+    def close(self) -> None:
+        """Completes the take and lets the ports and the name go."""
+        if self._take is not None:
+            self._take.close()
+        self._publisher.close()
+
+    def __enter__(self) -> Outlet:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _send(self, topic: str, message: Any, time_ns: int) -> None:
+        """To the viewers and to the take."""
+        self._publisher.publish(message)
+        self._write(topic, message, time_ns)
+
+    def _write(self, topic: str, message: Any, time_ns: int) -> None:
+        """To the take, with the message's JSON schema."""
+        if self._take is not None:
+            kind = type(message)
+            data = _ENCODER.encode(message)
+            self._take.write(
+                topic, f"enliven.{kind.__name__}", _schema(kind), "jsonschema", "msgpack", data, time_ns
+            )
+
+
+def _reply(command: Command, refused: str) -> None:
+    """Done, or why not."""
+    if refused:
+        command.reply_refused(refused)
+    else:
+        command.reply_done()
+
+
+@functools.cache
+def _schema(kind: type) -> str:
+    """The JSON schema of a kind of message."""
+    return msgspec.json.encode(msgspec.json.schema(kind)).decode()

@@ -1,0 +1,142 @@
+"""The edge as a program: sense, track, drive, publish, until the sensor ends or somebody stops it."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterator
+
+from enliven.body import Body
+from enliven.commands.processes import parent_is_gone
+from enliven.errors import EnlivenError, InputError
+from enliven.frames import BodyFrame, DepthFrame, Frame
+from enliven_edge.outlet import Outlet
+from enliven_edge.pace import Pace
+from enliven_edge.sensors.base import Sensor
+from enliven_edge.stage import Stage
+from enliven_edge.tracking.tracker import Tracker
+
+log = logging.getLogger(__name__)
+
+_PATIENCE = 0.1
+"""Seconds to wait for a frame before looking whether somebody said something."""
+
+
+class Edge:
+    """One sensor, one tracker, one stage, one outlet.
+
+    Args:
+        possess_at: seconds after the first frame at which the first performer takes hold, or None.
+        parts: what of the body takes hold then.
+        stop_after: seconds of the sensor's clock after which the edge ends, or None.
+    """
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        tracker: Tracker,
+        stage: Stage,
+        outlet: Outlet,
+        *,
+        possess_at: float | None = None,
+        parts: str = "all",
+        stop_after: float | None = None,
+    ) -> None:
+        self.sensor, self.tracker, self.stage, self.outlet = sensor, tracker, stage, outlet
+        self.pace = Pace()
+        self.frames = 0
+        self._possess_at, self._parts, self._stop_after = possess_at, parts, stop_after
+        self._first_ns: int | None = None
+        self._stopped = False
+
+    def run(self) -> None:
+        """Serves until the sensor's stream ends, :meth:`stop` is called, or the parent program is gone."""
+        for frame in self._frames():
+            if frame is not None:
+                self.step(frame)
+            self._listen()
+
+    def stop(self) -> None:
+        """Ends :meth:`run` after the frame in hand; safe to call from a signal handler."""
+        self._stopped = True
+
+    def wait_for_viewer(self, seconds: float) -> None:
+        """Lets nothing happen until a viewer is there, so that it misses nothing; gives up after a while."""
+        deadline = time.monotonic() + seconds
+        while not self.outlet.viewers and not self._stopped and not parent_is_gone():
+            if time.monotonic() > deadline:
+                log.warning("no viewer came within %.0f s, starting without one", seconds)
+                return
+            self._listen()
+            time.sleep(0.02)
+
+    def step(self, frame: Frame) -> None:
+        """One frame's way through the edge."""
+        read_ns = time.time_ns()
+        bodies = self._bodies(frame)
+        poses = self.stage.perform(bodies, frame.time_ns)
+        self.outlet.publish(frame, bodies, poses, self.stage.cues(), read_ns)
+        self.pace.took(read_ns, time.time_ns())
+        self.frames += 1
+        self.outlet.report(self.pace, "tracking" if bodies else "watching", len(bodies))
+        self._take_hold_when_due(frame.time_ns)
+
+    def _frames(self) -> Iterator[Frame | None]:
+        """The sensor's frames, and None whenever none is due."""
+        while not self._stopped and not parent_is_gone():
+            try:
+                frame = self.sensor.read(_PATIENCE)
+            except TimeoutError:
+                yield None
+                continue
+            if frame is None or self._is_over(frame):
+                return
+            yield frame
+
+    def _is_over(self, frame: Frame) -> bool:
+        """Whether the time that was asked for has passed, by the sensor's clock."""
+        if self._first_ns is None:
+            self._first_ns = frame.time_ns
+        return self._stop_after is not None and frame.time_ns - self._first_ns >= self._stop_after * 1e9
+
+    def _bodies(self, frame: Frame) -> list[Body]:
+        """Who is in the frame: tracked in depth, or as the sensor saw them itself."""
+        match frame:
+            case DepthFrame():
+                return self.tracker.track(frame)
+            case BodyFrame():
+                return frame.bodies
+
+    def _take_hold_when_due(self, time_ns: int) -> None:
+        """The possession that was asked for on the command line, as soon as somebody is there."""
+        first = time_ns if self._first_ns is None else self._first_ns
+        if self._possess_at is None or (time_ns - first) * 1e-9 < self._possess_at:
+            return
+        for name in self.stage.actors:
+            try:
+                self.stage.possess(name, parts=self._parts)
+                log.info("%s is possessed at %.2f s", name, (time_ns - first) * 1e-9)
+                self._possess_at = None
+            except InputError as error:
+                # Nobody there yet is worth waiting for; an unknown part or a mesh out of reach is said once.
+                if "in view" not in error.what:
+                    log.error("%s", error)
+                    self._possess_at = None
+
+    def _listen(self) -> None:
+        """Carries out what viewers asked for; what cannot be done is refused with its reason."""
+        self.outlet.hear(
+            possess=lambda character, body, parts: self._attempt(
+                lambda: self.stage.possess(character, body, parts)
+            ),
+            release=lambda character: self._attempt(lambda: self.stage.release(character)),
+        )
+
+    @staticmethod
+    def _attempt(action: Callable[[], None]) -> str:
+        """Why the action could not be done, or an empty string."""
+        try:
+            action()
+        except EnlivenError as error:
+            return str(error)
+        return ""
