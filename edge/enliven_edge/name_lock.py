@@ -1,0 +1,90 @@
+"""One edge of a name on a machine: a locked file in the temporary folder.
+
+The operating system drops the lock with its process, however that ends, so no name is ever left taken.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import sys
+import tempfile
+from pathlib import Path
+
+from enliven.errors import ResourceError
+
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
+
+_LOCKED_BYTE = 1 << 30
+"""Far behind the text, so that Windows, where a locked range cannot be read, lets others read who it is."""
+
+
+class NameLock:
+    """Holds an edge's name until closed.
+
+    Raises:
+        ResourceError: where a living edge of this machine has the name.
+    """
+
+    def __init__(self, name: str) -> None:
+        readable = re.sub(r"[^A-Za-z0-9._-]", "_", name)
+        # Two names that read alike must not lock each other out.
+        suffix = "" if readable == name else "-" + name.encode().hex()
+        path = Path(tempfile.gettempdir()) / f"enliven-edge-{readable}{suffix}.lock"
+        self._handle = _opened(path)
+        try:
+            _lock(self._handle)
+        except OSError:
+            holder = _text(self._handle)
+            os.close(self._handle)
+            raise ResourceError(
+                f"an edge named {name!r} runs on this machine already ({holder or 'unknown process'})",
+                where="edge",
+                mend="Stop it, or give this one another name with --name.",
+            ) from None
+        # A file of another user can be locked but not written: the name is held all the same.
+        with contextlib.suppress(OSError):
+            os.ftruncate(self._handle, 0)
+            os.lseek(self._handle, 0, os.SEEK_SET)
+            os.write(self._handle, f"process {os.getpid()}".encode())
+
+    def close(self) -> None:
+        """Lets the name go; the empty file stays, since removing it could take it from the next holder."""
+        if self._handle >= 0:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._handle, 0)
+            os.close(self._handle)
+            self._handle = -1
+
+
+def _opened(path: Path) -> int:
+    """A descriptor of the file, made where it is not there, read-only where it is another user's."""
+    try:
+        return os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            return os.open(path, os.O_RDONLY)
+        raise ResourceError(
+            f"the file that keeps the edge's name cannot be opened ({error.strerror})",
+            where=str(path),
+            mend="Give the edge another name with --name.",
+        ) from None
+
+
+def _text(handle: int) -> str:
+    """What the holder wrote into the file."""
+    os.lseek(handle, 0, os.SEEK_SET)
+    return os.read(handle, 100).decode("ascii", "replace")
+
+
+def _lock(handle: int) -> None:
+    """Take the lock or raise OSError at once."""
+    if sys.platform == "win32":
+        os.lseek(handle, _LOCKED_BYTE, os.SEEK_SET)
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+    else:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,0 +1,121 @@
+"""Rice codes: small signed integers in few bits, any integer in bounded bits.
+
+An integer n is folded to u = 2n or -2n - 1, so that small magnitudes stay small, then written as u >> k
+ones, a zero, and the low k bits of u (Rice, "Some practical universal noiseless coding techniques", JPL
+79-22, 1979). ``ESCAPE`` ones announce ``ESCAPE_BITS`` raw bits instead, which bounds the worst case. A column
+of numbers shares one k, the cheapest for it; ``ALL_ZERO`` in its place says that the whole column is zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from enliven.arrays import Int32, UInt8
+
+ESCAPE = 12
+"""Ones in a row that say: the number follows raw."""
+ESCAPE_BITS = 22
+LIMIT = 2 ** (ESCAPE_BITS - 1) - 1
+"""The largest magnitude that can be written."""
+ALL_ZERO = 15
+"""The parameter of a column of zeros, which takes no further bits."""
+PARAMETER_BITS = 4
+
+
+@njit(cache=True, nogil=True)
+def best_parameter(column: Int32) -> tuple[int, int]:
+    """The cheapest Rice parameter of an (N,) column, and the bits it takes with it (parameter included)."""
+    if not column.any():
+        return ALL_ZERO, PARAMETER_BITS
+    best, best_cost = 0, 2**62
+    for k in range(ALL_ZERO):
+        cost = PARAMETER_BITS
+        for n in column:
+            quotient = (2 * n if n >= 0 else -2 * n - 1) >> k
+            cost += quotient + 1 + k if quotient < ESCAPE else ESCAPE + ESCAPE_BITS
+        if cost < best_cost:
+            best, best_cost = k, cost
+    return best, best_cost
+
+
+@njit(cache=True, nogil=True)
+def _put(out: UInt8, at: int, value: int, count: int) -> int:
+    """Write the low ``count`` bits of ``value`` at bit ``at``, most significant first; the next bit."""
+    for shift in range(count - 1, -1, -1):
+        if (value >> shift) & 1:
+            out[at >> 3] |= np.uint8(128 >> (at & 7))
+        at += 1
+    return at
+
+
+@njit(cache=True, nogil=True)
+def encode_columns(table: Int32) -> UInt8:
+    """Bytes of an (N, C) table of integers within +-LIMIT, column after column, zero bits at the end."""
+    rows, columns = table.shape
+    parameters = np.empty(columns, np.int64)
+    total = 0
+    for c in range(columns):
+        parameters[c], cost = best_parameter(table[:, c])
+        total += cost
+    out = np.zeros((total + 7) // 8, np.uint8)
+    at = 0
+    for c in range(columns):
+        k = parameters[c]
+        at = _put(out, at, k, PARAMETER_BITS)
+        if k == ALL_ZERO:
+            continue
+        for r in range(rows):
+            n = np.int64(table[r, c])
+            folded = 2 * n if n >= 0 else -2 * n - 1
+            quotient = folded >> k
+            if quotient < ESCAPE:
+                at = _put(out, at, (1 << (quotient + 1)) - 2, quotient + 1)
+                at = _put(out, at, folded, k)
+            else:
+                at = _put(out, at, (1 << ESCAPE) - 1, ESCAPE)
+                at = _put(out, at, folded, ESCAPE_BITS)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _take(data: UInt8, at: int, count: int) -> int:
+    """The ``count`` bits at bit ``at``; the caller has checked that they are there."""
+    value = 0
+    for i in range(at, at + count):
+        value = (value << 1) | ((data[i >> 3] >> (7 - (i & 7))) & 1)
+    return value
+
+
+@njit(cache=True, nogil=True)
+def decode_columns(data: UInt8, table: Int32) -> bool:
+    """Fill an (N, C) table from the bytes of :func:`encode_columns`; False where they are not such bytes.
+
+    Every bit must be accounted for: too few bytes, a byte too many, or a one among the padding is refused.
+    """
+    rows, columns = table.shape
+    at, end = 0, 8 * len(data)
+    for c in range(columns):
+        if at + PARAMETER_BITS > end:
+            return False
+        k = _take(data, at, PARAMETER_BITS)
+        at += PARAMETER_BITS
+        for r in range(rows):
+            if k == ALL_ZERO:
+                table[r, c] = 0
+                continue
+            quotient = 0
+            while quotient < ESCAPE and at < end and _take(data, at, 1):
+                quotient += 1
+                at += 1
+            count = ESCAPE_BITS
+            if quotient < ESCAPE:
+                at, count = at + 1, k
+            if at + count > end:
+                return False
+            folded = _take(data, at, count)
+            if quotient < ESCAPE:
+                folded |= quotient << k
+            at += count
+            table[r, c] = folded >> 1 if folded & 1 == 0 else -(folded >> 1) - 1
+    return end - at < 8 and _take(data, at, end - at) == 0

@@ -1,0 +1,187 @@
+"""Between the documents of the library and the messages of the wire; pure functions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float32, Int32
+from enliven.body import Body
+from enliven.body import J as JOINTS
+from enliven.character import Character, Pose, SkinWeights
+from enliven.errors import InputError
+from enliven.wire.messages import (
+    MAX_FACES,
+    MAX_VERTICES,
+    BodiesMessage,
+    CharacterMessage,
+    CuesMessage,
+    PackedBody,
+    PoseMessage,
+)
+from enliven.wire.posecode import PoseCodec
+
+JOINT_STEP = 2.0**-11
+"""Metres; a joint is at most 0.25 mm off along each axis (0.43 mm in all), up to 16 m from the origin."""
+
+
+def pose_to_message(
+    pose: Pose,
+    codec: PoseCodec,
+    *,
+    revision: int,
+    instance: int = 0,
+    sequence: int = 0,
+    captured_ns: int = 0,
+    published_ns: int = 0,
+) -> PoseMessage:
+    """A pose as it goes on the wire; ``codec`` is of the same character and revision.
+
+    Raises:
+        InputError: where the pose has another number of transforms than the character.
+    """
+    return PoseMessage(
+        pose.character,
+        revision,
+        instance,
+        sequence,
+        pose.time_ns,
+        captured_ns,
+        published_ns,
+        codec.encode(pose).data,
+    )
+
+
+def message_to_pose(message: PoseMessage, codec: PoseCodec) -> Pose:
+    """The pose, off by at most what :mod:`enliven.wire.quantize` states.
+
+    Raises:
+        ValueError: for bytes that are not a pose of the codec's character.
+    """
+    linear, positions = codec.decode(message.transforms)
+    return Pose(message.character, message.time_ns, linear, positions)
+
+
+def bodies_to_message(bodies: Iterable[Body], time_ns: int, captured_ns: int = 0) -> BodiesMessage:
+    """Bodies as they go on the wire; a joint that is not finite goes as the origin with confidence 0."""
+    return BodiesMessage(time_ns, captured_ns, [_packed(body) for body in bodies])
+
+
+def _packed(body: Body) -> PackedBody:
+    finite = np.asarray(np.isfinite(body.joints).all(-1))
+    steps = np.rint(np.where(finite[:, None], body.joints, 0.0) / JOINT_STEP)
+    known = np.nan_to_num(np.where(finite, body.confidence, 0.0))
+    return PackedBody(
+        int(body.id),
+        np.clip(steps, -32768, 32767).astype("<i2").tobytes(),
+        np.rint(np.clip(known, 0, 1) * 255).astype(np.uint8).tobytes(),
+    )
+
+
+def message_to_bodies(message: BodiesMessage) -> list[Body]:
+    """The bodies, without their bones' orientations."""
+    made = []
+    for body in message.bodies:
+        joints = np.frombuffer(body.joints, "<i2").reshape(JOINTS, 3) * JOINT_STEP
+        made.append(Body(body.id, joints, np.frombuffer(body.confidence, np.uint8) / 255.0))
+    return made
+
+
+def cues_to_message(
+    character: str, state: str, nodes: AnyArray, strengths: AnyArray, body: int | None = -1
+) -> CuesMessage:
+    """Cues as they go on the wire: (K,) node indices and (K,) strengths in [0, 1]; a "free" state with nodes
+    is a preview."""
+    if state not in ("free", "preview", "possessed"):
+        raise InputError(
+            f"the state is {state!r}", where=f"cues of {character!r}", mend="Use free or possessed."
+        )
+    nodes = np.asarray(nodes).astype("<u2")
+    strength = np.rint(np.clip(np.nan_to_num(np.asarray(strengths, np.float64)), 0, 1) * 255).astype(np.uint8)
+    shown = "preview" if state == "free" and len(nodes) else state
+    return CuesMessage(
+        character,
+        shown,  # type: ignore[arg-type]
+        nodes.tobytes(),
+        strength.tobytes(),
+        -1 if body is None else int(body),
+    )
+
+
+def message_to_cues(message: CuesMessage) -> tuple[Int32, Float32]:
+    """(K,) node indices and (K,) strengths in [0, 1]."""
+    nodes = np.frombuffer(message.nodes, "<u2").astype(np.int32)
+    return nodes, (np.frombuffer(message.strengths, np.uint8) / 255.0).astype(np.float32)
+
+
+def character_to_message(character: Character, revision: int) -> CharacterMessage:
+    """A whole character as it goes on the wire.
+
+    Raises:
+        InputError: where its id or its mesh is larger than the wire carries.
+    """
+    if not 1 <= len(character.id) <= 64:
+        raise InputError(
+            f"the id has {len(character.id)} characters, 1 to 64 go on the wire",
+            where=f"character {character.id[:80]!r}",
+            mend="Give it a shorter name.",
+        )
+    if len(character.vertices) > MAX_VERTICES or len(character.faces) > MAX_FACES:
+        raise InputError(
+            f"it has {len(character.vertices)} vertices and {len(character.faces)} faces, at most "
+            f"{MAX_VERTICES} and {MAX_FACES} go on the wire",
+            where=f"character {character.id!r}",
+            mend="Simplify the mesh.",
+        )
+    colours = character.colours
+    return CharacterMessage(
+        character.id,
+        revision,
+        character.kind,  # type: ignore[arg-type]
+        len(character.vertices),
+        len(character.faces),
+        len(character.pivots),
+        len(character.edges),
+        _raw(character.vertices, "<f4"),
+        _raw(character.faces, "<i4"),
+        _raw(character.skin.indices, "<u2"),
+        _raw(character.skin.weights, "<f4"),
+        _raw(character.pivots, "<f4"),
+        _raw(character.edges, "<i4"),
+        None if colours is None else _raw(colours, "u1"),
+    )
+
+
+def message_to_character(message: CharacterMessage) -> Character:
+    """The character, checked as one that was built here.
+
+    Raises:
+        InputError: where a number is not finite or an index points outside.
+    """
+    numbers = [_array(d, "<f4", 1) for d in (message.vertices, message.weights, message.pivots)]
+    if not all(np.isfinite(a).all() for a in numbers):
+        raise InputError(
+            "a vertex, weight or pivot is not a finite number", where=f"character {message.id!r}"
+        )
+    colours = message.colours
+    return Character(
+        message.id,
+        _array(message.vertices, "<f4", 3),
+        _array(message.faces, "<i4", 3),
+        SkinWeights(_array(message.indices, "<u2", 4), _array(message.weights, "<f4", 4)),
+        _array(message.pivots, "<f4", 3),
+        _array(message.edges, "<i4", 2),
+        message.kind,
+        None if colours is None else _array(colours, "u1", 3),
+    )
+
+
+def _raw(array: AnyArray | Sequence[int], dtype: str) -> bytes:
+    return np.ascontiguousarray(array, dtype).tobytes()
+
+
+def _array(data: bytes, dtype: str, columns: int) -> AnyArray:
+    """(N, columns) in the machine's own byte order, writable by nobody."""
+    array = np.frombuffer(data, dtype).reshape(-1, columns)
+    return array.astype(array.dtype.newbyteorder("="), copy=False)

@@ -1,0 +1,122 @@
+"""Bytes on a socket to checked messages and back; what is malformed is counted, never raised further.
+
+On the stream socket a message is its topic's name, a zero byte, the version, and the MessagePack payload, in
+one part; on the control socket the version and the payload.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from typing import Any
+
+import msgspec
+
+from enliven.errors import EnlivenError
+from enliven.wire.messages import VERSION
+from enliven.wire.topics import BY_TYPE, STREAMS, TOPICS, Topic
+
+log = logging.getLogger(__name__)
+
+_ENCODER = msgspec.msgpack.Encoder()
+_DECODERS = {t.name: msgspec.msgpack.Decoder(t.type) for t in TOPICS}
+
+
+class Malformed(Exception):
+    """Bytes that are no message; ``kind`` groups them for counting."""
+
+    def __init__(self, kind: str, why: str) -> None:
+        super().__init__(f"{kind}: {why}")
+        self.kind, self.why = kind, why
+
+
+class OtherVersion(Malformed):
+    """A message of a program with another version of the wire; ``version`` is theirs."""
+
+    def __init__(self, version: int) -> None:
+        super().__init__(
+            "version", f"the sender speaks version {version} of the wire, this program {VERSION}"
+        )
+        self.version = version
+
+
+def pack_stream(message: Any) -> bytes:
+    """A stream message as it goes on the socket.
+
+    Raises:
+        KeyError: for an object that is no message of the table.
+    """
+    topic = BY_TYPE[type(message)]
+    return topic.name.encode() + b"\0" + bytes([VERSION]) + _ENCODER.encode(message)
+
+
+def payload(message: Any) -> bytes:
+    """The MessagePack alone, as a recording holds it."""
+    return _ENCODER.encode(message)
+
+
+def unpack_stream(data: bytes) -> tuple[Topic, Any]:
+    """The topic and the checked message.
+
+    Raises:
+        Malformed: whatever the bytes are.
+    """
+    name, found, _ = data[:64].partition(b"\0")
+    topic = STREAMS.get(name.decode("ascii", "replace"))
+    if not found or topic is None:
+        raise Malformed("unknown topic", repr(bytes(name[:32])))
+    return topic, _checked(topic, data[len(name) + 1 :])
+
+
+def pack_control(message: Any) -> bytes:
+    """A request or reply as it goes on the socket."""
+    return bytes([VERSION]) + _ENCODER.encode(message)
+
+
+def unpack_control(data: bytes, topic: Topic) -> Any:
+    """The checked request or reply.
+
+    Raises:
+        Malformed: whatever the bytes are.
+    """
+    return _checked(topic, data)
+
+
+def _checked(topic: Topic, data: bytes) -> Any:
+    """The message after the version byte, checked for version, size, types and lengths."""
+    if not data:
+        raise Malformed(topic.name, "it is empty")
+    if data[0] != VERSION:
+        raise OtherVersion(data[0])
+    if len(data) - 1 > topic.max_bytes:
+        raise Malformed(topic.name, f"{len(data) - 1} bytes are more than {topic.max_bytes}")
+    try:
+        return _DECODERS[topic.name].decode(memoryview(data)[1:])
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+        raise Malformed(topic.name, str(error)) from None
+
+
+class Rejects:
+    """Counts what was malformed by kind, and logs each kind once.
+
+    Args:
+        where: which socket, for the log.
+    """
+
+    def __init__(self, where: str) -> None:
+        self.where = where
+        self.counts: Counter[str] = Counter()
+
+    @property
+    def total(self) -> int:
+        """How many messages were dropped."""
+        return self.counts.total()
+
+    def add(self, error: Malformed | EnlivenError | ValueError) -> None:
+        """Count one malformed message."""
+        kind = error.kind if isinstance(error, Malformed) else type(error).__name__
+        self.counts[kind] += 1
+        if self.counts[kind] == 1:
+            log.warning(
+                "%s: dropped a malformed message (%s); more of this kind are only counted", self.where, error
+            )

@@ -1,0 +1,259 @@
+"""The messages between edge and viewer, one class each; a field that came later has a default.
+
+Every message travels as MessagePack in an envelope with :data:`VERSION` (:mod:`enliven.wire.envelope`).
+Streams are arrays of their fields in order, requests and replies maps by name; unknown fields are ignored, so
+a newer program may append. Types, lengths and finiteness are checked on receipt; nothing is trusted.
+Numbers in ``bytes`` are little-endian.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct, field
+
+VERSION = 1
+"""Of the wire. Raised when an old program could misread a new message."""
+
+Name = Annotated[str, Meta(min_length=1, max_length=64)]
+Text = Annotated[str, Meta(max_length=400)]
+Count = Annotated[int, Meta(ge=0, le=2**53)]
+Nanoseconds = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
+Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
+"""Finite: msgspec refuses NaN and infinities by the range."""
+
+MAX_TRANSFORM_BYTES = 256 * 1024
+MAX_VERTICES = 2_000_000
+MAX_FACES = 4_000_000
+MAX_TRANSFORMS = 4096
+
+
+class PoseMessage(Struct, array_like=True, frozen=True):
+    """Where one character's transforms are (topic "pose").
+
+    Attributes:
+        character: its id.
+        revision: of the character that the transforms belong to.
+        instance: of the edge's process; a restarted edge has another.
+        sequence: counts the poses of this character from 0; a gap is a loss.
+        time_ns: the sensor's clock.
+        captured_ns: the edge's wall clock when the frame was read.
+        published_ns: the edge's wall clock when the pose was sent.
+        transforms: bytes of :class:`enliven.wire.posecode.PoseCodec`.
+    """
+
+    character: Name
+    revision: Count
+    instance: Count
+    sequence: Count
+    time_ns: Nanoseconds
+    captured_ns: Nanoseconds
+    published_ns: Nanoseconds
+    transforms: Annotated[bytes, Meta(max_length=MAX_TRANSFORM_BYTES)]
+
+
+class PackedBody(Struct, array_like=True, frozen=True):
+    """One tracked person.
+
+    Attributes:
+        id: stable while the person is in view.
+        joints: (20, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world frame.
+        confidence: (20,) uint8, 255 for certain.
+    """
+
+    id: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)]
+    joints: Annotated[bytes, Meta(min_length=120, max_length=120)]
+    confidence: Annotated[bytes, Meta(min_length=20, max_length=20)]
+
+
+class BodiesMessage(Struct, array_like=True, frozen=True):
+    """Everybody in view at one moment of the sensor's clock (topic "bodies")."""
+
+    time_ns: Nanoseconds
+    captured_ns: Nanoseconds
+    bodies: Annotated[list[PackedBody], Meta(max_length=32)]
+
+
+class CuesMessage(Struct, array_like=True, frozen=True):
+    """What to highlight on a character (topic "cues").
+
+    Attributes:
+        character: its id.
+        state: "free"; "preview": the nodes would be held if the body took hold now; "possessed".
+        nodes: (K,) uint16 node indices.
+        strengths: (K,) uint8, 255 for the firmest.
+        body: the performer's id, -1 for nobody.
+    """
+
+    character: Name
+    state: Literal["free", "preview", "possessed"]
+    nodes: Annotated[bytes, Meta(max_length=2 * MAX_TRANSFORMS)] = b""
+    strengths: Annotated[bytes, Meta(max_length=MAX_TRANSFORMS)] = b""
+    body: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)] = -1
+
+    def __post_init__(self) -> None:
+        _expect("nodes", self.nodes, 2 * len(self.strengths))
+
+
+class StatusMessage(Struct, array_like=True, frozen=True):
+    """The edge's heartbeat, twice a second (topic "status").
+
+    Attributes:
+        edge: the edge's name.
+        instance: random for each start of the process.
+        revision: of the edge's state; whoever sees a new one asks again for what there is.
+        published_ns: the edge's wall clock.
+        sensor: the sensor's identity, or empty.
+        phase: what it is doing, such as "waiting", "watching", "tracking" or "ended".
+        note: one sentence for people, or empty.
+        fps: poses a second.
+        latency_p50_ms: milliseconds from frame read to pose published, the median of late.
+        latency_p99_ms: the same, of the slowest in a hundred.
+        performers: people in view.
+        dropped: frames that came too fast and were passed over, since the start.
+    """
+
+    edge: Name
+    instance: Count
+    revision: Count
+    published_ns: Nanoseconds
+    sensor: Annotated[str, Meta(max_length=200)] = ""
+    phase: Annotated[str, Meta(max_length=64)] = "waiting"
+    note: Text = ""
+    fps: Number = 0.0
+    latency_p50_ms: Number = 0.0
+    latency_p99_ms: Number = 0.0
+    performers: Count = 0
+    dropped: Count = 0
+
+
+class CharacterMessage(Struct, tag=True, frozen=True):
+    """A whole character, in answer to :class:`GetState`.
+
+    Attributes:
+        vertices: (V, 3) float32 metres.
+        faces: (F, 3) int32.
+        indices: (V, 4) uint16.
+        weights: (V, 4) float32.
+        pivots: (J, 3) float32 metres.
+        edges: (E, 2) int32.
+        colours: (V, 3) uint8 sRGB, or None.
+    """
+
+    id: Name
+    revision: Count
+    kind: Literal["graph", "bones"]
+    vertex_count: Annotated[int, Meta(ge=1, le=MAX_VERTICES)]
+    face_count: Annotated[int, Meta(ge=1, le=MAX_FACES)]
+    pivot_count: Annotated[int, Meta(ge=1, le=MAX_TRANSFORMS)]
+    edge_count: Annotated[int, Meta(ge=0, le=64 * MAX_TRANSFORMS)]
+    vertices: bytes
+    faces: bytes
+    indices: bytes
+    weights: bytes
+    pivots: bytes
+    edges: bytes
+    colours: bytes | None = None
+
+    def __post_init__(self) -> None:
+        _expect("vertices", self.vertices, 12 * self.vertex_count)
+        _expect("faces", self.faces, 12 * self.face_count)
+        _expect("indices", self.indices, 8 * self.vertex_count)
+        _expect("weights", self.weights, 16 * self.vertex_count)
+        _expect("pivots", self.pivots, 12 * self.pivot_count)
+        _expect("edges", self.edges, 8 * self.edge_count)
+        if self.colours is not None:
+            _expect("colours", self.colours, 3 * self.vertex_count)
+
+
+def _expect(name: str, data: bytes, length: int) -> None:
+    """Refuse an array whose bytes are not as many as its declared count needs."""
+    if len(data) != length:
+        raise ValueError(f"{name} has {len(data)} bytes, expected {length}")
+
+
+class Hello(Struct, tag=True, frozen=True):
+    """A viewer introduces itself, and asks what there is; ``listening`` once the streams have reached it."""
+
+    viewer: Name
+    listening: bool = False
+
+
+class GetState(Struct, tag=True, frozen=True):
+    """A viewer asks for a character."""
+
+    character: Name
+
+
+class Possess(Struct, tag=True, frozen=True):
+    """A body takes hold of a character; None: whoever is in view. ``parts`` as in ``enliven.body.PARTS``."""
+
+    character: Name
+    body: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)] | None = None
+    parts: Name = "all"
+
+
+class Release(Struct, tag=True, frozen=True):
+    """Whoever holds the character lets go."""
+
+    character: Name
+
+
+class Ping(Struct, tag=True, frozen=True):
+    """Asks for the edge's clock, and says that the viewer is still there; ``sent_ns`` is its wall clock."""
+
+    viewer: Name
+    sent_ns: Nanoseconds
+    listening: bool = False
+
+
+class Revision(Struct, array_like=True, frozen=True):
+    """A character and which version of it the edge holds."""
+
+    character: Name
+    revision: Count
+
+
+class Welcome(Struct, tag=True, frozen=True):
+    """What there is: the heartbeat, the characters, and the newest message of each latched topic and key."""
+
+    status: StatusMessage
+    characters: Annotated[list[Revision], Meta(max_length=1024)]
+    latest: Annotated[list[bytes], Meta(max_length=4096)] = field(default_factory=list)
+
+
+class Done(Struct, tag=True, frozen=True):
+    """The request was carried out."""
+
+    note: Text = ""
+
+
+class Refused(Struct, tag=True, frozen=True):
+    """The request was not carried out, and why."""
+
+    reason: Text
+
+
+class Pong(Struct, tag=True, frozen=True):
+    """The edge's wall clock when it answered."""
+
+    sent_ns: Nanoseconds
+    edge_ns: Nanoseconds
+
+
+Ask = Hello | GetState | Possess | Release | Ping
+Answer = Welcome | CharacterMessage | Done | Refused | Pong
+
+
+class Request(Struct, frozen=True):
+    """What a viewer sends; the reply carries the same id."""
+
+    id: Count
+    body: Ask
+
+
+class Reply(Struct, frozen=True):
+    """What the edge answers."""
+
+    id: Count
+    body: Answer

@@ -1,0 +1,82 @@
+"""Where an edge is, and how its sockets are set: small queues, no lingering, nothing that blocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import zmq
+
+from enliven.errors import InputError
+
+POSE_PORT = 5580
+CONTROL_PORT = 5581
+QUEUE = 1000
+"""Messages kept for a viewer that is slow; what comes after them is dropped for that viewer alone."""
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """An edge's address: its host, the port of its streams and the port of its commands."""
+
+    host: str = "127.0.0.1"
+    pose_port: int = POSE_PORT
+    control_port: int = CONTROL_PORT
+
+    def __str__(self) -> str:
+        return f"{_bracketed(self.host)}:{self.pose_port}:{self.control_port}"
+
+    @property
+    def stream_address(self) -> str:
+        """What a viewer connects its SUB socket to."""
+        return f"tcp://{_bracketed(self.host)}:{self.pose_port}"
+
+    @property
+    def control_address(self) -> str:
+        """What a viewer connects its DEALER socket to."""
+        return f"tcp://{_bracketed(self.host)}:{self.control_port}"
+
+
+def parse_endpoint(text: str) -> Endpoint:
+    """``host``, ``host:port`` (the commands are one port on) or ``host:port:control_port``; IPv6 in brackets.
+
+    Raises:
+        InputError: where it is none of these.
+    """
+    host, ports = text.strip().removeprefix("tcp://"), ""
+    if host.startswith("["):
+        host, _, ports = host[1:].partition("]")
+        ports = ports.removeprefix(":")
+    else:
+        host, _, ports = host.partition(":")
+    numbers = [p for p in ports.split(":") if p]
+    valid = all(p.isdecimal() and 0 < int(p) < 65536 for p in numbers) and len(numbers) <= 2
+    if not host or not valid or any(c.isspace() or c in "/;" for c in host):
+        raise InputError(
+            f"{text!r} is no address of an edge", mend="Give HOST, HOST:PORT or HOST:PORT:CONTROL_PORT."
+        )
+    pose = int(numbers[0]) if numbers else POSE_PORT
+    control = int(numbers[1]) if len(numbers) > 1 else pose + 1
+    return Endpoint(host, pose, control)
+
+
+def make_socket(context: zmq.Context[Any], kind: int, max_bytes: int) -> zmq.Socket[bytes]:
+    """A socket that never blocks its caller, never lingers, and drops a peer that sends too much at once.
+
+    The heartbeat finds a peer that vanished without closing, so that it is connected anew.
+    """
+    socket: zmq.Socket[bytes] = context.socket(kind)
+    socket.setsockopt(zmq.LINGER, 0)
+    socket.setsockopt(zmq.SNDHWM, QUEUE)
+    socket.setsockopt(zmq.RCVHWM, 10 * QUEUE)
+    socket.setsockopt(zmq.MAXMSGSIZE, max_bytes)
+    socket.setsockopt(zmq.IPV6, 1)
+    socket.setsockopt(zmq.RECONNECT_IVL, 50)
+    socket.setsockopt(zmq.RECONNECT_IVL_MAX, 500)
+    socket.setsockopt(zmq.HEARTBEAT_IVL, 2000)
+    socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, 6000)
+    return socket
+
+
+def _bracketed(host: str) -> str:
+    return f"[{host}]" if ":" in host else host

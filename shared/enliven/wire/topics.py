@@ -1,0 +1,55 @@
+"""The one table of what goes over the wire; sockets, recorder and tests derive from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from enliven.wire.messages import (
+    BodiesMessage,
+    CuesMessage,
+    PoseMessage,
+    Reply,
+    Request,
+    StatusMessage,
+)
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One kind of message.
+
+    Attributes:
+        name: on the wire, ASCII.
+        type: the message class.
+        way: "stream" goes from the edge to every viewer, "request" from a viewer to its edge, "reply" back.
+        max_bytes: of the payload; a longer message is dropped unread.
+        rate_hz: how often it is expected while the edge works; 0: whenever there is a reason.
+        keep: what a viewer that was away gets of what piled up: "every" message, or the "newest" of each key.
+        latched: the newest of each key is also told to a viewer that joins late.
+        key: what makes a newer message replace an older one.
+    """
+
+    name: str
+    type: type[Any]
+    way: Literal["stream", "request", "reply"]
+    max_bytes: int
+    rate_hz: float
+    keep: Literal["every", "newest"]
+    latched: bool = False
+    key: Callable[[Any], str] = lambda message: ""
+
+
+POSE = Topic("pose", PoseMessage, "stream", 260 * 1024, 30, "every", True, lambda m: m.character)
+BODIES = Topic("bodies", BodiesMessage, "stream", 16 * 1024, 30, "every")
+CUES = Topic("cues", CuesMessage, "stream", 16 * 1024, 0, "newest", True, lambda m: m.character)
+STATUS = Topic("status", StatusMessage, "stream", 4 * 1024, 2, "newest", False, lambda m: m.edge)
+REQUEST = Topic("request", Request, "request", 4 * 1024, 0, "every")
+REPLY = Topic("reply", Reply, "reply", 128 * 1024 * 1024, 0, "every")
+
+TOPICS: tuple[Topic, ...] = (POSE, BODIES, CUES, STATUS, REQUEST, REPLY)
+STREAMS: dict[str, Topic] = {t.name: t for t in TOPICS if t.way == "stream"}
+BY_TYPE: dict[type[Any], Topic] = {t.type: t for t in TOPICS}
+MAX_STREAM_BYTES = 64 + max(t.max_bytes for t in STREAMS.values())
+"""The longest message on the stream socket, envelope included."""
