@@ -86,15 +86,21 @@ def nearest_capsule(point, normal, ends, radii, side):  # type: ignore[no-untype
     point on the front of an arm is not explained by the chest behind it.
     """
     best, best_cost, best_t, best_distance = -1, 1e9, 0.0, 1e9
+    x, y, z = point[0], point[1], point[2]
     for c in range(len(ends)):
         ax, ay, az = ends[c, 0, 0], ends[c, 0, 1], ends[c, 0, 2]
         dx, dy, dz = ends[c, 1, 0] - ax, ends[c, 1, 1] - ay, ends[c, 1, 2] - az
-        px, py, pz = point[0] - ax, point[1] - ay, point[2] - az
+        px, py, pz = x - ax, y - ay, z - az
         t = (px * dx + py * dy + pz * dz) / (dx * dx + dy * dy + dz * dz + 1e-12)
         t = min(1.0, max(0.0, t))
         px, py, pz = px - t * dx, py - t * dy, pz - t * dz
-        length = np.sqrt(px * px + py * py + pz * pz)
-        distance = length - (radii[c, 0] + t * (radii[c, 1] - radii[c, 0]))
+        square = px * px + py * py + pz * pz
+        radius = radii[c, 0] + t * (radii[c, 1] - radii[c, 0])
+        # The distance alone is a lower bound of the cost: most capsules need no root.
+        if square > (best_cost + radius) * (best_cost + radius):
+            continue
+        length = np.sqrt(square)
+        distance = length - radius
         facing = (px * normal[0] + py * normal[1] + pz * normal[2]) / (length + 1e-9)
         cost = abs(distance) + side * (1.0 - facing)
         if cost < best_cost:

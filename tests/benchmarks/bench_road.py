@@ -1,0 +1,104 @@
+"""The whole road through the edge: depth frame read to pose published.
+
+One performer at 640 x 480 (the Kinect v1 profile's noise), the chair with 128 nodes, possessed; poses, bodies
+and cues go through real sockets to a subscriber in another process.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from figure import Figure
+
+from enliven.frames import DepthFrame
+from enliven.wire.messages import PoseMessage
+from enliven_edge.casting import cast
+from enliven_edge.outlet import Outlet
+from enliven_edge.sensors.synthetic import SyntheticSensor
+from enliven_edge.service import Edge
+from enliven_edge.settings import WireSettings
+from enliven_edge.stage import Stage
+from enliven_edge.tracking.tracker import Tracker
+from enliven_edge.warmup import warm_up_stage, warm_up_tracking
+
+FRAMES, WARM = 270, 45
+NODES = 128
+LISTEN = """
+import sys, zmq
+socket = zmq.Context().socket(zmq.SUB)
+socket.connect(sys.argv[1])
+socket.setsockopt(zmq.SUBSCRIBE, b"")
+while True:
+    socket.recv()
+"""
+
+
+class Reel:
+    """Frames from memory, so that making them costs the edge nothing."""
+
+    name = "reel"
+
+    def __init__(self, frames: list[DepthFrame]) -> None:
+        self._frames = iter(frames)
+
+    def read(self, timeout: float | None = None) -> DepthFrame | None:
+        return next(self._frames, None)
+
+    def close(self) -> None:
+        self._frames = iter(())
+
+
+def figures() -> Iterator[Figure]:
+    """Latency, throughput and size of the road."""
+    with SyntheticSensor(width=640, realtime=False) as sensor:
+        frames = [sensor.read() for _ in range(FRAMES)]
+    actor = cast("chair", nodes=NODES)
+    warm_up_stage(actor)
+    warm_up_tracking()
+    with Outlet(WireSettings(name="bench", port=0, control_port=0), "reel") as outlet:
+        outlet.introduce(actor.character)
+        address = outlet.publisher.endpoint.stream_address
+        listener = subprocess.Popen([sys.executable, "-c", LISTEN, address])
+        try:
+            edge = Edge(Reel(frames), Tracker(), Stage([actor]), outlet)
+            latencies, seconds, sizes = _performed(edge, frames)
+        finally:
+            listener.kill()
+            listener.wait()
+    raw, size = NODES * 12 * 4, float(np.mean(sizes))
+    yield Figure("road.latency_p50_ms", float(np.percentile(latencies, 50)), "ms")
+    yield Figure("road.latency_p99_ms", float(np.percentile(latencies, 99)), "ms")
+    yield Figure("road.fps", len(latencies) / seconds, "frames/s")
+    yield Figure("road.pose_bytes", size, "bytes", "raw float32 3x4", raw / size)
+
+
+def _performed(edge: Edge, frames: list[DepthFrame]) -> tuple[list[float], float, list[int]]:
+    """(milliseconds a frame, seconds in all, bytes a pose message) after the performer has taken hold."""
+    sizes: list[int] = []
+    publish = edge.outlet.publisher.publish
+
+    def weighed(message: Any) -> int:
+        size = publish(message)
+        if isinstance(message, PoseMessage):
+            sizes.append(size)
+        return size
+
+    edge.outlet.publisher.publish = weighed
+    latencies, begin = [], 0.0
+    for i, frame in enumerate(frames):
+        if i == WARM - 10:
+            edge.stage.possess("chair")
+        if i == WARM:
+            begin = time.perf_counter()
+            sizes.clear()
+        start = time.perf_counter()
+        edge.step(frame)
+        if i >= WARM:
+            latencies.append(1e3 * (time.perf_counter() - start))
+        edge._listen()
+    return latencies, time.perf_counter() - begin, sizes

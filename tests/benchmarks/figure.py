@@ -1,0 +1,27 @@
+"""One measured figure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Figure:
+    """What was measured.
+
+    Attributes:
+        name: as issues and notes call it.
+        value: in ``unit``.
+        peer: what it was compared with in the same run, or None.
+        ratio: how many times better than the peer; above 1 is better; None without a peer.
+    """
+
+    name: str
+    value: float
+    unit: str
+    peer: str | None = None
+    ratio: float | None = None
+
+    def __str__(self) -> str:
+        compared = f"  ({self.ratio:.2f} x {self.peer})" if self.ratio is not None else ""
+        return f"{self.name}  {self.value:.4g} {self.unit}{compared}"

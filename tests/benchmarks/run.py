@@ -1,0 +1,50 @@
+"""Runs the benchmarks: all of them, or the one that is named. Prints a line a figure, adds it to bench.json.
+
+A benchmark is a file bench_NAME.py here with ``figures() -> Iterator[Figure]``.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+
+from figure import Figure  # noqa: E402
+
+RESULT = HERE.parents[1] / "bench.json"
+
+
+def main(names: list[str]) -> int:
+    """The exit code: 0 where every benchmark ran."""
+    known = {path.stem.removeprefix("bench_"): path for path in sorted(HERE.glob("bench_*.py"))}
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        print(f"no benchmark called {', '.join(unknown)}; known: {', '.join(known)}", file=sys.stderr)
+        return 2
+    for name in names or known:
+        for figure in _module(known[name]).figures():
+            print(figure, flush=True)
+            _keep(figure)
+    return 0
+
+
+def _module(path: Path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _keep(figure: Figure) -> None:
+    """Replaces the figure of that name in bench.json."""
+    kept = json.loads(RESULT.read_text()) if RESULT.exists() else []
+    kept = [old for old in kept if old["name"] != figure.name] + [vars(figure)]
+    RESULT.write_text(json.dumps(kept, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
