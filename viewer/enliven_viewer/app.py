@@ -1,0 +1,164 @@
+"""The viewer in a window: poll the feed, move the playhead, draw, show."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import glfw
+
+from enliven_viewer.camera import OrbitCamera
+from enliven_viewer.controls import Controls
+from enliven_viewer.document import Document
+from enliven_viewer.feed import Feed
+from enliven_viewer.hud import Hud, HudState, timeline_area
+from enliven_viewer.playback import Playhead
+from enliven_viewer.render.context import window_context
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import Look, Scene, scene_of
+from enliven_viewer.settings import ViewerSettings
+from enliven_viewer.timeline import NS
+from enliven_viewer.window import open_window
+
+_MINIMISED_PAUSE = 0.05
+
+
+class App:
+    """One window on one feed.
+
+    Args:
+        feed: where the document is filled from.
+        take: the name of the take that the feed plays, or empty for a live edge.
+    """
+
+    def __init__(
+        self,
+        feed: Feed,
+        document: Document,
+        settings: ViewerSettings | None = None,
+        *,
+        take: str = "",
+        hud: bool = True,
+    ) -> None:
+        self.feed, self.document = feed, document
+        self.settings = settings or ViewerSettings()
+        self.playhead = Playhead(document.timeline, live=not take, loop=bool(take))
+        self.camera = OrbitCamera(self.settings.render.opening)
+        self.look, self.help, self.scale = Look(), False, 1.0
+        self._take, self._with_hud = take, hud
+        self._framed: tuple[str, ...] | None = None
+        self._size = (1, 1)
+        self._scene = Scene()
+        self._fps = 0.0
+
+    def run(
+        self, seconds: float | None = None, on_frame: Callable[[App, Renderer], None] | None = None
+    ) -> None:
+        """Show the window until it is closed, Ctrl-C, or ``seconds`` have passed.
+
+        Args:
+            on_frame: called after every drawn picture.
+
+        Raises:
+            ResourceError: without a display or OpenGL.
+        """
+        title = f"enliven · {self._take}" if self._take else "enliven"
+        with open_window(self.settings.width, self.settings.height, title) as window:
+            self._size = glfw.get_framebuffer_size(window)
+            renderer = Renderer(window_context(), _at_least_one(self._size), self.settings.render)
+            hud = Hud(renderer.ctx)
+            Controls(self, window)
+            end = None if seconds is None else time.monotonic() + seconds
+            last = time.monotonic()
+            while not glfw.window_should_close(window) and (end is None or time.monotonic() < end):
+                now = time.monotonic()
+                self._step(window, renderer, hud, now - last)
+                if on_frame:
+                    on_frame(self, renderer)
+                last = now
+
+    def possess(self) -> None:
+        """Ask the feed that whoever is in view takes hold of every character."""
+        for name in self.document.characters:
+            self.feed.possess(name)
+
+    def release(self) -> None:
+        """Ask the feed that every character is let go."""
+        for name in self.document.characters:
+            self.feed.release(name)
+
+    def frame_all(self) -> None:
+        """Bring everything into the picture, seen from the front right."""
+        if self._scene.box is not None:
+            self.camera.frame(self._scene.box, self._aspect, reset=True)
+
+    def fraction_along(self, x: float) -> float:
+        """The place on the timeline, 0..1, of a pixel's column."""
+        left, _, width, _ = timeline_area(self._size, self.scale)
+        return min(max((x - left) / width, 0.0), 1.0)
+
+    @property
+    def _aspect(self) -> float:
+        return self._size[0] / max(self._size[1], 1)
+
+    def _step(self, window: Any, renderer: Renderer, hud: Hud, elapsed: float) -> None:
+        """One turn of the loop."""
+        glfw.poll_events()
+        self.feed.poll(self.document)
+        self.playhead.advance(elapsed)
+        self.camera.advance(elapsed)
+        self._size = glfw.get_framebuffer_size(window)
+        if self._size[0] < 1 or self._size[1] < 1:
+            time.sleep(_MINIMISED_PAUSE)
+            return
+        self._fps += (1 / max(elapsed, 1e-3) - self._fps) * min(elapsed * 2, 1.0)
+        renderer.resize(self._size)
+        self._scene = scene_of(self.document, self.playhead.moment(), self.look)
+        self._frame_newcomers()
+        renderer.draw(self._scene, self.camera.view(self._aspect))
+        if self._with_hud:
+            self.scale = max(glfw.get_window_content_scale(window)[0], 1.0)
+            hud.rescale(self.scale)
+            hud.draw(renderer.picture.resolved, self._hud_state())
+        renderer.present(renderer.ctx.screen)
+        glfw.swap_buffers(window)
+
+    def _frame_newcomers(self) -> None:
+        """Look at everything when the first, or another, character or performer comes."""
+        present = (*self.document.characters, *("body" for _ in self._scene.bodies[:1]))
+        if self._framed != present and self._scene.box is not None:
+            self.camera.frame(self._scene.box, self._aspect, at_once=self._framed is None)
+            self._framed = present
+
+    def _hud_state(self) -> HudState:
+        timeline, head = self.document.timeline, self.playhead
+        return HudState(
+            edge=None if self._take else replace(self.document.edge),
+            title=self._take,
+            fps=self._fps,
+            fraction=head.fraction,
+            shown_s=(head.time_ns - timeline.start_ns) / NS,
+            length_s=(timeline.end_ns - timeline.start_ns) / NS,
+            live=head.live,
+            paused=head.paused,
+            speed=head.speed,
+            notice=self._notice(),
+            help=self.help,
+        )
+
+    def _notice(self) -> str:
+        """What to say in the middle of an empty picture."""
+        if self.document.characters or len(self.document.timeline):
+            return ""
+        edge = self.document.edge
+        return (
+            "waiting for the edge's characters"
+            if edge.connected
+            else f"waiting for an edge at {edge.address}"
+        )
+
+
+def _at_least_one(size: tuple[int, int]) -> tuple[int, int]:
+    return max(size[0], 1), max(size[1], 1)

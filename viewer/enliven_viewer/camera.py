@@ -1,0 +1,212 @@
+"""Cameras that look at the scene: one that a user turns, and one that films by itself."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+
+Box = tuple[Float, Float]
+"""Lowest and highest corner, (3,) each, metres, world frame."""
+
+FRONT_RIGHT = math.radians(32)
+SLIGHTLY_ABOVE = math.radians(13)
+MARGIN = 0.96
+LOWEST, HIGHEST = math.radians(1.0), math.radians(88)
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera at one moment.
+
+    Attributes:
+        eye: (3,) metres, world frame.
+        camera_from_world: (4, 4), OpenGL's camera (+X right, +Y up, -Z forward).
+        clip_from_camera: (4, 4) perspective projection.
+    """
+
+    eye: Float
+    camera_from_world: Float
+    clip_from_camera: Float
+
+    @property
+    def clip_from_world(self) -> Float:
+        """(4, 4) projection @ view."""
+        return np.asarray(self.clip_from_camera @ self.camera_from_world)
+
+    def project(self, points: Float) -> Float:
+        """(N, 2) positions in the image, -1..1 from left to right and from bottom to top, of (N, 3) points."""
+        clip = np.c_[points, np.ones(len(points))] @ self.clip_from_world.T
+        return np.asarray(clip[:, :2] / clip[:, 3:])
+
+
+def look_at(eye: Float, target: Float) -> Float:
+    """(4, 4) camera_from_world of a camera at ``eye`` that looks at ``target``, both (3,), upright."""
+    back = (eye - target) / np.linalg.norm(eye - target)
+    right = np.cross([0.0, 1.0, 0.0], back)
+    right /= np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(back, right), back])
+    camera_from_world = np.eye(4)
+    camera_from_world[:3, :3] = rotation
+    camera_from_world[:3, 3] = -rotation @ eye
+    return camera_from_world
+
+
+def perspective(field_of_view: float, aspect: float, near: float, far: float) -> Float:
+    """(4, 4) OpenGL projection; ``field_of_view`` is vertical, radians."""
+    focal = 1 / math.tan(field_of_view / 2)
+    depth = near - far
+    return np.array(
+        [
+            [focal / aspect, 0, 0, 0],
+            [0, focal, 0, 0],
+            [0, 0, (far + near) / depth, 2 * far * near / depth],
+            [0, 0, -1, 0],
+        ]
+    )
+
+
+def orthographic(low: Float, high: Float) -> Float:
+    """(4, 4) OpenGL projection of the box between ``low`` and ``high``, (3,) each, camera frame."""
+    projection = np.eye(4)
+    size = high - low
+    projection[[0, 1, 2], [0, 1, 2]] = 2 / size[0], 2 / size[1], -2 / size[2]
+    projection[:3, 3] = (
+        -(high[0] + low[0]) / size[0],
+        -(high[1] + low[1]) / size[1],
+        (high[2] + low[2]) / size[2],
+    )
+    return projection
+
+
+def fitting_distance(box: Box, rows: Float, field_of_view: float, aspect: float) -> float:
+    """Metres from the middle of a box at which it fills the picture (a subject does not reach its corners).
+
+    Args:
+        rows: (3, 3) the camera's axes (right, up, back) in the world.
+        field_of_view: vertical, radians.
+    """
+    middle = (box[0] + box[1]) / 2
+    signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    right, up, back = rows @ (signs * np.maximum(box[1] - middle, 0.1)).T
+    tangent = math.tan(field_of_view / 2)
+    needed = np.maximum(np.abs(right) / (tangent * aspect), np.abs(up) / tangent)
+    return float((MARGIN * needed + back).max())
+
+
+class OrbitCamera:
+    """A camera on a sphere around a target; moves are eased in by :meth:`advance`.
+
+    Args:
+        field_of_view: vertical opening, radians.
+    """
+
+    def __init__(self, field_of_view: float = math.radians(34)) -> None:
+        self.field_of_view = field_of_view
+        # Target x, y, z (metres), azimuth and elevation (radians), logarithm of the distance (metres).
+        self._goal = np.array([0.0, 0.9, 0.0, FRONT_RIGHT, SLIGHTLY_ABOVE, math.log(5.0)])
+        self._now = self._goal.copy()
+
+    def orbit(self, across: float, up: float) -> None:
+        """Turn by ``across`` and ``up`` radians around the target; the camera stays above the floor."""
+        self._goal[3] += across
+        self._goal[4] = min(max(self._goal[4] + up, LOWEST), HIGHEST)
+
+    def pan(self, across: float, up: float) -> None:
+        """Move the target by fractions of the picture's height to the right and up."""
+        span = 2 * math.tan(self.field_of_view / 2) * math.exp(self._goal[5])
+        rows = look_at(*self._eye_and_target(self._goal))[:3, :3]
+        self._goal[:3] += span * (across * rows[0] + up * rows[1])
+        self._goal[1] = max(self._goal[1], 0.0)
+
+    def zoom(self, factor: float) -> None:
+        """Multiply the distance by ``factor`` (0.9 comes closer), between 0.2 and 60 metres."""
+        distance = self._goal[5] + math.log(factor)
+        self._goal[5] = min(max(distance, math.log(0.2)), math.log(60))
+
+    def frame(self, box: Box, aspect: float, *, at_once: bool = False, reset: bool = False) -> None:
+        """Bring a whole box into the picture; ``reset`` also goes back to the front right."""
+        self._goal[:3] = (box[0] + box[1]) / 2
+        if reset:
+            self._goal[3:5] = FRONT_RIGHT, SLIGHTLY_ABOVE
+        rows = look_at(*self._eye_and_target(self._goal))[:3, :3]
+        self._goal[5] = math.log(fitting_distance(box, rows, self.field_of_view, aspect))
+        if at_once:
+            self._now[:] = self._goal
+
+    def advance(self, seconds: float) -> None:
+        """Ease towards the goal: what is left halves every 60 milliseconds."""
+        self._now += (self._goal - self._now) * (1 - 0.5 ** (seconds / 0.06))
+
+    def view(self, aspect: float) -> View:
+        """Where the camera is now."""
+        eye, target = self._eye_and_target(self._now)
+        distance = math.exp(self._now[5])
+        near = max(0.02, distance * 0.02)
+        return View(eye, look_at(eye, target), perspective(self.field_of_view, aspect, near, distance + 80))
+
+    @staticmethod
+    def _eye_and_target(state: Float) -> tuple[Float, Float]:
+        azimuth, elevation, distance = state[3], state[4], math.exp(state[5])
+        level = math.cos(elevation)
+        offset = np.array([math.sin(azimuth) * level, math.sin(elevation), math.cos(azimuth) * level])
+        eye = state[:3] + distance * offset
+        eye[1] = max(eye[1], 0.02)
+        return eye, state[:3]
+
+
+class FilmCamera:
+    """A camera that follows its subject gently and drifts a little around it.
+
+    The centre and size of the subject are low-pass filtered, and never further behind than ``slack`` of the
+    subject's radius, so that whatever walks stays in the picture.
+    """
+
+    def __init__(
+        self,
+        field_of_view: float = math.radians(34),
+        *,
+        delay: float = 1.4,
+        drift: float = math.radians(11),
+        period: float = 26.0,
+        slack: float = 0.3,
+    ) -> None:
+        self._orbit = OrbitCamera(field_of_view)
+        self._delay, self._drift, self._period, self._slack = delay, drift, period, slack
+        self._centre: Float | None = None
+        self._half = np.zeros(3)
+        self._seconds = 0.0
+
+    def follow(self, box: Box, seconds: float, aspect: float) -> None:
+        """Let ``seconds`` of film pass while the subject fills ``box``; the first box is taken as it is."""
+        centre, half = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
+        if self._centre is None:
+            self._centre, self._half = centre.copy(), half.copy()
+        gain = 1 - math.exp(-seconds / self._delay)
+        self._centre += gain * (centre - self._centre)
+        self._half += gain * (half - self._half)
+        behind = self._centre - centre
+        limit = self._slack * float(np.linalg.norm(half))
+        length = float(np.linalg.norm(behind))
+        if length > limit:
+            self._centre = centre + behind * (limit / length)
+        self._half = np.maximum(self._half, 0.9 * half)
+        self._seconds += seconds
+        self._aim(aspect)
+
+    def _aim(self, aspect: float) -> None:
+        """Point the camera at the filtered subject, with the drift of this second."""
+        assert self._centre is not None
+        box = (self._centre - self._half, self._centre + self._half)
+        self._orbit.frame(box, aspect, reset=True)
+        phase = 2 * math.pi * self._seconds / self._period
+        self._orbit.orbit(self._drift * math.sin(phase), 0.25 * self._drift * math.sin(0.7 * phase))
+        self._orbit.advance(10.0)
+
+    def view(self, aspect: float) -> View:
+        """Where the camera is now."""
+        return self._orbit.view(aspect)

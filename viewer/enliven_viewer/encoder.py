@@ -1,0 +1,94 @@
+"""Pictures to a film: H.264 in MP4 by PyAV, or MPEG-4 where there is no H.264 encoder."""
+
+from __future__ import annotations
+
+import logging
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+
+import av
+
+from enliven.arrays import UInt8
+from enliven.errors import ResourceError
+
+log = logging.getLogger(__name__)
+CODECS = ("libx264", "libopenh264", "h264_videotoolbox", "h264_mf", "mpeg4")
+"""Encoders in the order of preference; the last is in every build."""
+
+
+def available_codec() -> str:
+    """The first of :data:`CODECS` that this build of PyAV can encode with.
+
+    Raises:
+        ResourceError: where there is none.
+    """
+    for name in CODECS:
+        if name in av.codecs_available:
+            try:
+                av.Codec(name, "w")
+            except (av.error.FFmpegError, ValueError):
+                continue
+            return name
+    raise ResourceError("PyAV has no film encoder", where="film", mend="Install it again: pip install av")
+
+
+class FilmWriter:
+    """An MP4 file that grows picture by picture; ``with`` completes it.
+
+    Args:
+        size: width and height in pixels; an odd one loses its last row or column (4:2:0 needs even sizes).
+        rate: pictures a second.
+        bit_rate: Mbit/s.
+
+    Raises:
+        ResourceError: where the file cannot be written.
+    """
+
+    def __init__(self, path: Path, size: tuple[int, int], rate: float, bit_rate: float) -> None:
+        self.path, self.count = path, 0
+        self.width, self.height = size[0] // 2 * 2, size[1] // 2 * 2
+        self.codec = available_codec()
+        if self.codec == "mpeg4":
+            log.warning("there is no H.264 encoder here, so %s is MPEG-4 part 2", path)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"})
+        except OSError as error:
+            raise ResourceError(
+                f"the film cannot be written ({error.strerror})",
+                where=str(path),
+                mend="Choose another place with --film.",
+            ) from None
+        options = {"preset": "veryfast", "crf": "19"} if self.codec == "libx264" else {}
+        self._stream = self._file.add_stream(
+            self.codec, rate=Fraction(rate).limit_denominator(1001), options=options
+        )
+        self._stream.width, self._stream.height = self.width, self.height
+        self._stream.pix_fmt = "yuv420p"
+        if not options:
+            self._stream.bit_rate = int(bit_rate * 1e6)
+
+    def add(self, picture: UInt8) -> None:
+        """Append one (H, W, 3) sRGB picture."""
+        frame = av.VideoFrame.from_ndarray(picture[: self.height, : self.width], format="rgb24")
+        for packet in self._stream.encode(frame):
+            self._file.mux(packet)
+        self.count += 1
+
+    def close(self) -> None:
+        """Write what is held back, and the index."""
+        if self.count:
+            for packet in self._stream.encode():
+                self._file.mux(packet)
+        self._file.close()
+
+    def __enter__(self) -> FilmWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+        if not self.count:
+            self.path.unlink(missing_ok=True)

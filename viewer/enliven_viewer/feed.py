@@ -1,0 +1,31 @@
+"""Where a viewer's document is filled from: a link to an edge, or a take on disk."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from enliven_viewer.document import Document
+
+
+class Feed(Protocol):
+    """Brings characters, poses, bodies, cues and the edge's state into a document.
+
+    :class:`enliven_viewer.link.Link` does so from an edge, :class:`enliven_viewer.takes.Take` from a file.
+    Errors of a peer never reach the caller: they become ``document.edge.message``.
+    """
+
+    def poll(self, document: Document) -> int:
+        """Apply everything that has arrived since the last call, without waiting; how many messages it was."""
+        ...
+
+    def possess(self, character_id: str) -> None:
+        """Ask that whoever is in view takes hold of a character."""
+        ...
+
+    def release(self, character_id: str) -> None:
+        """Ask that whoever holds a character lets go."""
+        ...
+
+    def close(self) -> None:
+        """Let sockets, threads and files go."""
+        ...

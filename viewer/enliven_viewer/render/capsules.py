@@ -1,0 +1,112 @@
+"""The performer as tapered capsules: to draw, to cast shadows, and to make the mesh around them transparent."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from enliven.arrays import Float32, Int32
+from enliven.body import BONES, Body, Joint
+from enliven_viewer.render.skinned import linear
+
+MAX_BONES = 64
+"""Capsules that the mesh shader looks at; shaders/mesh.frag has the same number."""
+REVEAL_RADIUS = 0.04
+"""Metres, the radius of a bone as KinEtre takes it (section 4.3)."""
+TINTS = linear(np.array([(96, 226, 222), (255, 196, 92), (196, 160, 255), (150, 235, 130)]))
+"""(4, 3) linear light, by the order of the bodies."""
+
+_SLIM, _WRIST = 0.026, 0.019
+_JOINT_RADII = np.full(len(Joint), _SLIM)
+_JOINT_RADII[[Joint.WRIST_LEFT, Joint.WRIST_RIGHT, Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT]] = _WRIST
+_JOINT_RADII[[Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]] = 0.022
+_JOINT_RADII[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = 0.034
+_HEAD_RADIUS = 0.092
+_SEGMENTS, _RINGS = 18, 5
+
+
+def capsules_of(bodies: tuple[Body, ...], opacity: float) -> Float32:
+    """(N, 12) float32 of each bone, joint and head: from xyz and radius, to xyz and radius, rgb and opacity."""
+    rows = [_capsules_of_one(body, TINTS[k % len(TINTS)], opacity) for k, body in enumerate(bodies)]
+    return np.concatenate(rows) if rows else np.zeros((0, 12), np.float32)
+
+
+def _capsules_of_one(body: Body, tint: Float32, opacity: float) -> Float32:
+    joints, size = body.joints, float(np.clip(body.height / 1.75, 0.4, 1.6))
+    shown = opacity * (0.12 + 0.88 * np.clip(body.confidence, 0, 1))
+    start, end = np.array(BONES).T
+    count = len(BONES)
+    rows = np.zeros((count + len(joints), 12))
+    rows[:count, 0:3], rows[:count, 3] = joints[start], 0.72 * _JOINT_RADII[start]
+    rows[:count, 4:7], rows[:count, 7] = joints[end], 0.72 * _JOINT_RADII[end]
+    rows[:count, 11] = np.minimum(shown[start], shown[end])
+    # A joint is a ball: a capsule of no length.
+    rows[count:, 0:3] = rows[count:, 4:7] = joints
+    rows[count:, 3] = rows[count:, 7] = 1.12 * _JOINT_RADII
+    rows[count + Joint.HEAD, [3, 7]] = _HEAD_RADIUS
+    rows[count:, 11] = shown
+    rows[:, [3, 7]] *= size
+    rows[:, 8:11] = tint
+    return rows.astype(np.float32)
+
+
+def bone_block(bodies: tuple[Body, ...], strength: float) -> tuple[Float32, int]:
+    """The uniform block ``Bones`` of shaders/mesh.frag, (3, 64, 4) float32, and how many are filled."""
+    block = np.zeros((3, MAX_BONES, 4), np.float32)
+    rows = []
+    for body in bodies:
+        radius = REVEAL_RADIUS * float(np.clip(body.height / 1.75, 0.4, 1.6))
+        for start, end in BONES:
+            shown = strength * float(min(body.confidence[start], body.confidence[end]))
+            rows.append((*body.joints[start], radius, *body.joints[end], radius, shown))
+    filled = np.array(rows[:MAX_BONES], np.float32).reshape(-1, 9)
+    block[0, : len(filled)] = filled[:, 0:4]
+    block[1, : len(filled)] = filled[:, 4:8]
+    block[2, : len(filled), 0] = filled[:, 8]
+    return block, len(filled)
+
+
+class Capsules:
+    """Instanced capsules on the GPU, and the marks that share the trick: dots that face the camera."""
+
+    def __init__(self, ctx: moderngl.Context, program: moderngl.Program) -> None:
+        vertices, faces = capsule_template()
+        self._instances = ctx.buffer(reserve=12 * 4 * 64, dynamic=True)
+        self._program, self._count = program, 0
+        self._array = ctx.vertex_array(
+            program,
+            [
+                (ctx.buffer(vertices.tobytes()), "3f 1f", "in_direction", "in_end"),
+                (self._instances, "4f 4f 4f/i", "in_from", "in_to", "in_tint"),
+            ],
+            index_buffer=ctx.buffer(faces.tobytes()),
+            index_element_size=4,
+        )
+
+    def load(self, rows: Float32) -> None:
+        """Take the (N, 12) rows of :func:`capsules_of`."""
+        self._count = len(rows)
+        if self._count:
+            self._instances.orphan(rows.nbytes)
+            self._instances.write(rows)
+
+    def render(self) -> None:
+        """Draw what was loaded."""
+        if self._count:
+            self._array.render(moderngl.TRIANGLES, instances=self._count)
+
+
+def capsule_template() -> tuple[Float32, Int32]:
+    """(N, 4) unit directions with the end they belong to, and (F, 3) faces of a capsule along +Y."""
+    latitude = np.concatenate([np.linspace(-np.pi / 2, 0, _RINGS), np.linspace(0, np.pi / 2, _RINGS)])
+    end = np.repeat([0.0, 1.0], _RINGS)
+    around = np.linspace(0, 2 * np.pi, _SEGMENTS, endpoint=False)
+    ring = np.stack([np.cos(around), np.zeros(_SEGMENTS), np.sin(around)], -1)
+    direction = np.cos(latitude)[:, None, None] * ring
+    direction[..., 1] = np.sin(latitude)[:, None]
+    vertices = np.concatenate([direction, np.broadcast_to(end[:, None, None], (*direction.shape[:2], 1))], -1)
+    row, column = np.meshgrid(np.arange(2 * _RINGS - 1), np.arange(_SEGMENTS), indexing="ij")
+    a, b = row * _SEGMENTS + column, row * _SEGMENTS + (column + 1) % _SEGMENTS
+    c, d = a + _SEGMENTS, b + _SEGMENTS
+    faces = np.concatenate([np.stack([a, c, b], -1).reshape(-1, 3), np.stack([b, c, d], -1).reshape(-1, 3)])
+    return vertices.reshape(-1, 4).astype(np.float32), faces.astype(np.int32)

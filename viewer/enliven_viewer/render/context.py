@@ -1,0 +1,50 @@
+"""An OpenGL 3.3 core context without a window, or a clear word about what is missing."""
+
+from __future__ import annotations
+
+import sys
+
+import moderngl
+
+from enliven.errors import ResourceError
+
+GL_VERSION = 330
+MEND = {
+    "linux": "Install it: apt install libegl1 libgl1 libgl1-mesa-dri",
+    "win32": "Install the driver of the graphics card.",
+}
+
+
+def offscreen_context() -> moderngl.Context:
+    """A context that draws into memory: EGL on Linux, the system's own elsewhere.
+
+    Raises:
+        ResourceError: where OpenGL 3.3 is missing.
+    """
+    options = {"backend": "egl"} if sys.platform.startswith("linux") else {}
+    try:
+        return moderngl.create_standalone_context(require=GL_VERSION, **options)
+    except Exception as error:  # moderngl raises plain Exception for whatever the loader could not find
+        raise _missing(error) from None
+
+
+def window_context() -> moderngl.Context:
+    """The context of the window that is current in this thread.
+
+    Raises:
+        ResourceError: where it is older than OpenGL 3.3.
+    """
+    try:
+        return moderngl.create_context(require=GL_VERSION)
+    except Exception as error:
+        raise _missing(error) from None
+
+
+def _missing(error: Exception) -> ResourceError:
+    reason = str(error).strip() or type(error).__name__
+    platform = "linux" if sys.platform.startswith("linux") else sys.platform
+    return ResourceError(
+        f"OpenGL 3.3 is not available ({reason})",
+        where="OpenGL",
+        mend=MEND.get(platform, "The graphics driver must offer OpenGL 3.3 core."),
+    )

@@ -1,0 +1,36 @@
+"""The key light's camera and the floor's: projections fitted around whatever casts a shadow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven_viewer.camera import Box, look_at, orthographic
+from enliven_viewer.render.scene import corners
+
+TO_KEY = np.array([0.42, 1.0, 0.55]) / np.linalg.norm([0.42, 1.0, 0.55])
+"""(3,) unit direction towards the key light: high, from the front right."""
+
+
+def light_from_world(box: Box) -> Float:
+    """(4, 4) the clip space of the key light's map, square, around a box with room for the blur."""
+    centre = (box[0] + box[1]) / 2
+    camera = look_at(centre + TO_KEY, centre)
+    seen = corners(box) @ camera[:3, :3].T + camera[:3, 3]
+    middle, half = (seen.min(0) + seen.max(0)) / 2, (seen.max(0) - seen.min(0)) / 2
+    side = 1.12 * max(half[0], half[1]) + 0.05
+    extent = np.array([side, side, half[2] + 0.05])
+    return np.asarray(orthographic(middle - extent, middle + extent) @ camera)
+
+
+def contact_from_world(box: Box) -> Float:
+    """(4, 4) the clip space of a map of the floor seen from below: x and z across, height as depth."""
+    centre = (box[0] + box[1]) / 2
+    side = float((box[1] - box[0])[[0, 2]].max()) / 2 + 0.5
+    low, high = -1.0, 4.0
+    clip = np.zeros((4, 4))
+    clip[0, [0, 3]] = 1 / side, -centre[0] / side
+    clip[1, [2, 3]] = 1 / side, -centre[2] / side
+    clip[2, [1, 3]] = 2 / (high - low), -(high + low) / (high - low)
+    clip[3, 3] = 1.0
+    return clip

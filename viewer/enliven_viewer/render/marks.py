@@ -1,0 +1,91 @@
+"""Glowing attachment points, and the graph's nodes and edges."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from enliven.arrays import Float32
+from enliven_viewer.render.program import load_program, set_uniform
+from enliven_viewer.render.scene import Actor, Scene
+
+CUE_TINT = (1.0, 0.74, 0.22)
+NODE_TINT = (0.30, 0.62, 1.0)
+EDGE_TINT = (0.30, 0.62, 1.0, 0.34)
+CUE_RADIUS = 0.030
+NODE_RADIUS = 0.012
+_SQUARE = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
+
+
+def cue_rows(actor: Actor, strength: float) -> Float32:
+    """(A, 8) float32 of an actor's attachment points: xyz and radius, rgb and strength."""
+    cues = actor.cues
+    if cues is None or strength <= 0:
+        return np.zeros((0, 8), np.float32)
+    known = cues.nodes < len(actor.pose.positions)
+    held = np.clip(cues.strengths[known], 0, 1)
+    rows = np.empty((int(known.sum()), 8), np.float32)
+    rows[:, :3] = actor.pose.positions[cues.nodes[known]]
+    rows[:, 3] = CUE_RADIUS * (0.65 + 0.35 * held)
+    rows[:, 4:7] = CUE_TINT
+    rows[:, 7] = strength * (0.35 + 0.65 * held) * (1.0 if cues.state == "possessed" else 0.45)
+    return rows
+
+
+def node_rows(actor: Actor, strength: float) -> Float32:
+    """(J, 8) float32 of all of an actor's nodes, as :func:`cue_rows`."""
+    rows = np.empty((len(actor.pose.positions), 8), np.float32)
+    rows[:, :3] = actor.pose.positions
+    rows[:, 3:] = (NODE_RADIUS, *NODE_TINT, strength)
+    return rows
+
+
+class Marks:
+    """Draws the marks of a scene over what is already in the picture."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
+        self._dot = load_program(ctx, "dot.vert", "dot.frag")
+        self._line = load_program(ctx, "line.vert", "line.frag")
+        self._rows = ctx.buffer(reserve=8 * 4 * 64, dynamic=True)
+        self._points = ctx.buffer(reserve=12 * 64, dynamic=True)
+        square = ctx.buffer(_SQUARE.tobytes())
+        self._dots = ctx.vertex_array(
+            self._dot, [(square, "2f", "in_corner"), (self._rows, "4f 4f/i", "in_centre", "in_tint")]
+        )
+        self._lines = ctx.vertex_array(self._line, [(self._points, "3f", "in_position")])
+
+    def draw(self, scene: Scene) -> None:
+        """Graphs as far as the look shows them, then attachment points; hidden ones fainter."""
+        self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
+        self.ctx.blend_equation = moderngl.FUNC_ADD
+        if scene.look.graph > 0:
+            for actor in scene.actors:
+                self._draw_graph(actor, scene.look.graph)
+        rows = [cue_rows(actor, scene.look.cues) for actor in scene.actors]
+        self._draw_dots(np.concatenate(rows) if rows else np.zeros((0, 8), np.float32), 3.0, 1.1)
+
+    def _draw_graph(self, actor: Actor, strength: float) -> None:
+        ends = actor.pose.positions[actor.character.edges.reshape(-1)].astype(np.float32)
+        if len(ends):
+            self._points.orphan(ends.nbytes)
+            self._points.write(np.ascontiguousarray(ends))
+            self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+            for test, share in (("<=", 1.0), (">", 0.3)):
+                self.ctx.depth_func = test
+                self._line["tint"] = (*EDGE_TINT[:3], EDGE_TINT[3] * strength * share)
+                self._lines.render(moderngl.LINES, vertices=len(ends))
+        self._draw_dots(node_rows(actor, strength), 2.0, 0.0)
+
+    def _draw_dots(self, rows: Float32, least_pixels: float, halo: float) -> None:
+        if not len(rows):
+            return
+        self._rows.orphan(rows.nbytes)
+        self._rows.write(np.ascontiguousarray(rows))
+        self.ctx.blend_func = moderngl.ONE, moderngl.ONE
+        set_uniform(self._dot, "least_pixels", least_pixels)
+        set_uniform(self._dot, "halo", halo)
+        for test, fade in (("<=", 1.0), (">", 0.30)):
+            self.ctx.depth_func = test
+            set_uniform(self._dot, "fade", fade)
+            self._dots.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=len(rows))

@@ -1,0 +1,54 @@
+"""Shader programs from the files of ``shaders/``, with their includes, blocks and texture units resolved."""
+
+from __future__ import annotations
+
+import re
+from importlib import resources
+
+import moderngl
+
+_INCLUDE = re.compile(r'^#include "([a-z_.]+)"$', re.MULTILINE)
+BLOCKS = {"Frame": 0, "Bones": 1}
+UNITS = {"shadow_map": 0, "contact_map": 1, "transforms": 2, "source": 3, "glyphs": 3, "picture": 3}
+
+
+def shader_source(name: str, defines: tuple[str, ...] = ()) -> str:
+    """The text of one shader file; ``#version`` comes first, whatever comment stands above it.
+
+    Args:
+        defines: names for ``#ifdef``. A branch on a uniform costs a software renderer both of its sides.
+    """
+    text = (resources.files("enliven_viewer.render") / "shaders" / name).read_text(encoding="utf-8")
+    text = _INCLUDE.sub(lambda match: shader_source(match.group(1)), text)
+    if "#version 330 core\n" in text:
+        head = "#version 330 core\n" + "".join(f"#define {name}\n" for name in defines)
+        text = head + text.replace("#version 330 core\n", "", 1)
+    return text
+
+
+def load_program(
+    ctx: moderngl.Context,
+    vertex: str,
+    fragment: str | None = None,
+    varyings: tuple[str, ...] = (),
+    defines: tuple[str, ...] = (),
+) -> moderngl.Program:
+    """A program of two shader files; ``varyings`` are captured when there is no fragment shader."""
+    program = ctx.program(
+        vertex_shader=shader_source(vertex, defines),
+        fragment_shader=shader_source(fragment, defines) if fragment else None,
+        varyings=varyings,
+    )
+    for name in program:
+        member = program[name]
+        if isinstance(member, moderngl.UniformBlock):
+            member.binding = BLOCKS[name]
+        elif name in UNITS:
+            member.value = UNITS[name]
+    return program
+
+
+def set_uniform(program: moderngl.Program, name: str, value: object) -> None:
+    """Set a uniform that the compiler may have removed because nothing needs it."""
+    if name in program:
+        program[name] = value

@@ -1,0 +1,222 @@
+"""One picture of a scene: skin, shadows, floor, body, mesh, marks, in this order."""
+
+from __future__ import annotations
+
+import math
+
+import moderngl
+import numpy as np
+
+from enliven.arrays import Float, UInt8
+from enliven_viewer.camera import Box, View
+from enliven_viewer.render.capsules import Capsules, bone_block, capsules_of
+from enliven_viewer.render.lights import TO_KEY, contact_from_world, light_from_world
+from enliven_viewer.render.marks import Marks
+from enliven_viewer.render.program import BLOCKS, UNITS, load_program, set_uniform
+from enliven_viewer.render.scene import Scene
+from enliven_viewer.render.skinned import SkinnedMesh
+from enliven_viewer.render.targets import Picture, Size, SoftMap
+from enliven_viewer.settings import RenderSettings
+
+EMPTY_BOX: Box = (np.array([-0.6, 0.0, -0.6]), np.array([0.6, 1.7, 0.6]))
+"""What the camera and the light look at while there is nothing."""
+_STAGE_RADIUS = 1.9
+_FLOOR_REACH = 3.0 * _STAGE_RADIUS  # beyond, shaders/floor.frag has faded into the horizon
+_ALPHA_TO_COVERAGE = 0x809E
+"""GL_SAMPLE_ALPHA_TO_COVERAGE, which moderngl has no name for."""
+_FRAME_BYTES = 4 * (4 * 16 + 4 * 4)
+
+
+class Renderer:
+    """Draws scenes with one OpenGL context, in a window or off-screen.
+
+    Args:
+        ctx: an OpenGL 3.3 core context that is current in this thread.
+        size: width and height of the picture in pixels.
+    """
+
+    def __init__(self, ctx: moderngl.Context, size: Size, settings: RenderSettings | None = None) -> None:
+        self.ctx = ctx
+        self.settings = settings or RenderSettings()
+        self.picture = Picture(ctx, size, self.settings.samples)
+        self._shadow = SoftMap(ctx, self.settings.shadow_size)
+        self._contact = SoftMap(ctx, self.settings.contact_size)
+        self._frame = ctx.buffer(reserve=_FRAME_BYTES, dynamic=True)
+        self._bones = ctx.buffer(reserve=3 * 64 * 16, dynamic=True)
+        self._skin = load_program(ctx, "skin.vert", varyings=("out_position", "out_normal"))
+        self._mesh = {
+            fine: load_program(ctx, "mesh.vert", "mesh.frag", defines=("FINE",) * fine)
+            for fine in (True, False)
+        }
+        self._depth = load_program(ctx, "depth.vert", "depth.frag")
+        self._caster = load_program(ctx, "caster.vert", "caster.frag")
+        self._body = load_program(ctx, "capsule.vert", "capsule.frag")
+        self._body_caster = load_program(ctx, "capsule.vert", "caster.frag")
+        self._capsules = Capsules(ctx, self._body)
+        self._shadow_capsules = Capsules(ctx, self._body_caster)
+        self._marks = Marks(ctx)
+        self._present = load_program(ctx, "screen.vert", "present.frag")
+        self._present_quad = ctx.vertex_array(self._present, [])
+        self._make_backdrop()
+        self._meshes: dict[str, SkinnedMesh] = {}
+        self._stage: Float | None = None
+
+    def _make_backdrop(self) -> None:
+        ctx = self.ctx
+        self._backdrop = load_program(ctx, "screen.vert", "backdrop.frag")
+        self._backdrop_quad = ctx.vertex_array(self._backdrop, [])
+        self._floor = load_program(ctx, "floor.vert", "floor.frag")
+        self._floor["reach"] = _FLOOR_REACH
+        square = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]], np.float32)
+        self._floor_quad = ctx.vertex_array(self._floor, [(ctx.buffer(square.tobytes()), "2f", "in_corner")])
+
+    @property
+    def size(self) -> Size:
+        """Width and height of the picture in pixels."""
+        return self.picture.size
+
+    def resize(self, size: Size) -> None:
+        """Change the picture's size; sizes without a pixel are ignored (a minimised window)."""
+        if size != self.picture.size and size[0] > 0 and size[1] > 0:
+            self.picture.release()
+            self.picture = Picture(self.ctx, size, self.settings.samples)
+
+    def draw(self, scene: Scene, view: View) -> None:
+        """Draw a scene into :attr:`picture` and resolve it."""
+        self.picture.drawn.use()  # without a framebuffer OpenGL refuses even what draws nothing
+        meshes = self._skinned(scene)
+        box = scene.box or EMPTY_BOX
+        self._write_frame(box, view)
+        capsules = capsules_of(scene.bodies if scene.look.body > 0 else (), scene.look.body)
+        self._capsules.load(capsules)
+        self._shadow_capsules.load(capsules)
+        self._draw_shadows(meshes, box)
+        self.picture.drawn.use()
+        self.ctx.clear(0.0, 0.0, 0.0, 1.0, depth=1.0)
+        self._shadow.texture.use(UNITS["shadow_map"])
+        self._contact.texture.use(UNITS["contact_map"])
+        self._draw_floor()
+        self._draw_bodies()
+        self._draw_meshes(meshes, scene)
+        self._draw_hidden_bodies(scene)
+        self._marks.draw(scene)
+        self.picture.resolve()
+
+    def pixels(self) -> UInt8:
+        """(H, W, 3) sRGB of the picture, top row first."""
+        return self.picture.pixels()
+
+    def present(self, screen: moderngl.Framebuffer) -> None:
+        """Copy the picture to a window's framebuffer of the same size."""
+        screen.use()
+        self.ctx.enable_only(moderngl.NOTHING)
+        self.picture.texture.use(UNITS["picture"])
+        self._present_quad.render(moderngl.TRIANGLES, vertices=3)
+
+    def _skinned(self, scene: Scene) -> list[SkinnedMesh]:
+        """The meshes of the scene in their poses; new characters are loaded, gone ones released."""
+        names = {actor.character.id for actor in scene.actors}
+        for gone in set(self._meshes) - names:
+            self._meshes.pop(gone).release()
+        for actor in scene.actors:
+            known = self._meshes.get(actor.character.id)
+            if known is None or known.character is not actor.character:
+                if known is not None:
+                    known.release()
+                crease = math.radians(self.settings.crease_angle)
+                known = SkinnedMesh(self.ctx, actor.character, crease, self._skin)
+                self._meshes[actor.character.id] = known
+            known.skin(actor.pose)
+        return [self._meshes[actor.character.id] for actor in scene.actors]
+
+    def _write_frame(self, box: Box, view: View) -> None:
+        """Fill the uniform block that every shader shares; the pool of light follows the scene slowly."""
+        centre = (box[0] + box[1]) / 2
+        centre[1] = 0.0
+        if self._stage is None or float(np.linalg.norm(centre - self._stage)) > 4.0:
+            self._stage = centre
+        self._stage = self._stage + 0.03 * (centre - self._stage)
+        self._light, self._below = light_from_world(box), contact_from_world(box)
+        matrices = [view.clip_from_world, np.linalg.inv(view.clip_from_world), self._light, self._below]
+        vectors = [[*view.eye, 1.0], [*TO_KEY, 0.0], [*self._stage, _STAGE_RADIUS], [*self.size, 0.0, 0.0]]
+        values = np.concatenate([np.stack([m.T for m in matrices]).ravel(), np.ravel(vectors)])
+        self._frame.write(values.astype("f4").tobytes())
+        self._frame.bind_to_uniform_block(BLOCKS["Frame"])
+
+    def _draw_shadows(self, meshes: list[SkinnedMesh], box: Box) -> None:
+        """The key light's map and the floor's contact map, blurred."""
+        passes = ((self._shadow, self._light, False, 1.0), (self._contact, self._below, True, 0.0))
+        for target, clip, contact, empty in passes:
+            target.begin(empty)
+            for program in (self._caster, self._body_caster):
+                set_uniform(program, "clip_from_caster", tuple(clip.T.astype("f4").ravel()))
+                set_uniform(program, "contact", contact)
+                set_uniform(program, "casting", True)
+            for mesh in meshes:
+                mesh.render(self._caster, coarse=contact)
+            self._shadow_capsules.render()
+            # The contact's blur spans decimetres.
+            target.blur((1.0, 2.2) if contact else (2.0,))
+
+    def _draw_floor(self) -> None:
+        """The floor, then the backdrop where it leaves room."""
+        self.ctx.depth_func = "<="
+        self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        self._floor_quad.render(moderngl.TRIANGLE_STRIP)
+        self.ctx.enable_only(moderngl.DEPTH_TEST)
+        self._backdrop_quad.render(moderngl.TRIANGLES, vertices=3)
+
+    def _draw_bodies(self) -> None:
+        """Faint bodies cover a share of each pixel's samples, so that what is behind them needs no order."""
+        self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        set_uniform(self._body, "casting", False)
+        set_uniform(self._body, "hidden", False)
+        self.ctx.enable_direct(_ALPHA_TO_COVERAGE)
+        self._capsules.render()
+        self.ctx.disable_direct(_ALPHA_TO_COVERAGE)
+
+    def _draw_meshes(self, meshes: list[SkinnedMesh], scene: Scene) -> None:
+        """Depth first, so that a transparent mesh shows what is behind its nearest side, not its own back."""
+        block, count = bone_block(scene.bodies, scene.look.reveal)
+        self._bones.write(block.tobytes())
+        self._bones.bind_to_uniform_block(BLOCKS["Bones"])
+        revealing = count > 0 and scene.look.reveal > 0
+        for program in self._mesh.values():
+            set_uniform(program, "bone_count", count if revealing else 0)
+            set_uniform(program, "reveal_distance", max(self.settings.reveal_distance, 1e-4))
+            set_uniform(program, "reveal_opacity", self.settings.reveal_opacity)
+        self.ctx.depth_func = "<="
+        self.ctx.blend_equation = moderngl.FUNC_ADD
+        self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        if revealing:
+            self.ctx.enable_only(moderngl.DEPTH_TEST)
+            self._write_colour(False)
+            for mesh in meshes:
+                mesh.render(self._depth)
+            self._write_colour(True)
+        self.ctx.enable_only(moderngl.DEPTH_TEST | (moderngl.BLEND if revealing else 0))
+        for mesh in meshes:
+            mesh.render(self._mesh[mesh.fine])
+
+    def _draw_hidden_bodies(self, scene: Scene) -> None:
+        """The body faintly through whatever covers it; the brighter of the two stays, so nothing adds up."""
+        if scene.look.body <= 0:
+            return
+        self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)
+        self.ctx.blend_equation = moderngl.MAX
+        self.ctx.depth_func = ">"
+        self._write_depth(False)
+        set_uniform(self._body, "hidden", True)
+        self._capsules.render()
+        self._write_depth(True)
+        self.ctx.blend_equation = moderngl.FUNC_ADD
+
+    def _write_depth(self, on: bool) -> None:
+        """Whether what is drawn next hides what is behind it; moderngl takes the mask over with a bind."""
+        self.picture.drawn.depth_mask = on
+        self.picture.drawn.use()
+
+    def _write_colour(self, on: bool) -> None:
+        """Whether what is drawn next is seen, or leaves its depth only."""
+        self.picture.drawn.color_mask = (on,) * 4
+        self.picture.drawn.use()

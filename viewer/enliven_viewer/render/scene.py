@@ -1,0 +1,79 @@
+"""What is to be drawn: characters in their poses, bodies, cues, and how strongly each is shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.body import Body
+from enliven.character import Character, Pose
+from enliven_viewer.camera import Box
+from enliven_viewer.document import Document, bounds_of
+from enliven_viewer.timeline import Cues, Moment
+
+
+@dataclass(frozen=True)
+class Look:
+    """How strongly each overlay is shown, 0 (not at all) to 1.
+
+    Attributes:
+        body: the performer's skeleton.
+        reveal: transparency of the mesh where the body is inside it.
+        cues: glowing attachment points.
+        graph: nodes and edges of the deformation graph, or bones.
+    """
+
+    body: float = 1.0
+    reveal: float = 1.0
+    cues: float = 1.0
+    graph: float = 0.0
+
+
+@dataclass(frozen=True)
+class Actor:
+    """One character in one pose."""
+
+    character: Character
+    pose: Pose
+    cues: Cues | None = None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything of one picture."""
+
+    actors: tuple[Actor, ...] = ()
+    bodies: tuple[Body, ...] = ()
+    look: Look = field(default_factory=Look)
+
+    @property
+    def box(self) -> Box | None:
+        """What a camera should have in its picture; None when there is nothing."""
+        points = [actor.pose.positions for actor in self.actors] + [body.joints for body in self.bodies]
+        bounds = bounds_of(points)
+        if bounds is None:
+            return None
+        margin = np.array([0.12, 0.12, 0.12])
+        low, high = bounds[0] - margin, bounds[1] + margin
+        low[1] = min(low[1], 0.0)
+        return low, high
+
+
+def scene_of(document: Document, moment: Moment | None, look: Look) -> Scene:
+    """The scene of one moment; a character without a pose, or with one that does not fit, stands at rest."""
+    actors = []
+    for character in document.characters.values():
+        pose = moment.poses.get(character.id) if moment else None
+        if pose is None or len(pose.linear) != len(character.pivots):
+            pose = character.rest_pose()
+        actors.append(Actor(character, pose, moment.cues.get(character.id) if moment else None))
+    bodies = moment.bodies if moment else ()
+    return Scene(tuple(actors), tuple(b for b in bodies if np.isfinite(b.joints).all()), look)
+
+
+def corners(box: Box) -> Float:
+    """(8, 3) the corners of a box."""
+    grid = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), -1).reshape(8, 3)
+    return np.where(grid == 0, box[0], box[1]).astype(np.float64)

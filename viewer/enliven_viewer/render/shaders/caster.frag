@@ -1,0 +1,14 @@
+// Writes depth and its square for the shadow, or closeness to the floor for the contact map.
+#version 330 core
+uniform bool contact;
+in float height;
+in float solid;
+out vec2 moments;
+
+void main() {
+    // A faint caster is a screen of holes that the blur turns into a faint shadow.
+    int cell = (int(gl_FragCoord.x) & 1) * 2 + (int(gl_FragCoord.x + gl_FragCoord.y) & 1);
+    if (solid < (float(cell) + 0.5) / 4.0) discard;
+    float z = gl_FragCoord.z;
+    moments = contact ? vec2(exp(-max(height, 0.0) / 0.16), 0.0) : vec2(z, z * z);
+}

@@ -1,0 +1,130 @@
+"""A character on the GPU: skinned once a frame into a buffer that every pass then draws from."""
+
+from __future__ import annotations
+
+import math
+
+import moderngl
+import numpy as np
+
+from enliven.arrays import Float32
+from enliven.character import Character, Pose
+from enliven_viewer.render.program import UNITS
+from enliven_viewer.render.surface import clustered_faces, is_closed, longest_edge, split_creases
+
+_PER_ROW = 256
+"""Transforms in a row of the texture; shaders/skin.vert has the same number."""
+_FINE = 0.07
+"""Metres: edges up to this are shorter than what a soft shadow or a transparent zone shows."""
+_COARSE = 0.03
+"""Metres: detail of what is drawn for the contact map."""
+DEFAULT_COLOUR = (226, 142, 84)
+"""sRGB of a mesh that brings no colours: warm clay."""
+
+
+class SkinnedMesh:
+    """One character's buffers.
+
+    The transforms travel in a float texture, which OpenGL 3.3 lets be far larger than a uniform block, so
+    that a graph may have thousands of nodes. Transform feedback keeps the skinned vertices for the shadow,
+    the contact map and the picture alike.
+
+    Args:
+        character: what to draw.
+        crease: radians beyond which an edge is sharp.
+        skin: the program of ``skin.vert``.
+    """
+
+    def __init__(
+        self, ctx: moderngl.Context, character: Character, crease: float, skin: moderngl.Program
+    ) -> None:
+        self.character = character
+        surface = split_creases(character.vertices, character.faces, crease)
+        self.count = len(surface.source)
+        rows = math.ceil(len(character.pivots) / _PER_ROW)
+        self._staged = np.zeros((rows * _PER_ROW, 3, 4), np.float32)
+        self._transforms = ctx.texture((3 * _PER_ROW, rows), 4, dtype="f4")
+        self._transforms.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        rest = character.vertices[surface.source].astype("f4")
+        self._inputs = [
+            ctx.buffer(np.hstack([rest, surface.normals]).astype("f4").tobytes()),
+            ctx.buffer(np.ascontiguousarray(character.skin.indices[surface.source], "u2").tobytes()),
+            ctx.buffer(np.ascontiguousarray(character.skin.weights[surface.source], "f4").tobytes()),
+        ]
+        self.closed = is_closed(character.vertices, character.faces)
+        self.fine = self.closed and longest_edge(character.vertices, character.faces) <= _FINE
+        self._faces = ctx.buffer(surface.faces.tobytes())
+        self._coarse_faces = ctx.buffer(clustered_faces(rest, surface.faces, _COARSE).tobytes())
+        self._colours = ctx.buffer(_linear_colours(character)[surface.source].tobytes())
+        self._skinned = ctx.buffer(reserve=self.count * 24)
+        layouts = (("3f 3f", "in_rest", "in_rest_normal"), ("4u2", "in_nodes"), ("4f", "in_weights"))
+        content = [(buffer, *layout) for buffer, layout in zip(self._inputs, layouts, strict=True)]
+        self._skin = ctx.vertex_array(skin, content)
+        self._ctx = ctx
+        self._drawn: dict[tuple[int, bool], moderngl.VertexArray] = {}
+
+    def skin(self, pose: Pose) -> None:
+        """Move the vertices into a pose of this character."""
+        matrices = pose.matrices(self.character.pivots)
+        self._staged[: len(matrices)] = np.nan_to_num(matrices, posinf=0.0, neginf=0.0)
+        self._transforms.write(self._staged)
+        self._transforms.use(UNITS["transforms"])
+        self._skin.transform(self._skinned, moderngl.POINTS, vertices=self.count)
+
+    def render(self, program: moderngl.Program, *, coarse: bool = False) -> None:
+        """Draw the skinned triangles with a program that takes ``in_position`` and perhaps more.
+
+        Args:
+            coarse: draw a few centimetres' detail only.
+        """
+        key = (program.glo, coarse)
+        if key not in self._drawn:
+            self._drawn[key] = self._array_for(program, self._coarse_faces if coarse else self._faces)
+        if self.closed:
+            self._ctx.enable(moderngl.CULL_FACE)
+        self._drawn[key].render(moderngl.TRIANGLES)
+        if self.closed:
+            self._ctx.disable(moderngl.CULL_FACE)
+
+    def positions(self) -> Float32:
+        """(N, 3) the skinned vertices, read back; copies along creases included."""
+        return np.frombuffer(self._skinned.read(), np.float32).reshape(-1, 6)[:, :3]
+
+    def normals(self) -> Float32:
+        """(N, 3) the skinned unit normals, read back."""
+        return np.frombuffer(self._skinned.read(), np.float32).reshape(-1, 6)[:, 3:]
+
+    def release(self) -> None:
+        """Give the GPU's memory back."""
+        for array in (*self._drawn.values(), self._skin):
+            array.release()
+        for buffer in (
+            *self._inputs,
+            self._faces,
+            self._coarse_faces,
+            self._colours,
+            self._skinned,
+            self._transforms,
+        ):
+            buffer.release()
+
+    def _array_for(self, program: moderngl.Program, faces: moderngl.Buffer) -> moderngl.VertexArray:
+        whole = "in_normal" in program
+        layout = ("3f 3f", "in_position", "in_normal") if whole else ("3f 12x", "in_position")
+        content = [(self._skinned, *layout)]
+        if "in_albedo" in program:
+            content.append((self._colours, "3f", "in_albedo"))
+        return self._ctx.vertex_array(program, content, index_buffer=faces, index_element_size=4)
+
+
+def _linear_colours(character: Character) -> Float32:
+    """(V, 3) float32 linear light of the character's colours."""
+    colours = character.colours
+    if colours is None:
+        colours = np.tile(np.array(DEFAULT_COLOUR, np.uint8), (len(character.vertices), 1))
+    return linear(colours)
+
+
+def linear(srgb: np.ndarray) -> Float32:
+    """Linear light, float32, of sRGB values 0..255."""
+    return np.asarray((np.asarray(srgb, np.float64) / 255) ** 2.2, dtype=np.float32)

@@ -1,0 +1,82 @@
+"""Every number of the viewer that a user may want to change."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from enliven.settings import setting
+
+
+@dataclass(frozen=True)
+class RenderSettings:
+    """How the picture is made."""
+
+    samples: int = setting(4, "Samples a pixel for smooth edges; 1 turns it off.", low=1, high=16)
+    shadow_size: int = setting(384, "Side of the shadow map.", unit="pixels", low=64, high=4096)
+    contact_size: int = setting(
+        160, "Side of the map of what is near the floor.", unit="pixels", low=32, high=1024
+    )
+    crease_angle: float = setting(
+        45.0, "Edges sharper than this look crisp.", unit="degrees", low=0, high=180
+    )
+    field_of_view: float = setting(34.0, "Vertical opening of the camera.", unit="degrees", low=5, high=120)
+    reveal_distance: float = setting(
+        0.10, "Closer to the body's surface than this, the mesh is transparent.", unit="metres", low=0, high=2
+    )
+    reveal_opacity: float = setting(0.16, "Opacity of the mesh where the body is inside it.", low=0, high=1)
+
+    @property
+    def opening(self) -> float:
+        """Vertical opening of the camera in radians."""
+        return math.radians(self.field_of_view)
+
+
+@dataclass(frozen=True)
+class PlaybackSettings:
+    """What the viewer remembers of what it received."""
+
+    minutes: float = setting(10.0, "Length of the live timeline.", unit="minutes", low=0.1, high=240)
+    rate: float = setting(
+        30.0, "Expected poses a second, which bounds the memory.", unit="Hz", low=1, high=1000
+    )
+    gap: float = setting(
+        0.2, "Poses further apart than this are not blended.", unit="seconds", low=0, high=60
+    )
+    restart: float = setting(
+        1.0, "A sensor clock that jumps back by more than this starts a new timeline.", unit="seconds", low=0
+    )
+
+
+@dataclass(frozen=True)
+class FilmSettings:
+    """What a film looks like."""
+
+    rate: float = setting(30.0, "Frames a second of sensor time.", unit="Hz", low=1, high=240)
+    bit_rate: float = setting(6.0, "Bit rate of the film.", unit="Mbit/s", low=0.1, high=200)
+    overlay_seconds: float = setting(
+        5.0,
+        "Seconds that body and attachments stay visible after possession.",
+        unit="seconds",
+        low=0,
+        high=3600,
+    )
+    columns: int = setting(4, "Tiles in a row of the contact sheet.", low=1, high=20)
+    rows: int = setting(3, "Rows of the contact sheet.", low=1, high=20)
+    tile_width: int = setting(
+        480, "Width of one tile of the contact sheet.", unit="pixels", low=32, high=4096
+    )
+    patience: float = setting(
+        20.0, "Seconds to wait for an edge to appear.", unit="seconds", low=0, high=3600
+    )
+
+
+@dataclass(frozen=True)
+class ViewerSettings:
+    """All settings of the viewer, in groups."""
+
+    render: RenderSettings = field(default_factory=RenderSettings)
+    playback: PlaybackSettings = field(default_factory=PlaybackSettings)
+    film: FilmSettings = field(default_factory=FilmSettings)
+    width: int = setting(1280, "Width of the window or film.", unit="pixels", low=16, high=16384)
+    height: int = setting(720, "Height of the window or film.", unit="pixels", low=16, high=16384)

@@ -1,0 +1,169 @@
+"""A timeline of moments: everything that was received or loaded, by the sensor's clock."""
+
+from __future__ import annotations
+
+import bisect
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from enliven.arrays import Float32, Int32
+from enliven.body import Body
+from enliven.character import Pose
+from enliven_viewer.interpolation import blend_bodies, blend_poses
+from enliven_viewer.settings import PlaybackSettings
+
+NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Cues:
+    """Where the performer holds a character.
+
+    Attributes:
+        character: the id of the character.
+        nodes: (A,) int32 pivots that the body is attached to.
+        strengths: (A,) float32 in [0, 1], how firmly.
+        state: "possessed"; or "preview", what would be held if the body took hold now.
+    """
+
+    character: str
+    nodes: Int32
+    strengths: Float32
+    state: str = "possessed"
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Everything that was at one time of the sensor's clock: poses and cues by character id, and bodies."""
+
+    time_ns: int
+    poses: dict[str, Pose] = field(default_factory=dict)
+    bodies: tuple[Body, ...] = ()
+    cues: dict[str, Cues] = field(default_factory=dict)
+
+    @property
+    def possessed(self) -> bool:
+        """Whether anybody held any character."""
+        return any(cues.state == "possessed" for cues in self.cues.values())
+
+
+class Timeline:
+    """Moments sorted by sensor time; the oldest are dropped beyond the settings' length.
+
+    A clock that jumps far back (the edge was restarted, the replay began again) starts a new timeline.
+    """
+
+    def __init__(self, settings: PlaybackSettings | None = None, *, bounded: bool = True) -> None:
+        self.settings = settings or PlaybackSettings()
+        self.generation = 0
+        self._bounded = bounded
+        self._times: list[int] = []
+        self._moments: list[Moment] = []
+        self._cues: dict[str, Cues] = {}
+
+    def __len__(self) -> int:
+        return len(self._moments)
+
+    @property
+    def start_ns(self) -> int:
+        """Time of the first moment; 0 when there is none."""
+        return self._times[0] if self._times else 0
+
+    @property
+    def end_ns(self) -> int:
+        """Time of the last moment; 0 when there is none."""
+        return self._times[-1] if self._times else 0
+
+    def add_pose(self, pose: Pose) -> None:
+        """Put one pose at its time; it replaces an earlier one of the same character and time."""
+        old = self._at(pose.time_ns)
+        self._put(replace(old, poses={**old.poses, pose.character: pose}))
+
+    def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
+        """Put the bodies of one time; they replace earlier ones of the same time."""
+        self._put(replace(self._at(time_ns), bodies=tuple(bodies)))
+
+    def set_cues(self, cues: Cues) -> None:
+        """Say what of a character is held in the newest moment and all that follow, until it is said anew."""
+        self._cues = {**self._cues, cues.character: cues}
+        if self._moments:
+            self._moments[-1] = replace(self._moments[-1], cues=self._cues)
+
+    def clear(self) -> None:
+        """Forget everything, and tell the playhead by a new generation."""
+        self._times.clear()
+        self._moments.clear()
+        self.generation += 1
+
+    def at(self, time_ns: int) -> Moment | None:
+        """The moment at a time: blended between its neighbours, the nearer one across a gap.
+
+        Outside the timeline the first or last moment; None when the timeline is empty.
+        """
+        if not self._moments:
+            return None
+        right = bisect.bisect_left(self._times, time_ns)
+        if right == 0:
+            return self._moments[0]
+        if right == len(self._moments):
+            return self._moments[-1]
+        before, after = self._moments[right - 1], self._moments[right]
+        return self._between(before, after, time_ns)
+
+    def neighbour(self, time_ns: int, step: int) -> int:
+        """The time of the moment ``step`` moments after (or before) a time; clamped to the ends."""
+        if not self._times:
+            return time_ns
+        if step >= 0:
+            index = bisect.bisect_right(self._times, time_ns) - 1 + step
+        else:
+            index = bisect.bisect_left(self._times, time_ns) + step
+        return self._times[min(max(index, 0), len(self._times) - 1)]
+
+    def drop_before(self, time_ns: int) -> None:
+        """Forget the moments that no time from ``time_ns`` on needs."""
+        count = max(bisect.bisect_right(self._times, time_ns) - 1, 0)
+        del self._times[:count], self._moments[:count]
+
+    def _between(self, before: Moment, after: Moment, time_ns: int) -> Moment:
+        """The moment between two neighbours."""
+        share = (time_ns - before.time_ns) / (after.time_ns - before.time_ns)
+        if after.time_ns - before.time_ns > self.settings.gap * NS:
+            return before if share < 0.5 else after
+        poses = {}
+        for name in {**before.poses, **after.poses}:
+            first, last = before.poses.get(name), after.poses.get(name)
+            if first is not None and last is not None:
+                poses[name] = blend_poses(first, last, share, time_ns)
+            else:
+                poses[name] = first or last  # type: ignore[assignment]
+        return Moment(time_ns, poses, blend_bodies(before.bodies, after.bodies, share), before.cues)
+
+    def _at(self, time_ns: int) -> Moment:
+        """The moment at exactly this time, or an empty one."""
+        index = bisect.bisect_left(self._times, time_ns)
+        found = index < len(self._times) and self._times[index] == time_ns
+        return self._moments[index] if found else Moment(time_ns, cues=self._cues)
+
+    def _put(self, moment: Moment) -> None:
+        """Insert or replace; start anew where the clock went back; drop the oldest beyond the bounds."""
+        if self._times and moment.time_ns < self._times[-1] - self.settings.restart * NS and self._bounded:
+            self.clear()
+        index = bisect.bisect_left(self._times, moment.time_ns)
+        if index < len(self._times) and self._times[index] == moment.time_ns:
+            self._moments[index] = moment
+        else:
+            self._times.insert(index, moment.time_ns)
+            self._moments.insert(index, moment)
+        if self._bounded:
+            self._trim()
+
+    def _trim(self) -> None:
+        """Keep at most the settings' minutes, in time and in number."""
+        length = self.settings.minutes * 60
+        oldest = self._times[-1] - int(length * NS)
+        count = max(
+            bisect.bisect_left(self._times, oldest), len(self._times) - int(length * self.settings.rate)
+        )
+        if count > 0:
+            del self._times[:count], self._moments[:count]
