@@ -25,6 +25,7 @@ def run(
         None, "--film/--window", help="A film or a window; by the display where not said."
     ),
     seconds: float | None = typer.Option(None, help="Stop after this many seconds of the recording."),
+    record: Path | None = typer.Option(None, help="Keep the take (character, bodies, poses) in this file."),
 ) -> None:
     """Start the edge and the viewer together: the whole road from a depth recording to a moving mesh.
 
@@ -44,6 +45,7 @@ def run(
         typer.echo("enliven: there is no display here, so this makes a film; with one, a window opens")
     ports = free_ports()
     edge = _edge_arguments(recording, sensor, mesh, possess_at, parts, seconds, ports, as_film)
+    edge += ["--record", str(record), "--overwrite"] if record else []
     view = _view_arguments(out, ports, as_film)
     code = run_together([Process("edge", edge), Process("viewer", view, leads=True)])
     if code:

@@ -1,0 +1,121 @@
+"""What cannot be used is said in one line with an exit code, and never with a traceback or a hang."""
+
+import socket
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from enliven.camera import Intrinsics
+from enliven.frames import DepthFrame
+from enliven.recording import Recorder
+
+pytestmark = pytest.mark.system
+
+
+def enliven(*arguments: str) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "enliven", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=150)
+
+
+def recorded(path, depth_of, frames=20):
+    """A recording whose depth images are what ``depth_of`` gives for each number."""
+    with Recorder(path) as recorder:
+        for i in range(frames):
+            intrinsics = Intrinsics(160, 120, 130, 130, 79.5, 59.5)
+            recorder.write_frame(DepthFrame(depth_of(i), intrinsics, i * 33_333_333, "test"))
+    return path
+
+
+OBJ = {
+    "empty.obj": "",
+    "faceless.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\n",
+    "foreign.obj": "this is a shopping list\nmilk\n",
+    "nan.obj": "v nan nan nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+    "flat.stl": "solid nothing\nendsolid\n",
+}
+
+
+@pytest.mark.parametrize("name", OBJ)
+def test_a_mesh_that_cannot_be_used(tmp_path, name):
+    path = tmp_path / name
+    path.write_text(OBJ[name])
+    asked = enliven("edge", "--mesh", str(path), "--port", "0", "--control-port", "0", "--name", name)
+    assert asked.returncode == 3, asked.stderr
+    assert name in asked.stderr
+    assert "Traceback" not in asked.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("missing.mcap", None),
+        ("empty.mcap", b""),
+        ("foreign.mcap", b"\x89PNG\r\n" * 40),
+        ("cut.mcap", b"\x89MCAP0\r\n"),
+    ],
+)
+def test_a_recording_that_cannot_be_used(tmp_path, name, content):
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    asked = enliven("edge", "--recording", str(path), "--port", "0", "--control-port", "0", "--name", name)
+    assert asked.returncode == 3, asked.stderr
+    assert name in asked.stderr
+    assert "Traceback" not in asked.stderr
+
+
+@pytest.mark.parametrize("value", [0, 65535, 2000])
+def test_frames_with_nobody_in_them_pass(tmp_path, value):
+    """Zeros, all 65535, a wall: the edge runs to the end, and nobody takes hold."""
+    path = recorded(tmp_path / "nobody.mcap", lambda i: np.full((120, 160), value, np.uint16))
+    ports = ["--port", "0", "--control-port", "0", "--name", f"nobody-{value}"]
+    asked = enliven("edge", "--recording", str(path), "--speed", "0", "--possess-at", "0.1", *ports)
+    assert asked.returncode == 0, asked.stderr
+    assert "20 frames" in asked.stderr
+    assert "Traceback" not in asked.stderr
+
+
+def test_a_port_in_use():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        asked = enliven("edge", "--port", str(port), "--control-port", "0", "--name", "taken")
+    assert asked.returncode == 4, asked.stderr
+    assert f"port {port} is in use" in asked.stderr
+    assert "Traceback" not in asked.stderr
+
+
+def test_two_edges_of_one_name(tmp_path):
+    path = recorded(tmp_path / "long.mcap", lambda i: np.zeros((120, 160), np.uint16), 900)
+    ports = ["--port", "0", "--control-port", "0", "--name", "twin"]
+    command = [sys.executable, "-m", "enliven", "edge", "--recording", str(path), *ports]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as first:
+        try:
+            for line in first.stderr:
+                if "listens" in line:
+                    break
+            second = enliven("edge", "--recording", str(path), *ports)
+        finally:
+            first.terminate()
+    assert second.returncode == 4, second.stderr
+    assert "twin" in second.stderr
+    assert first.returncode == 0
+
+
+def test_a_viewer_with_no_edge(tmp_path):
+    asked = enliven(
+        "view", "--film", str(tmp_path / "a.mp4"), "--port", "1", "--control-port", "2", "--wait", "1"
+    )
+    assert asked.returncode == 4, asked.stderr
+    assert "Traceback" not in asked.stderr
+
+
+def test_settings_with_a_misspelt_key(tmp_path):
+    path = tmp_path / "edge.toml"
+    path.write_text("[tracker]\nlost_aftr = 3\n")
+    asked = enliven("edge", "--settings", str(path))
+    assert asked.returncode == 3
+    assert "Did you mean tracker.lost_after" in asked.stderr

@@ -1,0 +1,163 @@
+"""Both programs as processes, the shipped recording replayed to its end: poses and picture as they were stored.
+
+``pytest tests/system --record-references`` (or ``make record-references``) stores them again, on purpose.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import av
+import msgspec
+import numpy as np
+import pytest
+from PIL import Image
+
+from enliven.recording import Recording
+from enliven.wire.convert import message_to_bodies, message_to_character, message_to_pose
+from enliven.wire.messages import BodiesMessage, CharacterMessage, PoseMessage
+from enliven.wire.posecode import PoseCodec
+
+REFERENCES = Path(__file__).parent / "references"
+POSES, PICTURE = REFERENCES / "road.npz", REFERENCES / "road.png"
+EVERY = 9
+"""Frames between the ones that are stored."""
+JOINT_TOLERANCE, NODE_TOLERANCE, LINEAR_TOLERANCE = 0.05, 0.06, 0.25
+"""Metres, metres, and entries of the linear parts: what another processor's rounding may lead to, when one
+contact of the fit falls the other way. A broken stage is off by far more."""
+PICTURE_TOLERANCE = 12.0
+"""Mean difference of 8-bit channels at a quarter of the size, after a blur: another OpenGL's antialiasing."""
+
+pytestmark = pytest.mark.system
+
+
+@pytest.fixture(scope="module")
+def road(tmp_path_factory):
+    """The folder with film, sheet and take of one run of the main job."""
+    folder = tmp_path_factory.mktemp("road")
+    command = [sys.executable, "-m", "enliven", "run", "--film", "--out", str(folder)]
+    done = subprocess.run(
+        [*command, "--record", str(folder / "take.mcap")], capture_output=True, text=True, timeout=400
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    return folder
+
+
+def fields_of(take: Path) -> dict[str, np.ndarray]:
+    """Every ninth frame of a take: times, joints, confidences, node positions and linear parts."""
+    recording = Recording(take)
+    (_, data), *_ = recording.messages("character")
+    codec = PoseCodec(message_to_character(msgspec.msgpack.decode(data, type=CharacterMessage)))
+    poses = [
+        message_to_pose(msgspec.msgpack.decode(data, type=PoseMessage), codec)
+        for _, data in recording.messages("pose")
+    ]
+    bodies = [
+        message_to_bodies(msgspec.msgpack.decode(data, type=BodiesMessage))
+        for _, data in recording.messages("bodies")
+    ]
+    assert len(poses) == len(bodies)
+    assert all(len(present) == 1 for present in bodies), "the performer was lost"
+    return {
+        "frames": np.array(len(poses)),
+        "time_ns": np.array([pose.time_ns for pose in poses[::EVERY]]),
+        "joints": np.array([present[0].joints for present in bodies[::EVERY]], np.float32),
+        "confidence": np.array([present[0].confidence for present in bodies[::EVERY]], np.float32),
+        "positions": np.array([pose.positions for pose in poses[::EVERY]], np.float32),
+        "linear": np.array([pose.linear for pose in poses[::EVERY]], np.float16),
+    }
+
+
+def test_poses_are_those_of_the_reference(road, request):
+    found = fields_of(road / "take.mcap")
+    if request.config.getoption("--record-references"):
+        np.savez_compressed(POSES, **found)
+        pytest.skip("stored the poses again")
+    with np.load(POSES) as reference:
+        assert set(found) == set(reference.files)
+        assert found["frames"] == reference["frames"]
+        np.testing.assert_array_equal(found["time_ns"], reference["time_ns"])
+        for name, tolerance in (
+            ("joints", JOINT_TOLERANCE),
+            ("positions", NODE_TOLERANCE),
+            ("linear", LINEAR_TOLERANCE),
+        ):
+            apart = np.abs(found[name].astype(float) - reference[name].astype(float))
+            assert np.percentile(apart, 99) < tolerance, name
+        assert np.abs(found["confidence"] - reference["confidence"]).mean() < 0.1
+
+
+def test_the_tracked_joints_are_the_true_ones(road):
+    """Against the truth in the shipped recording, not against what was once computed."""
+    from enliven_edge.assets import CHAIR
+
+    truth = {frame.time_ns: frame.bodies[0].joints for frame in Recording(CHAIR).truth()}
+    found = fields_of(road / "take.mcap")
+    true = np.array([truth[int(t)] for t in found["time_ns"]])
+    error = np.linalg.norm(found["joints"] - true, axis=2)
+    assert error.mean() < 0.06
+    assert np.percentile(error, 90) < 0.12
+
+
+def test_the_chair_walks(road):
+    """The chair is carried along, its legs are lifted one by one, and it does not tear."""
+    found = fields_of(road / "take.mcap")
+    positions = found["positions"]
+    feet = positions[0, :, 1] < 0.25
+    lifted = positions[:, feet, 1].max(0) - positions[0, feet, 1]
+    assert (lifted > 0.12).sum() >= 2
+    assert np.ptp(positions.mean(1)[:, 0]) > 0.2
+    stretch = np.linalg.norm(found["linear"].astype(float), axis=(2, 3))
+    assert np.percentile(stretch, 99) < 3.0
+
+
+def test_the_film_holds_every_moment(road):
+    with av.open(str(road / "enliven.mp4")) as film:
+        stream = film.streams.video[0]
+        count = sum(1 for _ in film.decode(stream))
+        assert (stream.codec_context.width, stream.codec_context.height) == (1280, 720)
+    with np.load(POSES) as reference:
+        assert abs(count - int(reference["frames"])) <= 6
+
+
+def test_the_picture_is_that_of_the_reference(road, request):
+    """The contact sheet, blurred and compared channel by channel."""
+    sheet = Image.open(road / "enliven.png").convert("RGB")
+    small = sheet.resize((sheet.width // 4, sheet.height // 4), Image.Resampling.BOX)
+    if request.config.getoption("--record-references"):
+        small.save(PICTURE, optimize=True)
+        pytest.skip("stored the picture again")
+    reference = np.asarray(Image.open(PICTURE).convert("RGB"), float)
+    assert np.asarray(small).shape == reference.shape
+    assert np.abs(np.asarray(small, float) - reference).mean() < PICTURE_TOLERANCE
+    assert np.asarray(small, float).std() > 10, "the picture is empty"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="process groups of POSIX")
+def test_ctrl_c_leaves_no_orphan(tmp_path):
+    import signal
+    import time
+
+    command = [sys.executable, "-m", "enliven", "run", "--film", "--out", str(tmp_path)]
+    started = subprocess.Popen(
+        command, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    )
+    time.sleep(6)
+    children = children_of(started.pid)
+    assert children, "nothing was started"
+    os.killpg(started.pid, signal.SIGINT)
+    output, _ = started.communicate(timeout=30)
+    assert started.returncode == 130, output.decode()
+    assert b"Traceback" not in output, output.decode()
+    for child in children:
+        with pytest.raises(ProcessLookupError):
+            os.kill(child, 0)
+
+
+def children_of(parent: int) -> list[int]:
+    """The process ids whose parent this is (Linux; elsewhere by ps)."""
+    listed = subprocess.run(["ps", "-A", "-o", "pid=,ppid="], capture_output=True, text=True).stdout
+    pairs = (line.split() for line in listed.splitlines())
+    return [int(pid) for pid, ppid in pairs if int(ppid) == parent]
