@@ -9,6 +9,7 @@ from typing import Any
 
 import glfw
 
+from enliven.commands.processes import parent_is_gone
 from enliven_viewer.camera import OrbitCamera
 from enliven_viewer.controls import Controls
 from enliven_viewer.document import Document
@@ -72,7 +73,9 @@ class App:
             Controls(self, window)
             end = None if seconds is None else time.monotonic() + seconds
             last = time.monotonic()
-            while not glfw.window_should_close(window) and (end is None or time.monotonic() < end):
+            while not glfw.window_should_close(window) and not parent_is_gone():
+                if end is not None and time.monotonic() > end:
+                    break
                 now = time.monotonic()
                 self._step(window, renderer, hud, now - last)
                 if on_frame:
@@ -153,11 +156,9 @@ class App:
         if self.document.characters or len(self.document.timeline):
             return ""
         edge = self.document.edge
-        return (
-            "waiting for the edge's characters"
-            if edge.connected
-            else f"waiting for an edge at {edge.address}"
-        )
+        if edge.connected:
+            return "waiting for the edge's characters"
+        return edge.message or f"waiting for an edge at {edge.address}"
 
 
 def _at_least_one(size: tuple[int, int]) -> tuple[int, int]:

@@ -39,7 +39,7 @@ class View:
         return np.asarray(self.clip_from_camera @ self.camera_from_world)
 
     def project(self, points: Float) -> Float:
-        """(N, 2) positions in the image, -1..1 from left to right and from bottom to top, of (N, 3) points."""
+        """(N, 2) positions in the image, -1..1 to the right and up, of (N, 3) points."""
         clip = np.c_[points, np.ones(len(points))] @ self.clip_from_world.T
         return np.asarray(clip[:, :2] / clip[:, 3:])
 

@@ -62,6 +62,10 @@ class Document:
         """Say what of a character is held, from the newest moment on; no nodes: nothing."""
         self.timeline.set_cues(cues)
 
+    def forget_cues(self, character_id: str) -> None:
+        """Nothing of a character is held from the newest moment on."""
+        self.timeline.forget_cues(character_id)
+
 
 def bounds_of(points: Sequence[Float | Float32]) -> tuple[Float, Float] | None:
     """Lowest and highest corner, (3,) each, of several (N, 3) arrays; None without a finite point."""

@@ -10,12 +10,13 @@ from enliven_viewer.document import Document
 class Feed(Protocol):
     """Brings characters, poses, bodies, cues and the edge's state into a document.
 
-    :class:`enliven_viewer.link.Link` does so from an edge, :class:`enliven_viewer.takes.Take` from a file.
+    :class:`~enliven_viewer.edge_feed.EdgeFeed` does so from an edge, :class:`~enliven_viewer.takes.Take`
+    from a file.
     Errors of a peer never reach the caller: they become ``document.edge.message``.
     """
 
     def poll(self, document: Document) -> int:
-        """Apply everything that has arrived since the last call, without waiting; how many messages it was."""
+        """Apply what has arrived since the last call, without waiting; 0 where nothing had."""
         ...
 
     def possess(self, character_id: str) -> None:

@@ -8,10 +8,11 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from enliven.arrays import UInt8
+from enliven.commands.processes import parent_is_gone
 from enliven.errors import ResourceError
 from enliven_viewer.camera import FilmCamera
 from enliven_viewer.document import Document
@@ -103,7 +104,7 @@ class _Studio:
         film = self.settings.film
         return FilmWriter(path, self.size, film.rate, film.bit_rate)
 
-    def draw(self, moment: Moment, second: float) -> np.ndarray:
+    def draw(self, moment: Moment, second: float) -> UInt8:
         """(H, W, 3) the picture of a moment, ``second`` seconds into the film."""
         began = time.perf_counter()
         scene = scene_of(self.document, moment, self._look(moment, second))
@@ -153,18 +154,18 @@ def _moments(
     while seconds is None or count < round(seconds * rate):
         due = start + round(count * NS / rate)
         over = document.edge.phase == ENDED
-        if feed.poll(document):
-            heard = time.monotonic()
-            continue
-        if timeline.end_ns >= due:
+        arrived = feed.poll(document)
+        heard = time.monotonic() if arrived else heard
+        # A later moment says that the one that is due is complete.
+        if timeline.end_ns > due or (timeline.end_ns == due and over and not arrived):
             moment = timeline.at(due)
             assert moment is not None
             yield moment, count / rate
             timeline.drop_before(due)
             count += 1
-        elif over or time.monotonic() - heard > _QUIET_END:
+        elif (over and not arrived) or time.monotonic() - heard > _QUIET_END or parent_is_gone():
             return
-        else:
+        elif not arrived:
             time.sleep(_IDLE)
 
 
@@ -177,7 +178,7 @@ def _await_first(feed: Feed, document: Document, patience: float) -> None:
         if moment is not None and document.characters and set(moment.poses) <= set(document.characters):
             return
         if not arrived:
-            if document.edge.phase == ENDED or time.monotonic() > deadline:
+            if document.edge.phase == ENDED or time.monotonic() > deadline or parent_is_gone():
                 break
             time.sleep(_IDLE)
     if document.edge.connected or len(document.timeline):

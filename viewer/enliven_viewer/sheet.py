@@ -27,7 +27,7 @@ class Tile:
 class Tiles:
     """Chooses pictures for a sheet from a film of unknown length, evenly spread, in bounded memory.
 
-    Every ``stride``-th picture is kept; when there are four times as many as wanted, every other one is dropped.
+    Every ``stride``-th picture is kept; beyond four times the wanted number every other one is dropped.
     """
 
     def __init__(self, wanted: int, width: int) -> None:

@@ -85,9 +85,11 @@ class Timeline:
 
     def set_cues(self, cues: Cues) -> None:
         """Say what of a character is held in the newest moment and all that follow, until it is said anew."""
-        self._cues = {**self._cues, cues.character: cues}
-        if self._moments:
-            self._moments[-1] = replace(self._moments[-1], cues=self._cues)
+        self._hold({**self._cues, cues.character: cues})
+
+    def forget_cues(self, character_id: str) -> None:
+        """Say that nothing of a character is held in the newest moment and all that follow."""
+        self._hold({name: cues for name, cues in self._cues.items() if name != character_id})
 
     def clear(self) -> None:
         """Forget everything, and tell the playhead by a new generation."""
@@ -138,6 +140,12 @@ class Timeline:
             else:
                 poses[name] = first or last  # type: ignore[assignment]
         return Moment(time_ns, poses, blend_bodies(before.bodies, after.bodies, share), before.cues)
+
+    def _hold(self, cues: dict[str, Cues]) -> None:
+        """Cues of the newest moment and all that follow."""
+        self._cues = cues
+        if self._moments:
+            self._moments[-1] = replace(self._moments[-1], cues=cues)
 
     def _at(self, time_ns: int) -> Moment:
         """The moment at exactly this time, or an empty one."""

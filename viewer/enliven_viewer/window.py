@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, cast
 
 import glfw
 
@@ -21,7 +21,7 @@ def open_window(width: int, height: int, title: str) -> Iterator[Any]:
         ResourceError: without a display, or without OpenGL 3.3.
     """
     said: list[str] = []
-    glfw.set_error_callback(lambda code, text: said.append(text.decode(errors="replace")))
+    glfw.set_error_callback(lambda code, text: said.append(error_text(text)))
     if not glfw.init():
         raise ResourceError(_reason(said, "no display was found"), where="window", mend=MEND)
     try:
@@ -48,12 +48,19 @@ def _reason(said: list[str], otherwise: str) -> str:
     return said[-1].rstrip(".") if said else otherwise
 
 
-def toggle_full_screen(
-    window: Any, before: tuple[int, int, int, int] | None
-) -> tuple[int, int, int, int] | None:
-    """Fill the monitor, or go back to ``before`` (x, y, width, height); returns what to go back to, or None."""
+Place = tuple[int, int, int, int]
+"""x, y, width, height of a window."""
+
+
+def error_text(text: str | bytes) -> str:
+    """What glfw says, which is bytes in some versions."""
+    return text.decode(errors="replace") if isinstance(text, bytes) else text
+
+
+def toggle_full_screen(window: Any, before: Place | None) -> Place | None:
+    """Fill the monitor, or go back to ``before``; returns what to go back to, or None."""
     if before is not None:
-        glfw.set_window_monitor(window, None, *before, glfw.DONT_CARE)
+        glfw.set_window_monitor(window, cast(Any, None), *before, glfw.DONT_CARE)
         return None
     monitor = glfw.get_primary_monitor()
     if not monitor:

@@ -97,7 +97,7 @@ class Canvas:
         self._buffer.write(data)
         target.use()
         self.ctx.enable_only(moderngl.BLEND)
-        self.ctx.blend_equation = moderngl.FUNC_ADD
+        self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
         self._atlas.use(UNITS["glyphs"])
         self._program["viewport"] = (float(target.width), float(target.height))

@@ -1,4 +1,4 @@
-"""The performer as tapered capsules: to draw, to cast shadows, and to make the mesh around them transparent."""
+"""The performer as tapered capsules: to draw, to cast shadows, and to see through the mesh around them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SEGMENTS, _RINGS = 18, 5
 
 
 def capsules_of(bodies: tuple[Body, ...], opacity: float) -> Float32:
-    """(N, 12) float32 of each bone, joint and head: from xyz and radius, to xyz and radius, rgb and opacity."""
+    """(N, 12) float32 of bones, joints and heads: from xyz and radius, to xyz and radius, rgb and opacity."""
     rows = [_capsules_of_one(body, TINTS[k % len(TINTS)], opacity) for k, body in enumerate(bodies)]
     return np.concatenate(rows) if rows else np.zeros((0, 12), np.float32)
 

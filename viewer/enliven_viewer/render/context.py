@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 import moderngl
 
@@ -21,7 +22,7 @@ def offscreen_context() -> moderngl.Context:
     Raises:
         ResourceError: where OpenGL 3.3 is missing.
     """
-    options = {"backend": "egl"} if sys.platform.startswith("linux") else {}
+    options: dict[str, Any] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
     try:
         return moderngl.create_standalone_context(require=GL_VERSION, **options)
     except Exception as error:  # moderngl raises plain Exception for whatever the loader could not find

@@ -58,7 +58,7 @@ class Marks:
     def draw(self, scene: Scene) -> None:
         """Graphs as far as the look shows them, then attachment points; hidden ones fainter."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
-        self.ctx.blend_equation = moderngl.FUNC_ADD
+        self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         if scene.look.graph > 0:
             for actor in scene.actors:
                 self._draw_graph(actor, scene.look.graph)

@@ -43,7 +43,7 @@ def load_program(
         member = program[name]
         if isinstance(member, moderngl.UniformBlock):
             member.binding = BLOCKS[name]
-        elif name in UNITS:
+        elif isinstance(member, moderngl.Uniform) and name in UNITS:
             member.value = UNITS[name]
     return program
 

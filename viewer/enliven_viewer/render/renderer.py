@@ -186,7 +186,7 @@ class Renderer:
             set_uniform(program, "reveal_distance", max(self.settings.reveal_distance, 1e-4))
             set_uniform(program, "reveal_opacity", self.settings.reveal_opacity)
         self.ctx.depth_func = "<="
-        self.ctx.blend_equation = moderngl.FUNC_ADD
+        self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
         if revealing:
             self.ctx.enable_only(moderngl.DEPTH_TEST)
@@ -203,13 +203,13 @@ class Renderer:
         if scene.look.body <= 0:
             return
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)
-        self.ctx.blend_equation = moderngl.MAX
+        self.ctx.blend_equation = moderngl.MAX  # type: ignore[assignment]
         self.ctx.depth_func = ">"
         self._write_depth(False)
         set_uniform(self._body, "hidden", True)
         self._capsules.render()
         self._write_depth(True)
-        self.ctx.blend_equation = moderngl.FUNC_ADD
+        self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
 
     def _write_depth(self, on: bool) -> None:
         """Whether what is drawn next hides what is behind it; moderngl takes the mask over with a bind."""

@@ -96,17 +96,12 @@ class SkinnedMesh:
 
     def release(self) -> None:
         """Give the GPU's memory back."""
+        buffers = [*self._inputs, self._faces, self._coarse_faces, self._colours, self._skinned]
         for array in (*self._drawn.values(), self._skin):
             array.release()
-        for buffer in (
-            *self._inputs,
-            self._faces,
-            self._coarse_faces,
-            self._colours,
-            self._skinned,
-            self._transforms,
-        ):
+        for buffer in buffers:
             buffer.release()
+        self._transforms.release()
 
     def _array_for(self, program: moderngl.Program, faces: moderngl.Buffer) -> moderngl.VertexArray:
         whole = "in_normal" in program

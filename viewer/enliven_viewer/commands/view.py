@@ -1,0 +1,145 @@
+"""enliven view: the program on a screen."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import signal
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from enliven.errors import InputError, ResourceError
+from enliven.settings import load_settings
+from enliven_viewer.doctor import has_display
+from enliven_viewer.settings import ViewerSettings
+
+LOCAL = "127.0.0.1"
+
+
+def view(
+    take: Annotated[Path | None, typer.Argument(help="Play this take instead of following an edge.")] = None,
+    edge: Annotated[str, typer.Option(help="Where the edge is: HOST, or HOST:PORT.")] = LOCAL,
+    port: Annotated[int | None, typer.Option(min=1, max=65535, help="Port of the edge's poses.")] = None,
+    control_port: Annotated[
+        int | None, typer.Option(min=1, max=65535, help="Port of its commands; one on by itself.")
+    ] = None,
+    film: Annotated[Path | None, typer.Option(help="Make this MP4 instead of opening a window.")] = None,
+    sheet: Annotated[
+        Path | None, typer.Option(help="Make this contact sheet (PNG); needs no window.")
+    ] = None,
+    size: Annotated[str | None, typer.Option(help="Of window or film, such as 1920x1080.")] = None,
+    seconds: Annotated[float | None, typer.Option(min=0.0, help="Stop after this long.")] = None,
+    hud: Annotated[bool, typer.Option(help="Whether anything is written over the picture.")] = True,
+    settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
+) -> None:
+    """Watch characters move: live from an edge, or from a take; in a window, or as a film.
+
+    \b
+      enliven view                                 the edge on this machine, in a window
+      enliven view --edge 192.168.1.20             an edge on the network
+      enliven view take.mcap                       play a take: space, arrows, drag the timeline
+      enliven view --film out.mp4 --sheet out.png  no display needed; ends with the edge's stream
+      enliven view take.mcap --film out.mp4 --size 1920x1080 --no-hud
+
+    Press H in the window for the keys.
+    """
+    chosen = _sized(load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size)
+    filming = film is not None or sheet is not None
+    if not filming and not has_display():
+        raise ResourceError(
+            "there is no display to open a window on",
+            where="enliven view",
+            mend="Render without one: enliven view --film out.mp4 --sheet out.png",
+        )
+    address = _address(edge, port, control_port)
+    with _terminate_as_interrupt():
+        if filming:
+            _film(take, address, film, sheet, chosen, seconds, hud)
+        else:
+            _window(take, address, chosen, seconds, hud)
+
+
+def _film(
+    take: Path | None,
+    address: str,
+    film: Path | None,
+    sheet: Path | None,
+    settings: ViewerSettings,
+    seconds: float | None,
+    hud: bool,
+) -> None:
+    """Heavy modules are imported only here, so that the help is quick."""
+    from enliven_viewer.document import Document
+    from enliven_viewer.film import make_film
+    from enliven_viewer.timeline import Timeline
+
+    feed = _feed(take, address)
+    document = Document(Timeline(settings.playback, bounded=False))
+    title = f"enliven · {take.name}" if take else "enliven"
+    with contextlib.closing(feed):
+        made = make_film(feed, document, film, sheet, settings, seconds=seconds, title=title, caption=hud)
+    written = " and ".join(str(path) for path in (film, sheet) if path)
+    typer.echo(f"enliven: {made.pictures} pictures, {made.seconds:.1f} s, are in {written}")
+
+
+def _window(
+    take: Path | None, address: str, settings: ViewerSettings, seconds: float | None, hud: bool
+) -> None:
+    from enliven_viewer.app import App
+    from enliven_viewer.document import Document
+    from enliven_viewer.timeline import Timeline
+
+    feed = _feed(take, address)
+    document = Document(Timeline(settings.playback, bounded=take is None))
+    with contextlib.closing(feed):
+        App(feed, document, settings, take=take.name if take else "", hud=hud).run(seconds)
+
+
+def _feed(take: Path | None, address: str):  # type: ignore[no-untyped-def]
+    """The take's feed, or the edge's."""
+    if take is not None:
+        from enliven_viewer.takes import Take
+
+        return Take(take)
+    from enliven_viewer.edge_feed import EdgeFeed
+    from enliven_viewer.link import Link
+
+    return EdgeFeed(Link([address]))
+
+
+def _address(edge: str, port: int | None, control_port: int | None) -> str:
+    """HOST[:PORT[:CONTROL_PORT]] of the options; ports of their own go before those in ``edge``."""
+    from enliven.wire.sockets import Endpoint, parse_endpoint
+
+    found = parse_endpoint(edge)
+    pose = port or found.pose_port
+    control = control_port or (pose + 1 if port else found.control_port)
+    return str(Endpoint(found.host, pose, control))
+
+
+def _sized(settings: ViewerSettings, size: str | None) -> ViewerSettings:
+    """The settings with a size such as "1280x720"."""
+    if size is None:
+        return settings
+    found = re.fullmatch(r"(\d{2,5})\s*[x×]\s*(\d{2,5})", size.strip().lower())
+    if not found or not all(16 <= int(n) <= 16384 for n in found.groups()):
+        raise InputError(f"{size!r} is no size", where="--size", mend="Give WIDTHxHEIGHT, such as 1280x720.")
+    return replace(settings, width=int(found[1]), height=int(found[2]))
+
+
+@contextlib.contextmanager
+def _terminate_as_interrupt() -> Iterator[None]:
+    """SIGTERM completes the film and closes the window, as Ctrl-C does."""
+
+    def interrupt(signum: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

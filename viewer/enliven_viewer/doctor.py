@@ -1,0 +1,75 @@
+"""What the viewer needs of a machine: OpenGL, a display, a film encoder."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from enliven.doctor import Check
+from enliven.errors import EnlivenError
+
+
+def checks() -> list[Check]:
+    """OpenGL off-screen, a window, films."""
+    return [_offscreen(), _window(), _encoder()]
+
+
+def has_display() -> bool:
+    """Whether a window can be opened here."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _offscreen() -> Check:
+    name = "OpenGL off-screen"
+    try:
+        from enliven_viewer.render.context import offscreen_context
+
+        ctx = offscreen_context()
+    except ImportError as error:
+        return Check(name, False, str(error), "Install it: pip install moderngl")
+    except EnlivenError as error:
+        return Check(name, False, error.what, error.mend)
+    renderer, version = ctx.info["GL_RENDERER"], ctx.version_code
+    ctx.release()
+    return Check(name, True, f"{renderer}, OpenGL {version // 100}.{version // 10 % 10}")
+
+
+def _window() -> Check:
+    """A display, and whether glfw can open it; a machine without one still makes films."""
+    name = "window"
+    if not has_display():
+        return Check(name, True, "there is no display, so 'enliven view' needs --film")
+    try:
+        import glfw
+
+        from enliven_viewer.window import error_text
+    except ImportError as error:
+        return Check(name, False, str(error), "Install it: pip install glfw")
+    said: list[str] = []
+    glfw.set_error_callback(lambda code, text: said.append(error_text(text)))
+    if not glfw.init():
+        return Check(
+            name, False, said[-1] if said else "glfw found no display", "Look at DISPLAY, or use --film."
+        )
+    version = error_text(glfw.get_version_string())
+    glfw.terminate()
+    return Check(name, True, f"a display is there, glfw {version}")
+
+
+def _encoder() -> Check:
+    name = "film encoder"
+    try:
+        from enliven_viewer.encoder import available_codec
+
+        codec = available_codec()
+    except ImportError as error:
+        return Check(name, False, str(error), "Install it: pip install av")
+    except EnlivenError as error:
+        return Check(name, False, error.what, error.mend)
+    if codec == "mpeg4":
+        return Check(
+            name, False, "no H.264 encoder, films are MPEG-4", "Install PyAV's wheel: pip install av"
+        )
+    return Check(name, True, codec)

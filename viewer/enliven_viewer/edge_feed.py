@@ -1,0 +1,89 @@
+"""A document that follows an edge: what the link received goes onto the timeline."""
+
+from __future__ import annotations
+
+import time
+
+from enliven_viewer.document import Document, EdgeState
+from enliven_viewer.link import Link
+from enliven_viewer.received import ReceivedCues, ReceivedPose
+from enliven_viewer.timeline import Cues
+
+_NOTICE_SECONDS = 5.0
+_HEARD = ("connected", "on rate", "ended")
+_EASE = 0.1
+"""Share of a new latency in the shown one, which would flicker otherwise."""
+
+
+class EdgeFeed:
+    """A :class:`~enliven_viewer.feed.Feed` over a :class:`~enliven_viewer.link.Link` to one edge."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._shown_cues: dict[str, ReceivedCues] = {}
+        self._notice, self._notice_until = "", 0.0
+        self._edge_ms: float | None = None
+        self._way_ms: float | None = None
+
+    def poll(self, document: Document) -> int:
+        """Apply everything that has arrived since the last call, without waiting; how many messages."""
+        self._link.poll()
+        document.characters = dict(self._link.characters)
+        poses, bodies = self._link.take_poses(), self._link.take_bodies()
+        for seen in bodies:
+            document.add_bodies(seen.time_ns, seen.bodies)
+        for received in poses:
+            document.add_pose(received.pose)
+        self._take_cues(document)
+        if poses:
+            self._take_latency(poses[-1])
+        document.edge = self._state()
+        return len(poses) + len(bodies)
+
+    def possess(self, character_id: str) -> None:
+        """Ask that whoever is in view takes hold of a character."""
+        self._link.possess(character_id)
+
+    def release(self, character_id: str) -> None:
+        """Ask that whoever holds a character lets go."""
+        self._link.release(character_id)
+
+    def close(self) -> None:
+        """Let the sockets go."""
+        self._link.close()
+
+    def _take_cues(self, document: Document) -> None:
+        """Cues that are new, from the newest moment on."""
+        current = self._link.cues
+        for name, cues in current.items():
+            if self._shown_cues.get(name) is not cues:
+                document.set_cues(Cues(name, cues.nodes, cues.strengths, cues.state))
+        for name in self._shown_cues.keys() - current.keys():
+            document.forget_cues(name)
+        self._shown_cues = current
+
+    def _take_latency(self, newest: ReceivedPose) -> None:
+        edge, whole = newest.sensor_to_pose_ms, newest.age_ms()
+        way = max(whole - edge, 0.0)
+        self._edge_ms = edge if self._edge_ms is None else self._edge_ms + _EASE * (edge - self._edge_ms)
+        self._way_ms = way if self._way_ms is None else self._way_ms + _EASE * (way - self._way_ms)
+
+    def _state(self) -> EdgeState:
+        """What the link and the edge say, in the viewer's words."""
+        endpoint, health = next(iter(self._link.health.items()))
+        now = time.monotonic()
+        for notice in self._link.take_notices():
+            self._notice, self._notice_until = notice.text, now + _NOTICE_SECONDS
+        status = self._link.status
+        connected = health.state in _HEARD
+        message = self._notice if now < self._notice_until else ""
+        if not message and not connected and health.state != "waiting":
+            message = health.text
+        return EdgeState(
+            connected=connected,
+            address=endpoint.stream_address,
+            phase=status.phase if status is not None else "",
+            message=message,
+            sensor_to_pose_ms=self._edge_ms,
+            pose_to_screen_ms=self._way_ms,
+        )
