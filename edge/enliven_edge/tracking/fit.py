@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from enliven.arrays import Float
-from enliven_edge.tracking import model, ranges, terms
+from enliven_edge.tracking import data_term, model, ranges, terms
 from enliven_edge.tracking.observation import Observation
 from enliven_edge.tracking.posture import Posture, exponential, forward
 from enliven_edge.tracking.settings import FitSettings
@@ -130,7 +130,7 @@ class Fitter:
         body = (world, pivots, by_length, model.MOVES, model.DOF_FRAME, model.DOF_AXIS)
         where = (ends, radii, model.CAPSULES.frame, model.CAPSULES.ends, body)
         support, violated = np.zeros(len(ends)), np.zeros(len(ends))
-        energy, explained = terms.depth_to_model(
+        energy, explained = data_term.depth_to_model(
             matrix,
             gradient,
             observation.points,

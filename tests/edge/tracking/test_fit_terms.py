@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking import model, ranges, terms
+from enliven_edge.tracking import data_term, model, ranges, terms
 from enliven_edge.tracking.fit import _PAIRS, _moved
 from enliven_edge.tracking.posture import Posture, exponential, forward, logarithm
 
@@ -52,7 +52,7 @@ def surface_points(posture: Posture, seed: int, count: int = 80, noise: float = 
 
 def depth_energy(posture: Posture, points, normals):
     matrix, gradient = np.zeros((42, 42)), np.zeros(42)
-    energy, _ = terms.depth_to_model(
+    energy, _ = data_term.depth_to_model(
         matrix,
         gradient,
         points,
@@ -168,7 +168,7 @@ def test_nearest_capsule_matches_the_obvious_search(seed):
         out = point - (a + t * (b - a))
         distance = np.linalg.norm(out) - (ra + t * (rb - ra))
         costs.append(abs(distance) + 0.04 * (1 - out @ normal / np.linalg.norm(out)))
-    found, _, _ = terms.nearest_capsule(point, normal, ends, radii, 0.04)
+    found, _, _ = data_term.nearest_capsule(point, normal, ends, radii, 0.04)
     assert found == int(np.argmin(costs))
 
 
@@ -202,3 +202,36 @@ def test_left_is_left():
 
     assert joints[Joint.HAND_LEFT, 0] > 0 > joints[Joint.HAND_RIGHT, 0]
     assert joints[Joint.FOOT_LEFT, 2] > joints[Joint.ANKLE_LEFT, 2]
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=15, deadline=None)
+def test_normal_equations_match_one_row_a_point(seed):
+    """The fast accumulation by capsule against the obvious one by point, with the real, tapered capsules."""
+    posture = random_posture(seed)
+    points, normals = surface_points(random_posture(seed + 1), seed)
+    ends, radii = posture.capsules()
+    *_, body = surroundings(posture)
+    frames, local = model.CAPSULES.frame, model.CAPSULES.ends
+    fast, fast_gradient = np.zeros((42, 42)), np.zeros(42)
+    support = np.zeros(len(frames))
+    arguments = (points, normals, ends, radii, frames, local, body, 1.0, 0.07, 0.04, support)
+    energy, explained = data_term.depth_to_model(fast, fast_gradient, *arguments)
+    slow, slow_gradient, slow_energy = np.zeros((42, 42)), np.zeros(42), 0.0
+    for point, normal in zip(points, normals, strict=True):
+        c, t, distance = data_term.nearest_capsule(point, normal, ends, radii, 0.04)
+        cost, weight = terms.robust(distance, 0.07)
+        slow_energy += cost / len(points)
+        if weight <= 1e-4:
+            continue
+        foot = ends[c, 0] + t * (ends[c, 1] - ends[c, 0])
+        outward = (point - foot) / np.linalg.norm(point - foot)
+        row = np.zeros(42)
+        terms.point_row(row, -1.0, frames[c], foot, outward, (1 - t) * local[c, 0] + t * local[c, 1], body)
+        row[-1] -= (radii[c, 0] + t * (radii[c, 1] - radii[c, 0])) / posture.lengths[-1]
+        slow += weight / len(points) * np.outer(row, row)
+        slow_gradient += weight / len(points) * distance * row
+    assert energy == pytest.approx(slow_energy)
+    assert 0 <= explained <= 1
+    np.testing.assert_allclose(fast_gradient, slow_gradient, atol=1e-10)
+    np.testing.assert_allclose(np.triu(fast), np.triu(slow), atol=1e-9)
