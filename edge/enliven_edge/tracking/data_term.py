@@ -67,6 +67,36 @@ def depth_to_model(  # type: ignore[no-untyped-def]
     side,
     support,
 ):
+    """Every observed point lies on the surface of its nearest capsule.
+
+    ``support`` (C,) receives the number of points that each capsule explains within ``width``.
+    Returns (energy, share of the points that are explained).
+    """
+    count = len(ends)
+    sums, pulls = np.zeros((count, _FEATURES, _FEATURES)), np.zeros((count, _FEATURES))
+    phi = np.empty(_FEATURES)
+    energy, explained = 0.0, 0.0
+    support[:] = 0.0
+    per_point = weight / max(1, len(points))
+    for i in range(len(points)):
+        c, t, distance = nearest_capsule(points[i], normals[i], ends, radii, side)
+        cost, w = robust(distance, width)
+        energy += per_point * cost
+        if abs(distance) < width:
+            explained += 1.0
+            support[c] += 1.0
+        if w > 1e-4 and _features(phi, points[i], ends[c], t):
+            _accumulate(sums[c], pulls[c], phi, per_point * w, distance)
+    basis = np.empty((matrix.shape[0], _FEATURES))
+    for c in range(count):
+        if sums[c, 9, 9] > 0.0:
+            _capsule_basis(basis, capsule_frame[c], capsule_local[c], radii[c], body_girth(radii), body)
+            _expand(matrix, gradient, basis, sums[c], pulls[c])
+    return energy, explained / max(1, len(points))
+
+
+@njit(cache=True, nogil=True)
+def _features(phi, point, ends, t):  # type: ignore[no-untyped-def]
     """phi of a point and its place on a capsule's axis; False where the point is on the axis itself."""
     x = ends[0, 0] + t * (ends[1, 0] - ends[0, 0])
     y = ends[0, 1] + t * (ends[1, 1] - ends[0, 1])
