@@ -77,7 +77,7 @@ class Publisher:
         self._stream = make_socket(self._context, zmq.PUB, REQUEST.max_bytes)
         router = make_socket(self._context, zmq.ROUTER, REQUEST.max_bytes + 64)
         # A reply may be a whole character: few of them wait for a viewer that does not read.
-        router.setsockopt(zmq.SNDHWM, 16)
+        router.setsockopt(zmq.SNDHWM, 64)
         try:
             ports = (
                 _bind(self._stream, host, pose_port, "--port"),

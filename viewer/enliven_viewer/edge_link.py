@@ -46,6 +46,7 @@ _ASK_EVERY = 1.0
 _ASK_FIRST_EVERY = 0.1
 _REPLY_WITHIN = 1.0
 _CHARACTER_WITHIN = 10.0
+_FETCHED_AT_ONCE = 4
 _COMMAND_WITHIN = 3.0
 _RATE_OVER = 2.0
 
@@ -267,7 +268,7 @@ class EdgeLink:
         # Until the streams arrive, every question makes the edge's heart beat once.
         pause = _ASK_EVERY if listening else _ASK_FIRST_EVERY
         behind = self.status is None or self.status.revision != self._known_revision
-        if behind and now - self._hello_at >= pause and not self._requests.waiting_for("hello"):
+        if behind and now - self._hello_at >= pause and not self._requests.under_way("hello"):
             hello = Hello(self._viewer, listening)
             if self._requests.send(hello, "hello", _REPLY_WITHIN, self._welcomed):
                 self._hello_at = now
@@ -283,8 +284,8 @@ class EdgeLink:
                 self._fetch(character, now)
 
     def _fetch(self, character: str, now: float) -> None:
-        key = f"character {character}"
-        if not self._requests.waiting_for(key):
+        key = f"character {character}\0"
+        if self._requests.under_way("character ") < _FETCHED_AT_ONCE and not self._requests.under_way(key):
             self._asked_at[character] = now
             self._requests.send(GetState(character), key, _CHARACTER_WITHIN, self._take_character)
 
@@ -298,7 +299,9 @@ class EdgeLink:
             return
         self._take_status(answer.status)
         self._known_revision = answer.status.revision
-        self._wanted = {each.character: each.revision for each in answer.characters}
+        wanted = {each.character: each.revision for each in answer.characters}
+        self._asked_at = {c: t for c, t in self._asked_at.items() if wanted.get(c) == self._wanted.get(c)}
+        self._wanted = wanted
         shown = {self._label(self.name, character) for character in self._wanted}
         for gone in [name for name in self.held if name not in shown]:
             del self.held[gone]

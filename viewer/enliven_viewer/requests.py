@@ -24,7 +24,7 @@ class _Pending:
 
 
 class Requests:
-    """A DEALER socket and what is still unanswered. Requests of one key do not pile up: one is under way."""
+    """A DEALER socket and what is still unanswered."""
 
     def __init__(self, context: zmq.Context[Any], endpoint: Endpoint) -> None:
         self._socket = make_socket(context, zmq.DEALER, REPLY.max_bytes + 64)
@@ -34,15 +34,15 @@ class Requests:
         self._pending: dict[int, _Pending] = {}
         self._last = 0
 
-    def waiting_for(self, key: str) -> bool:
-        """Whether a request of this key is unanswered."""
-        return any(p.key == key for p in self._pending.values())
+    def under_way(self, prefix: str) -> int:
+        """How many requests whose key begins so are unanswered."""
+        return sum(p.key.startswith(prefix) for p in self._pending.values())
 
     def send(self, body: Ask, key: str, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
         """Send, without waiting; False where there is no edge to take it.
 
         Args:
-            key: what it is about, see :meth:`waiting_for`.
+            key: what it is about, see :meth:`under_way`.
             seconds: how long to wait for the reply.
             on_reply: called from :meth:`poll` with the reply, or None when the time is up.
         """

@@ -42,10 +42,14 @@ def best_parameter(column: Int32) -> tuple[int, int]:
 @njit(cache=True, nogil=True)
 def _put(out: UInt8, at: int, value: int, count: int) -> int:
     """Write the low ``count`` bits of ``value`` at bit ``at``, most significant first; the next bit."""
-    for shift in range(count - 1, -1, -1):
-        if (value >> shift) & 1:
-            out[at >> 3] |= np.uint8(128 >> (at & 7))
-        at += 1
+    left = count
+    while left > 0:
+        free = 8 - (at & 7)
+        taken = min(free, left)
+        left -= taken
+        chunk = (value >> left) & ((1 << taken) - 1)
+        out[at >> 3] |= np.uint8(chunk << (free - taken))
+        at += taken
     return at
 
 
@@ -81,9 +85,14 @@ def encode_columns(table: Int32) -> UInt8:
 @njit(cache=True, nogil=True)
 def _take(data: UInt8, at: int, count: int) -> int:
     """The ``count`` bits at bit ``at``; the caller has checked that they are there."""
-    value = 0
-    for i in range(at, at + count):
-        value = (value << 1) | ((data[i >> 3] >> (7 - (i & 7))) & 1)
+    value, left = 0, count
+    while left > 0:
+        there = 8 - (at & 7)
+        taken = min(there, left)
+        chunk = (int(data[at >> 3]) >> (there - taken)) & ((1 << taken) - 1)
+        value = (value << taken) | chunk
+        at += taken
+        left -= taken
     return value
 
 

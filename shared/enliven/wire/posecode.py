@@ -195,7 +195,7 @@ def _difference_linear(
     for r in range(3):
         for c in range(3):
             relative[r, c] = rotation[0, r] * a[0, c] + rotation[1, r] * a[1, c] + rotation[2, r] * a[2, c]
-    nearest_rotation(relative, rooms[0, :, :4], rooms[1, :, :4], q)
+    nearest_rotation(relative, rooms[:2, :, :4], q)
     rotation_vector(q, turn)
     rotation_matrix(q, rotation)
     stretch_of(relative, rotation, stretch)
@@ -208,7 +208,7 @@ def _difference_linear(
 
 @njit(cache=True, nogil=True)
 def _tame(source: Float, a: Float) -> bool:
-    """Copy a linear part, scaled back where an entry is beyond ``LARGEST_LINEAR``; whether that was needed."""
+    """Copy a linear part, scaled back where an entry is beyond ``LARGEST_LINEAR``; whether it was needed."""
     largest = 0.0
     for r in range(3):
         for c in range(3):

@@ -75,19 +75,82 @@ def rotation_matrix(q: Float, out: Float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def nearest_rotation(a: Float, k: Float, vectors: Float, out: Float) -> None:
+def nearest_rotation(a: Float, room: Float, out: Float) -> None:
     """out (4,) = the quaternion, w >= 0, of the rotation Q that maximises trace(Q^T A).
 
-    That is A's polar part where det A > 0.
-    It is the eigenvector of the largest eigenvalue of a symmetric 4x4 matrix of A's entries (Horn,
-    "Closed-form solution of absolute orientation using unit quaternions", 1987, section 4A), found by cyclic
-    Jacobi rotations: so a reflected or singular A gets a proper rotation as well, and Q^T A is symmetric for
-    every A.
+    That is A's polar part where det A > 0. Q^T A is symmetric for every A, a reflected or singular one too.
 
     Args:
         a: (3, 3) finite.
-        k: (4, 4) room to work in.
-        vectors: (4, 4) room to work in.
+        room: (2, 4, 4) to work in.
+    """
+    if _polar_by_newton(a, room[0]):
+        _quaternion_of_matrix(room[0], out)
+    else:
+        _horn(a, room[0], room[1], out)
+
+
+@njit(cache=True, nogil=True)
+def _polar_by_newton(a: Float, x: Float) -> bool:
+    """x[:3, :3] = the polar part of A by X <- (X + X^-T) / 2 (Higham, "Computing the polar decomposition",
+    1986, eq. 3.2); False where A is reflected, or too near to singular for a few steps."""
+    size = 0.0
+    for r in range(3):
+        for c in range(3):
+            size += a[r, c] * a[r, c]
+    if not 1e-12 < size < 1e12:
+        return False
+    scale = math.sqrt(3.0 / size)
+    for r in range(3):
+        for c in range(3):
+            x[r, c] = scale * a[r, c]
+    for step in range(8):
+        c00, c01 = x[1, 1] * x[2, 2] - x[1, 2] * x[2, 1], x[1, 2] * x[2, 0] - x[1, 0] * x[2, 2]
+        c02, c10 = x[1, 0] * x[2, 1] - x[1, 1] * x[2, 0], x[0, 2] * x[2, 1] - x[0, 1] * x[2, 2]
+        c11, c12 = x[0, 0] * x[2, 2] - x[0, 2] * x[2, 0], x[0, 1] * x[2, 0] - x[0, 0] * x[2, 1]
+        c20, c21 = x[0, 1] * x[1, 2] - x[0, 2] * x[1, 1], x[0, 2] * x[1, 0] - x[0, 0] * x[1, 2]
+        c22 = x[0, 0] * x[1, 1] - x[0, 1] * x[1, 0]
+        det = x[0, 0] * c00 + x[0, 1] * c01 + x[0, 2] * c02
+        if det < 0.02:
+            return False
+        f = 0.5 / det
+        x[0, 0], x[0, 1], x[0, 2] = 0.5 * x[0, 0] + f * c00, 0.5 * x[0, 1] + f * c01, 0.5 * x[0, 2] + f * c02
+        x[1, 0], x[1, 1], x[1, 2] = 0.5 * x[1, 0] + f * c10, 0.5 * x[1, 1] + f * c11, 0.5 * x[1, 2] + f * c12
+        x[2, 0], x[2, 1], x[2, 2] = 0.5 * x[2, 0] + f * c20, 0.5 * x[2, 1] + f * c21, 0.5 * x[2, 2] + f * c22
+        # After one step no singular value is below 1, so det - 1 bounds how far each was above 1 before this
+        # step, which squares it.
+        if step > 0 and det - 1.0 < 1e-5:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _quaternion_of_matrix(m: Float, out: Float) -> None:
+    """out (4,) = the quaternion, w >= 0, of a rotation matrix (Shepperd, 1978: divide by the largest)."""
+    trace = m[0, 0] + m[1, 1] + m[2, 2]
+    if trace > max(m[0, 0], m[1, 1], m[2, 2]):
+        s = 2.0 * math.sqrt(1.0 + trace)
+        w, x, y, z = 0.25 * s, (m[2, 1] - m[1, 2]) / s, (m[0, 2] - m[2, 0]) / s, (m[1, 0] - m[0, 1]) / s
+    elif m[0, 0] >= max(m[1, 1], m[2, 2]):
+        s = 2.0 * math.sqrt(1.0 + m[0, 0] - m[1, 1] - m[2, 2])
+        w, x, y, z = (m[2, 1] - m[1, 2]) / s, 0.25 * s, (m[0, 1] + m[1, 0]) / s, (m[0, 2] + m[2, 0]) / s
+    elif m[1, 1] >= m[2, 2]:
+        s = 2.0 * math.sqrt(1.0 + m[1, 1] - m[0, 0] - m[2, 2])
+        w, x, y, z = (m[0, 2] - m[2, 0]) / s, (m[0, 1] + m[1, 0]) / s, 0.25 * s, (m[1, 2] + m[2, 1]) / s
+    else:
+        s = 2.0 * math.sqrt(1.0 + m[2, 2] - m[0, 0] - m[1, 1])
+        w, x, y, z = (m[1, 0] - m[0, 1]) / s, (m[0, 2] + m[2, 0]) / s, (m[1, 2] + m[2, 1]) / s, 0.25 * s
+    scale = (1.0 if w >= 0 else -1.0) / math.sqrt(w * w + x * x + y * y + z * z)
+    out[0], out[1], out[2], out[3] = scale * w, scale * x, scale * y, scale * z
+
+
+@njit(cache=True, nogil=True)
+def _horn(a: Float, k: Float, vectors: Float, out: Float) -> None:
+    """out (4,) = :func:`nearest_rotation` of any A, slowly.
+
+    It is the eigenvector of the largest eigenvalue of a symmetric 4x4 matrix of A's entries (Horn,
+    "Closed-form solution of absolute orientation using unit quaternions", 1987, section 4A), found by cyclic
+    Jacobi rotations.
     """
     k[0, 0], k[1, 1] = a[0, 0] + a[1, 1] + a[2, 2], a[0, 0] - a[1, 1] - a[2, 2]
     k[2, 2], k[3, 3] = a[1, 1] - a[0, 0] - a[2, 2], a[2, 2] - a[0, 0] - a[1, 1]
@@ -102,12 +165,8 @@ def nearest_rotation(a: Float, k: Float, vectors: Float, out: Float) -> None:
             vectors[i, j] = 1.0 if i == j else 0.0
     for _ in range(12):
         size = abs(k[0, 0]) + abs(k[1, 1]) + abs(k[2, 2]) + abs(k[3, 3])
-        first = abs(k[0, 1]) + abs(k[0, 2]) + abs(k[0, 3])
-        others = abs(k[1, 2]) + abs(k[1, 3]) + abs(k[2, 3])
-        # Near the identity the first axis stands alone, and above the others (Gershgorin), long before the
-        # rest is diagonal; only it is wanted.
-        leads = k[0, 0] > max(k[1, 1], k[2, 2], k[3, 3]) + others
-        if first <= 1e-9 * size and (leads or others <= 1e-9 * size):
+        off = abs(k[0, 1]) + abs(k[0, 2]) + abs(k[0, 3]) + abs(k[1, 2]) + abs(k[1, 3]) + abs(k[2, 3])
+        if off <= 1e-12 * size:
             break
         for p in range(3):
             for q in range(p + 1, 4):

@@ -49,14 +49,16 @@ def parse_endpoint(text: str) -> Endpoint:
         ports = ports.removeprefix(":")
     else:
         host, _, ports = host.partition(":")
-    numbers = [p for p in ports.split(":") if p]
-    valid = all(p.isdecimal() and 0 < int(p) < 65536 for p in numbers) and len(numbers) <= 2
+    numbers = [int(p) for p in ports.split(":") if p.isdecimal()]
+    if len(numbers) == 1:
+        numbers.append(numbers[0] + 1)
+    pose, control = numbers if len(numbers) == 2 else (POSE_PORT, CONTROL_PORT)
+    written = not ports or len(numbers) == 2 and all(p.isdecimal() for p in ports.split(":"))
+    valid = written and 0 < pose < 65536 and 0 < control < 65536
     if not host or not valid or any(c.isspace() or c in "/;" for c in host):
         raise InputError(
             f"{text!r} is no address of an edge", mend="Give HOST, HOST:PORT or HOST:PORT:CONTROL_PORT."
         )
-    pose = int(numbers[0]) if numbers else POSE_PORT
-    control = int(numbers[1]) if len(numbers) > 1 else pose + 1
     return Endpoint(host, pose, control)
 
 

@@ -1,0 +1,332 @@
+"""The edge's sockets: names, ports, requests, noise, and viewers that do not read."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import uuid
+from collections.abc import Iterator
+
+import msgspec
+import numpy as np
+import pytest
+import zmq
+
+from enliven.character import Character, Pose, SkinWeights
+from enliven.errors import InputError, ResourceError
+from enliven.wire import messages, topics
+from enliven.wire.envelope import pack_control, unpack_control, unpack_stream
+from enliven_edge.name_lock import NameLock
+from enliven_edge.publisher import Publisher
+
+
+def unique() -> str:
+    return f"test-{uuid.uuid4().hex[:10]}"
+
+
+def character(name: str = "chair", count: int = 8) -> Character:
+    pivots = np.random.default_rng(0).normal(size=(count, 3)).astype(np.float32)
+    skin = SkinWeights(np.zeros((count, 4), np.uint16), np.full((count, 4), 0.25, np.float32))
+    return Character(name, pivots, np.array([[0, 1, 2]], np.int32), skin, pivots, np.zeros((0, 2), np.int32))
+
+
+@pytest.fixture
+def publisher() -> Iterator[Publisher]:
+    with Publisher(name=unique(), pose_port=0, control_port=0) as made:
+        yield made
+
+
+class Peer:
+    """A viewer by hand: raw sockets."""
+
+    def __init__(self, publisher: Publisher) -> None:
+        self.publisher = publisher
+        self.context = zmq.Context()
+        self.dealer = self.context.socket(zmq.DEALER)
+        self.dealer.connect(publisher.endpoint.control_address)
+        self.sub = self.context.socket(zmq.SUB)
+        self.sub.setsockopt(zmq.SUBSCRIBE, b"")
+        self.sub.connect(publisher.endpoint.stream_address)
+
+    def ask(self, body: messages.Ask, number: int = 1) -> messages.Answer:
+        self.dealer.send(pack_control(messages.Request(number, body)))
+        return self.reply(number).body
+
+    def reply(self, number: int) -> messages.Reply:
+        reply: messages.Reply = unpack_control(self.raw_reply(), topics.REPLY)
+        assert reply.id == number
+        return reply
+
+    def raw_reply(self) -> bytes:
+        for _ in range(1000):
+            assert not self.publisher.poll()
+            if self.dealer.poll(5):
+                return self.dealer.recv()
+        raise AssertionError("no reply")
+
+    def commands(self) -> list:
+        for _ in range(1000):
+            commands = self.publisher.poll()
+            if commands:
+                return commands
+            time.sleep(0.005)
+        raise AssertionError("no command")
+
+    def listen(self) -> None:
+        """Until the streams arrive."""
+        for _ in range(1000):
+            self.publisher.beat()
+            if self.sub.poll(5):
+                return
+        raise AssertionError("no heartbeat")
+
+    def received(self, count: int) -> list:
+        """The next ``count`` messages that are no heartbeats."""
+        found = []
+        while len(found) < count and self.sub.poll(5000):
+            topic, message = unpack_stream(self.sub.recv())
+            if topic is not topics.STATUS:
+                found.append(message)
+        return found
+
+    def close(self) -> None:
+        self.context.destroy(linger=0)
+
+
+@pytest.fixture
+def peer(publisher: Publisher) -> Iterator[Peer]:
+    made = Peer(publisher)
+    yield made
+    made.close()
+
+
+def test_poses_arrive_in_order_with_their_times(publisher: Publisher, peer: Peer) -> None:
+    thing = character()
+    assert publisher.set_character(thing) == 1
+    peer.listen()
+    sent = [publisher.publish_pose(thing.rest_pose(i), 1000 + i) for i in range(20)]
+    got = peer.received(20)
+    assert got == sent
+    assert [m.sequence for m in got] == list(range(20))
+    assert [m.time_ns for m in got] == list(range(20))
+    assert {m.instance for m in got} == {publisher.instance} and {m.revision for m in got} == {1}
+
+
+def test_a_late_joiner_is_welcomed_with_all_there_is(publisher: Publisher, peer: Peer) -> None:
+    for name in ("chair", "lamp"):
+        publisher.set_character(character(name))
+    publisher.set_character(character("lamp"))
+    publisher.set_status(phase="tracking", note="hello", sensor="kinect")
+    publisher.publish(messages.CuesMessage("lamp", "possessed", bytes(4), bytes(2), 1))
+    for i in range(5):
+        publisher.publish_pose(character("lamp").rest_pose(i))
+    welcome = peer.ask(messages.Hello("late"))
+    assert isinstance(welcome, messages.Welcome)
+    assert welcome.characters == [messages.Revision("chair", 1), messages.Revision("lamp", 2)]
+    assert (welcome.status.phase, welcome.status.note, welcome.status.edge) == (
+        "tracking", "hello", publisher.name,
+    )  # fmt: skip
+    latest = [unpack_stream(each)[1] for each in welcome.latest]
+    assert {type(m) for m in latest} == {messages.PoseMessage, messages.CuesMessage}
+    assert [m.time_ns for m in latest if isinstance(m, messages.PoseMessage)] == [4]
+    lamp = peer.ask(messages.GetState("lamp"), 2)
+    assert isinstance(lamp, messages.CharacterMessage) and lamp.revision == 2 and lamp.vertex_count == 8
+    assert isinstance(peer.ask(messages.GetState("sofa"), 3), messages.Refused)
+
+
+def test_a_removed_character_is_gone_from_the_welcome(publisher: Publisher, peer: Peer) -> None:
+    publisher.set_character(character())
+    publisher.publish_pose(character().rest_pose())
+    before = publisher.status.revision
+    publisher.remove_character("chair")
+    welcome = peer.ask(messages.Hello("v"))
+    assert isinstance(welcome, messages.Welcome) and not welcome.characters and not welcome.latest
+    assert welcome.status.revision > before
+
+
+def test_commands_come_from_poll_and_are_answered(publisher: Publisher, peer: Peer) -> None:
+    peer.ask(messages.Hello("Ada", True))
+    assert publisher.viewers == 1
+    peer.dealer.send(pack_control(messages.Request(5, messages.Possess("chair", 2, "legs"))))
+    (command,) = peer.commands()
+    assert command.request == messages.Possess("chair", 2, "legs") and command.viewer == "Ada"
+    command.reply_refused("nobody is in view" + "!" * 1000)
+    refused = peer.reply(5).body
+    assert isinstance(refused, messages.Refused) and refused.reason.startswith("nobody is in view")
+    peer.dealer.send(pack_control(messages.Request(6, messages.Release("chair"))))
+    peer.commands()[0].reply_done()
+    assert peer.reply(6).body == messages.Done()
+
+
+def test_only_viewers_that_the_streams_reach_are_counted(publisher: Publisher, peer: Peer) -> None:
+    peer.ask(messages.Hello("v", False))
+    assert publisher.viewers == 0
+    peer.ask(messages.Ping("v", 1, True))
+    assert publisher.viewers == 1
+
+
+def test_a_ping_is_answered_with_the_edges_clock(publisher: Publisher, peer: Peer) -> None:
+    before = time.time_ns()
+    pong = peer.ask(messages.Ping("v", 77))
+    assert isinstance(pong, messages.Pong)
+    assert pong.sent_ns == 77 and before <= pong.edge_ns <= time.time_ns()
+
+
+def test_another_version_is_told_so(publisher: Publisher, peer: Peer) -> None:
+    peer.dealer.send(b"\x63" + pack_control(messages.Request(1, messages.Hello("v")))[1:])
+    refused = unpack_control(peer.raw_reply(), topics.REPLY).body
+    assert "version 99" in refused.reason
+    assert publisher.malformed == 1
+
+
+def test_noise_on_the_control_socket_is_counted_and_disturbs_nobody(publisher: Publisher, peer: Peer) -> None:
+    rng = np.random.default_rng(0)
+    noise = [b"", b"\0", bytes([messages.VERSION]), b"\x01\xdd\xff\xff\xff\xff"]
+    noise += [rng.bytes(int(n)) for n in rng.integers(0, 2000, 100)]
+    noise += [pack_control(messages.Reply(1, messages.Done()))]
+    for each in noise:
+        peer.dealer.send(each)
+    peer.dealer.send_multipart([b"two", b"parts"])
+    while publisher.malformed < len(noise) + 1:
+        assert not publisher.poll()
+    while peer.dealer.poll(200):
+        assert isinstance(unpack_control(peer.dealer.recv(), topics.REPLY).body, messages.Refused)
+    assert isinstance(peer.ask(messages.Ping("v", 1)), messages.Pong)
+
+
+def test_a_message_beyond_the_limit_costs_only_its_sender_the_connection(
+    publisher: Publisher, peer: Peer
+) -> None:
+    rude = Peer(publisher)
+    rude.dealer.send(bytes(1_000_000))
+    assert isinstance(peer.ask(messages.Ping("v", 1)), messages.Pong)
+    rude.close()
+    raw = socket.create_connection(("127.0.0.1", publisher.endpoint.control_port))
+    raw.sendall(b"GET / HTTP/1.1\r\n\r\n" * 50)
+    raw.close()
+    assert isinstance(peer.ask(messages.Ping("v", 1), 2), messages.Pong)
+
+
+def test_a_subscriber_that_never_reads_slows_nobody(publisher: Publisher, peer: Peer) -> None:
+    """More bytes than every buffer on the way holds: a publisher that waited would never come to the end."""
+    thing = character(count=64)
+    publisher.set_character(thing)
+    peer.sub.setsockopt(zmq.RCVHWM, 1)
+    stuck = Peer(publisher)
+    stuck.listen()
+    rng = np.random.default_rng(0)
+    linear = rng.normal(size=(64, 3, 3)).astype(np.float32)
+    positions = rng.normal(size=(64, 3)).astype(np.float32)
+    sent = sum(
+        len(publisher.publish_pose(Pose("chair", i, linear, positions)).transforms) for i in range(8000)
+    )
+    assert sent > 6_000_000
+    fresh = Peer(publisher)
+    fresh.listen()
+    last = publisher.publish_pose(Pose("chair", 9000, linear, positions))
+    assert fresh.received(1) == [last]
+    fresh.close()
+    stuck.close()
+
+
+def test_a_vanished_subscriber_is_forgotten(publisher: Publisher) -> None:
+    thing = character()
+    publisher.set_character(thing)
+    for _ in range(5):
+        gone = Peer(publisher)
+        gone.listen()
+        gone.close()
+        publisher.publish_pose(thing.rest_pose())
+    assert not publisher.poll()
+
+
+def test_bad_transforms_are_counted_and_said_once(
+    publisher: Publisher, caplog: pytest.LogCaptureFixture
+) -> None:
+    publisher.set_character(character())
+    pose = character().rest_pose()
+    pose.linear[2] = np.nan
+    for _ in range(3):
+        publisher.publish_pose(pose)
+    assert publisher.clamped == 3 and len(caplog.records) == 1
+
+
+def test_a_character_that_cannot_go_leaves_what_was_there(publisher: Publisher) -> None:
+    publisher.set_character(character())
+    with pytest.raises(InputError):
+        publisher.set_character(character("x" * 65))
+    with pytest.raises(InputError):
+        publisher.set_character(character(count=5000))
+    assert publisher.revision("chair") == 1 and publisher.revision("x" * 65) == 0
+    publisher.publish_pose(character().rest_pose())
+
+
+def test_status_fields_are_made_fit_for_the_wire(publisher: Publisher) -> None:
+    publisher.set_status(fps=float("nan"), note="x" * 1000, latency_p50_ms=float("inf"))
+    data = msgspec.msgpack.encode(publisher.status)
+    back = msgspec.msgpack.decode(data, type=messages.StatusMessage)
+    assert back.fps == 0 and back.latency_p50_ms == 0 and len(back.note) <= 400
+    with pytest.raises(TypeError):
+        publisher.set_status(colour="red")
+
+
+def test_a_port_in_use_is_named_and_nothing_stays_taken() -> None:
+    name = unique()
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(ResourceError, match=rf"{port}.*in use.*--port"):
+            Publisher(name=name, pose_port=port, control_port=0)
+        with pytest.raises(ResourceError, match=rf"{port}.*in use.*--control-port"):
+            Publisher(name=name, pose_port=0, control_port=port)
+    Publisher(name=name, pose_port=port, control_port=0).close()
+
+
+@pytest.mark.parametrize("host", ["192.0.2.1", "no such host"])
+def test_an_address_that_is_not_ours_is_named(host: str) -> None:
+    with pytest.raises(ResourceError, match="--host"):
+        Publisher(name=unique(), host=host, pose_port=0, control_port=0)
+
+
+def test_a_name_is_taken_once_and_free_again_after() -> None:
+    name = unique()
+    with (
+        Publisher(name=name, pose_port=0, control_port=0),
+        pytest.raises(ResourceError, match=rf"{name}.*process {os.getpid()}.*--name"),
+    ):
+        Publisher(name=name, pose_port=0, control_port=0)
+    Publisher(name=name, pose_port=0, control_port=0).close()
+
+
+@pytest.mark.parametrize("name", ["a/b", "../up", "ünï", "a b", "con\0"])
+def test_any_name_makes_a_lock_of_its_own(name: str) -> None:
+    name += uuid.uuid4().hex[:6]
+    lock, other = NameLock(name), NameLock(name.replace("/", "_") + "x")
+    with pytest.raises(ResourceError):
+        NameLock(name)
+    lock.close()
+    other.close()
+    NameLock(name).close()
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="there is no kill -9 here")
+def test_a_killed_edge_does_not_keep_its_name() -> None:
+    name = unique()
+    code = f"import time; from enliven_edge.name_lock import NameLock; k = NameLock({name!r})"
+    holder = subprocess.Popen(
+        [sys.executable, "-c", code + "; print('held', flush=True); time.sleep(60)"], stdout=subprocess.PIPE
+    )
+    try:
+        assert holder.stdout is not None and holder.stdout.readline().strip() == b"held"
+        with pytest.raises(ResourceError, match=f"process {holder.pid}"):
+            NameLock(name)
+        holder.send_signal(signal.SIGKILL)
+    finally:
+        holder.kill()
+        holder.wait()
+    NameLock(name).close()

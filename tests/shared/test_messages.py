@@ -1,0 +1,271 @@
+"""Messages there and back; and everything that is not a message is refused, whatever it is."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.body import Body
+from enliven.character import Character, SkinWeights
+from enliven.errors import InputError
+from enliven.wire import convert, envelope, messages, topics
+from enliven.wire.envelope import Malformed, OtherVersion
+from enliven.wire.posecode import PoseCodec
+from enliven.wire.sockets import Endpoint, parse_endpoint
+
+few = settings(max_examples=60, deadline=None)
+EXAMPLES = [
+    messages.PoseMessage("chair", 1, 2, 3, 4, 5, 6, b"abc"),
+    messages.BodiesMessage(1, 2, [messages.PackedBody(3, bytes(120), bytes(20))]),
+    messages.CuesMessage("chair", "possessed", bytes(4), bytes(2), 1),
+    messages.StatusMessage("edge", 1, 2, 3, note="fine", fps=30.0),
+]
+ASKS = [
+    messages.Hello("v", True),
+    messages.GetState("chair"),
+    messages.Possess("chair", None),
+    messages.Possess("chair", 3, "legs"),
+    messages.Release("chair"),
+    messages.Ping("v", 1),
+]
+ANSWERS = [
+    messages.Welcome(EXAMPLES[3], [messages.Revision("chair", 2)], [b"x"]),
+    messages.Done("ok"),
+    messages.Refused("no"),
+    messages.Pong(1, 2),
+]
+
+
+def chair(colours: bool = False) -> Character:
+    rng = np.random.default_rng(0)
+    weights = rng.uniform(size=(5, 4)).astype(np.float32)
+    return Character(
+        "chair",
+        rng.normal(size=(5, 3)).astype(np.float32),
+        np.array([[0, 1, 2], [2, 3, 4]], np.int32),
+        SkinWeights(rng.integers(0, 3, (5, 4)).astype(np.uint16), weights),
+        rng.normal(size=(3, 3)).astype(np.float32),
+        np.array([[0, 1], [1, 2]], np.int32),
+        "bones",
+        rng.integers(0, 256, (5, 3)).astype(np.uint8) if colours else None,
+    )
+
+
+@pytest.mark.parametrize("message", EXAMPLES, ids=lambda m: type(m).__name__)
+def test_streams_survive(message: object) -> None:
+    topic, back = envelope.unpack_stream(envelope.pack_stream(message))
+    assert back == message and topic.type is type(message)
+
+
+@pytest.mark.parametrize("body", ASKS, ids=lambda m: type(m).__name__)
+def test_requests_survive(body: object) -> None:
+    request = messages.Request(7, body)
+    assert envelope.unpack_control(envelope.pack_control(request), topics.REQUEST) == request
+
+
+@pytest.mark.parametrize("body", ANSWERS, ids=lambda m: type(m).__name__)
+def test_replies_survive(body: object) -> None:
+    reply = messages.Reply(7, body)
+    assert envelope.unpack_control(envelope.pack_control(reply), topics.REPLY) == reply
+
+
+def test_the_table_is_whole() -> None:
+    assert len({t.name for t in topics.TOPICS}) == len(topics.TOPICS)
+    assert all(t.max_bytes < topics.MAX_STREAM_BYTES for t in topics.STREAMS.values())
+    assert {type(m) for m in EXAMPLES} == {t.type for t in topics.STREAMS.values()}
+    assert all(t.name.isascii() and "\0" not in t.name for t in topics.TOPICS)
+
+
+def test_a_newer_program_may_append_fields() -> None:
+    data = msgspec.msgpack.encode([*msgspec.to_builtins(EXAMPLES[3], builtin_types=(bytes,)), "later", 1])
+    head = b"status\0" + bytes([messages.VERSION])
+    assert envelope.unpack_stream(head + data)[1] == EXAMPLES[3]
+    request = {"id": 1, "body": {"type": "Hello", "viewer": "v", "colour": "red"}, "more": 1}
+    data = bytes([messages.VERSION]) + msgspec.msgpack.encode(request)
+    assert envelope.unpack_control(data, topics.REQUEST).body == messages.Hello("v")
+
+
+@pytest.mark.parametrize("colours", [False, True])
+def test_a_character_survives(colours: bool) -> None:
+    made = chair(colours)
+    reply = messages.Reply(1, convert.character_to_message(made, 4))
+    back = envelope.unpack_control(envelope.pack_control(reply), topics.REPLY).body
+    assert back.revision == 4
+    read = convert.message_to_character(back)
+    for name in ("vertices", "faces", "pivots", "edges", "colours"):
+        assert np.array_equal(getattr(read, name), getattr(made, name)), name
+    assert np.array_equal(read.skin.indices, made.skin.indices)
+    assert np.array_equal(read.skin.weights, made.skin.weights)
+    assert (read.id, read.kind) == (made.id, made.kind)
+    assert PoseCodec(read).decode(PoseCodec(made).encode(made.rest_pose()).data)[0].shape == (3, 3, 3)
+
+
+def test_bodies_survive_within_half_a_millimetre() -> None:
+    rng = np.random.default_rng(1)
+    bodies = [Body(i, rng.uniform(-8, 8, (20, 3)), rng.uniform(size=20)) for i in range(3)]
+    back = convert.message_to_bodies(convert.bodies_to_message(bodies, 5, 6))
+    for a, b in zip(bodies, back, strict=True):
+        assert a.id == b.id
+        assert np.linalg.norm(a.joints - b.joints, axis=1).max() <= 0.5e-3
+        assert np.abs(a.confidence - b.confidence).max() <= 0.5 / 255 + 1e-12
+
+
+def test_bodies_with_holes_go_with_no_confidence() -> None:
+    body = Body(1, np.zeros((20, 3)), np.ones(20))
+    body.joints[4, 1], body.joints[5, 0], body.confidence[6] = np.nan, 1e9, np.nan
+    (back,) = convert.message_to_bodies(convert.bodies_to_message([body], 0))
+    assert back.confidence[4] == 0 and back.confidence[6] == 0 and np.isfinite(back.joints).all()
+    assert back.joints[5, 0] <= 16.0
+
+
+def test_cues_survive_and_free_with_nodes_is_a_preview() -> None:
+    message = convert.cues_to_message("chair", "free", np.array([3, 500]), np.array([0.5, 2.0]), None)
+    nodes, strengths = convert.message_to_cues(message)
+    assert message.state == "preview" and message.body == -1
+    assert nodes.tolist() == [3, 500] and np.allclose(strengths, [0.5, 1.0], atol=1 / 255)
+    with pytest.raises(InputError, match="flying"):
+        convert.cues_to_message("chair", "flying", np.empty(0), np.empty(0))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"vertices": np.full((5, 3), np.nan, np.float32)},
+        {"pivots": np.full((3, 3), np.inf, np.float32)},
+        {"skin": SkinWeights(np.zeros((5, 4), np.uint16), np.full((5, 4), np.nan, np.float32))},
+    ],
+    ids=lambda c: next(iter(c)),
+)
+def test_a_character_with_bad_numbers_is_refused(change: dict) -> None:
+    with pytest.raises(InputError, match="finite"):
+        convert.message_to_character(convert.character_to_message(replace(chair(), **change), 1))
+
+
+def test_a_character_whose_indices_point_outside_is_refused() -> None:
+    message = convert.character_to_message(chair(), 1)
+    for name in ("faces", "edges", "indices"):
+        data = b"\xff\x7f" + getattr(message, name)[2:]
+        with pytest.raises(InputError):
+            convert.message_to_character(msgspec.structs.replace(message, **{name: data}))
+
+
+def test_a_character_too_large_for_the_wire_is_refused_before_it_is_sent() -> None:
+    with pytest.raises(InputError, match="65 characters"):
+        convert.character_to_message(replace(chair(), id="x" * 65), 1)
+
+
+@pytest.mark.parametrize("name", ["vertices", "faces", "indices", "weights", "pivots", "edges", "colours"])
+@pytest.mark.parametrize("cut", [1, 4])
+def test_array_lengths_must_match_the_counts(name: str, cut: int) -> None:
+    values = msgspec.structs.asdict(convert.character_to_message(chair(True), 1))
+    values[name] = values[name][:-cut]
+    data = {"id": 1, "body": {"type": "CharacterMessage", **values}}
+    with pytest.raises(Malformed, match=name):
+        envelope.unpack_control(bytes([messages.VERSION]) + msgspec.msgpack.encode(data), topics.REPLY)
+
+
+HEADS = {t.name: t.name.encode() + b"\0" + bytes([messages.VERSION]) for t in topics.STREAMS.values()}
+BAD = {
+    "empty": b"",
+    "no topic": b"\0\1\x90",
+    "unknown topic": b"poses\0\1\x90",
+    "no payload": b"pose\0",
+    "no message": HEADS["pose"],
+    "a topic without end": b"a" * 100,
+    "not msgpack": HEADS["pose"] + b"\xc1",
+    "huge array": HEADS["pose"] + b"\xdd\xff\xff\xff\xff",
+    "huge bytes": HEADS["bodies"] + b"\x93\1\2\xdd\xff\xff\xff\xff",
+    "huge string": HEADS["status"] + b"\x94\xdb\xff\xff\xff\xff",
+    "deep": HEADS["pose"] + b"\x91" * 100_000,
+    "deep map": HEADS["pose"] + b"\x98" + b"\x81\xa1a" * 60_000,
+    "too long": HEADS["status"] + msgspec.msgpack.encode(["e", 1, 2, 3, "x" * 5000]),
+    "not utf-8": HEADS["status"] + b"\x94\xa2\xff\xfe\1\2\3",
+    "wrong type": HEADS["pose"] + msgspec.msgpack.encode(["chair", "1", 2, 3, 4, 5, 6, b""]),
+    "empty id": HEADS["pose"] + msgspec.msgpack.encode(["", 1, 2, 3, 4, 5, 6, b""]),
+    "long id": HEADS["pose"] + msgspec.msgpack.encode(["x" * 65, 1, 2, 3, 4, 5, 6, b""]),
+    "negative": HEADS["pose"] + msgspec.msgpack.encode(["chair", -1, 2, 3, 4, 5, 6, b""]),
+    "beyond 63 bits": HEADS["pose"] + msgspec.msgpack.encode(["chair", 1, 2, 3, 2**64 - 1, 5, 6, b""]),
+    "short joints": HEADS["bodies"] + msgspec.msgpack.encode([1, 2, [[1, bytes(119), bytes(20)]]]),
+    "many bodies": HEADS["bodies"] + msgspec.msgpack.encode([1, 2, [[1, bytes(120), bytes(20)]] * 33]),
+    "cues of two lengths": HEADS["cues"] + msgspec.msgpack.encode(["chair", "free", bytes(4), bytes(3), 1]),
+    "unknown state": HEADS["cues"] + msgspec.msgpack.encode(["chair", "flying", b"", b"", 1]),
+    "nan": HEADS["status"] + msgspec.msgpack.encode(["e", 1, 2, 3, "", "w", "", math.nan]),
+    "infinite": HEADS["status"] + msgspec.msgpack.encode(["e", 1, 2, 3, "", "w", "", math.inf]),
+    "trailing bytes": HEADS["status"] + msgspec.msgpack.encode(["e", 1, 2, 3]) + b"\0",
+}
+
+
+@pytest.mark.parametrize("data", BAD.values(), ids=BAD.keys())
+def test_malformed_streams_are_refused(data: bytes) -> None:
+    with pytest.raises(Malformed):
+        envelope.unpack_stream(data)
+
+
+@few
+@given(st.sampled_from(sorted(HEADS)), st.binary(max_size=200))
+def test_noise_is_refused_or_is_a_message(topic: str, noise: bytes) -> None:
+    for data in (noise, HEADS[topic] + noise):
+        try:
+            found, message = envelope.unpack_stream(data)
+        except Malformed:
+            continue
+        assert isinstance(message, found.type)
+
+
+@few
+@given(st.sampled_from(EXAMPLES), st.data())
+def test_cut_and_flipped_messages_never_raise_anything_else(message: object, data: st.DataObject) -> None:
+    packed = bytearray(envelope.pack_stream(message))
+    at = data.draw(st.integers(0, len(packed) - 1))
+    with pytest.raises(Malformed):
+        envelope.unpack_stream(bytes(packed[:at]))
+    packed[at] ^= data.draw(st.integers(1, 255))
+    try:
+        envelope.unpack_stream(bytes(packed))
+    except Malformed as error:
+        assert error.kind and error.why
+
+
+def test_another_version_is_told_from_noise() -> None:
+    data = envelope.pack_stream(EXAMPLES[3]).replace(b"status\0\1", b"status\0\7")
+    with pytest.raises(OtherVersion, match="version 7") as caught:
+        envelope.unpack_stream(data)
+    assert caught.value.version == 7
+
+
+def test_each_kind_of_malformed_message_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
+    rejects = envelope.Rejects("a test")
+    with caplog.at_level(logging.WARNING):
+        for _ in range(50):
+            rejects.add(Malformed("pose", "noise"))
+            rejects.add(Malformed("status", "noise"))
+    assert rejects.total == 100 and rejects.counts["pose"] == 50
+    assert len(caplog.records) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("kiosk", Endpoint("kiosk", 5580, 5581)),
+        ("10.0.0.2:6000", Endpoint("10.0.0.2", 6000, 6001)),
+        ("tcp://10.0.0.2:6000:7000", Endpoint("10.0.0.2", 6000, 7000)),
+        ("[::1]:6000", Endpoint("::1", 6000, 6001)),
+        ("[::1]", Endpoint("::1", 5580, 5581)),
+    ],
+)
+def test_addresses(text: str, expected: Endpoint) -> None:
+    assert parse_endpoint(text) == expected
+    assert parse_endpoint(str(expected)) == expected
+
+
+@pytest.mark.parametrize("text", ["", ":5", "a:b", "a:0", "a:70000", "a:1:2:3", "a b", "a/b", "a:65535"])
+def test_no_addresses(text: str) -> None:
+    with pytest.raises(InputError, match="address"):
+        parse_endpoint(text)
