@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Float, Int
 from enliven.body import Body
 from enliven.character import Character, Pose
 from enliven.deformation.attachment import Attachment, AttachmentSettings, attach, parts_named
@@ -49,7 +49,7 @@ class Cues:
     """
 
     state: State
-    nodes: Float
+    nodes: Int
     strengths: Float
     body: int
 

@@ -102,7 +102,8 @@ def _surroundings(w: int, ww: int, n: int, ne: int, p: int, recent: int) -> int:
     size = 0
     while size < 11 and recent >> size > 0:
         size += 1
-    return (((size * 5 + _shape(n - p)) * 5 + _shape(w - p)) * 5 + _shape(ne - p)) * 5 + _shape(ww - w)
+    at = (((size * 5 + _shape(n - p)) * 5 + _shape(w - p)) * 5 + _shape(ne - p)) * 5 + _shape(ww - w)
+    return int(at)
 
 
 @njit(cache=True, nogil=True)
@@ -226,4 +227,4 @@ def unpack_levels(data: UInt8, values: UInt16, tabled: bool, depth: UInt16) -> b
         coder[3] = (coder[3] << 8) | (int(np.int64(data[at])) if at < data.size else 0)
     if tabled and not _code_table(values, data, coder, states, False):
         return False
-    return _code_image(depth, values, values.size - 1, data, coder, states, False)
+    return bool(_code_image(depth, values, values.size - 1, data, coder, states, False))

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from enliven.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
 from enliven.wire import bits, quantize
-from enliven.wire.posecode import MAX_TRANSFORMS, PoseCodec, spanning_tree
+from enliven.wire.posecode import MAX_TRANSFORMS, PoseCodec, _restore, spanning_tree, warm_up
 
 SEEDS = st.integers(0, 2**32 - 1)
 few = settings(max_examples=40, deadline=None)
@@ -182,6 +182,14 @@ def test_a_pose_of_another_character_or_damaged_bytes_are_refused() -> None:
     for broken in (data[:-1], data + b"\0", data[:4], data[:3], b"", data[:4] + b"\xff" * 300):
         with pytest.raises(ValueError):
             codec.decode(broken)
+
+
+def test_the_warm_up_compiles_what_a_pose_needs() -> None:
+    warm_up()
+    compiled = len(_restore.signatures)
+    codec = PoseCodec(character(12))
+    codec.decode(codec.encode(random_pose(12, 0, 0.1)).data)
+    assert len(_restore.signatures) == compiled
 
 
 @few

@@ -106,10 +106,12 @@ def test_two_edges_of_one_name(tmp_path):
 
 
 def test_a_viewer_with_no_edge(tmp_path):
-    asked = enliven(
-        "view", "--film", str(tmp_path / "a.mp4"), "--port", "1", "--control-port", "2", "--wait", "1"
-    )
+    settings = tmp_path / "viewer.toml"
+    settings.write_text("[film]\npatience = 1.0\n")
+    film = ["--film", str(tmp_path / "a.mp4"), "--settings", str(settings)]
+    asked = enliven("view", *film, "--port", "1", "--control-port", "2")
     assert asked.returncode == 4, asked.stderr
+    assert "no edge appeared" in asked.stderr
     assert "Traceback" not in asked.stderr
 
 

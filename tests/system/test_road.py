@@ -1,4 +1,4 @@
-"""Both programs as processes, the shipped recording replayed to its end: poses and picture as they were stored.
+"""Both programs as processes, the shipped recording to its end: poses and picture as they were stored.
 
 ``pytest tests/system --record-references`` (or ``make record-references``) stores them again, on purpose.
 """

@@ -63,8 +63,8 @@ class HudState:
 
 def timeline_area(size: tuple[int, int], scale: float) -> tuple[float, float, float, float]:
     """x, y, width, height in pixels of the timeline's track."""
-    side = 132 * scale
-    return side, size[1] - 34 * scale, max(size[0] - 2 * side, 1.0), 6 * scale
+    left, right = 96 * scale, 150 * scale
+    return left, size[1] - 34 * scale, max(size[0] - left - right, 1.0), 6 * scale
 
 
 def timeline_fraction(x: float, y: float, size: tuple[int, int], scale: float) -> float | None:
@@ -155,7 +155,8 @@ class Hud:
         s, canvas = self.scale, self._canvas
         line = canvas.line_height(self._normal) + 3 * s
         width, height = 372 * s, line * len(KEYS) + 26 * s
-        x, y = size[0] - width - 16 * s, 16 * s
+        beside = size[0] > 2 * width
+        x, y = (size[0] - width - 16 * s, 16 * s) if beside else (16 * s, 104 * s)
         canvas.rectangle(x, y, width, height, GLASS, 10 * s)
         for row, (key, meaning) in enumerate(KEYS):
             canvas.text(x + 114 * s, y + 14 * s + row * line, key, self._normal, INK, align=1.0)

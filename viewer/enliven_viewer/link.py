@@ -12,6 +12,7 @@ import zmq
 from enliven.character import Character
 from enliven.errors import InputError
 from enliven.wire.messages import Answer, Possess, Refused, Release, StatusMessage
+from enliven.wire.posecode import warm_up
 from enliven.wire.sockets import Endpoint, parse_endpoint
 from enliven_viewer.edge_link import EdgeLink
 from enliven_viewer.received import Health, Notice, ReceivedBodies, ReceivedCues, ReceivedPose
@@ -35,6 +36,8 @@ class Link:
 
     With several edges a character's id is "edge/id" here, with one it is the id that the edge gave it.
 
+    Making one compiles the decoder of poses, which takes some seconds the first time on a machine.
+
     Args:
         endpoints: ``Endpoint``, or "host", "host:port" (commands one port on), "host:port:control_port".
         name: of this viewer, for the edges.
@@ -57,6 +60,7 @@ class Link:
         self._notices: deque[Notice] = deque(maxlen=200)
         self._heard: dict[tuple[str, int], tuple[float, float]] = {}
         several = len(found) > 1
+        warm_up()
 
         def label(edge: str, character: str) -> str:
             return f"{edge}/{character}" if several else character

@@ -5,16 +5,19 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 PARENT_VARIABLE = "ENLIVEN_PARENT"
 """The process id of the program that started this one; a child ends when that program is gone."""
 
 _GRACE = 8.0
+_GLANCE = 0.05
+"""Seconds to leave the children to end, and between looks at them."""
 
 
 @dataclass(frozen=True)
@@ -25,11 +28,13 @@ class Process:
         name: what it is called in messages.
         arguments: of the ``enliven`` command line.
         leads: the whole run ends when this one does.
+        ready: the next program of the list is started once this says so.
     """
 
     name: str
     arguments: Sequence[str]
     leads: bool = False
+    ready: Callable[[], bool] | None = None
 
 
 def run_together(processes: Sequence[Process]) -> int:
@@ -37,16 +42,50 @@ def run_together(processes: Sequence[Process]) -> int:
 
     Interrupts are left to the children, which the terminal sends them too, and this waits for them.
     """
-    with _started(processes) as children:
+    with _ended_together() as children:
         try:
-            while True:
-                for process, child in zip(processes, children, strict=True):
-                    code = child.poll()
-                    if code is not None and (process.leads or code != 0):
-                        return _meaning(code)
-                time.sleep(0.05)
+            for process in processes:
+                children.append(_start(process))
+                code = _wait_until_ready(process, children[-1])
+                if code is not None:
+                    return _meaning(code)
+            return _watch(processes, children)
         except KeyboardInterrupt:
             return 130
+
+
+def is_listening(host: str, port: int) -> bool:
+    """Whether something accepts connections there."""
+    try:
+        with socket.create_connection((host, port), timeout=0.2):
+            return True
+    except OSError:
+        return False
+
+
+def _start(process: Process) -> subprocess.Popen[bytes]:
+    """The program as a child that knows its parent."""
+    environment = {**os.environ, PARENT_VARIABLE: str(os.getpid())}
+    return subprocess.Popen([sys.executable, "-m", "enliven", *process.arguments], env=environment)
+
+
+def _wait_until_ready(process: Process, child: subprocess.Popen[bytes]) -> int | None:
+    """None as soon as the program is ready; its exit code where it ended before."""
+    while process.ready is not None and not process.ready():
+        if child.poll() is not None:
+            return child.returncode
+        time.sleep(_GLANCE)
+    return None
+
+
+def _watch(processes: Sequence[Process], children: Sequence[subprocess.Popen[bytes]]) -> int:
+    """The exit code of the first program that fails, or of the leading one."""
+    while True:
+        for process, child in zip(processes, children, strict=True):
+            code = child.poll()
+            if code is not None and (process.leads or code != 0):
+                return _meaning(code)
+        time.sleep(_GLANCE)
 
 
 def parent_is_gone() -> bool:
@@ -61,15 +100,11 @@ def parent_is_gone() -> bool:
 
 
 @contextlib.contextmanager
-def _started(processes: Sequence[Process]) -> Iterator[list[subprocess.Popen[bytes]]]:
-    """The running children; on the way out every one is ended, politely first."""
+def _ended_together() -> Iterator[list[subprocess.Popen[bytes]]]:
+    """A list for the children; on the way out every one is ended, politely first."""
     children: list[subprocess.Popen[bytes]] = []
-    environment = {**os.environ, PARENT_VARIABLE: str(os.getpid())}
     with _terminate_as_interrupt():
         try:
-            for process in processes:
-                command = [sys.executable, "-m", "enliven", *process.arguments]
-                children.append(subprocess.Popen(command, env=environment))
             yield children
         finally:
             _end(children)

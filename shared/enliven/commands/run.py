@@ -9,7 +9,7 @@ from pathlib import Path
 
 import typer
 
-from enliven.commands.processes import Process, run_together
+from enliven.commands.processes import Process, is_listening, run_together
 from enliven.errors import InputError, ResourceError
 from enliven.wire.ports import free_ports
 
@@ -47,7 +47,9 @@ def run(
     edge = _edge_arguments(recording, sensor, mesh, possess_at, parts, seconds, ports, as_film)
     edge += ["--record", str(record), "--overwrite"] if record else []
     view = _view_arguments(out, ports, as_film)
-    code = run_together([Process("edge", edge), Process("viewer", view, leads=True)])
+    # The edge compiles and prepares the mesh before it listens, a minute the very first time.
+    first = Process("edge", edge, ready=lambda: is_listening("127.0.0.1", ports[0]))
+    code = run_together([first, Process("viewer", view, leads=True)])
     if code:
         raise typer.Exit(code)
     if as_film:
@@ -77,7 +79,7 @@ def _edge_arguments(
     possess_at: float,
     parts: str,
     seconds: float | None,
-    ports: tuple[int, int],
+    ports: tuple[int, ...],
     as_film: bool,
 ) -> list[str]:
     """The edge's command line; a film loses no frame, so the edge waits for its viewer before it starts."""
@@ -95,7 +97,7 @@ def _edge_arguments(
     return arguments
 
 
-def _view_arguments(out: Path, ports: tuple[int, int], as_film: bool) -> list[str]:
+def _view_arguments(out: Path, ports: tuple[int, ...], as_film: bool) -> list[str]:
     """The viewer's command line."""
     arguments = ["view", "--edge", "127.0.0.1", "--port", str(ports[0]), "--control-port", str(ports[1])]
     if as_film:

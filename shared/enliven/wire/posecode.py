@@ -110,6 +110,13 @@ class PoseCodec:
         return linear, positions
 
 
+def warm_up() -> None:
+    """Compile the decoder, or load it compiled: seconds the first time, for which no frame should wait."""
+    table = np.empty((1, COLUMNS), np.int32)
+    decode_columns(np.full(COLUMNS // 2, 255, np.uint8), table)
+    _restore(table, np.zeros((1, 3)), np.zeros(1, np.int64), np.full(1, -1), False)
+
+
 def spanning_tree(pivots: Float, edges: AnyArray) -> tuple[Int, Int]:
     """The shortest tree over (J, 3) pivots: (J,) indices in the order they join it, (J,) parents by index.
 

@@ -53,7 +53,7 @@ def parse_endpoint(text: str) -> Endpoint:
     if len(numbers) == 1:
         numbers.append(numbers[0] + 1)
     pose, control = numbers if len(numbers) == 2 else (POSE_PORT, CONTROL_PORT)
-    written = not ports or len(numbers) == 2 and all(p.isdecimal() for p in ports.split(":"))
+    written = not ports or (len(numbers) == 2 and all(p.isdecimal() for p in ports.split(":")))
     valid = written and 0 < pose < 65536 and 0 < control < 65536
     if not host or not valid or any(c.isspace() or c in "/;" for c in host):
         raise InputError(
