@@ -141,7 +141,7 @@ class Outlet:
     def _write(self, topic: str, message: Any, time_ns: int) -> None:
         """To the take, with the message's JSON schema."""
         if self._take is not None:
-            kind: type[object] = type(message)
+            kind: Any = type(message)
             data = _ENCODER.encode(message)
             self._take.write(
                 topic, f"enliven.{kind.__name__}", _schema(kind), "jsonschema", "msgpack", data, time_ns
@@ -157,6 +157,6 @@ def _reply(command: Command, refused: str) -> None:
 
 
 @functools.cache
-def _schema(kind: type[object]) -> str:
+def _schema(kind: Any) -> str:
     """The JSON schema of a kind of message."""
     return msgspec.json.encode(msgspec.json.schema(kind)).decode()
