@@ -66,6 +66,12 @@ def link(publisher: Publisher) -> Iterator[Link]:
     made.close()
 
 
+def pivots_of(link: Link) -> int:
+    """How many pivots the chair has in the viewer, 0 where there is none."""
+    chair = link.characters.get("chair")
+    return len(chair.pivots) if chair else 0
+
+
 def joined(link: Link, publisher: Publisher) -> None:
     """Until nothing is missed any more."""
     until(link, lambda: "chair" in link.characters and publisher.viewers == 1, publisher)
@@ -182,7 +188,7 @@ def test_a_viewer_that_is_first_waits_and_a_restarted_edge_is_picked_up() -> Non
         with Publisher(name=name, **ports) as edge:
             edge.set_character(character(count=8 + start))
             until(link, lambda e=edge: e.viewers == 1 and link.status.instance == e.instance, edge)
-            until(link, lambda n=start: len(link.characters["chair"].pivots) == 8 + n, edge)
+            until(link, lambda n=start: pivots_of(link) == 8 + n, edge)
             link.take_poses()
             for i in range(5):
                 edge.publish_pose(character(count=8 + start).rest_pose(i))
