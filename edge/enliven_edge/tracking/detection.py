@@ -21,13 +21,14 @@ _ARMS = (
 _LEFT_ARM = [model.UPPER_ARM_L, model.FOREARM_L]
 _RIGHT_ARM = [model.UPPER_ARM_R, model.FOREARM_R]
 _SIDE_YAW = 1.2
+_REFINED = 3
 
 
 def detect(fitter: Fitter, observation: Observation, eye: Float, height: float) -> tuple[Posture, FitReport]:
     """The posture that explains the observation best from scratch.
 
     Each hypothesis stands under the crown of the observed points, facing the sensor or turned to a side; a
-    short coarse fit ranks them, and the best two are refined.
+    short coarse fit ranks them by energy, and the best three are refined.
 
     Args:
         eye: (3,) the sensor's position, world frame.
@@ -36,14 +37,14 @@ def detect(fitter: Fitter, observation: Observation, eye: Float, height: float) 
     coarse = []
     for start in _hypotheses(observation, eye, height):
         posture, report = fitter.fit(observation, start, iterations=8, width=0.25)
-        coarse.append((quality(report), posture))
-    coarse.sort(key=lambda pair: -pair[0])
+        coarse.append((report.energy, posture))
+    coarse.sort(key=lambda pair: pair[0])
     loose = np.full(len(model.LENGTHS), 30.0)
     best: tuple[Posture, FitReport] | None = None
-    for _, posture in coarse[:2]:
+    for _, posture in coarse[:_REFINED]:
         fitted = fitter.fit(observation, posture, iterations=15, width=0.12, proportions=loose)
         refined = fitter.fit(observation, fitted[0], iterations=15, proportions=loose)
-        if best is None or quality(refined[1]) > quality(best[1]):
+        if best is None or refined[1].energy < best[1].energy:
             best = refined
     assert best is not None
     return best

@@ -22,6 +22,8 @@ from enliven_edge.tracking.smoothing import OneEuro
 
 _GOOD, _ACCEPTABLE = 0.6, 0.45
 _FEWEST_PIXELS = 60
+_CLEARLY = 0.05
+"""How much better a less likely group of pixels must be explained to be taken for the person."""
 
 
 class Tracker:
@@ -134,7 +136,7 @@ class Tracker:
                 continue
             observation = observe(z, points, group, camera, mount, self.settings.fit.points)
             posture, report = detect(self._fitter, observation, mount[:3, 3], self.settings.body_height)
-            if best is None or quality(report) > best[0]:
+            if best is None or quality(report) > best[0] + _CLEARLY:
                 best = (quality(report), posture, report, observation, group)
         everyone = np.any(groups, axis=0) if groups else np.zeros(z.shape, bool)
         if best is None or best[0] < _GOOD:
