@@ -29,7 +29,7 @@ from enliven_viewer.timeline import NS, Moment
 
 _IDLE = 0.005
 _QUIET_END = 3.0
-"""Seconds without a pose after which an edge that has gone silent is taken for gone."""
+"""Seconds without a pose after which an edge whose heart does not beat either is taken for gone."""
 ENDED = "ended"
 
 
@@ -156,14 +156,16 @@ def _moments(
         over = document.edge.phase == ENDED
         arrived = feed.poll(document)
         heard = time.monotonic() if arrived else heard
-        # A later moment says that the one that is due is complete.
-        if timeline.end_ns > due or (timeline.end_ns == due and over and not arrived):
+        over = over and not arrived
+        gone = not document.edge.connected and time.monotonic() - heard > _QUIET_END
+        # A later moment says that the one that is due is complete; the last may be a little early.
+        if timeline.end_ns > due or ((over or gone) and timeline.end_ns > due - 0.5 * NS / rate):
             moment = timeline.at(due)
             assert moment is not None
             yield moment, count / rate
             timeline.drop_before(due)
             count += 1
-        elif (over and not arrived) or time.monotonic() - heard > _QUIET_END or parent_is_gone():
+        elif over or gone or parent_is_gone():
             return
         elif not arrived:
             time.sleep(_IDLE)

@@ -109,6 +109,8 @@ class Timeline:
             return self._moments[0]
         if right == len(self._moments):
             return self._moments[-1]
+        if self._times[right] == time_ns:
+            return self._moments[right]
         before, after = self._moments[right - 1], self._moments[right]
         return self._between(before, after, time_ns)
 

@@ -78,8 +78,9 @@ class Renderer:
     def resize(self, size: Size) -> None:
         """Change the picture's size; sizes without a pixel are ignored (a minimised window)."""
         if size != self.picture.size and size[0] > 0 and size[1] > 0:
-            self.picture.release()
-            self.picture = Picture(self.ctx, size, self.settings.samples)
+            before, self.picture = self.picture, Picture(self.ctx, size, self.settings.samples)
+            self.picture.drawn.use()  # moderngl binds anew what was bound, so that must still be there
+            before.release()
 
     def draw(self, scene: Scene, view: View) -> None:
         """Draw a scene into :attr:`picture` and resolve it."""

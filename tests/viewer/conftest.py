@@ -1,0 +1,83 @@
+"""Characters and bodies that the viewer's tests draw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import moderngl
+import numpy as np
+import pytest
+
+from enliven.body import BONES, Body
+from enliven.character import Character, SkinWeights
+from enliven.errors import ResourceError
+from enliven_viewer.render.context import offscreen_context
+
+SQUARES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+
+
+def box_mesh(low: tuple[float, ...], high: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """(8, 3) vertices and (12, 3) faces, outwards, of a box."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    vertices = np.array(low) + corners * (np.array(high) - np.array(low))
+    faces = [f for a, b, c, d in SQUARES for f in ((a, b, c), (a, c, d))]
+    return vertices.astype(np.float32), np.array(faces, np.int32)
+
+
+def character_of(vertices: np.ndarray, faces: np.ndarray, nodes: int, seed: int = 0) -> Character:
+    """A character whose graph nodes are random vertices, with inverse distance weights."""
+    rng = np.random.default_rng(seed)
+    pivots = vertices[rng.integers(0, len(vertices), nodes)] + rng.normal(0, 0.01, (nodes, 3))
+    distance = np.linalg.norm(vertices[:, None] - pivots[None], axis=2)
+    nearest = np.argsort(distance, axis=1)[:, :4]
+    nearest = np.pad(nearest, ((0, 0), (0, 4 - nearest.shape[1])))
+    weights = 1 / (np.take_along_axis(distance, nearest, 1) + 0.05)
+    weights /= weights.sum(1, keepdims=True)
+    edges = np.stack([np.arange(nodes - 1), np.arange(1, nodes)], 1).astype(np.int32)
+    skin = SkinWeights(nearest.astype(np.uint16), weights.astype(np.float32))
+    return Character("box", vertices, faces, skin, pivots.astype(np.float32), edges)
+
+
+@pytest.fixture
+def box() -> Character:
+    """A box of half a metre's width that stands on the floor, with 6 nodes."""
+    return character_of(*box_mesh((-0.25, 0.0, -0.25), (0.25, 1.0, 0.25)), nodes=6)
+
+
+@pytest.fixture
+def make_character() -> Callable[..., Character]:
+    """Build a character from vertices and faces."""
+    return character_of
+
+
+@pytest.fixture
+def make_box() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+    """Build the mesh of a box."""
+    return box_mesh
+
+
+@pytest.fixture
+def make_body() -> Callable[..., Body]:
+    """A body that stands upright at a place, its bones a hand long."""
+
+    def make(at: tuple[float, float, float] = (0.0, 1.0, 0.0), confidence: float = 1.0) -> Body:
+        ways = np.random.default_rng(3).normal(0, 1, (len(BONES), 3))
+        ways *= 0.2 / np.linalg.norm(ways, axis=1, keepdims=True)
+        joints = np.zeros((20, 3))
+        joints[0] = at
+        for way, (parent, child) in zip(ways, BONES, strict=True):
+            joints[child] = joints[parent] + way
+        return Body(1, joints, np.full(20, confidence))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def gl() -> Iterator[moderngl.Context]:
+    """An OpenGL context without a window."""
+    try:
+        ctx = offscreen_context()
+    except ResourceError as error:
+        pytest.skip(f"no OpenGL here: {error}")
+    yield ctx
+    ctx.release()

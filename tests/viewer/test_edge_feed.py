@@ -1,0 +1,74 @@
+"""From the link onto the timeline: what an edge publishes over real sockets is what is shown."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from enliven.body import Body
+from enliven.character import Pose
+from enliven.wire.convert import bodies_to_message, cues_to_message
+from enliven.wire.sockets import Endpoint
+from enliven_edge.publisher import Publisher
+from enliven_viewer.document import Document
+from enliven_viewer.edge_feed import EdgeFeed
+from enliven_viewer.link import Link
+from enliven_viewer.timeline import NS
+
+
+@pytest.fixture
+def publisher():
+    made = Publisher(name="test-feed", host="127.0.0.1", pose_port=0, control_port=0)
+    yield made
+    made.close()
+
+
+def until(condition, *steps, seconds: float = 10.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it never came"
+        for step in steps:
+            step()
+        time.sleep(0.005)
+
+
+def test_what_is_published_is_on_the_timeline(publisher, box) -> None:
+    publisher.set_character(box)
+    feed, document = EdgeFeed(Link([publisher.endpoint])), Document()
+
+    def turn() -> None:
+        list(publisher.poll())
+        feed.poll(document)
+
+    try:
+        until(lambda: document.edge.connected and "box" in document.characters, turn)
+        nodes = (np.array([1, 2]), np.array([1.0, 0.5]))
+        publisher.publish(bodies_to_message([Body(7, np.zeros((20, 3)), np.ones(20))], NS))
+        publisher.publish(cues_to_message("box", "possessed", *nodes, 7))
+        rest = box.rest_pose(NS)
+        publisher.publish_pose(
+            Pose("box", NS, rest.linear, rest.positions + 0.25), time.time_ns() - 20_000_000
+        )
+        until(lambda: len(document.timeline) and document.timeline.at(NS).possessed, turn)
+        until(lambda: document.timeline.at(NS).poses, turn)
+        moment = document.timeline.at(NS)
+        assert np.abs(moment.poses["box"].positions - box.pivots - 0.25).max() < 5e-3
+        assert moment.bodies[0].id == 7 and list(moment.cues["box"].nodes) == [1, 2]
+        assert document.edge.sensor_to_pose_ms >= 20
+        assert document.edge.pose_to_screen_ms >= 0
+    finally:
+        feed.close()
+
+
+def test_without_an_edge_the_document_says_where_it_is_awaited() -> None:
+    feed, document = EdgeFeed(Link([Endpoint("127.0.0.1", 9, 10)])), Document()
+    try:
+        assert feed.poll(document) == 0
+        assert not document.edge.connected and document.edge.address == "tcp://127.0.0.1:9"
+        feed.possess("box")
+        feed.poll(document)
+        assert "no character" in document.edge.message
+    finally:
+        feed.close()

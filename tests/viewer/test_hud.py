@@ -1,0 +1,86 @@
+"""The HUD: what it says, where it is drawn, and that text looks as its typeface does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from PIL import Image, ImageDraw, ImageFont
+
+from enliven_viewer.document import EdgeState
+from enliven_viewer.hud import Hud, HudState, clock, timeline_area, timeline_fraction
+from enliven_viewer.render.canvas import Canvas
+from enliven_viewer.render.font import CHARACTERS, make_atlas
+
+
+def canvas_of(gl, width: int, height: int):
+    texture = gl.texture((width, height), 4)
+    target = gl.framebuffer([texture])
+    target.clear(0, 0, 0, 1)
+    return target
+
+
+def pixels(target) -> np.ndarray:
+    raw = np.frombuffer(target.read(components=3, alignment=1), np.uint8)
+    return raw.reshape(target.height, target.width, 3)[::-1].astype(int)
+
+
+def test_a_rectangle_covers_its_pixels_and_no_others(gl) -> None:
+    target, canvas = canvas_of(gl, 64, 48), Canvas(gl, (16,))
+    canvas.rectangle(10, 5, 20, 8, (1, 1, 1, 1))
+    canvas.draw(target)
+    expected = np.zeros((48, 64))
+    expected[5:13, 10:30] = 255
+    assert np.abs(pixels(target)[..., 0] - expected).max() <= 1
+
+
+def test_text_is_what_the_typeface_draws(gl) -> None:
+    target, canvas = canvas_of(gl, 200, 40), Canvas(gl, (18,))
+    width = canvas.text(4, 6, "Hold: 3.5 ms", 18, (1, 1, 1, 1))
+    canvas.draw(target)
+    plain = Image.new("L", (200, 40))
+    ImageDraw.Draw(plain).text((4, 6), "Hold: 3.5 ms", fill=255, font=ImageFont.load_default(18))
+    drawn, expected = pixels(target)[..., 0] / 255, np.asarray(plain) / 255
+    assert abs(drawn.sum() / expected.sum() - 1) < 0.05
+    reach = np.nonzero(drawn.max(0))[0]
+    assert abs(reach.max() - np.nonzero(expected.max(0))[0].max()) <= 3
+    assert width == pytest.approx(ImageFont.load_default(18).getlength("Hold: 3.5 ms"), abs=4)
+
+
+def test_every_character_of_the_atlas_has_ink_of_its_own() -> None:
+    coverage, faces = make_atlas((14, 20))
+    shapes = set()
+    for character in CHARACTERS.replace(" ", ""):
+        glyph = faces[20].glyph(character)
+        ink = coverage[glyph.y : glyph.y + glyph.height, glyph.x : glyph.x + glyph.width]
+        assert ink.max() > 100, character
+        shapes.add((ink.shape, ink.tobytes()))
+    assert len(shapes) == len(CHARACTERS) - 1
+    assert faces[20].glyph("漢") is faces[20].glyph("?")
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+@pytest.mark.parametrize("size", [(1280, 720), (320, 200)])
+def test_the_timeline_is_hit_where_it_is_drawn(gl, scale, size) -> None:
+    target, hud = canvas_of(gl, *size), Hud(gl, scale)
+    hud.draw(target, HudState(fraction=0.5, length_s=10))
+    x, y, width, height = timeline_area(size, scale)
+    middle = pixels(target)[int(y + height / 2), int(min(x + width / 4, size[0] - 1))]
+    assert middle[0] > 180 or width < 2
+    assert timeline_fraction(x + width / 2, y, size, scale) == pytest.approx(0.5)
+    assert timeline_fraction(x - 4, y, size, scale) == 0
+    assert timeline_fraction(x, 0, size, scale) is None
+
+
+def test_everything_at_once_draws_without_an_error(gl) -> None:
+    target, hud = canvas_of(gl, 640, 360), Hud(gl)
+    edge = EdgeState(True, "tcp://127.0.0.1:5580", "possessed", "a note", 21.0, 8.0)
+    hud.draw(target, HudState(edge=edge, fps=60, length_s=3, live=False, notice="waiting", help=True))
+    assert gl.error == "GL_NO_ERROR"
+    before = pixels(target).copy()
+    hud.rescale(2.0)
+    hud.draw(target, HudState(edge=EdgeState(False, "tcp://127.0.0.1:5580")))
+    assert np.abs(pixels(target) - before).max() > 50
+
+
+def test_clocks() -> None:
+    assert [clock(s) for s in (0, 9.96, 61.24, -1)] == ["0:00.0", "0:10.0", "1:01.2", "0:00.0"]

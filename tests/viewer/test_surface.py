@@ -1,0 +1,89 @@
+"""Crease splitting: boards are flat, balls are round, and nothing is lost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from enliven_viewer.render.surface import clustered_faces, is_closed, longest_edge, split_creases
+
+
+def ball(rows: int = 12, columns: int = 24) -> tuple[np.ndarray, np.ndarray]:
+    """A closed unit ball."""
+    polar = np.linspace(0, np.pi, rows + 1)[1:-1]
+    around = np.linspace(0, 2 * np.pi, columns, endpoint=False)
+    ring = np.stack([np.cos(around), np.zeros(columns), -np.sin(around)], -1)
+    middle = np.sin(polar)[:, None, None] * ring + np.cos(polar)[:, None, None] * np.array([0, 1, 0])
+    vertices = np.vstack([middle.reshape(-1, 3), [[0, 1, 0], [0, -1, 0]]])
+    faces = []
+    for c in range(columns):
+        d = (c + 1) % columns
+        faces.append((len(vertices) - 2, c, d))
+        faces.append((len(vertices) - 1, (rows - 2) * columns + d, (rows - 2) * columns + c))
+        for r in range(rows - 2):
+            a, b = r * columns + c, r * columns + d
+            faces += [(a, a + columns, b), (b, a + columns, b + columns)]
+    return vertices.astype(np.float32), np.array(faces, np.int32)
+
+
+def test_a_box_gets_three_normals_a_corner(make_box) -> None:
+    surface = split_creases(*make_box((0, 0, 0), (1, 2, 3)))
+    assert len(surface.source) == 24
+    assert np.allclose(np.sort(np.abs(surface.normals), 1), [0, 0, 1], atol=1e-6)
+
+
+def test_normals_point_outwards_where_faces_do(make_box) -> None:
+    vertices, faces = make_box((-1, -1, -1), (1, 1, 1))
+    surface = split_creases(vertices, faces)
+    assert (np.einsum("ij,ij->i", vertices[surface.source], surface.normals) > 0.5).all()
+
+
+def test_a_ball_is_smooth() -> None:
+    vertices, faces = ball()
+    surface = split_creases(vertices, faces)
+    assert len(surface.source) == len(vertices)
+    assert (np.einsum("ij,ij->i", vertices[surface.source], surface.normals) > 0.99).all()
+
+
+def test_unshared_vertices_are_smooth_all_the_same() -> None:
+    vertices, faces = ball()
+    soup, loose = vertices[faces].reshape(-1, 3), np.arange(faces.size, dtype=np.int32).reshape(-1, 3)
+    surface = split_creases(soup, loose)
+    assert (np.einsum("ij,ij->i", soup[surface.source], surface.normals) > 0.99).all()
+
+
+def test_faces_keep_their_corners(make_box) -> None:
+    vertices, faces = make_box((0, 0, 0), (1, 1, 1))
+    surface = split_creases(vertices, faces)
+    assert np.array_equal(surface.source[surface.faces], faces)
+
+
+def test_a_face_without_area_does_no_harm() -> None:
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]], np.float32)
+    surface = split_creases(vertices, np.array([[0, 1, 2], [0, 1, 3], [1, 1, 2]], np.int32))
+    assert np.isfinite(surface.normals).all()
+    assert np.allclose(np.linalg.norm(surface.normals, axis=1), 1, atol=1e-5)
+
+
+def test_only_an_outward_closed_mesh_is_closed(make_box) -> None:
+    vertices, faces = make_box((0, 0, 0), (1, 1, 1))
+    assert is_closed(vertices, faces)
+    assert not is_closed(vertices, faces[:, ::-1])
+    assert not is_closed(vertices, faces[1:])
+    assert not is_closed(vertices, np.vstack([faces, faces[:1]]))
+
+
+def test_longest_edge_of_a_box_is_its_longest_diagonal(make_box) -> None:
+    assert longest_edge(*make_box((0, 0, 0), (1, 2, 3))) == pytest.approx(np.hypot(2, 3))
+
+
+def test_clusters_are_fewer_faces_of_the_same_vertices() -> None:
+    vertices, faces = ball()
+    coarse = clustered_faces(vertices, faces, 0.6)
+    assert 0 < len(coarse) < len(faces) / 2
+    assert set(np.unique(coarse)) <= set(range(len(vertices)))
+
+
+def test_a_mesh_smaller_than_a_cluster_keeps_its_faces(make_box) -> None:
+    vertices, faces = make_box((0.1, 0.1, 0.1), (0.2, 0.2, 0.2))
+    assert np.array_equal(clustered_faces(vertices, faces, 10.0), faces)

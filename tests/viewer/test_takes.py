@@ -1,0 +1,97 @@
+"""A take: what the edge wrote comes back as poses, bodies and cues, in the order of time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from enliven.body import Body
+from enliven.character import Character, Pose
+from enliven.errors import InputError
+from enliven.recording import Recorder
+from enliven.wire.convert import bodies_to_message, character_to_message, cues_to_message, pose_to_message
+from enliven.wire.posecode import PoseCodec
+from enliven_viewer.document import Document
+from enliven_viewer.takes import Take
+from enliven_viewer.timeline import NS, Timeline
+
+COUNT = 40
+
+
+def shifted(character: Character, k: int) -> Pose:
+    rest = character.rest_pose(k * NS // 30)
+    moved = rest.positions + np.array([0.01 * k, 0, 0], np.float32)
+    return Pose(rest.character, rest.time_ns, rest.linear, moved)
+
+
+def write(path: Path, character: Character, *, broken: int | None = None, poses: bool = True) -> None:
+    """A take of a box that is pushed along, possessed from the 20th pose on."""
+    codec = PoseCodec(character)
+    with Recorder(path) as recorder:
+
+        def put(topic: str, message: object, time_ns: int) -> None:
+            data = msgspec.msgpack.encode(message)
+            recorder.write(topic, f"enliven.{topic}", "{}", "jsonschema", "msgpack", data, time_ns)
+
+        put("character", character_to_message(character, 1), 0)
+        for k in range(COUNT if poses else 0):
+            pose = shifted(character, k)
+            put(
+                "bodies",
+                bodies_to_message([Body(3, np.full((20, 3), 0.1), np.ones(20))], pose.time_ns),
+                pose.time_ns,
+            )
+            if k == broken:
+                put("pose", ["not", "a", "pose"], pose.time_ns)
+            else:
+                put("pose", pose_to_message(pose, codec, revision=1), pose.time_ns)
+            state = "possessed" if k >= 20 else "free"
+            put(
+                "cues",
+                cues_to_message(character.id, state, np.array([0, 2]), np.array([1.0, 0.5])),
+                pose.time_ns,
+            )
+
+
+def read(path: Path) -> tuple[Document, Take]:
+    document, take = Document(Timeline(bounded=False)), Take(path)
+    for _ in range(1000):
+        if not take.poll(document):
+            return document, take
+    raise AssertionError("the take never ends")
+
+
+def test_everything_comes_back_in_order(tmp_path, box) -> None:
+    write(tmp_path / "take.mcap", box)
+    document, take = read(tmp_path / "take.mcap")
+    timeline = document.timeline
+    assert list(document.characters) == ["box"] and len(timeline) == COUNT and take.unreadable == 0
+    for k in (0, 17, COUNT - 1):
+        moment = timeline.at(k * NS // 30)
+        assert np.abs(moment.poses["box"].positions - shifted(box, k).positions).max() < 2e-3
+        assert moment.bodies[0].id == 3 and moment.possessed == (k >= 20)
+    assert document.edge.phase == "ended"
+
+
+def test_a_broken_message_costs_itself_only(tmp_path, box, caplog) -> None:
+    write(tmp_path / "take.mcap", box, broken=5)
+    document, take = read(tmp_path / "take.mcap")
+    assert take.unreadable == 1 and "cannot be read" in caplog.text
+    assert len(document.timeline) == COUNT
+    assert not document.timeline._moments[5].poses
+
+
+def test_a_recording_without_a_performance_is_said(tmp_path, box) -> None:
+    write(tmp_path / "take.mcap", box, poses=False)
+    with pytest.raises(InputError, match=r"no performance.*enliven run"):
+        Take(tmp_path / "take.mcap")
+
+
+def test_a_file_that_is_no_recording_is_said(tmp_path) -> None:
+    (tmp_path / "foreign.mcap").write_bytes(b"not at all")
+    for name in ("foreign.mcap", "missing.mcap"):
+        with pytest.raises(InputError):
+            Take(tmp_path / name)

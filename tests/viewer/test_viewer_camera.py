@@ -1,0 +1,121 @@
+"""Cameras: what is framed is in the picture, and what walks stays in it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven_viewer.camera import FilmCamera, OrbitCamera, look_at, orthographic, perspective
+
+number = st.floats(-3, 3)
+size = st.floats(0.1, 2)
+aspects = st.sampled_from([0.5, 1.0, 4 / 3, 16 / 9, 3.0])
+
+
+def box_at(centre: np.ndarray, half: float) -> tuple[np.ndarray, np.ndarray]:
+    return centre - half, centre + half
+
+
+def inner_points(box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """(6, 3) the middles of a box's faces, which its subject reaches."""
+    middle, half = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
+    return middle + np.vstack([np.diag(half), -np.diag(half)])
+
+
+@given(number, st.floats(0.5, 2), number, size, aspects, st.floats(-3, 3), st.floats(-1, 1))
+@settings(deadline=None, max_examples=80)
+def test_what_is_framed_is_in_the_picture(x, y, z, half, aspect, across, up) -> None:
+    camera = OrbitCamera()
+    camera.orbit(across, up)
+    box = box_at(np.array([x, y, z]), half)
+    camera.frame(box, aspect, at_once=True)
+    seen = camera.view(aspect).project(inner_points(box))
+    assert np.abs(seen).max() < 1
+    assert np.abs(seen).max() > 0.25
+
+
+def test_the_default_view_is_from_the_front_right_and_above() -> None:
+    camera = OrbitCamera()
+    camera.frame(box_at(np.zeros(3), 1.0), 1.5, at_once=True, reset=True)
+    eye = camera.view(1.5).eye
+    assert eye[0] > 0 and eye[1] > 0 and eye[2] > eye[0]
+
+
+def test_the_target_is_in_the_middle_and_up_is_up() -> None:
+    target = np.array([1.0, 2.0, 3.0])
+    view = look_at(np.array([4.0, 3.0, 8.0]), target)
+    assert np.allclose((view @ [*target, 1])[:2], 0)
+    assert (view @ [1, 3, 3, 1])[1] > 0
+    assert np.allclose(view[:3, :3] @ view[:3, :3].T, np.eye(3))
+
+
+def test_perspective_and_orthographic_map_their_ends() -> None:
+    clip = perspective(math.radians(60), 1.0, 0.5, 10) @ np.array([[0, 0, -0.5, 1], [0, 0, -10, 1]]).T
+    assert np.allclose(clip[2] / clip[3], [-1, 1])
+    corner = orthographic(np.array([-1.0, -2, -9]), np.array([3.0, 4, -1])) @ [3, 4, -9, 1]
+    assert np.allclose(corner, [1, 1, 1, 1])
+
+
+@given(st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), max_size=20))
+@settings(deadline=None, max_examples=40)
+def test_a_user_cannot_get_lost_below_the_floor(moves: list[tuple[float, float]]) -> None:
+    camera = OrbitCamera()
+    for across, up in moves:
+        camera.orbit(across, up)
+        camera.pan(across, up)
+        camera.zoom(math.exp(across))
+        camera.advance(0.1)
+        view = camera.view(1.5)
+        assert view.eye[1] > 0 and np.isfinite(view.clip_from_world).all()
+
+
+def test_moves_are_eased_in_and_arrive() -> None:
+    camera = OrbitCamera()
+    start = camera.view(1.0).eye
+    camera.orbit(1.0, 0.0)
+    assert np.allclose(camera.view(1.0).eye, start)
+    camera.advance(0.06)
+    halfway = camera.view(1.0).eye
+    camera.advance(60)
+    assert 0 < np.linalg.norm(halfway - start) < np.linalg.norm(camera.view(1.0).eye - start)
+
+
+def test_zooming_there_and_back_is_undone() -> None:
+    camera = OrbitCamera()
+    camera.advance(9)
+    before = camera.view(1.0).eye
+    camera.zoom(0.8)
+    camera.zoom(1 / 0.8)
+    camera.advance(9)
+    assert np.allclose(camera.view(1.0).eye, before)
+
+
+@pytest.mark.parametrize("speed", [0.5, 2.0, 6.0])
+def test_a_film_keeps_whatever_walks_in_the_picture(speed: float) -> None:
+    camera = FilmCamera()
+    for k in range(240):
+        centre = np.array([speed * k / 30, 0.9 + 0.2 * math.sin(k / 5), -speed * k / 60])
+        box = box_at(centre, 0.8)
+        camera.follow(box, 1 / 30, 16 / 9)
+        assert np.abs(camera.view(16 / 9).project(centre[None])).max() < 0.6
+
+
+def test_a_film_of_somebody_who_stands_moves_little() -> None:
+    camera = FilmCamera()
+    eyes = []
+    for _ in range(300):
+        camera.follow(box_at(np.array([0, 0.9, 0]), 0.9), 1 / 30, 16 / 9)
+        eyes.append(camera.view(16 / 9).eye)
+    assert 0 < np.abs(np.diff(eyes, axis=0)).max() < 0.03
+
+
+def test_a_film_does_not_shake_with_its_subject() -> None:
+    camera, rng, eyes = FilmCamera(), np.random.default_rng(0), []
+    for _ in range(120):
+        camera.follow(box_at(np.array([0, 0.9, 0]) + rng.normal(0, 0.03, 3), 0.9), 1 / 30, 16 / 9)
+        eyes.append(camera.view(16 / 9).eye)
+    assert np.abs(np.diff(eyes, axis=0)).mean() < 0.01
