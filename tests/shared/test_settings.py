@@ -76,3 +76,12 @@ def test_every_setting_of_the_edge_is_explained():
                 walk(field.default_factory)
 
     walk(EdgeSettings)
+
+
+def test_every_shipped_file_of_the_edge_loads():
+    from pathlib import Path
+
+    files = sorted((Path(__file__).parents[2] / "firmware_configs" / "edges").glob("*.toml"))
+    assert {path.stem for path in files} >= {"laptop", "ceiling"}
+    names = [load_settings(EdgeSettings, path).wire.name for path in files]
+    assert names == [path.stem for path in files]
