@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from enliven.arrays import Float, Int32
+from enliven.union_find import join, root_of
 
 
 @njit(cache=True, nogil=True)
@@ -90,28 +91,17 @@ def _first_equal(rows):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _root(parent, i):  # type: ignore[no-untyped-def]
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
-
-
-@njit(cache=True, nogil=True)
 def shells(faces, count):  # type: ignore[no-untyped-def]
     """(count,) the number of the shell (0, 1, ... by first vertex) of each vertex, joined by ``faces``."""
     parent = np.arange(count)
     for f in range(faces.shape[0]):
-        a = _root(parent, faces[f, 0])
         for c in range(1, 3):
-            b = _root(parent, faces[f, c])
-            parent[max(a, b)] = min(a, b)
-            a = min(a, b)
+            join(parent, faces[f, 0], faces[f, c])
     label = np.full(count, -1, np.int64)
     found = 0
     out = np.empty(count, np.int64)
     for v in range(count):
-        r = _root(parent, v)
+        r = root_of(parent, v)
         if label[r] < 0:
             label[r] = found
             found += 1

@@ -11,12 +11,12 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame, Frame
 from enliven.recording import Recorder
+from enliven_edge.commands.progress import frame_progress
 from enliven_edge.importing.base import ImportOptions, Reader
 from enliven_edge.importing.mirror import mirrored
 from enliven_edge.importing.registry import find_files, find_reader, readers
@@ -117,7 +117,7 @@ def write_recording(
     try:
         with (
             Recorder(passing, compression_level=level, sync_seconds=10.0, overwrite=True) as recorder,
-            _progress(console) as progress,
+            frame_progress(console) as progress,
         ):
             task = progress.add_task(f"Importing ({reader.name})", total=None, count=0)
             recorder.add_metadata("import", {"reader": reader.name, "note": reader.note})
@@ -131,16 +131,6 @@ def write_recording(
     finally:
         passing.unlink(missing_ok=True)
     return found
-
-
-def _progress(console: Console) -> Progress:
-    return Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}: {task.fields[count]} frames"),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-    )
 
 
 def _rename(passing: Path, output: Path) -> None:

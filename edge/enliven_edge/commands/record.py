@@ -11,10 +11,10 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from enliven.errors import InputError
 from enliven.recording import Recorder
+from enliven_edge.commands.progress import frame_progress
 from enliven_edge.sensors.base import Sensor
 from enliven_edge.sensors.registry import open_sensor
 
@@ -45,7 +45,7 @@ def record(
         open_sensor(sensor, **sensor_options(setting or [])) as stream,
         Recorder(output, compression_level=level, overwrite=overwrite) as recorder,
         _stop_on_interrupt() as stop,
-        _progress(console) as progress,
+        frame_progress(console) as progress,
     ):
         recorder.add_metadata("record", {"sensor": sensor, "options": " ".join(setting or [])})
         task = progress.add_task(f"Recording {stream.name}", total=None, count=0)
@@ -120,13 +120,3 @@ def _stop_on_interrupt() -> Iterator[threading.Event]:
         yield stop
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-def _progress(console: Console) -> Progress:
-    return Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}: {task.fields[count]} frames"),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-    )

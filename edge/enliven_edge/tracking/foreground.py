@@ -7,6 +7,7 @@ from numba import njit
 from scipy import ndimage
 
 from enliven.arrays import Bool, Float, Int
+from enliven.union_find import join, root_of
 from enliven_edge.tracking.settings import SceneSettings
 
 _SMALLEST_AREA, _LARGEST_AREA = 0.06, 1.6
@@ -143,37 +144,18 @@ def label(z, mask):  # type: ignore[no-untyped-def]
             here = v * width + u
             step = 0.035 + 0.012 * z[v, u] * z[v, u]
             if u > 0 and mask[v, u - 1] and abs(z[v, u] - z[v, u - 1]) < step:
-                _join(parent, here, here - 1)
+                join(parent, here, here - 1)
             if v > 0 and mask[v - 1, u] and abs(z[v, u] - z[v - 1, u]) < step:
-                _join(parent, here, here - width)
+                join(parent, here, here - width)
     labels = np.zeros((height, width), np.int64)
     numbers = np.zeros(height * width, np.int64)
     count = 0
     for v in range(height):
         for u in range(width):
             if mask[v, u]:
-                root = _root(parent, v * width + u)
+                root = root_of(parent, v * width + u)
                 if numbers[root] == 0:
                     count += 1
                     numbers[root] = count
                 labels[v, u] = numbers[root]
     return labels, count
-
-
-@njit(cache=True, nogil=True)
-def _root(parent, i):  # type: ignore[no-untyped-def]
-    """The representative of i, with path halving."""
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
-
-
-@njit(cache=True, nogil=True)
-def _join(parent, i, j):  # type: ignore[no-untyped-def]
-    """Unites the groups of i and j."""
-    a, b = _root(parent, i), _root(parent, j)
-    if a < b:
-        parent[b] = a
-    else:
-        parent[a] = b

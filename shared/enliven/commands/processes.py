@@ -103,7 +103,7 @@ def parent_is_gone() -> bool:
 def _ended_together() -> Iterator[list[subprocess.Popen[bytes]]]:
     """A list for the children; on the way out every one is ended, politely first."""
     children: list[subprocess.Popen[bytes]] = []
-    with _terminate_as_interrupt():
+    with terminate_as_interrupt():
         try:
             yield children
         finally:
@@ -111,7 +111,7 @@ def _ended_together() -> Iterator[list[subprocess.Popen[bytes]]]:
 
 
 @contextlib.contextmanager
-def _terminate_as_interrupt() -> Iterator[None]:
+def terminate_as_interrupt() -> Iterator[None]:
     """SIGTERM (systemd, kill) ends the run as Ctrl-C does."""
 
     def interrupt(signum: int, frame: object) -> None:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import re
-import signal
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from enliven.commands.processes import terminate_as_interrupt
 from enliven.errors import InputError, ResourceError
 from enliven.settings import load_settings
 from enliven_viewer.doctor import has_display
@@ -56,7 +55,7 @@ def view(
             mend="Render without one: enliven view --film out.mp4 --sheet out.png",
         )
     address = _address(edge, port, control_port)
-    with _terminate_as_interrupt():
+    with terminate_as_interrupt():
         if filming:
             _film(take, address, film, sheet, chosen, seconds, hud)
         else:
@@ -129,17 +128,3 @@ def _sized(settings: ViewerSettings, size: str | None) -> ViewerSettings:
     if not found or not all(16 <= int(n) <= 16384 for n in found.groups()):
         raise InputError(f"{size!r} is no size", where="--size", mend="Give WIDTHxHEIGHT, such as 1280x720.")
     return replace(settings, width=int(found[1]), height=int(found[2]))
-
-
-@contextlib.contextmanager
-def _terminate_as_interrupt() -> Iterator[None]:
-    """SIGTERM completes the film and closes the window, as Ctrl-C does."""
-
-    def interrupt(signum: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
