@@ -82,7 +82,8 @@ class Outlet:
             self._write("pose", self._publisher.publish_pose(pose, read_ns), at)
         self._send("bodies", bodies_to_message(bodies, at, read_ns), at)
         for name, cue in cues.items():
-            self._send("cues", cues_to_message(name, cue.state, cue.nodes, cue.strengths, cue.body), at)
+            message = cues_to_message(name, cue.state, cue.nodes, cue.strengths, cue.body, at)
+            self._send("cues", message, at)
 
     def report(self, pace: Pace, phase: str, performers: int) -> None:
         """How the edge is doing; goes out with the heartbeat, at once where the phase is new."""

@@ -51,7 +51,9 @@ def write(path: Path, character: Character, *, broken: int | None = None, poses:
             state = "possessed" if k >= 20 else "free"
             put(
                 "cues",
-                cues_to_message(character.id, state, np.array([0, 2]), np.array([1.0, 0.5])),
+                cues_to_message(
+                    character.id, state, np.array([0, 2]), np.array([1.0, 0.5]), time_ns=pose.time_ns
+                ),
                 pose.time_ns,
             )
 

@@ -205,3 +205,16 @@ def test_an_empty_timeline_has_nothing_to_show() -> None:
         act()
         head.advance(1.0)
         assert head.moment() is None and head.time_ns == 0
+
+
+def test_cues_belong_to_their_own_time() -> None:
+    """However late they are said: poses and bodies of a burst come before its cues."""
+    timeline = Timeline()
+    for i in range(4):
+        timeline.add_bodies(i * NS, [])
+    nodes, strengths = np.array([0], np.int32), np.ones(1, np.float32)
+    timeline.set_cues(Cues("a", nodes, strengths, "preview"), 0)
+    timeline.set_cues(Cues("a", nodes, strengths, "possessed"), 2 * NS)
+    assert [timeline.at(i * NS).possessed for i in range(4)] == [False, False, True, True]
+    timeline.add_bodies(4 * NS, [])
+    assert timeline.at(4 * NS).possessed

@@ -58,9 +58,9 @@ class Document:
         """Put the bodies of one moment on the timeline."""
         self.timeline.add_bodies(time_ns, bodies)
 
-    def set_cues(self, cues: Cues) -> None:
-        """Say what of a character is held, from the newest moment on; no nodes: nothing."""
-        self.timeline.set_cues(cues)
+    def set_cues(self, cues: Cues, time_ns: int | None = None) -> None:
+        """Say what of a character is held, from a time on or from the newest moment; no nodes: nothing."""
+        self.timeline.set_cues(cues, time_ns)
 
     def forget_cues(self, character_id: str) -> None:
         """Nothing of a character is held from the newest moment on."""

@@ -53,11 +53,10 @@ class EdgeFeed:
         self._link.close()
 
     def _take_cues(self, document: Document) -> None:
-        """Cues that are new, from the newest moment on."""
+        """Cues that are new, each at its own time; none for what the edge has forgotten."""
         current = self._link.cues
-        for name, cues in current.items():
-            if self._shown_cues.get(name) is not cues:
-                document.set_cues(Cues(name, cues.nodes, cues.strengths, cues.state))
+        for cues in self._link.take_cues():
+            document.set_cues(Cues(cues.character, cues.nodes, cues.strengths, cues.state), cues.time_ns)
         for name in self._shown_cues.keys() - current.keys():
             document.forget_cues(name)
         self._shown_cues = current

@@ -89,6 +89,7 @@ class EdgeLink:
         self.bodies: deque[ReceivedBodies] = deque(maxlen=_KEPT)
         self.latest_bodies: ReceivedBodies | None = None
         self.cues: dict[str, ReceivedCues] = {}
+        self.new_cues: deque[ReceivedCues] = deque(maxlen=_KEPT)
         self.instance: int | None = None
         self.clash = False
         self._lost = 0
@@ -259,7 +260,8 @@ class EdgeLink:
             return
         nodes, strengths = message_to_cues(message)
         shown = self._label(self.name, message.character)
-        self.cues[shown] = ReceivedCues(shown, message.state, nodes, strengths, message.body)
+        self.cues[shown] = ReceivedCues(shown, message.state, nodes, strengths, message.body, message.time_ns)
+        self.new_cues.append(self.cues[shown])
 
     def _ask(self) -> None:
         """Say hello until welcomed, ask for characters that are missing, and for the time."""

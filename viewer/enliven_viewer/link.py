@@ -111,6 +111,10 @@ class Link:
         """The bodies of every frame since the last call, each edge's in its order."""
         return [bodies for edge in self.edges for bodies in _emptied(edge.bodies)]
 
+    def take_cues(self) -> list[ReceivedCues]:
+        """The cues of every frame since the last call, each edge's in its order."""
+        return [cues for edge in self.edges for cues in _emptied(edge.new_cues)]
+
     def take_notices(self) -> list[Notice]:
         """Sentences for the user since the last call: refusals, restarts, other versions, clashes."""
         return _emptied(self._notices)

@@ -66,6 +66,7 @@ class ReceivedCues:
         nodes: (K,) int32 indices of pivots.
         strengths: (K,) float32 in [0, 1].
         body: the performer's id, -1 for nobody.
+        time_ns: the sensor's clock.
     """
 
     character: str
@@ -73,6 +74,7 @@ class ReceivedCues:
     nodes: Int32
     strengths: Float32
     body: int
+    time_ns: int = 0
 
 
 @dataclass(frozen=True)

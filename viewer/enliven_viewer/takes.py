@@ -94,7 +94,7 @@ class Take:
                 document.add_pose(message_to_pose(pose, self._codecs[pose.character]))
         else:
             cues = msgspec.msgpack.decode(data, type=CuesMessage)
-            document.set_cues(Cues(cues.character, *message_to_cues(cues), cues.state))
+            document.set_cues(Cues(cues.character, *message_to_cues(cues), cues.state), cues.time_ns)
 
 
 def _merged(recording: Recording, topics: list[str]) -> Iterator[tuple[int, str, bytes]]:

@@ -83,9 +83,13 @@ class Timeline:
         """Put the bodies of one time; they replace earlier ones of the same time."""
         self._put(replace(self._at(time_ns), bodies=tuple(bodies)))
 
-    def set_cues(self, cues: Cues) -> None:
-        """Say what of a character is held in the newest moment and all that follow, until it is said anew."""
-        self._hold({**self._cues, cues.character: cues})
+    def set_cues(self, cues: Cues, time_ns: int | None = None) -> None:
+        """Say what of a character is held from a time on (the newest moment's where None) until said anew."""
+        self._cues = {**self._cues, cues.character: cues}
+        first = len(self._times) - 1 if time_ns is None else bisect.bisect_left(self._times, time_ns)
+        for i in range(max(first, 0), len(self._moments)):
+            moment = self._moments[i]
+            self._moments[i] = replace(moment, cues={**moment.cues, cues.character: cues})
 
     def forget_cues(self, character_id: str) -> None:
         """Say that nothing of a character is held in the newest moment and all that follow."""

@@ -89,7 +89,7 @@ def message_to_bodies(message: BodiesMessage) -> list[Body]:
 
 
 def cues_to_message(
-    character: str, state: str, nodes: AnyArray, strengths: AnyArray, body: int | None = -1
+    character: str, state: str, nodes: AnyArray, strengths: AnyArray, body: int | None = -1, time_ns: int = 0
 ) -> CuesMessage:
     """Cues as they go on the wire: (K,) node indices and (K,) strengths in [0, 1]; a "free" state with nodes
     is a preview."""
@@ -106,6 +106,7 @@ def cues_to_message(
         nodes.tobytes(),
         strength.tobytes(),
         -1 if body is None else int(body),
+        time_ns,
     )
 
 

@@ -83,6 +83,7 @@ class CuesMessage(Struct, array_like=True, frozen=True):
         nodes: (K,) uint16 node indices.
         strengths: (K,) uint8, 255 for the firmest.
         body: the performer's id, -1 for nobody.
+        time_ns: the sensor's clock, the time of the poses that it goes with.
     """
 
     character: Name
@@ -90,6 +91,7 @@ class CuesMessage(Struct, array_like=True, frozen=True):
     nodes: Annotated[bytes, Meta(max_length=2 * MAX_TRANSFORMS)] = b""
     strengths: Annotated[bytes, Meta(max_length=MAX_TRANSFORMS)] = b""
     body: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)] = -1
+    time_ns: Nanoseconds = 0
 
     def __post_init__(self) -> None:
         _expect("nodes", self.nodes, 2 * len(self.strengths))
