@@ -24,6 +24,8 @@ from enliven_viewer.timeline import NS
 from enliven_viewer.window import open_window
 
 _MINIMISED_PAUSE = 0.05
+_ROOM = 1.14
+"""Leaves the timeline's bar below the subject's feet."""
 
 
 class App:
@@ -95,7 +97,7 @@ class App:
     def frame_all(self) -> None:
         """Bring everything into the picture, seen from the front right."""
         if self._scene.box is not None:
-            self.camera.frame(self._scene.box, self._aspect, reset=True)
+            self.camera.frame(self._scene.box, self._aspect, reset=True, room=_ROOM)
 
     def fraction_along(self, x: float) -> float:
         """The place on the timeline, 0..1, of a pixel's column."""
@@ -132,7 +134,8 @@ class App:
         """Look at everything when the first, or another, character or performer comes."""
         present = (*self.document.characters, *("body" for _ in self._scene.bodies[:1]))
         if self._framed != present and self._scene.box is not None:
-            self.camera.frame(self._scene.box, self._aspect, at_once=self._framed is None)
+            first = self._framed is None
+            self.camera.frame(self._scene.box, self._aspect, at_once=first, room=_ROOM)
             self._framed = present
 
     def _hud_state(self) -> HudState:

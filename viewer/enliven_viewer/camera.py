@@ -128,13 +128,19 @@ class OrbitCamera:
         distance = self._goal[5] + math.log(factor)
         self._goal[5] = min(max(distance, math.log(0.2)), math.log(60))
 
-    def frame(self, box: Box, aspect: float, *, at_once: bool = False, reset: bool = False) -> None:
-        """Bring a whole box into the picture; ``reset`` also goes back to the front right."""
+    def frame(
+        self, box: Box, aspect: float, *, at_once: bool = False, reset: bool = False, room: float = 1.0
+    ) -> None:
+        """Bring a whole box into the picture; ``reset`` also goes back to the front right.
+
+        Args:
+            room: how much larger than the box the picture is.
+        """
         self._goal[:3] = (box[0] + box[1]) / 2
         if reset:
             self._goal[3:5] = FRONT_RIGHT, SLIGHTLY_ABOVE
         rows = look_at(*self._eye_and_target(self._goal))[:3, :3]
-        self._goal[5] = math.log(fitting_distance(box, rows, self.field_of_view, aspect))
+        self._goal[5] = math.log(room * fitting_distance(box, rows, self.field_of_view, aspect))
         if at_once:
             self._now[:] = self._goal
 

@@ -10,6 +10,7 @@ from enliven_viewer.received import ReceivedCues, ReceivedPose
 from enliven_viewer.timeline import Cues
 
 _NOTICE_SECONDS = 5.0
+_BARE_SECONDS = 3.0
 _HEARD = ("connected", "on rate", "ended")
 _EASE = 0.1
 """Share of a new latency in the shown one, which would flicker otherwise."""
@@ -24,6 +25,7 @@ class EdgeFeed:
         self._notice, self._notice_until = "", 0.0
         self._edge_ms: float | None = None
         self._way_ms: float | None = None
+        self._bare_since: float | None = None
 
     def poll(self, document: Document) -> int:
         """Apply everything that has arrived since the last call, without waiting; how many messages."""
@@ -61,6 +63,14 @@ class EdgeFeed:
             document.forget_cues(name)
         self._shown_cues = current
 
+    def _lacks_characters(self, connected: bool, now: float) -> bool:
+        """Whether the edge is heard, but has not told its characters for a while: often a wrong port."""
+        if not connected or self._link.characters:
+            self._bare_since = None
+            return False
+        self._bare_since = self._bare_since or now
+        return now - self._bare_since > _BARE_SECONDS
+
     def _take_latency(self, newest: ReceivedPose) -> None:
         edge, whole = newest.sensor_to_pose_ms, newest.age_ms()
         way = max(whole - edge, 0.0)
@@ -78,6 +88,8 @@ class EdgeFeed:
         message = self._notice if now < self._notice_until else ""
         if not message and not connected and health.state != "waiting":
             message = health.text
+        if not message and self._lacks_characters(connected, now):
+            message = f"no characters from port {endpoint.control_port}: see --control-port"
         return EdgeState(
             connected=connected,
             address=endpoint.stream_address,

@@ -115,8 +115,9 @@ class Hud:
         s, canvas = self.scale, self._canvas
         lines = _state_lines(state)
         line = canvas.line_height(self._small)
+        widest = max(canvas.width(text, self._small) for text in lines)
         height = 22 * s + canvas.line_height(self._normal) + line * len(lines)
-        canvas.rectangle(16 * s, 16 * s, 292 * s, height, GLASS, 10 * s)
+        canvas.rectangle(16 * s, 16 * s, max(292 * s, 60 * s + widest), height, GLASS, 10 * s)
         y = 27 * s
         good = state.edge is None or state.edge.connected
         canvas.disc(33 * s, y + 9 * s, 5 * s, GOOD if good else WAIT)
@@ -180,7 +181,7 @@ def _state_lines(state: HudState) -> list[str]:
             text += f", to screen {edge.sensor_to_pose_ms + edge.pose_to_screen_ms:.0f} ms"
         lines.append(text)
     if edge is not None and edge.message:
-        lines.append(edge.message[:46])
+        lines.append(edge.message[:58])
     return lines
 
 
