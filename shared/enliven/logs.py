@@ -6,6 +6,7 @@ import json
 import logging
 import sys
 import time
+import warnings
 
 
 class JsonLines(logging.Formatter):
@@ -29,13 +30,27 @@ class JsonLines(logging.Formatter):
         return json.dumps(line, default=str)
 
 
+class Sentences(logging.Formatter):
+    """Who says it, and what; a warning of Python's is a sentence like any other."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        name = "enliven" if record.name == "py.warnings" else record.name
+        return f"{name}: {record.getMessage().strip()}"
+
+
+def _sentence(message: Warning | str, *place: object, **more: object) -> str:
+    """A warning without the line of source that raised it."""
+    return str(message)
+
+
 def start_logging(*, as_json: bool = False, level: int = logging.INFO) -> None:
     """Sends the log of everything called enliven to standard error."""
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(JsonLines() if as_json else logging.Formatter("%(name)s: %(message)s"))
+    handler.setFormatter(JsonLines() if as_json else Sentences())
     for name in ("enliven", "enliven_edge", "enliven_viewer", "py.warnings"):
         logger = logging.getLogger(name)
         logger.handlers[:] = [handler]
         logger.setLevel(level)
         logger.propagate = False
+    warnings.formatwarning = _sentence
     logging.captureWarnings(True)

@@ -79,13 +79,33 @@ def test_json_lines():
     assert line["level"] == "info"
 
 
+def test_a_cut_recording_is_read_with_one_sentence(tmp_path):
+    from enliven_edge.assets import CHAIR
+
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(CHAIR.read_bytes()[:1_500_000])
+    ports = ["--port", "0", "--control-port", "0", "--name", "cut"]
+    asked = enliven("edge", "--recording", str(cut), "--speed", "0", "--seconds", "0.5", *ports)
+    assert asked.returncode == 0
+    said = [line for line in asked.stderr.splitlines() if "cut.mcap" in line]
+    assert len(said) == 1
+    assert said[0].startswith("enliven: ")
+    assert "cut off" in said[0]
+
+
 def test_processes_end_together():
     """The one that leads ends at once with 0; the other would run for ever."""
     follower = Process("follower", ["doctor", "--json"])
     assert run_together([follower, Process("leader", ["--version"], leads=True)]) == 0
 
 
-def test_a_failing_process_ends_the_run():
-    failing = Process("failing", ["run", "--recording", "nowhere.mcap"])
-    assert run_together([failing, Process("leader", ["doctor"], leads=True)]) in (3, 0, 4)
-    assert run_together([Process("failing", ["run", "--recording", "nowhere.mcap"], leads=True)]) == 3
+def test_a_failing_process_ends_the_run(tmp_path):
+    """The leader would replay for minutes; the other fails, and with it the run."""
+    ports = ["--port", "0", "--control-port", "0", "--name", "leader"]
+    leader = Process("leader", ["edge", "--loop", *ports], leads=True)
+    assert run_together([leader, Process("failing", ["run", "--recording", "nowhere.mcap"])]) == 3
+
+
+def test_what_never_gets_ready_ends_the_run_when_it_fails():
+    failing = Process("failing", ["run", "--recording", "nowhere.mcap"], ready=lambda: False)
+    assert run_together([failing, Process("leader", ["--version"], leads=True)]) == 3

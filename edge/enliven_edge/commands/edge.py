@@ -8,14 +8,18 @@ import logging
 import signal
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from enliven.settings import load_settings
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.settings import EdgeSettings, WireSettings
+
+if TYPE_CHECKING:
+    from enliven_edge.actor import Actor
 
 log = logging.getLogger(__name__)
 
@@ -39,7 +43,7 @@ def edge(
     name: Annotated[str | None, typer.Option(help="The edge's name on the network.")] = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on; 0.0.0.0 for all.")] = None,
     port: Annotated[int | None, typer.Option(help="Port of the poses, 0 for a free one.")] = None,
-    control_port: Annotated[int | None, typer.Option(help="Port of the commands.")] = None,
+    control_port: Annotated[int | None, typer.Option(help="Port of the commands; one on by itself.")] = None,
     record: Annotated[Path | None, typer.Option(help="Write the take (bodies, poses) to this file.")] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing take.")] = False,
     wait_for_viewer: Annotated[
@@ -69,22 +73,15 @@ def serve(
     run: tuple[str, float | None, str, Path | None, bool, float, float | None],
 ) -> None:
     """Opens everything, serves, and closes everything; heavy modules are imported only here."""
-    from enliven_edge.casting import cast
     from enliven_edge.outlet import Outlet
     from enliven_edge.service import Edge
     from enliven_edge.stage import Stage
     from enliven_edge.tracking.tracker import Tracker
-    from enliven_edge.warmup import warm_up_stage, warm_up_tracking
 
     mesh, possess_at, parts, record, overwrite, wait, seconds = run
     with contextlib.ExitStack() as stack:
         sensor = stack.enter_context(_opened(*source))
-        with Console(stderr=True).status("") as status:
-            status.update(f"preparing {mesh}: sampling, linking, weighting")
-            actor = cast(mesh, chosen.nodes, chosen.actor, chosen.up)
-            status.update("compiling the solver and the tracker (half a minute the first time, then kept)")
-            warm_up_stage(actor)
-            warm_up_tracking(chosen.tracker)
+        actor = _prepared(mesh, chosen)
         outlet = stack.enter_context(Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite))
         outlet.introduce(actor.character)
         service = Edge(
@@ -105,10 +102,29 @@ def serve(
         log.info("%d frames, %.1f ms at the median", service.frames, service.pace.latency_ms(50))
 
 
+def _prepared(mesh: str, chosen: EdgeSettings) -> Actor:
+    """The actor, with every kernel compiled: most of a minute the first time, a second later on."""
+    from enliven_edge.casting import cast
+    from enliven_edge.warmup import warm_up_stage, warm_up_tracking
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(f"Preparing {mesh}: sampling, linking, weighting", total=3)
+        actor = cast(mesh, chosen.nodes, chosen.actor, chosen.up)
+        progress.update(task, advance=1, description="Compiling the solver (kept for the next start)")
+        warm_up_stage(actor)
+        progress.update(task, advance=1, description="Compiling the tracker (kept for the next start)")
+        warm_up_tracking(chosen.tracker)
+    return actor
+
+
 def _settings(path: Path | None, **overrides: str | int | None) -> EdgeSettings:
     """The settings of the file, with what the command line says on top."""
     loaded = load_settings(EdgeSettings, path) if path else EdgeSettings()
     given = {key: value for key, value in overrides.items() if value is not None}
+    port = given.get("port")
+    if isinstance(port, int) and "control_port" not in given:
+        given["control_port"] = port + 1 if port else 0
     wire = load_settings(WireSettings, {**vars(loaded.wire), **given}, where="command line")
     return dataclasses.replace(loaded, wire=wire)
 
