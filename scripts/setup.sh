@@ -56,7 +56,6 @@ def lacks(name):
         return False
     except OSError:
         return True
-# moderngl's EGL back end opens the names without a version, which glibc resolves through these.
 wanted = {"libEGL.so.1": "libegl1", "libGL.so.1": "libgl1"}
 print(*[package for library, package in wanted.items() if lacks(library)], end=" ")
 if sys.argv[1] == "dev":

@@ -13,6 +13,8 @@ from enliven.commands.processes import Process, is_listening, run_together
 from enliven.errors import InputError, ResourceError
 from enliven.wire.ports import free_ports
 
+_FILM_SECONDS = 10.0
+
 
 def run(
     recording: Path | None = typer.Option(None, help="Replay this recording; without one, the shipped one."),
@@ -43,9 +45,14 @@ def run(
     as_film = not has_display() if film is None else film
     if as_film and film is None:
         typer.echo("enliven: there is no display here, so this makes a film; with one, a window opens")
+    if as_film and sensor is not None and seconds is None:
+        seconds = _FILM_SECONDS
+        typer.echo(
+            f"enliven: a sensor has no end, so the film is {seconds:g} s long; --seconds says otherwise"
+        )
     ports = free_ports()
     edge = _edge_arguments(recording, sensor, mesh, possess_at, parts, seconds, ports, as_film)
-    edge += ["--record", str(record), "--overwrite"] if record else []
+    edge += ["--record", str(record)] if record else []
     view = _view_arguments(out, ports, as_film)
     # The edge compiles and prepares the mesh before it listens, a minute the very first time.
     first = Process("edge", edge, ready=lambda: is_listening("127.0.0.1", ports[0]))
