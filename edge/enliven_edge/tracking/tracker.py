@@ -22,6 +22,11 @@ from enliven_edge.tracking.smoothing import OneEuro
 
 _GOOD, _ACCEPTABLE = 0.6, 0.45
 _FEWEST_PIXELS = 60
+_MOVED = 0.02
+"""Change of a sensor's pose, metres or entry of its rotation, beyond which the room is learnt anew."""
+_PUT_ELSEWHERE = 0.25
+"""And beyond which the person is looked for anew: the room would otherwise be taken for them."""
+_LOOK_EVERY, _ENOUGH_DEPTH = 15, 0.1
 _CLEARLY = 0.05
 """How much better a less likely group of pixels must be explained to be taken for the person."""
 
@@ -39,6 +44,8 @@ class Tracker:
         self._smooth = OneEuro(self.settings.smoothing)
         self._camera: WorkingCamera | None = None
         self._mount: Float | None = None
+        self._floor_known = False
+        self._looked = 0
         self._room: Room | None = None
         self._posture: Posture | None = None
         self._before: Posture | None = None
@@ -79,18 +86,41 @@ class Tracker:
         """The working camera and where it stands, found once a sensor (a moving sensor tells it itself)."""
         if self._camera is None or self._camera.full != frame.intrinsics:
             self._camera = WorkingCamera(frame.intrinsics, self.settings.scene.working_width)
-            self._room = Room((self._camera.intrinsics.height, self._camera.intrinsics.width))
-            self._mount, self._posture = None, None
+            self._room, self._mount, self._posture = self._empty_room(), None, None
+            self._floor_known, self._looked = False, 0
         if frame.world_from_camera is not None:
-            self._mount = np.asarray(frame.world_from_camera, float)
-        elif self._mount is None:
-            scene = self.settings.scene
-            z = self._camera.reduce(frame.depth)
-            seen = unproject(z * 1e3, self._camera.ray)[z > 0]
-            level = world_from_level_camera(scene.height, scene.tilt, np.pi if scene.upside_down else 0.0)
-            found = world_from_floor(seen, scene.upside_down)
-            self._mount = level if found is None else found
+            given = np.asarray(frame.world_from_camera, float)
+            moved = 0.0 if self._mount is None else float(np.abs(given - self._mount).max())
+            if moved > _MOVED:
+                self._room = self._empty_room()
+            if moved > _PUT_ELSEWHERE:
+                self._posture = self._before = None
+            self._mount, self._floor_known = given, True
+        elif not self._floor_known and self._posture is None:
+            self._look_for_floor(frame)
+        assert self._mount is not None
         return self._camera, self._mount
+
+    def _empty_room(self) -> Room:
+        assert self._camera is not None
+        return Room((self._camera.intrinsics.height, self._camera.intrinsics.width))
+
+    def _look_for_floor(self, frame: DepthFrame) -> None:
+        """Sets the mounting by the floor, or as the settings say; tries again while nobody is there."""
+        assert self._camera is not None
+        scene = self.settings.scene
+        if self._mount is None:
+            roll = np.pi if scene.upside_down else 0.0
+            self._mount = world_from_level_camera(scene.height, scene.tilt, roll)
+        z = self._camera.reduce(frame.depth)
+        known = z > 0
+        if known.mean() < _ENOUGH_DEPTH:
+            return  # the camera is still starting, or covered
+        self._looked += 1
+        if self._looked % _LOOK_EVERY == 1:
+            found = world_from_floor(unproject(z * 1e3, self._camera.ray)[known], scene.upside_down)
+            self._floor_known = found is not None
+            self._mount = self._mount if found is None else found
 
     def _follow(
         self, z: Float, points: Float, mask: Bool, camera: WorkingCamera, mount: Float
@@ -144,6 +174,7 @@ class Tracker:
         _, self._posture, report, observation, person = best
         self._before, self._fitted, self._bad = None, 0, 0
         self._person += 1
+        self._second_thoughts = SecondThoughts(self._fitter)
         self._smooth.reset()
         return report, observation, person
 

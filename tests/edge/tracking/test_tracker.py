@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from enliven.body import Body, Joint
-from enliven.camera import Intrinsics
+from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.synthetic import SyntheticSensor
 from enliven_edge.synthesis.scene import cast_room
@@ -67,6 +67,28 @@ def test_the_sensor_finds_out_where_it_stands():
     assert tracker.world_from_camera is not None
     assert tracker.world_from_camera[1, 3] == pytest.approx(true[1, 3], abs=0.06)
     np.testing.assert_allclose(tracker.world_from_camera[:3, :3], true[:3, :3], atol=0.04)
+
+
+def test_a_camera_that_starts_with_empty_frames_finds_its_floor_later():
+    made = recorded("idle", 40)
+    tracker = Tracker()
+    for i, (frame, _) in enumerate(made):
+        depth = np.zeros_like(frame.depth) if i < 5 else frame.depth
+        bodies = tracker.track(dataclasses.replace(frame, depth=depth))
+    assert bodies
+    assert np.linalg.norm(bodies[0].joints - made[-1][1].joints, axis=1).mean() < 0.15
+    assert tracker.world_from_camera[1, 3] == pytest.approx(1.15, abs=0.2)
+
+
+def test_a_sensor_that_was_moved_learns_the_room_anew():
+    """The old room would hide the person, who stands nearer than it, or make people of the new one."""
+    made = recorded("idle", 20)
+    near, far = (world_from_level_camera(1.15, np.deg2rad(5)) for _ in range(2))
+    far[:3, 3] += (1.0, 0.0, 0.5)
+    tracker = Tracker()
+    for i, (frame, _) in enumerate(made):
+        (body,) = tracker.track(dataclasses.replace(frame, world_from_camera=near if i < 10 else far))
+    assert body.joints[Joint.HIP_CENTER, 0] == pytest.approx(1.0, abs=0.15)
 
 
 def test_who_leaves_and_comes_back_is_found_again():
