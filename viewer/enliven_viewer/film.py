@@ -151,7 +151,7 @@ def _moments(
     _await_first(feed, document, settings.film.patience)
     start, count = timeline.start_ns, 0
     heard = time.monotonic()
-    while seconds is None or count < round(seconds * rate):
+    while not parent_is_gone() and (seconds is None or count < round(seconds * rate)):
         due = start + round(count * NS / rate)
         over = document.edge.phase == ENDED
         arrived = feed.poll(document)
@@ -165,7 +165,7 @@ def _moments(
             yield moment, count / rate
             timeline.drop_before(due)
             count += 1
-        elif over or gone or parent_is_gone():
+        elif over or gone:
             return
         elif not arrived:
             time.sleep(_IDLE)
