@@ -139,14 +139,7 @@ def test_the_picture_is_that_of_the_reference(road, request):
 
 @pytest.mark.skipif(os.name == "nt", reason="process groups of POSIX")
 def test_ctrl_c_leaves_no_orphan(tmp_path):
-
-    command = [sys.executable, "-m", "enliven", "run", "--film", "--out", str(tmp_path)]
-    started = subprocess.Popen(
-        command, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
-    )
-    time.sleep(6)
-    children = children_of(started.pid)
-    assert children, "nothing was started"
+    started, children = started_run(tmp_path)
     os.killpg(started.pid, signal.SIGINT)
     output, _ = started.communicate(timeout=30)
     assert started.returncode == 130, output.decode()
