@@ -59,7 +59,7 @@ def lacks(name):
 wanted = {"libEGL.so.1": "libegl1", "libGL.so.1": "libgl1"}
 print(*[package for library, package in wanted.items() if lacks(library)], end=" ")
 if sys.argv[1] == "dev":
-    print(*[package for tool, package in {"Xvfb": "xvfb", "xvfb-run": "xvfb"}.items() if not shutil.which(tool)], end="")
+    print(*[package for tool, package in {"Xvfb": "xvfb", "xvfb-run": "xvfb", "ps": "procps"}.items() if not shutil.which(tool)], end="")
 PY
 }
 
