@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import trimesh
 
-from enliven.arrays import UInt8
+from enliven.arrays import Float, UInt8
 from enliven.errors import InputError, ResourceError
 from enliven.mesh import Mesh, weld
 from enliven.mesh_repair import repair
@@ -122,7 +122,16 @@ def _colours(part: Any) -> UInt8 | None:
     colour = getattr(getattr(visual, "material", None), "main_color", None)
     if visual.kind != "texture" or colour is None or np.shape(colour) != (4,):
         return None
-    return np.tile(np.asarray(colour[:3], np.uint8), (len(part.vertices), 1))
+    shown = np.asarray(colour[:3], np.uint8)
+    if isinstance(visual.material, trimesh.visual.material.PBRMaterial):
+        shown = _srgb(shown / 255.0)
+    return np.tile(shown, (len(part.vertices), 1))
+
+
+def _srgb(linear: Float) -> UInt8:
+    """sRGB bytes of linear light in [0, 1], which is what glTF's colour factors are (IEC 61966-2-1)."""
+    curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return np.asarray(np.rint(255 * curve), np.uint8)
 
 
 def save_mesh(mesh: Mesh, path: Path | str) -> None:

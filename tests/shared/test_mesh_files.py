@@ -164,3 +164,16 @@ def test_what_cannot_be_written(tmp_path):
         save_mesh(TETRAHEDRON, tmp_path / "mesh.docx")
     with pytest.raises(ResourceError):
         save_mesh(TETRAHEDRON, tmp_path / "no" / "such" / "folder.obj")
+
+
+def test_the_colour_of_a_gltf_material_is_linear_light(tmp_path):
+    import trimesh
+
+    box = trimesh.creation.box()
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=[55, 0, 255, 255])
+    box.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(box.vertices), 2)), material=material)
+    path = tmp_path / "box.glb"
+    box.export(path)
+    colours = load_mesh(path).mesh.colours
+    assert colours is not None
+    np.testing.assert_allclose(colours[0].astype(int), [128, 0, 255], atol=1)
