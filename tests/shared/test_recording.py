@@ -294,9 +294,10 @@ def test_damaged_messages_give_a_frame_or_an_input_error(place, value, cut):
     data = bytearray(pack_depth(depth_frame(1, colour=colour, world_from_camera=np.eye(4)), 1))
     data[place % len(data)] = value
     try:
-        unpack_depth(bytes(data[: len(data) - cut]))
+        frame = unpack_depth(bytes(data[: len(data) - cut]))
     except InputError:
         return
+    assert frame.depth.shape == (frame.intrinsics.height, frame.intrinsics.width)
 
 
 def test_bodies_of_the_wrong_shape_are_refused(tmp_path):

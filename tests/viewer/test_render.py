@@ -146,7 +146,9 @@ def test_attachment_points_glow_where_the_nodes_are(renderer, box) -> None:
 
 def test_cues_of_nodes_that_are_not_there_are_left_out(renderer, box) -> None:
     cues = Cues("box", np.array([999], np.int32), np.array([1.0], np.float32))
-    drawn(renderer, Scene((Actor(box, box.rest_pose(), cues),), look=Look(graph=1.0)))
+    marked = drawn(renderer, Scene((Actor(box, box.rest_pose(), cues),), look=Look(graph=1.0)))
+    plain = drawn(renderer, Scene((Actor(box, box.rest_pose()),), look=Look(graph=1.0)))
+    assert np.abs(marked - plain).max() <= 1
 
 
 def test_the_box_casts_a_shadow_away_from_the_light(renderer, box) -> None:
@@ -187,6 +189,8 @@ def test_an_empty_scene_has_a_floor_and_a_horizon(renderer) -> None:
 def test_a_pose_that_is_not_finite_draws(renderer, box) -> None:
     broken = Pose("box", 0, np.full((6, 3, 3), np.nan, np.float32), np.full((6, 3), np.inf, np.float32))
     drawn(renderer, Scene((Actor(box, broken),), look=Look()))
+    after = drawn(renderer, Scene((Actor(box, box.rest_pose()),), look=Look()))
+    assert after.std() > 5, "what follows a broken pose is drawn as ever"
 
 
 def test_characters_come_and_go(renderer, box, make_character, make_box) -> None:
