@@ -111,6 +111,40 @@ class Performer:
             self._leg(foot, *feet[side], side, pelvis, joints, frames)
         return Figure(on_grid(joints), on_grid(frames))
 
+    def figure(self, rotations: Float, pelvis: Float) -> Figure:
+        """The figure whose limbs are turned as given, whatever turned them: a motion capture, a dice.
+
+        Args:
+            rotations: (16, 3, 3) world_from_limb, ordered by :class:`Limb`. At the identity each limb is as
+                in a person who stands upright facing +Z with hanging arms: limbs lie along -Y of their
+                frame, the trunk and the skull along +Y, feet point to +Z.
+            pelvis: (3,) metres, the hip centre, world.
+        """
+        joints, down = np.zeros((20, 3)), np.array([0.0, -1.0, 0.0])
+        joints[Joint.HIP_CENTER] = pelvis
+        joints[Joint.SPINE] = pelvis + rotations[Limb.ABDOMEN] @ self.spine
+        joints[Joint.SHOULDER_CENTER] = joints[Joint.SPINE] + rotations[Limb.CHEST] @ self.neck_base
+        joints[Joint.HEAD] = joints[Joint.SHOULDER_CENTER] + rotations[Limb.SKULL] @ self.head
+        origins = [pelvis, joints[Joint.SPINE], joints[Joint.SHOULDER_CENTER], joints[Joint.HEAD]]
+        for chain in (
+            (self.shoulder, Limb.CHEST, Joint.SHOULDER_LEFT, 4, (self.upper_arm, self.forearm)),
+            (self.hip, Limb.PELVIS, Joint.HIP_LEFT, 10, (self.thigh, self.shank)),
+        ):
+            root, trunk, first_left, limb_left, lengths = chain
+            for side in (0, 1):
+                first, limb = first_left + 4 * side, limb_left + side
+                joints[first] = origins[trunk] + rotations[trunk] @ _mirrored(root, side)
+                for k, length in enumerate(lengths):
+                    joints[first + k + 1] = joints[first + k] + length * (rotations[limb + 2 * k] @ down)
+                last = self.hand * down if limb_left == 4 else self.ball
+                joints[first + 3] = joints[first + 2] + rotations[limb + 4] @ last
+        at = [*origins]
+        for left, right in ((Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT), (Joint.HIP_LEFT, Joint.HIP_RIGHT)):
+            for k in range(3):
+                at += [joints[left + k], joints[right + k]]
+        frames = np.concatenate([rotations, np.stack(at)[:, :, None]], 2)
+        return Figure(on_grid(joints), on_grid(frames))
+
     def _ankle(self, foot: Foot) -> tuple[Float, Float]:
         """(3,) where the ankle wants to be, and (3, 3) the foot's orientation."""
         heading = about_y(foot.yaw)

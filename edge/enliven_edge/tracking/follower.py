@@ -1,0 +1,132 @@
+"""One person, followed from frame to frame: predict, fit, doubt, and say how sure every joint is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven_edge.tracking import model
+from enliven_edge.tracking.detection import detect, quality
+from enliven_edge.tracking.fit import FitReport, Fitter
+from enliven_edge.tracking.observation import Observation, observe
+from enliven_edge.tracking.posture import Posture, continued
+from enliven_edge.tracking.recovery import SecondThoughts
+from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.view import View
+
+_GOOD, _ACCEPTABLE = 0.6, 0.45
+FEWEST_PIXELS = 60
+"""Of the working image; fewer show nobody."""
+
+
+class Follower:
+    """The fit of one person over time.
+
+    Made by :meth:`found` where somebody new is seen; then :meth:`follow` once a frame.
+
+    Attributes:
+        posture: of the last frame that was fitted.
+        confidence: (20,) of its joints, in [0, 1]; all 0 in a frame that did not show the person.
+        lost: whether the fit has been bad for longer than the settings allow.
+    """
+
+    def __init__(self, settings: TrackerSettings, fitter: Fitter, posture: Posture) -> None:
+        self.settings = settings
+        self.posture = posture
+        self.confidence = np.zeros(20)
+        self.lost = False
+        self._fitter = fitter
+        self._second_thoughts = SecondThoughts(fitter)
+        self._before: Posture | None = None
+        self._fitted = 0
+        self._bad = 0
+
+    @classmethod
+    def found(
+        cls, view: View, pixels: Bool, settings: TrackerSettings, fitter: Fitter
+    ) -> tuple[Follower, float] | None:
+        """Somebody new in the (h, w) ``pixels``, and how well they are explained (up to 1); None: nobody."""
+        if np.count_nonzero(pixels) < FEWEST_PIXELS:
+            return None
+        observation = _observed(view, pixels, settings)
+        posture, report = detect(fitter, observation, view.eye, settings.body_height)
+        if quality(report) < _GOOD:
+            return None
+        follower = cls(settings, fitter, posture)
+        follower._vouch(report, observation)
+        return follower, quality(report)
+
+    def predicted(self) -> Posture:
+        """Where the posture is expected in the next frame, by the motion between the last two."""
+        return self.posture.copy() if self._before is None else continued(self._before, self.posture)
+
+    def follow(self, view: View, pixels: Bool) -> bool:
+        """Takes in a frame in which the (h, w) ``pixels`` are this person's; False where they do not fit."""
+        self.confidence = np.zeros(20)
+        if np.count_nonzero(pixels) < FEWEST_PIXELS:
+            return self._missed()
+        predicted = self.predicted()
+        observation = _observed(view, pixels, self.settings)
+        proportions = self._proportions()
+        posture, report = self._fitter.fit(
+            observation, predicted, predicted=predicted, proportions=proportions
+        )
+        certain = _capsule_confidence(report, observation, posture)
+        posture, report = self._second_thoughts.reconsider(observation, posture, report, certain)
+        if quality(report) <= _ACCEPTABLE and not self._missed() and self.lost:
+            return False
+        self._before, self.posture = self.posture, posture
+        self._vouch(report, observation)
+        if quality(report) <= _ACCEPTABLE:
+            return False
+        self._fitted, self._bad = self._fitted + 1, 0
+        return True
+
+    def _missed(self) -> bool:
+        """Counts a bad frame."""
+        self._bad += 1
+        self.lost = self._bad > self.settings.lost_after
+        return False
+
+    def _vouch(self, report: FitReport, observation: Observation) -> None:
+        self.confidence = _joint_confidence(_capsule_confidence(report, observation, self.posture))
+
+    def _proportions(self) -> Float | None:
+        """How firmly the bones' lengths are held: softer at first, frozen once settled."""
+        settings = self.settings.fit
+        if self._fitted > 3 * settings.settle_frames:
+            return None
+        firmness = settings.proportions * (1.0 + 30.0 * self._fitted / settings.settle_frames)
+        return np.full(len(model.LENGTHS), firmness)
+
+
+def _observed(view: View, pixels: Bool, settings: TrackerSettings) -> Observation:
+    return observe(view.z, view.points, pixels, view.camera, view.world_from_camera, settings.fit.points)
+
+
+def _capsule_confidence(report: FitReport, observation: Observation, posture: Posture) -> Float:
+    """(C,) how far each capsule is supported by the points it explains, and not seen through."""
+    expected = _expected_support(posture, len(observation.points))
+    supported = np.minimum(1.0, report.support / np.maximum(1.0, 0.35 * expected))
+    return np.asarray(supported * (1.0 - report.violated))
+
+
+def _joint_confidence(capsule: Float) -> Float:
+    """(20,) the joints' confidence from the capsules'."""
+    confidence = np.zeros(20)
+    for joint, value in zip(model.CAPSULES.joint, capsule, strict=True):
+        confidence[joint] = max(confidence[joint], value)
+    for joint, source in _BORROWED.items():
+        confidence[joint] = confidence[source]
+    return confidence
+
+
+_BORROWED = {4: 5, 8: 9, 12: 13, 16: 17}
+"""Shoulders and hips have no capsule of their own: their limb's first bone vouches for them."""
+
+
+def _expected_support(posture: Posture, count: int) -> Float:
+    """(C,) points each capsule would get if all of the body were seen, by its frontal area."""
+    ends, radii = posture.capsules()
+    area = (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) + radii.sum(1)) * radii.sum(1)
+    return np.asarray(count * area / area.sum())
