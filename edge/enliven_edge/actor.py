@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.body import Body
+from enliven.body import Body, parts_named
 from enliven.character import Character, Pose
-from enliven.deformation.attachment import Attachment, AttachmentSettings, attach, parts_named
+from enliven.deformation.attachment import Attachment, AttachmentSettings, attach
 from enliven.deformation.embedded import EmbeddedSettings, EmbeddedSolver
 from enliven.deformation.graph import DeformationGraph
 from enliven.errors import InputError

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from enliven.arrays import Bool, Float, Int, Int32
-from enliven.body import PARENTS, PARTS, J, Joint
+from enliven.body import PARENTS, J, parts_named
 from enliven.deformation.bones import bone_rotations, bone_samples, filled
 from enliven.deformation.graph import DeformationGraph
 from enliven.deformation.weights import insert
@@ -107,20 +107,6 @@ class Attachment:
             raise InputError(f"the confidence is {sure.shape}, expected ({J},)", where="attachment")
         weaker = self._of_ends(sure)
         return np.asarray(weaker * weaker * (3 - 2 * weaker))
-
-
-def parts_named(parts: str | Iterable[str]) -> frozenset[Joint]:
-    """The joints of one or several named parts of the body, such as "all", "legs", "hip and right arm".
-
-    Raises:
-        InputError: for an unknown name; it lists the known ones.
-    """
-    names = [parts] if isinstance(parts, str) else list(parts)
-    for name in names:
-        if name not in PARTS:
-            known = f"Known: {', '.join(PARTS)}."
-            raise InputError(f"no part of the body is called {name!r}", where="attachment", mend=known)
-    return frozenset().union(*(PARTS[name] for name in names))
 
 
 def checked_joints(joints: Float) -> Float:
