@@ -193,3 +193,35 @@ def _ancestry() -> Int:
 
 
 MOVES = _ancestry()
+
+
+def _bone_frames() -> Int:
+    """(20,) the frame along which the bone that ends at each joint lies."""
+    frames = JOINT_FRAMES.copy()
+    for first, trunk in ((4, CHEST), (8, CHEST), (12, PELVIS), (16, PELVIS)):
+        frames[first + 1 : first + 4] = frames[first : first + 3]
+        frames[first] = trunk
+    frames[1:3] = PELVIS, CHEST
+    return frames
+
+
+BONE_FRAMES = _bone_frames()
+
+
+def _capsule_unknowns() -> Int:
+    """(C, 1 + 1 + 42) for each capsule: how many unknowns move it without and with the lengths, and which."""
+    table = np.zeros((len(CAPSULES.frame), 2 + UNKNOWNS), np.int64)
+    by_length = np.zeros((13, len(LENGTHS)), bool)
+    for frame in range(1, 13):
+        by_length[frame] = by_length[FRAME_PARENTS[frame]] | PIVOTS[frame].any(0)
+    for c, frame in enumerate(CAPSULES.frame):
+        turns = [0, 1, 2, *(3 + np.flatnonzero(MOVES[frame]))]
+        lengths = by_length[frame] | CAPSULES.ends[c].any((0, 1))
+        lengths[GIRTH] = True
+        every = [*turns, *(DOFS + np.flatnonzero(lengths))]
+        table[c, :2] = len(turns), len(every)
+        table[c, 2 : 2 + len(every)] = every
+    return table
+
+
+CAPSULE_UNKNOWNS = _capsule_unknowns()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numba import njit
-from scipy import ndimage
 
-from enliven.arrays import Bool, Float, UInt16
+from enliven.arrays import Bool, Float, Float32, Int, UInt16
 from enliven.camera import Intrinsics, rays
 
 
@@ -70,16 +70,26 @@ class Observation:
     """The person in one frame.
 
     Attributes:
-        points: (M, 3) metres, world frame, on the person's surface.
-        normals: (M, 3) outward unit normals of the points, world frame.
-        view: (person_z, other_z, nearest, camera, world_from_camera) as ``terms.free_space`` takes it.
+        points: (M, 3) float32 metres, world frame, on the person's surface.
+        normals: (M, 3) float32 outward unit normals of the points, world frame.
+        pixels: (M, 2) row and column of the points in the working image.
+        view: (z, mask, nearest, camera, world_from_camera) as ``terms.free_space`` takes it.
         cut: whether the person runs out of the image at its lower border.
+        affinity: (M, C) float32 metres by which a point is farther from a capsule than it seems, by what it
+            looks like; (0, 0) where nothing says so.
     """
 
-    points: Float
-    normals: Float
-    view: tuple[Float, Float, Float, Float, Float]
+    points: Float32
+    normals: Float32
+    pixels: Int
+    view: tuple[Float, Bool, Int, Float, Float]
     cut: bool
+    affinity: Float32 = field(default_factory=lambda: np.zeros((0, 0), np.float32))
+
+    @property
+    def seen(self) -> tuple[Any, ...]:
+        """(points, normals, affinity, view), as the compiled fit takes them."""
+        return self.points, self.normals, self.affinity, self.view
 
     @property
     def crown(self) -> Float:
@@ -106,23 +116,44 @@ def _world_points(z, ray, pose):  # type: ignore[no-untyped-def]
     return out
 
 
-_AROUND = 24
+@njit(cache=True, nogil=True)
+def nearest_columns(mask):  # type: ignore[no-untyped-def]
+    """(h, w) the masked column nearest to every pixel in its own row; -1 in rows without any."""
+    height, width = mask.shape
+    out = np.full((height, width), -1, np.int64)
+    for v in range(height):
+        last = -1
+        for u in range(width):
+            if mask[v, u]:
+                last = u
+            out[v, u] = last
+        if last < 0:
+            continue
+        for n in range(width):
+            u = width - 1 - n
+            if mask[v, u]:
+                last = u
+            if out[v, u] < 0 or last - u < u - out[v, u]:
+                out[v, u] = last if last >= u else out[v, u]
+    return out
 
 
-def nearest_pixel(mask: Bool) -> Float:
-    """(h, w, 2) row and column of the masked pixel nearest to every pixel.
-
-    Exact within 24 pixels of the mask's box; farther out, that of the nearest pixel this close.
-    """
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    if len(rows) == 0:
-        return np.full((*mask.shape, 2), -1.0)
-    top, left = max(0, rows[0] - _AROUND), max(0, columns[0] - _AROUND)
-    box = mask[top : rows[-1] + _AROUND + 1, left : columns[-1] + _AROUND + 1]
-    found = ndimage.distance_transform_edt(~box, return_distances=False, return_indices=True)
-    below, right = mask.shape[0] - top - box.shape[0], mask.shape[1] - left - box.shape[1]
-    padding = ((0, 0), (top, below), (left, right))
-    return np.stack(list(np.pad(found, padding, mode="edge")), -1) + np.array([top, left], float)
+@njit(cache=True, nogil=True)
+def nearest_pixel(v, u, nearest):  # type: ignore[no-untyped-def]
+    """(row, column) of the masked pixel nearest to one, from :func:`nearest_columns`; -1 where none is."""
+    height = nearest.shape[0]
+    best, row, column = 1 << 60, -1, -1
+    for step in range(height):
+        if step * step >= best:
+            break
+        for side in range(2):
+            r = v + step if side == 0 else v - step
+            if r < 0 or r >= height or nearest[r, u] < 0:
+                continue
+            square = step * step + (nearest[r, u] - u) ** 2
+            if square < best:
+                best, row, column = square, r, nearest[r, u]
+    return row, column
 
 
 def observe(
@@ -136,37 +167,59 @@ def observe(
         mask: (h, w) the person's pixels.
         points: at most this many surface points are kept, evenly over the pixels.
     """
-    v, u = np.nonzero(mask)
-    keep = np.linspace(0, len(v) - 1, min(points, len(v))).astype(int)
-    v, u = v[keep], u[keep]
-    nearest = nearest_pixel(mask)
-    view = (np.where(mask, z, 0.0), np.where(mask, 0.0, z), nearest, camera.camera, world_from_camera)
+    pixels = sampled(mask, points)
+    found, normals = surface_samples(surface, z, pixels, world_from_camera[:3, 3])
+    view = (z, mask, nearest_columns(mask), camera.camera, world_from_camera)
     cut = bool(mask[-2:].sum() > 0.05 * mask.shape[1])
-    normals = surface_normals(surface, z, v, u, world_from_camera[:3, 3])
-    return Observation(surface[v, u], normals, view, cut)
+    return Observation(found, normals, pixels, view, cut)
 
 
 @njit(cache=True, nogil=True)
-def surface_normals(points, z, rows, columns, eye):  # type: ignore[no-untyped-def]
-    """(M, 3) unit normals at M pixels from differences across two pixels, facing the eye.
+def sampled(mask, points):  # type: ignore[no-untyped-def]
+    """(M, 2) rows and columns of at most so many masked pixels, evenly spread in reading order."""
+    total = 0
+    for v in range(mask.shape[0]):
+        for u in range(mask.shape[1]):
+            total += mask[v, u]
+    kept = min(points, total)
+    out = np.empty((kept, 2), np.int64)
+    seen, n = 0, 0
+    for v in range(mask.shape[0]):
+        for u in range(mask.shape[1]):
+            if not mask[v, u]:
+                continue
+            # The n-th kept pixel is number floor((n + 1/2) total / kept): evenly spread, and never twice.
+            if n < kept and seen == ((2 * n + 1) * total) // (2 * kept):
+                out[n, 0], out[n, 1] = v, u
+                n += 1
+            seen += 1
+    return out
 
-    Where a neighbour is unknown or across a depth edge, the direction to the eye stands in.
+
+@njit(cache=True, nogil=True)
+def surface_samples(points, z, pixels, eye):  # type: ignore[no-untyped-def]
+    """(M, 3) float32 points at M pixels, and their unit normals from differences across two pixels.
+
+    Normals face the eye. Where a neighbour is unknown or across a depth edge, the direction to the eye
+    stands in.
     """
     height, width = z.shape
-    out = np.empty((len(rows), 3))
-    for i in range(len(rows)):
-        v, u = rows[i], columns[i]
+    found, out = np.empty((len(pixels), 3), np.float32), np.empty((len(pixels), 3), np.float32)
+    normal = np.empty(3)
+    for i in range(len(pixels)):
+        v, u = pixels[i]
         for a in range(3):
-            out[i, a] = eye[a] - points[v, u, a]
+            found[i, a] = points[v, u, a]
+            normal[a] = eye[a] - points[v, u, a]
         if 0 < v < height - 1 and 0 < u < width - 1:
             low = min(min(z[v, u + 1], z[v, u - 1]), min(z[v + 1, u], z[v - 1, u]))
             high = max(max(z[v, u + 1], z[v, u - 1]), max(z[v + 1, u], z[v - 1, u]))
             if low > 0.0 and high - low < 0.06 + 0.04 * low:
-                _cross(out[i], points[v, u + 1], points[v, u - 1], points[v + 1, u], points[v - 1, u])
-        length = np.sqrt(out[i, 0] ** 2 + out[i, 1] ** 2 + out[i, 2] ** 2) + 1e-12
+                _cross(normal, points[v, u + 1], points[v, u - 1], points[v + 1, u], points[v - 1, u])
+        length = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2) + 1e-12
         for a in range(3):
-            out[i, a] /= length
-    return out
+            out[i, a] = normal[a] / length
+    return found, out
 
 
 @njit(cache=True, nogil=True)

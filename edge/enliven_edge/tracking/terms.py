@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from enliven_edge.tracking.posture import logarithm
+from enliven_edge.tracking.kinematics import deviation
+from enliven_edge.tracking.observation import nearest_pixel
 
 _DOFS = 30
 _GIRTH = 11
@@ -38,9 +39,10 @@ def point_row(row, scale, frame, point, normal, local, body):  # type: ignore[no
 
     Args:
         local: (3, 12) derivative of the point, in its frame, by the lengths.
-        body: (world, pivots, by_length, moves, dof_frame, dof_axis) of the posture.
+        body: (world, pivots, by_length, moves, dof_frame, dof_axis, capsule_unknowns) of the posture; the
+            row has no places for the lengths where they are frozen.
     """
-    world, pivots, by_length, moves, dof_frame, dof_axis = body
+    world, pivots, by_length, moves, dof_frame, dof_axis, _ = body
     for a in range(3):
         row[a] += scale * normal[a]
     for k in range(len(dof_frame)):
@@ -52,6 +54,8 @@ def point_row(row, scale, frame, point, normal, local, body):  # type: ignore[no
         row[3 + k] += scale * (
             normal[0] * (ay * z - az * y) + normal[1] * (az * x - ax * z) + normal[2] * (ax * y - ay * x)
         )
+    if len(row) == _DOFS:
+        return
     nx, ny, nz = normal
     tx = nx * world[frame, 0, 0] + ny * world[frame, 1, 0] + nz * world[frame, 2, 0]
     ty = nx * world[frame, 0, 1] + ny * world[frame, 1, 1] + nz * world[frame, 2, 1]
@@ -95,15 +99,14 @@ def free_space(  # type: ignore[no-untyped-def]
     that stands in front of the observed one is pushed back.
 
     Args:
-        view: (person_z, other_z, nearest, camera, world_from_camera): (h, w) metres of the person's pixels
-            and of everything else (0 unknown), (h, w, 2) the nearest person pixel, (4,) fx, fy, cx, cy, and
-            (4, 4).
+        view: (depth, mask, nearest, camera, world_from_camera): (h, w) metres (0 unknown), (h, w) the
+            person's pixels, (h, w) of :func:`observation.nearest_columns`, (4,) fx, fy, cx, cy, and (4, 4).
         violated: (C,) receives the share of each capsule's samples seen through.
     """
-    person, other, nearest, camera, world_from_camera = view
-    height, width_px = person.shape
-    row = np.empty(matrix.shape[0])
-    normal = np.empty(3)
+    depth, mask, nearest, camera, world_from_camera = view
+    height, width_px = depth.shape
+    row, normal, point = np.empty(matrix.shape[0]), np.empty(3), np.empty(3)
+    offset_row = np.empty((3, capsule_local.shape[3]))
     fx, fy, cx, cy = camera
     energy = 0.0
     violated[:] = 0.0
@@ -111,10 +114,10 @@ def free_space(  # type: ignore[no-untyped-def]
     for c in range(len(ends)):
         for s in range(samples):
             t = (s + 0.5) / samples
-            point = ends[c, 0] + t * (ends[c, 1] - ends[c, 0])
             radius = radii[c, 0] + t * (radii[c, 1] - radii[c, 0])
             x, y, z = 0.0, 0.0, 0.0
             for b in range(3):
+                point[b] = ends[c, 0, b] + t * (ends[c, 1, b] - ends[c, 0, b])
                 offset = point[b] - world_from_camera[b, 3]
                 x += world_from_camera[b, 0] * offset
                 y += world_from_camera[b, 1] * offset
@@ -124,9 +127,9 @@ def free_space(  # type: ignore[no-untyped-def]
             u, v = int(np.floor(fx * x / z + cx + 0.5)), int(np.floor(fy * y / z + cy + 0.5))
             if u < 0 or v < 0 or u >= width_px or v >= height:
                 continue
-            seen = person[v, u]
+            seen = depth[v, u]
             girth_row = 0.0
-            if seen > 0.0:
+            if mask[v, u]:
                 residual = seen - (z - radius) - 0.03
                 if residual <= 0.0:
                     continue
@@ -134,19 +137,21 @@ def free_space(  # type: ignore[no-untyped-def]
                     normal[a] = -world_from_camera[a, 2]
                 girth_row = radius / body_girth(radii)
             else:
-                hidden = other[v, u] == 0.0 or other[v, u] < z - radius - 0.05
-                if hidden or nearest[v, u, 0] < 0:
+                if seen == 0.0 or seen < z - radius - 0.05:
+                    continue
+                near_v, near_u = nearest_pixel(v, u, nearest)
+                if near_v < 0:
                     continue
                 violated[c] += 1.0 / samples
-                dx = (u - nearest[v, u, 1]) * z / fx
-                dy = (v - nearest[v, u, 0]) * z / fy
+                dx, dy = (u - near_u) * z / fx, (v - near_v) * z / fy
                 residual = np.sqrt(dx * dx + dy * dy)
                 for a in range(3):
                     normal[a] = (dx * world_from_camera[a, 0] + dy * world_from_camera[a, 1]) / residual
             row[:] = 0.0
-            local = (1.0 - t) * capsule_local[c, 0] + t * capsule_local[c, 1]
-            point_row(row, 1.0, capsule_frame[c], point, normal, local, body)
-            row[_DOFS + _GIRTH] += girth_row
+            between(offset_row, capsule_local[c], t)
+            point_row(row, 1.0, capsule_frame[c], point, normal, offset_row, body)
+            if len(row) > _DOFS:
+                row[_DOFS + _GIRTH] += girth_row
             cost, w = robust(residual, width)
             energy += per_sample * cost
             add(matrix, gradient, row, residual, per_sample * w)
@@ -158,31 +163,37 @@ def self_intersection(  # type: ignore[no-untyped-def]
     matrix, gradient, ends, radii, capsule_frame, capsule_local, body, pairs, weight, samples
 ):
     """Limbs do not enter each other: samples on the first capsule of a pair stay outside the second."""
-    row = np.empty(matrix.shape[0])
-    normal = np.empty(3)
+    row, normal = np.empty(matrix.shape[0]), np.empty(3)
+    point, centre, offset = np.empty(3), np.empty(3), np.empty((3, capsule_local.shape[3]))
     energy = 0.0
     for k in range(len(pairs)):
         i, j = pairs[k]
-        axis = ends[j, 1] - ends[j, 0]
         for s in range(samples):
             t = (s + 0.5) / samples
-            point = ends[i, 0] + t * (ends[i, 1] - ends[i, 0])
-            along = np.dot(point - ends[j, 0], axis) / (np.dot(axis, axis) + 1e-12)
-            along = min(1.0, max(0.0, along))
-            centre = ends[j, 0] + along * axis
-            distance = np.sqrt(np.sum((point - centre) ** 2))
+            along, square = 0.0, 1e-12
+            for a in range(3):
+                point[a] = ends[i, 0, a] + t * (ends[i, 1, a] - ends[i, 0, a])
+                axis = ends[j, 1, a] - ends[j, 0, a]
+                along += (point[a] - ends[j, 0, a]) * axis
+                square += axis * axis
+            along = min(1.0, max(0.0, along / square))
+            square = 0.0
+            for a in range(3):
+                centre[a] = ends[j, 0, a] + along * (ends[j, 1, a] - ends[j, 0, a])
+                square += (point[a] - centre[a]) ** 2
             reach = radii[i, 0] + t * (radii[i, 1] - radii[i, 0])
             reach += radii[j, 0] + along * (radii[j, 1] - radii[j, 0])
+            distance = np.sqrt(square)
             residual = 0.85 * reach - distance
             if residual <= 0.0 or distance < 1e-6:
                 continue
             for a in range(3):
                 normal[a] = (point[a] - centre[a]) / distance
             row[:] = 0.0
-            local = (1.0 - t) * capsule_local[i, 0] + t * capsule_local[i, 1]
-            point_row(row, -1.0, capsule_frame[i], point, normal, local, body)
-            local = (1.0 - along) * capsule_local[j, 0] + along * capsule_local[j, 1]
-            point_row(row, 1.0, capsule_frame[j], centre, normal, local, body)
+            between(offset, capsule_local[i], t)
+            point_row(row, -1.0, capsule_frame[i], point, normal, offset, body)
+            between(offset, capsule_local[j], along)
+            point_row(row, 1.0, capsule_frame[j], centre, normal, offset, body)
             energy += weight * residual * residual
             add(matrix, gradient, row, residual, weight)
     return energy
@@ -192,13 +203,13 @@ def self_intersection(  # type: ignore[no-untyped-def]
 def stay_near(matrix, gradient, rotations, reference, weights, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
     """Every rotation stays near a reference: weight * |log(reference' rotation)|^2 by component."""
     energy = 0.0
-    last, deviation = -1, np.zeros(3)
+    last, turned = -1, np.zeros(3)
     for k in range(len(dof_frame)):
         f = dof_frame[k]
         if f != last:
-            deviation, last = logarithm(reference[f].T @ rotations[f]), f
+            turned, last = deviation(reference[f], rotations[f]), f
         w = weights[f]
-        value = deviation[dof_axis[k]]
+        value = turned[dof_axis[k]]
         matrix[3 + k, 3 + k] += w
         gradient[3 + k] += w * value
         energy += w * value * value
@@ -209,12 +220,12 @@ def stay_near(matrix, gradient, rotations, reference, weights, dof_frame, dof_ax
 def joint_ranges(matrix, gradient, rotations, middle, reach, weight, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
     """Rotations inside their boxes are free; outside, the excess is a residual."""
     energy = 0.0
-    last, deviation = -1, np.zeros(3)
+    last, turned = -1, np.zeros(3)
     for k in range(len(dof_frame)):
         f, axis = dof_frame[k], dof_axis[k]
         if f != last:
-            deviation, last = logarithm(middle[f].T @ rotations[f]), f
-        value = deviation[axis]
+            turned, last = deviation(middle[f], rotations[f]), f
+        value = turned[axis]
         excess = value - reach[f, axis] if value > 0.0 else value + reach[f, axis]
         if abs(value) <= reach[f, axis]:
             continue

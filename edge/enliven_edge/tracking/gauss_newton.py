@@ -1,0 +1,143 @@
+"""Levenberg-Marquardt over all terms of the fit, in one compiled loop.
+
+The unknowns are translation (3), rotations (27) and, while the person's build is not settled, lengths (12).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from enliven_edge.tracking import data_term, terms
+from enliven_edge.tracking.kinematics import capsules_into, forward_into, turn
+
+_DOFS = 30
+_SIDE = 0.04
+"""Metres; see :func:`data_term.nearest_capsule`."""
+_FREE_WIDTH = 0.25
+"""Metres: the robust width of what is seen through; a whole forearm may be in the wrong place."""
+_SAMPLES, _PAIR_SAMPLES = 5, 3
+_LARGEST_TURN = 0.5
+"""Radians a joint in one step."""
+
+
+@njit(cache=True, nogil=True)
+def minimise(  # type: ignore[no-untyped-def]
+    position, rotations, lengths, seen, shape, prior, weights, iterations, support, violated
+):
+    """Moves the posture (in place) to lower energy; returns (energy, explained).
+
+    Args:
+        position, rotations, lengths: (3,), (13, 3, 3), (12,), as in :class:`Posture`.
+        seen: (points, normals, affinity, view), as the terms take them.
+        shape: the body, see :func:`fit.shape`.
+        prior: (predicted rotations, stiffness (13,), rest rotations, relaxedness (13,), middle, reach,
+            reference lengths (12,), their weights (12,), or (0,) where the lengths are frozen).
+        weights: (5,) of a point, free space, self intersection, ranges; and the robust width, metres.
+        support: (C,) receives the points that each capsule explains.
+        violated: (C,) receives the share of each capsule that was seen through.
+    """
+    count = _DOFS + len(prior[7])
+    matrix, gradient = np.zeros((count, count)), np.zeros(count)
+    trial_matrix, trial_gradient = np.zeros((count, count)), np.zeros(count)
+    step, factor = np.empty(count), np.empty((count, count))
+    tried, tried_violated = np.empty_like(support), np.empty_like(violated)
+    state = (position, rotations, lengths)
+    energy, explained = assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated)
+    damping = 1e-2
+    for _ in range(iterations):
+        solve_damped(step, factor, matrix, gradient, damping)
+        moved = stepped(position, rotations, lengths, step, shape[3], shape[4])
+        lower, better = assemble(
+            trial_matrix, trial_gradient, moved, seen, shape, prior, weights, tried, tried_violated
+        )
+        if not lower < energy:
+            damping *= 8.0
+            if damping > 1e4:
+                break
+            continue
+        gain = energy - lower
+        position[:], rotations[:], lengths[:] = moved[0], moved[1], moved[2]
+        support[:], violated[:] = tried, tried_violated
+        matrix, trial_matrix = trial_matrix, matrix
+        gradient, trial_gradient = trial_gradient, gradient
+        energy, explained, damping = lower, better, max(1e-6, damping / 4.0)
+        if gain < 1e-4 * energy:
+            break
+    return energy, explained
+
+
+@njit(cache=True, nogil=True)
+def assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated):  # type: ignore[no-untyped-def]
+    """The normal equations (upper triangle) and the energy at a posture; returns (energy, explained)."""
+    position, rotations, lengths = state
+    points, normals, affinity, view = seen
+    parents, offsets, moves, dof_frame, dof_axis, frames, local, thickness, unknowns, pairs = shape
+    predicted, stiffness, rest, relaxedness, middle, reach, reference, firmness = prior
+    matrix[:], gradient[:] = 0.0, 0.0
+    world, pivots = np.empty((13, 3, 3)), np.empty((13, 3))
+    by_length = np.empty((13, 3, len(lengths)))
+    forward_into(world, pivots, by_length, position, rotations, lengths, parents, offsets)
+    ends, radii = np.empty((len(frames), 2, 3)), np.empty((len(frames), 2))
+    capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness)
+    body = (world, pivots, by_length, moves, dof_frame, dof_axis, unknowns)
+    energy, explained = data_term.depth_to_model(
+        matrix, gradient, points, normals, affinity, ends, radii, frames, local, body,
+        weights[0], weights[4], _SIDE, support,
+    )  # fmt: skip
+    energy += terms.free_space(
+        matrix, gradient, ends, radii, frames, local, body, view, weights[1], _FREE_WIDTH, _SAMPLES, violated
+    )
+    energy += terms.self_intersection(
+        matrix, gradient, ends, radii, frames, local, body, pairs, weights[2], _PAIR_SAMPLES
+    )
+    energy += terms.joint_ranges(matrix, gradient, rotations, middle, reach, weights[3], dof_frame, dof_axis)
+    energy += terms.stay_near(matrix, gradient, rotations, rest, relaxedness, dof_frame, dof_axis)
+    energy += terms.stay_near(matrix, gradient, rotations, predicted, stiffness, dof_frame, dof_axis)
+    for p in range(len(firmness)):
+        change = (lengths[p] - reference[p]) / reference[p]
+        matrix[_DOFS + p, _DOFS + p] += firmness[p] / reference[p] ** 2
+        gradient[_DOFS + p] += firmness[p] * change / reference[p]
+        energy += firmness[p] * change * change
+    return energy, explained
+
+
+@njit(cache=True, nogil=True)
+def solve_damped(step, factor, matrix, gradient, damping):  # type: ignore[no-untyped-def]
+    """step = -(M + damping diag(M))^-1 gradient by Cholesky; only M's upper triangle is read."""
+    count = len(gradient)
+    for i in range(count):
+        for j in range(i + 1):
+            value = matrix[j, i]
+            if i == j:
+                value = value * (1.0 + damping) + 1e-3
+            for k in range(j):
+                value -= factor[i, k] * factor[j, k]
+            factor[i, j] = np.sqrt(max(value, 1e-12)) if i == j else value / factor[j, j]
+    for i in range(count):
+        value = -gradient[i]
+        for k in range(i):
+            value -= factor[i, k] * step[k]
+        step[i] = value / factor[i, i]
+    for n in range(count):
+        i = count - 1 - n
+        value = step[i]
+        for k in range(i + 1, count):
+            value -= factor[k, i] * step[k]
+        step[i] = value / factor[i, i]
+
+
+@njit(cache=True, nogil=True)
+def stepped(position, rotations, lengths, step, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
+    """(position, rotations, lengths) after a step, which is cut to half a radian a joint."""
+    largest = 1e-9
+    for k in range(3, _DOFS):
+        largest = max(largest, abs(step[k]))
+    share = min(1.0, _LARGEST_TURN / largest)
+    moved, turned, longer = position.copy(), rotations.copy(), lengths.copy()
+    for a in range(3):
+        moved[a] += share * step[a]
+    turn(turned, share * step[3:_DOFS], dof_frame, dof_axis)
+    for p in range(len(step) - _DOFS):
+        longer[p] *= min(1.25, max(0.8, 1.0 + share * step[_DOFS + p] / lengths[p]))
+    return moved, turned, longer

@@ -1,0 +1,150 @@
+"""Forward kinematics of the body model and the mathematics of small turns, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def forward_into(world, pivots, by_length, position, rotations, lengths, parents, offsets):  # type: ignore[no-untyped-def]
+    """Forward kinematics, parents first, into the first three arguments.
+
+    Args:
+        world: (13, 3, 3) receives world_from_frame.
+        pivots: (13, 3) receives the frames' origins.
+        by_length: (13, 3, 12) receives the origins' derivatives by the lengths.
+        position: (3,) metres, of the first frame's origin.
+        rotations: (13, 3, 3) parent_from_frame.
+        lengths: (12,) metres.
+        parents: (13,) of each frame.
+        offsets: (13, 3, 12) each frame's origin in its parent's frame, linear in the lengths.
+    """
+    count, terms = len(parents), len(lengths)
+    for a in range(3):
+        pivots[0, a] = position[a]
+        for b in range(3):
+            world[0, a, b] = rotations[0, a, b]
+        for term in range(terms):
+            by_length[0, a, term] = 0.0
+    for f in range(1, count):
+        p = parents[f]
+        for a in range(3):
+            pivots[f, a] = pivots[p, a]
+            for term in range(terms):
+                derivative = (
+                    world[p, a, 0] * offsets[f, 0, term]
+                    + world[p, a, 1] * offsets[f, 1, term]
+                    + world[p, a, 2] * offsets[f, 2, term]
+                )
+                by_length[f, a, term] = by_length[p, a, term] + derivative
+                pivots[f, a] += derivative * lengths[term]
+            for c in range(3):
+                world[f, a, c] = (
+                    world[p, a, 0] * rotations[f, 0, c]
+                    + world[p, a, 1] * rotations[f, 1, c]
+                    + world[p, a, 2] * rotations[f, 2, c]
+                )
+
+
+@njit(cache=True, nogil=True)
+def capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness):  # type: ignore[no-untyped-def]
+    """The capsules' (C, 2, 3) ends, world frame, and (C, 2) radii of a body in these frames.
+
+    Args:
+        frames: (C,) the frame that carries each capsule.
+        local: (C, 2, 3, 12) its ends there, linear in the lengths.
+        thickness: (C, 2) radii at girth 1; the girth is the last length.
+    """
+    girth = lengths[len(lengths) - 1]
+    for c in range(len(frames)):
+        f = frames[c]
+        for e in range(2):
+            radii[c, e] = thickness[c, e] * girth
+            for a in range(3):
+                ends[c, e, a] = pivots[f, a]
+            for b in range(3):
+                along = 0.0
+                for term in range(len(lengths)):
+                    along += local[c, e, b, term] * lengths[term]
+                for a in range(3):
+                    ends[c, e, a] += world[f, a, b] * along
+
+
+@njit(cache=True, nogil=True)
+def turn(rotations, step, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
+    """Right-multiplies every frame's rotation by the exponential of its part of the step."""
+    k = 0
+    while k < len(dof_frame):
+        frame = dof_frame[k]
+        vector = np.zeros(3)
+        while k < len(dof_frame) and dof_frame[k] == frame:
+            vector[dof_axis[k]] = step[k]
+            k += 1
+        rotations[frame] = product(rotations[frame], exponential(vector))
+
+
+@njit(cache=True, nogil=True)
+def product(a, b):  # type: ignore[no-untyped-def]
+    """(3, 3) a b, without a call of BLAS."""
+    out = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def deviation(reference, rotation):  # type: ignore[no-untyped-def]
+    """(3,) log(reference' rotation): the turn from one rotation to another, in the reference's axes."""
+    between = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            between[i, j] = (
+                reference[0, i] * rotation[0, j]
+                + reference[1, i] * rotation[1, j]
+                + reference[2, i] * rotation[2, j]
+            )
+    return logarithm(between)
+
+
+@njit(cache=True, nogil=True)
+def exponential(v):  # type: ignore[no-untyped-def]
+    """(3, 3) the rotation by the rotation vector v (Rodrigues)."""
+    angle = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    a = 1.0 - angle * angle / 6.0 if angle < 1e-4 else np.sin(angle) / angle
+    b = 0.5 - angle * angle / 24.0 if angle < 1e-4 else (1.0 - np.cos(angle)) / (angle * angle)
+    out = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = b * v[i] * v[j]
+        out[i, i] += 1.0 - b * angle * angle
+    out[0, 1] -= a * v[2]
+    out[1, 0] += a * v[2]
+    out[0, 2] += a * v[1]
+    out[2, 0] -= a * v[1]
+    out[1, 2] -= a * v[0]
+    out[2, 1] += a * v[0]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def logarithm(r):  # type: ignore[no-untyped-def]
+    """(3,) the rotation vector of a (3, 3) rotation, of length at most pi."""
+    v = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+    sine = 0.5 * np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    cosine = 0.5 * (r[0, 0] + r[1, 1] + r[2, 2] - 1.0)
+    angle = np.arctan2(sine, cosine)
+    if sine > 1e-4:
+        return v * (0.5 * angle / sine)
+    if cosine > 0.0:
+        return v * 0.5
+    # Near a half turn the axis is the eigenvector of R + I with the largest diagonal.
+    axis = 0
+    for i in range(1, 3):
+        if r[i, i] > r[axis, axis]:
+            axis = i
+    column = np.array([r[0, axis], r[1, axis], r[2, axis]])
+    column[axis] += 1.0
+    norm = np.sqrt(column[0] ** 2 + column[1] ** 2 + column[2] ** 2)
+    return column * (angle / norm)
