@@ -145,6 +145,12 @@ class Performer:
         frames = np.concatenate([rotations, np.stack(at)[:, :, None]], 2)
         return Figure(on_grid(joints), on_grid(frames))
 
+    def soles(self, figure: Figure) -> Float:
+        """(2, 3) metres above the floor: heel, ball and toe-cap of the left and the right sole."""
+        points = np.array([[0.0, -0.082, -0.06], [0.0, -0.082, 0.128], [0.0, -0.076, 0.185]]) * self.scale
+        feet = figure.frames[[Limb.FOOT_LEFT, Limb.FOOT_RIGHT]]
+        return np.asarray((feet[:, None, 1, :3] * points).sum(-1) + feet[:, 1, 3:])
+
     def _ankle(self, foot: Foot) -> tuple[Float, Float]:
         """(3,) where the ankle wants to be, and (3, 3) the foot's orientation."""
         heading = about_y(foot.yaw)
