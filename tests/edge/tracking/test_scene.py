@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.floor import world_from_floor
 from enliven_edge.tracking.foreground import Room, label, people, widened
-from enliven_edge.tracking.observation import WorkingCamera, reduce_depth, surface_normals, world_points
+from enliven_edge.tracking.observation import WorkingCamera, reduce_depth, surface_samples, world_points
 
 
 def floor_and_wall(mount: np.ndarray, seed: int) -> np.ndarray:
@@ -46,15 +46,34 @@ def test_reduction_is_a_median_of_what_is_known():
     np.testing.assert_allclose(reduced, [[1.0, 0.0], [0.0, 3.0]])
 
 
+@given(st.integers(0, 1000), st.integers(1, 9), st.booleans())
+@settings(max_examples=40, deadline=None)
+def test_reducing_is_the_lower_median_of_the_known(seed, stride, holes):
+    random = np.random.default_rng(seed)
+    depth = random.integers(400, 4000, (36, 45)).astype(np.uint16)
+    if holes:
+        depth[random.random(depth.shape) < 0.5] = 0
+        depth[random.random(depth.shape) < 0.1] = 65535
+    h, w, step = 36 // stride, 45 // stride, max(1, stride // 3)
+    expected = np.zeros((h, w))
+    for v, u in np.ndindex(h, w):
+        far = min(stride, 3 * step)
+        block = depth[v * stride : v * stride + far : step, u * stride : u * stride + far : step].ravel()
+        known = np.sort(block[(block > 0) & (block < 65535)])
+        expected[v, u] = known[(len(known) - 1) // 2] * 1e-3 if len(known) else 0.0
+    np.testing.assert_array_equal(reduce_depth(depth, stride, h, w), expected)
+
+
 def test_normals_of_a_slanted_plane():
     camera = WorkingCamera(Intrinsics(160, 120, 130, 130, 79.5, 59.5), 160)
     normal = np.array([0.3, -0.2, -1.0]) / np.linalg.norm([0.3, -0.2, -1.0])
     ray = np.concatenate([camera.ray, np.ones((120, 160, 1))], -1)
     z = (normal @ np.array([0, 0, 2.0])) / (ray @ normal)
     points = world_points(z, camera.ray, np.eye(4))
-    rows, columns = np.array([20, 60, 100]), np.array([30, 80, 120])
-    found = surface_normals(points, z, rows, columns, np.zeros(3))
-    np.testing.assert_allclose(found, np.tile(normal, (3, 1)), atol=1e-6)
+    pixels = np.array([(20, 30), (60, 80), (100, 120)])
+    found, normals = surface_samples(points, z, pixels, np.zeros(3))
+    np.testing.assert_allclose(normals, np.tile(normal, (3, 1)), atol=1e-6)
+    np.testing.assert_allclose(found, points[tuple(pixels.T)], atol=1e-6)
 
 
 @given(st.integers(0, 1000))
