@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from enliven.settings import setting
 
@@ -20,6 +21,38 @@ class SceneSettings:
     far: float = setting(4.5, "Farther depth is ignored.", unit="m", low=0.5, high=20.0)
     floor_band: float = setting(0.05, "Points lower than this are the floor.", unit="m", low=0.0, high=0.5)
     working_width: int = setting(214, "Depth is reduced to about this width.", unit="px", low=40, high=640)
+    zone: tuple[tuple[float, float], ...] = setting(
+        (), "Corners (x, z) of the area on the floor where performers are; empty: everywhere.", unit="m"
+    )
+
+
+@dataclass(frozen=True)
+class RoomSettings:
+    """How the room without people is learnt."""
+
+    absorb_after: float = setting(
+        15.0, "What was put into the room and stays is the room after this.", unit="s", low=0.5, high=600.0
+    )
+    clear_after: float = setting(
+        0.3, "What was taken out of the room is forgotten after this.", unit="s", low=0.0, high=60.0
+    )
+    moved: float = setting(
+        0.5, "Share of the known room that no longer matches when the sensor was moved.", low=0.1, high=1.0
+    )
+
+
+@dataclass(frozen=True)
+class PeopleSettings:
+    """How many people are followed, and how they are told apart."""
+
+    most: int = setting(8, "At most so many people are followed.", low=1, high=32)
+    full_rate: int = setting(4, "So many are fitted every frame; the others take turns.", low=1, high=32)
+    hidden: float = setting(
+        4.0, "Somebody hidden behind something is waited for so long.", unit="s", low=0.0, high=60.0
+    )
+    remember: float = setting(
+        60.0, "Who comes back within this time is known again.", unit="s", low=0.0, high=86400.0
+    )
 
 
 @dataclass(frozen=True)
@@ -41,13 +74,55 @@ class FitSettings:
 
 @dataclass(frozen=True)
 class SmoothingSettings:
-    """One-Euro filter of the joints (Casiez et al. 2012)."""
+    """One-Euro filter of the joints and of the bones' orientations (Casiez et al. 2012)."""
 
-    amount: float = setting(1.0, "0 is off, 1 is gentle, more is smoother.", low=0.0, high=20.0)
+    amount: float = setting(
+        1.0, "0 is off: exactly the fit; 1 is gentle, more is smoother.", low=0.0, high=20.0
+    )
+    amounts: tuple[float, ...] = setting(
+        (), "Amounts of performers 1, 2, 3, ... in place of the one above; a negative one keeps it."
+    )
     cutoff: float = setting(3.0, "Lowest cut-off frequency at amount 1.", unit="Hz", low=0.01, high=100.0)
     speed: float = setting(
         4.0, "How much the cut-off rises with speed.", unit="Hz/(m/s)", low=0.0, high=100.0
     )
+    turn: float = setting(
+        1.5, "How much the cut-off rises with the speed of turning.", unit="Hz/(rad/s)", low=0.0, high=100.0
+    )
+
+
+@dataclass(frozen=True)
+class ContactSettings:
+    """When a foot is said to stand on the floor."""
+
+    lift: float = setting(
+        0.035, "A foot this much above where it stands is in the air.", unit="m", low=0.005, high=0.5
+    )
+    speed: float = setting(
+        0.35, "A foot that moves this fast is in the air.", unit="m/s", low=0.01, high=10.0
+    )
+    hysteresis: float = setting(
+        1.25, "A standing foot must exceed this many times the above to leave.", low=1.0, high=10.0
+    )
+    floor: float = setting(0.12, "A foot joint is never higher than this while it stands.", unit="m", low=0.0)
+
+
+@dataclass(frozen=True)
+class OutputSettings:
+    """What is done to the fit before it leaves the tracker."""
+
+    fastest: float = setting(
+        12.0, "No joint is reported to move faster; 0, or smoothing 0, sets no limit.", unit="m/s", low=0.0
+    )
+    hold: float = setting(
+        0.1, "A joint that jumps farther than that waits this long before it follows.", unit="s", low=0.0
+    )
+    predict: float | Literal["measured"] = setting(
+        0.0, "Report joints where they will be so much later; 'measured': the edge's own latency.",
+        unit="s", low=0.0, high=0.3,
+    )  # fmt: skip
+    mirror: bool = setting(False, "Show the performers as in a mirror: left and right exchanged.")
+    contact: ContactSettings = setting(ContactSettings, "The feet on the floor.")
 
 
 @dataclass(frozen=True)
@@ -55,8 +130,11 @@ class TrackerSettings:
     """Everything of the tracker."""
 
     scene: SceneSettings = setting(SceneSettings, "The scene.")
+    room: RoomSettings = setting(RoomSettings, "The room without people.")
+    people: PeopleSettings = setting(PeopleSettings, "The people in it.")
     fit: FitSettings = setting(FitSettings, "The fit.")
     smoothing: SmoothingSettings = setting(SmoothingSettings, "The smoothing.")
+    output: OutputSettings = setting(OutputSettings, "What is done to the fit before it leaves.")
     body_height: float = setting(
         1.72, "Height of the person before it is measured.", unit="m", low=0.5, high=2.5
     )

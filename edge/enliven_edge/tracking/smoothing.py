@@ -1,8 +1,9 @@
-"""The One-Euro filter (Casiez, Roussel, Vogel 2012) on the joints of one person."""
+"""The One-Euro filter (Casiez, Roussel, Vogel 2012) on the joints and the orientations of one person."""
 
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from enliven.arrays import Float
 from enliven_edge.tracking.settings import SmoothingSettings
@@ -12,10 +13,14 @@ class OneEuro:
     """Low-pass whose cut-off rises with speed: still joints are calm, fast joints are on time.
 
     The joints are filtered as one vector each, so that the result does not depend on the world's axes.
+
+    Attributes:
+        amount: 0 is off, more is smoother; may be changed at any time.
     """
 
-    def __init__(self, settings: SmoothingSettings) -> None:
+    def __init__(self, settings: SmoothingSettings, amount: float | None = None) -> None:
         self.settings = settings
+        self.amount = settings.amount if amount is None else amount
         self._value: Float | None = None
         self._velocity: Float | None = None
         self._time_ns = 0
@@ -32,7 +37,8 @@ class OneEuro:
             time_ns: the sensor's clock; not after the last call resets the filter.
         """
         seconds = (time_ns - self._time_ns) * 1e-9
-        if self.settings.amount == 0.0:
+        if self.amount == 0.0:
+            self._value = None
             return value
         if self._value is None or self._velocity is None or not 0.0 < seconds < 1.0:
             self._value, self._velocity, self._time_ns = value.copy(), np.zeros_like(value), time_ns
@@ -40,7 +46,7 @@ class OneEuro:
         velocity = (value - self._value) / seconds
         self._velocity = self._velocity + _alpha(np.array(1.0), seconds) * (velocity - self._velocity)
         speed = np.linalg.norm(self._velocity, axis=1, keepdims=True)
-        cutoff = (self.settings.cutoff + self.settings.speed * speed) / self.settings.amount
+        cutoff = (self.settings.cutoff + self.settings.speed * speed) / self.amount
         self._value = self._value + _alpha(cutoff, seconds) * (value - self._value)
         self._time_ns = time_ns
         return self._value.copy()
@@ -49,3 +55,91 @@ class OneEuro:
 def _alpha(cutoff: Float, seconds: float) -> Float:
     """The smoothing factor of a first-order low-pass, equation (5) of the paper."""
     return np.asarray(1.0 / (1.0 + 1.0 / (2 * np.pi * cutoff * seconds)))
+
+
+class OneEuroTurns:
+    """The same filter on rotations: its differences are rotation vectors in the filtered bone's own frame.
+
+    So the result turns with the world, and with whatever the bone is called.
+
+    Attributes:
+        amount: 0 is off, more is smoother; may be changed at any time.
+    """
+
+    def __init__(self, settings: SmoothingSettings, amount: float | None = None) -> None:
+        self.settings = settings
+        self.amount = settings.amount if amount is None else amount
+        self._value: Float | None = None
+        self._velocity: Float | None = None
+        self._time_ns = 0
+
+    def reset(self) -> None:
+        """Forgets the past, as after a jump."""
+        self._value = None
+
+    def __call__(self, value: Float, time_ns: int) -> Float:
+        """The filtered (20, 4) orientations; the input itself where the amount is 0.
+
+        Args:
+            value: (20, 4) unit quaternions.
+            time_ns: the sensor's clock; not after the last call resets the filter.
+        """
+        seconds = (time_ns - self._time_ns) * 1e-9
+        if self.amount == 0.0:
+            self._value = None
+            return value
+        if self._value is None or self._velocity is None or not 0.0 < seconds < 1.0:
+            self._value, self._velocity, self._time_ns = value.copy(), np.zeros((len(value), 3)), time_ns
+            return value
+        settings = self.settings
+        filter_turns(
+            self._value, self._velocity, np.ascontiguousarray(value, np.float64), seconds,
+            settings.cutoff / self.amount, settings.turn / self.amount,
+        )  # fmt: skip
+        self._time_ns = time_ns
+        return self._value.copy()
+
+
+@njit(cache=True, nogil=True)
+def filter_turns(value, velocity, raw, seconds, cutoff, slope):  # type: ignore[no-untyped-def]
+    """One step of the filter on (B, 4) ``value`` and (B, 3) ``velocity`` radians a second, in place.
+
+    Args:
+        raw: (B, 4) what was measured.
+        cutoff: Hz at rest.
+        slope: Hz for every radian a second.
+    """
+    follow = 1.0 / (1.0 + 1.0 / (2.0 * np.pi * seconds))
+    for b in range(len(value)):
+        w, x, y, z = value[b, 0], value[b, 1], value[b, 2], value[b, 3]
+        rw, rx, ry, rz = raw[b, 0], raw[b, 1], raw[b, 2], raw[b, 3]
+        # The step conj(value) raw, as a rotation vector of the shorter way round.
+        sw = w * rw + x * rx + y * ry + z * rz
+        sx = w * rx - x * rw - y * rz + z * ry
+        sy = w * ry + x * rz - y * rw - z * rx
+        sz = w * rz - x * ry + y * rx - z * rw
+        if sw < 0.0:
+            sw, sx, sy, sz = -sw, -sx, -sy, -sz
+        sine = np.sqrt(sx * sx + sy * sy + sz * sz)
+        scale = 2.0 * np.arctan2(sine, sw) / sine if sine > 1e-12 else 2.0
+        sx, sy, sz = scale * sx, scale * sy, scale * sz
+        velocity[b, 0] += follow * (sx / seconds - velocity[b, 0])
+        velocity[b, 1] += follow * (sy / seconds - velocity[b, 1])
+        velocity[b, 2] += follow * (sz / seconds - velocity[b, 2])
+        speed = np.sqrt(velocity[b, 0] ** 2 + velocity[b, 1] ** 2 + velocity[b, 2] ** 2)
+        share = 1.0 / (1.0 + 1.0 / (2.0 * np.pi * (cutoff + slope * speed) * seconds))
+        turn(value[b], share * sx, share * sy, share * sz)
+
+
+@njit(cache=True, nogil=True)
+def turn(q, x, y, z):  # type: ignore[no-untyped-def]
+    """q (4,) becomes q exp(v), unit, for the rotation vector v = (x, y, z) radians in q's own frame."""
+    angle = np.sqrt(x * x + y * y + z * z)
+    scale = np.sin(0.5 * angle) / angle if angle > 1e-12 else 0.5
+    c, x, y, z = np.cos(0.5 * angle), scale * x, scale * y, scale * z
+    a, b, d, e = q[0], q[1], q[2], q[3]
+    q[0] = a * c - b * x - d * y - e * z
+    q[1] = a * x + b * c + d * z - e * y
+    q[2] = a * y - b * z + d * c + e * x
+    q[3] = a * z + b * y - d * x + e * c
+    q /= np.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)

@@ -5,8 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from enliven.rotation import (
+    conjugate,
+    from_rotation_vector,
+    multiply,
+    normalized,
+    to_matrix,
+    to_rotation_vector,
+)
 from enliven_edge.tracking.settings import SmoothingSettings
-from enliven_edge.tracking.smoothing import OneEuro
+from enliven_edge.tracking.smoothing import OneEuro, OneEuroTurns
 
 STEP = 33_333_333
 
@@ -53,3 +61,88 @@ def test_a_clock_that_jumps_resets_it(gap):
     one_euro = OneEuro(SmoothingSettings())
     one_euro(np.zeros((20, 3)), 10 * STEP)
     np.testing.assert_array_equal(one_euro(np.ones((20, 3)), 10 * STEP + gap), np.ones((20, 3)))
+
+
+def turned(amount: float, values: np.ndarray) -> np.ndarray:
+    one_euro = OneEuroTurns(SmoothingSettings(amount=amount))
+    return np.stack([one_euro(v, i * STEP) for i, v in enumerate(values)])
+
+
+def tumbling(seed: int, frames: int = 20) -> np.ndarray:
+    """(F, 20, 4) orientations of bones that turn about, a few degrees a frame."""
+    random = np.random.default_rng(seed)
+    made = [normalized(random.normal(size=(20, 4)))]
+    for _ in range(frames - 1):
+        made.append(multiply(made[-1], from_rotation_vector(random.normal(0, 0.06, (20, 3)))))
+    return np.stack(made)
+
+
+def test_zero_is_off_for_turns():
+    values = tumbling(0)
+    np.testing.assert_array_equal(turned(0.0, values), values)
+
+
+def test_switched_on_it_starts_from_where_things_are():
+    """What was remembered while it was off must not be mixed in."""
+    one_euro = OneEuro(SmoothingSettings(amount=1.0))
+    one_euro(np.zeros((20, 3)), 0)
+    one_euro.amount = 0.0
+    one_euro(np.ones((20, 3)), STEP)
+    one_euro.amount = 1.0
+    np.testing.assert_array_equal(one_euro(np.full((20, 3), 2.0), 2 * STEP), np.full((20, 3), 2.0))
+
+
+@given(st.integers(0, 1000), st.integers(0, 1000), st.floats(0.1, 10.0))
+@settings(max_examples=25, deadline=None)
+def test_turns_are_filtered_alike_in_every_world(seed, other, amount):
+    values, whole = tumbling(seed), normalized(np.random.default_rng(other).normal(size=4))
+    np.testing.assert_allclose(
+        to_matrix(turned(amount, multiply(whole, values))),
+        to_matrix(multiply(whole, turned(amount, values))),
+        atol=1e-9,
+    )
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=20, deadline=None)
+def test_the_sign_of_a_quaternion_means_nothing(seed):
+    values = tumbling(seed)
+    flips = np.random.default_rng(seed).choice([-1.0, 1.0], (len(values), 20, 1))
+    np.testing.assert_allclose(
+        to_matrix(turned(1.0, values * flips)), to_matrix(turned(1.0, values)), atol=1e-9
+    )
+
+
+def test_a_step_of_the_filter_is_that_of_the_plain_formulas():
+    """The slow obvious twin, by the library's rotations."""
+    values, amount, chosen = tumbling(3), 2.0, SmoothingSettings()
+    seconds = STEP * 1e-9
+    state, velocity = values[0], np.zeros((20, 3))
+    expected = [state]
+    for raw in values[1:]:
+        step = to_rotation_vector(multiply(conjugate(state), raw))
+        velocity = velocity + (step / seconds - velocity) / (1 + 1 / (2 * np.pi * 1.0 * seconds))
+        speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+        cutoff = (chosen.cutoff + chosen.turn * speed) / amount
+        state = multiply(state, from_rotation_vector(step / (1 + 1 / (2 * np.pi * cutoff * seconds))))
+        expected.append(state)
+    np.testing.assert_allclose(to_matrix(turned(amount, values)), to_matrix(np.stack(expected)), atol=1e-9)
+
+
+def test_still_bones_turn_less_and_steady_turns_are_followed():
+    random = np.random.default_rng(5)
+    noise = from_rotation_vector(random.normal(0, 0.03, (90, 20, 3)))
+    away = [np.linalg.norm(to_rotation_vector(q), axis=-1)[30:].mean() for q in (turned(1.0, noise), noise)]
+    assert away[0] < 0.6 * away[1]
+    spin = from_rotation_vector(
+        np.arange(60)[:, None, None] * np.array([0.0, 0.1, 0.0]) * np.ones((60, 20, 1))
+    )
+    late = to_rotation_vector(multiply(conjugate(turned(1.0, spin)), spin))
+    assert np.linalg.norm(late, axis=-1)[30:].max() < 0.12
+
+
+@pytest.mark.parametrize("gap", [0, -STEP, 10_000_000_000])
+def test_a_clock_that_jumps_resets_the_turns(gap):
+    one_euro, values = OneEuroTurns(SmoothingSettings()), tumbling(1)
+    one_euro(values[0], 10 * STEP)
+    np.testing.assert_array_equal(one_euro(values[9], 10 * STEP + gap), values[9])

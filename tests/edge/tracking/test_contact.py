@@ -1,0 +1,79 @@
+"""Feet on the floor, against the footwork that the synthetic performer truly does."""
+
+import numpy as np
+import pytest
+
+from enliven.body import Body, Joint
+from enliven_edge.sensors.synthetic import SyntheticSensor
+from enliven_edge.tracking.contact import Contacts
+from enliven_edge.tracking.settings import ContactSettings
+
+STEP = 33_333_333
+UP = np.array([0.0, 1.0, 0.0])
+
+
+def walk(offset: float = 0.0, noise: float = 0.0, frames: int = 250):
+    """[(body, (left, right) planted)] of the walk; the joints ``offset`` metres too high and noisy."""
+    random = np.random.default_rng(0)
+    with SyntheticSensor(choreography="walk", realtime=False) as sensor:
+        for i in range(frames):
+            body = sensor.truth(i * STEP)
+            dance = sensor.studio.choreography
+            planted = [dance.planted(side, i * STEP * 1e-9 % dance.duration) for side in (0, 1)]
+            joints = body.joints + random.normal(0, noise, (20, 3)) + offset * UP
+            yield Body(1, joints, body.confidence), planted
+
+
+@pytest.mark.parametrize(("offset", "noise"), [(0.0, 0.0), (0.03, 0.002), (-0.02, 0.002)])
+def test_a_walk_s_contacts_are_those_of_its_footwork(offset, noise):
+    contacts = Contacts(ContactSettings())
+    said, true = [], []
+    for i, (body, planted) in enumerate(walk(offset, noise)):
+        said.append(contacts(body.joints, body.confidence, i * STEP) > 0.5)
+        true.append(planted)
+    said, true = np.array(said), np.array(true)
+    assert 0.05 < np.mean(~true) < 0.6, "the walk must lift its feet"
+    assert np.mean(said == true) > 0.87
+
+
+def test_it_does_not_flicker():
+    contacts = Contacts(ContactSettings())
+    said = np.array(
+        [contacts(b.joints, b.confidence, i * STEP) > 0.5 for i, (b, _) in enumerate(walk(0, 0.002))]
+    )
+    true = np.array([p for _, p in walk(0, 0.002)])
+    changes, expected = (np.abs(np.diff(x.astype(int), axis=0)).sum() for x in (said, true))
+    assert changes <= expected + 2
+
+
+def test_standing_is_standing_and_a_jump_is_not():
+    with SyntheticSensor(choreography="idle", realtime=False) as sensor:
+        body = sensor.truth(0)
+    contacts = Contacts(ContactSettings())
+    for i in range(10):
+        said = contacts(body.joints, body.confidence, i * STEP)
+    assert said.min() > 0.9
+    for i in range(10, 15):
+        said = contacts(body.joints + 0.07 * (i - 9) * UP, body.confidence, i * STEP)
+    assert said.max() < 0.1
+
+
+def test_a_foot_that_is_not_seen_stands_nowhere():
+    with SyntheticSensor(choreography="idle", realtime=False) as sensor:
+        body = sensor.truth(0)
+    confidence = body.confidence.copy()
+    confidence[[Joint.FOOT_LEFT, Joint.ANKLE_LEFT]] = 0.0
+    contacts = Contacts(ContactSettings())
+    for i in range(5):
+        left, right = contacts(body.joints, confidence, i * STEP)
+    assert left == 0.0 and right > 0.9
+
+
+def test_a_body_that_floats_does_not_stand():
+    """The floor is where the floor is: feet half a metre above it stand on nothing the sensor knows."""
+    with SyntheticSensor(choreography="idle", realtime=False) as sensor:
+        body = sensor.truth(0)
+    contacts = Contacts(ContactSettings())
+    for i in range(30):
+        said = contacts(body.joints + 0.5 * UP, body.confidence, i * STEP)
+    assert said.max() < 0.1

@@ -1,0 +1,221 @@
+"""What leaves the tracker: off is off, never a NaN, no leaps, mirrored, ahead of time."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.body import BONES, Body, Joint
+from enliven.camera import world_from_level_camera
+from enliven.rotation import from_rotation_vector, multiply, normalized, rotate, to_matrix
+from enliven.settings import load_settings
+from enliven_edge.sensors.synthetic import SyntheticSensor
+from enliven_edge.tracking.output import Output
+from enliven_edge.tracking.settings import OutputSettings, SmoothingSettings, TrackerSettings
+
+STEP = 33_333_333
+
+
+def settings_of(amount: float = 1.0, **output) -> TrackerSettings:
+    return TrackerSettings(smoothing=SmoothingSettings(amount=amount), output=OutputSettings(**output))
+
+
+def truth(choreography: str, frames: int, fps: float = 30.0) -> list[Body]:
+    """True bodies, with made-up orientations that turn as they move."""
+    with SyntheticSensor(choreography=choreography, realtime=False) as sensor:
+        made = []
+        for i in range(frames):
+            body = sensor.truth(round(i * 1e9 / fps))
+            turns = from_rotation_vector(body.joints * 0.8)
+            made.append(dataclasses.replace(body, orientations=turns, stature=1.8))
+        return made
+
+
+def run(output: Output, bodies: list[Body], step: int = STEP) -> list[Body]:
+    return [output([body], i * step)[0] for i, body in enumerate(bodies)]
+
+
+def noisy(seed: int, frames: int = 20) -> list[Body]:
+    random = np.random.default_rng(seed)
+    return [
+        Body(1, random.normal(size=(20, 3)) * 3, random.random(20), normalized(random.normal(size=(20, 4))))
+        for _ in range(frames)
+    ]
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=20, deadline=None)
+def test_smoothing_zero_is_exactly_the_fit_whatever_it_does(seed):
+    bodies = noisy(seed)
+    for made, body in zip(run(Output(settings_of(0.0)), bodies), bodies, strict=True):
+        np.testing.assert_array_equal(made.joints, body.joints)
+        np.testing.assert_array_equal(made.orientations, body.orientations)
+        np.testing.assert_array_equal(made.confidence, body.confidence)
+
+
+@given(st.integers(0, 1000), st.floats(0.0, 5.0))
+@settings(max_examples=40, deadline=None)
+def test_nothing_that_is_not_finite_ever_leaves(seed, amount):
+    random = np.random.default_rng(seed)
+    output = Output(settings_of(amount, predict=0.05))
+    for i, body in enumerate(noisy(seed)):
+        for array in (body.joints, body.orientations):
+            broken = random.random(20) < 0.3
+            array[broken] = random.choice([np.nan, np.inf, 0.0])
+        body.confidence[random.random(20) < 0.3] = random.choice([np.nan, -1.0, 7.0])
+        lost = ~np.isfinite(body.joints).all(1)
+        (made,) = output([body], i * STEP)
+        for array in (made.joints, made.orientations, made.confidence, made.contacts):
+            assert np.isfinite(array).all()
+        np.testing.assert_allclose(np.linalg.norm(made.orientations, axis=1), 1.0, atol=1e-9)
+        assert made.confidence.min() >= 0.0 and made.confidence.max() <= 1.0
+        assert (made.confidence[lost] == 0.0).all()
+
+
+def test_a_joint_that_is_lost_stays_where_it_was_and_says_so():
+    output, bodies = Output(settings_of(0.0)), truth("idle", 5)
+    for i, body in enumerate(bodies):
+        joints = body.joints.copy()
+        if i >= 2:
+            joints[Joint.HAND_LEFT] = np.nan
+        (made,) = output([dataclasses.replace(body, joints=joints)], i * STEP)
+    np.testing.assert_array_equal(made.joints[Joint.HAND_LEFT], bodies[1].joints[Joint.HAND_LEFT])
+    assert made.confidence[Joint.HAND_LEFT] == 0.0 and made.confidence[Joint.HAND_RIGHT] == 1.0
+
+
+def test_one_bad_frame_throws_no_limb_across_the_room():
+    output, bodies = Output(settings_of(1.0)), truth("idle", 30)
+    for i, body in enumerate(bodies):
+        joints = body.joints.copy()
+        if i == 20:
+            joints[[Joint.HAND_LEFT, Joint.WRIST_LEFT]] += (1.5, 0.4, 0.0)
+        (made,) = output([dataclasses.replace(body, joints=joints)], i * STEP)
+        assert np.linalg.norm(made.joints - body.joints, axis=1).max() < 0.02
+        assert made.confidence[Joint.HAND_LEFT] == (0.0 if i == 20 else 1.0)
+
+
+def test_a_leap_that_stays_is_followed_and_arrives():
+    output, bodies = Output(settings_of(1.0)), truth("idle", 60)
+    away = np.array([0.0, 0.0, -1.2])
+    for i, body in enumerate(bodies):
+        joints = body.joints + (away if i >= 20 else 0.0)
+        (made,) = output([dataclasses.replace(body, joints=joints)], i * STEP)
+        if i == 20:
+            assert made.confidence.max() == 0.0
+    np.testing.assert_allclose(made.joints, bodies[-1].joints + away, atol=0.02)
+    assert made.confidence.min() == 1.0
+
+
+def test_what_people_can_do_is_never_limited():
+    fast = truth("wave", 60)
+    limited, free = run(Output(settings_of(0.5)), fast), run(Output(settings_of(0.5, fastest=0.0)), fast)
+    for a, b in zip(limited, free, strict=True):
+        np.testing.assert_array_equal(a.joints, b.joints)
+
+
+@pytest.mark.parametrize("seconds", [0.05, 0.1])
+def test_looking_ahead_is_nearer_to_what_comes(seconds):
+    bodies = truth("walk", 90)
+    later = [b.joints for b in bodies[round(seconds * 30) :]]
+    ahead = run(Output(settings_of(0.5, predict=seconds)), bodies)[: len(later)]
+    plain = run(Output(settings_of(0.5)), bodies)[: len(later)]
+    error = [
+        np.mean([np.linalg.norm(b.joints - t, axis=1).mean() for b, t in zip(made, later, strict=True)][15:])
+        for made in (ahead, plain)
+    ]
+    assert error[0] < 0.75 * error[1]
+
+
+def test_looking_ahead_keeps_every_bone_as_long_as_it_is():
+    ahead, plain = (run(Output(settings_of(1.0, predict=p)), truth("wave", 40)) for p in (0.15, 0.0))
+    start, end = np.array(BONES).T
+    for a, b in zip(ahead, plain, strict=True):
+        lengths = [np.linalg.norm(x.joints[end] - x.joints[start], axis=1) for x in (a, b)]
+        np.testing.assert_allclose(*lengths, atol=1e-9)
+
+
+def test_still_people_stay_still_when_looked_ahead():
+    body = truth("idle", 1)[0]
+    for made in run(Output(settings_of(1.0, predict=0.3)), [body] * 10):
+        np.testing.assert_allclose(made.joints, body.joints, atol=1e-9)
+        np.testing.assert_allclose(to_matrix(made.orientations), to_matrix(body.orientations), atol=1e-9)
+
+
+def test_measured_latency_is_looked_ahead_by_and_bounded():
+    output = Output(settings_of(1.0, predict="measured"))
+    assert output.ahead == 0.0
+    output.latency = 0.07
+    assert output.ahead == 0.07
+    output.latency = 9.0
+    assert output.ahead == 0.3
+    output.latency = -1.0
+    assert output.ahead == 0.0
+    assert Output(settings_of(1.0, predict=0.05)).ahead == 0.05
+
+
+def test_each_performer_has_a_smoothing_of_its_own():
+    tracker = load_settings(TrackerSettings, {"smoothing": {"amount": 2.0, "amounts": [0.0, -1.0, 5.0]}})
+    output = Output(tracker)
+    assert [output.amount(p) for p in (1, 2, 3, 4)] == [0.0, 2.0, 5.0, 2.0]
+    bodies = noisy(0, 6)
+    for i, body in enumerate(bodies):
+        people = [dataclasses.replace(body, id=p) for p in (1, 2, 3)]
+        one, two, three = output(people, i * STEP)
+    np.testing.assert_array_equal(one.joints, body.joints)
+    away = [np.abs(x.joints - body.joints).mean() for x in (two, three)]
+    assert 0.0 < away[0] < away[1]
+    output.smooth(3, 0.0)
+    output.smooth(1, None)
+    (made,) = output([dataclasses.replace(body, id=3)], 7 * STEP)
+    np.testing.assert_array_equal(made.joints, body.joints)
+    assert output.amount(1) == 2.0
+
+
+def test_in_the_mirror_left_is_right_and_the_sensor_s_plane_is_the_mirror():
+    mount = world_from_level_camera(1.2)
+    mount[:3, 3] = 0.5, 1.2, 2.0
+    (body,) = truth("walk", 1)
+    plain, mirror = (Output(settings_of(0.0, mirror=m))([body], 0, mount)[0] for m in (False, True))
+    hand, other = mirror.joints[Joint.HAND_LEFT], plain.joints[Joint.HAND_RIGHT]
+    np.testing.assert_allclose(hand, [2 * 0.5 - other[0], other[1], other[2]], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(to_matrix(mirror.orientations)), 1.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "mount", [None, world_from_level_camera(3.0, np.pi / 2), world_from_level_camera(2.0, 0.6, np.pi)]
+)
+def test_the_mirror_stands_upright_however_the_sensor_hangs(mount):
+    (body,) = truth("idle", 1)
+    (made,) = Output(settings_of(0.0, mirror=True))([body], 0, mount)
+    np.testing.assert_allclose(np.sort(made.joints[:, 1]), np.sort(body.joints[:, 1]), atol=1e-9)
+
+
+@given(st.integers(0, 500))
+@settings(max_examples=15, deadline=None)
+def test_the_output_turns_with_the_world(seed):
+    random = np.random.default_rng(seed)
+    whole = normalized(random.normal(size=4))
+    bodies = truth("wave", 12)
+    turned = [
+        dataclasses.replace(b, joints=rotate(whole, b.joints), orientations=multiply(whole, b.orientations))
+        for b in bodies
+    ]
+    settings_ = settings_of(1.0, predict=0.1)
+    for a, b in zip(run(Output(settings_), bodies), run(Output(settings_), turned), strict=True):
+        np.testing.assert_allclose(rotate(whole, a.joints), b.joints, atol=1e-9)
+        expected = to_matrix(multiply(whole, a.orientations))
+        np.testing.assert_allclose(to_matrix(b.orientations), expected, atol=1e-7)
+
+
+def test_who_comes_back_after_long_starts_anew_and_the_clock_may_be_set_back():
+    output, bodies = Output(settings_of(5.0)), noisy(1, 3)
+    for time_ns, body in zip((0, 60_000_000_000, 1_000_000), bodies, strict=True):
+        (made,) = output([body], time_ns)
+        np.testing.assert_array_equal(made.joints, body.joints)
+
+
+def test_stature_and_identity_go_through():
+    (made,) = Output()([dataclasses.replace(truth("idle", 1)[0], id=7)], 0)
+    assert (made.id, made.stature) == (7, 1.8)
