@@ -1,0 +1,98 @@
+"""Rigid transforms (4, 4) from corresponding points: weighted least squares, free or upright."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+
+UP = np.array([0.0, 1.0, 0.0])
+
+
+def moved(transform: Float, points: Float) -> Float:
+    """(..., 3) the points (..., 3) after a rigid transform (4, 4)."""
+    return np.asarray(points @ transform[:3, :3].T + transform[:3, 3])
+
+
+def inverse(transform: Float) -> Float:
+    """(4, 4) the way back."""
+    back = np.eye(4)
+    back[:3, :3] = transform[:3, :3].T
+    back[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
+    return back
+
+
+def rigid(rotation: Float, translation: Float) -> Float:
+    """(4, 4) from (3, 3) and (3,)."""
+    made = np.eye(4)
+    made[:3, :3], made[:3, 3] = rotation, translation
+    return made
+
+
+def turn(vector: Float) -> Float:
+    """(3, 3) the rotation by a rotation vector (3,), radians (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-12:
+        return np.eye(3) + cross_matrix(vector)
+    k = cross_matrix(vector / angle)
+    return np.asarray(np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * (k @ k))
+
+
+def cross_matrix(v: Float) -> Float:
+    """(3, 3) such that cross_matrix(v) @ w == cross(v, w)."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def angle_between(a: Float, b: Float) -> float:
+    """Radians between the rotations of two transforms (or rotation matrices)."""
+    relative = a[:3, :3].T @ b[:3, :3]
+    sine = 0.5 * np.linalg.norm(
+        [
+            relative[2, 1] - relative[1, 2],
+            relative[0, 2] - relative[2, 0],
+            relative[1, 0] - relative[0, 1],
+        ]
+    )
+    return float(np.arctan2(sine, 0.5 * (np.trace(relative) - 1.0)))
+
+
+def rotation_vector(rotation: Float) -> Float:
+    """(3,) the rotation vector of a (3, 3) rotation, angle in [0, pi]."""
+    antisymmetric = 0.5 * np.array(
+        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
+    )
+    angle, sine = angle_between(np.eye(3), rotation), float(np.linalg.norm(antisymmetric))
+    if sine > 1e-9:
+        return np.asarray(antisymmetric * (angle / sine))
+    if angle < 1.0:
+        return antisymmetric
+    axis = np.linalg.eigh(0.5 * (rotation + rotation.T))[1][:, 2]
+    return np.asarray(axis * angle)
+
+
+def best_rigid(source: Float, target: Float, weights: Float, *, upright: bool) -> Float:
+    """(4, 4) target_from_source that minimises sum w |R s + t - d|^2 (Kabsch 1976, Umeyama 1991).
+
+    Args:
+        source, target: (N, 3) corresponding points, metres.
+        weights: (N,) at least 0, not all 0.
+        upright: turn about +Y only.
+    """
+    share = weights / weights.sum()
+    from_centre, to_centre = share @ source, share @ target
+    covariance = (source - from_centre).T @ (share[:, None] * (target - to_centre))
+    rotation = _about_up(covariance) if upright else _kabsch(covariance)
+    return rigid(rotation, to_centre - rotation @ from_centre)
+
+
+def _kabsch(covariance: Float) -> Float:
+    """(3, 3) the proper rotation nearest to a cross-covariance source x target."""
+    u, _, vt = np.linalg.svd(covariance)
+    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt)) or 1.0])
+    return np.asarray(vt.T @ flip @ u.T)
+
+
+def _about_up(covariance: Float) -> Float:
+    """(3, 3) the turn about +Y nearest to a cross-covariance."""
+    angle = np.arctan2(covariance[2, 0] - covariance[0, 2], covariance[0, 0] + covariance[2, 2])
+    return turn(angle * UP)

@@ -1,0 +1,139 @@
+"""Where the sensors stand, on disk: a TOML file that a person can read and mend."""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError, ResourceError
+from enliven.settings import load_settings, setting
+
+_Row = tuple[float, float, float, float]
+_Rows = tuple[_Row, _Row, _Row, _Row]
+_UNIT = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where one sensor stands, and what time it has."""
+
+    world_from_sensor: _Rows = setting(_UNIT, "(4, 4) from the level frame in which the sensor tells bodies.")
+    world_from_camera: _Rows | None = setting(None, "(4, 4) of its depth camera; left out where it has none.")
+    clock_offset_ns: int = setting(0, "Nanoseconds to add to its clock to get the first sensor's.")
+
+    @property
+    def camera(self) -> Float | None:
+        """(4, 4) world_from_camera, or None for a sensor that tells bodies by itself."""
+        return None if self.world_from_camera is None else np.array(self.world_from_camera)
+
+    @property
+    def level(self) -> Float:
+        """(4, 4) world_from_sensor."""
+        return np.array(self.world_from_sensor)
+
+    @property
+    def eye(self) -> Float:
+        """(3,) where it looks from, metres of the world; over its origin where no camera is known."""
+        camera = self.camera
+        return self.level[:3, 3] + [0.0, 1.0, 0.0] if camera is None else camera[:3, 3]
+
+
+@dataclass(frozen=True)
+class Space:
+    """All sensors of one space by their identities."""
+
+    sensors: dict[str, Place]
+
+
+def load_space(path: Path) -> Space:
+    """The space of a file that :func:`save_space` wrote.
+
+    Raises:
+        InputError: for an unreadable file, or a matrix that is no rigid transform.
+    """
+    where = str(path)
+    try:
+        read = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError("there is no such file", where=where, mend="Make it: enliven calibrate.") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"it is not readable TOML ({error})", where=where) from None
+    sensors = read.get("sensors")
+    if not isinstance(sensors, Mapping) or not sensors:
+        raise InputError("it names no sensors", where=where, mend="Make it again: enliven calibrate.")
+    places = {}
+    for name, values in sensors.items():
+        if not isinstance(values, Mapping):
+            raise InputError(f"sensors.{name} must be a table", where=where)
+        places[name] = load_settings(Place, values, where=f"{where}, sensor {name}")
+        _checked(places[name].level, f"{where}, sensor {name}")
+        camera = places[name].camera
+        if camera is not None:
+            _checked(camera, f"{where}, sensor {name}")
+    return Space(places)
+
+
+def save_space(path: Path, space: Space, remarks: list[str]) -> Path | None:
+    """Writes the file whole or not at all; what was there before is kept beside it.
+
+    Returns:
+        Where the file that was there before is now, or None.
+
+    Raises:
+        ResourceError: where it cannot be written; then what was there is untouched.
+    """
+    fresh, old = path.with_name(path.name + ".new"), path.with_name(path.name + ".old")
+    try:
+        with fresh.open("w", encoding="utf-8") as file:
+            file.write(_text(space, remarks))
+            file.flush()
+            os.fsync(file.fileno())
+        kept = path.exists()
+        if kept:
+            old.write_bytes(path.read_bytes())
+        os.replace(fresh, path)
+    except OSError as error:
+        raise ResourceError(
+            f"it cannot be written ({error.strerror or error})",
+            where=str(path),
+            mend="Check the folder's permissions and the space on the disk.",
+        ) from None
+    return old if kept else None
+
+
+def rows(transform: Float) -> _Rows:
+    """A (4, 4) array as nested tuples."""
+    a, b, c, d = (tuple(float(v) for v in row) for row in transform)
+    return a, b, c, d  # type: ignore[return-value]
+
+
+def _text(space: Space, remarks: list[str]) -> str:
+    """The file's text: remarks as comments, a table a sensor."""
+    lines = [f"# {' '.join(remark.split())}" for remark in remarks]
+    for name, place in space.sensors.items():
+        quoted = name.replace("\\", "\\\\").replace('"', '\\"')
+        lines += ["", f'[sensors."{quoted}"]', f"clock_offset_ns = {place.clock_offset_ns}"]
+        lines += _matrix("world_from_sensor", place.world_from_sensor)
+        if place.world_from_camera is not None:
+            lines += _matrix("world_from_camera", place.world_from_camera)
+    return "\n".join(lines) + "\n"
+
+
+def _matrix(key: str, matrix: _Rows) -> list[str]:
+    body = [f"  [{', '.join(f'{value!r}' for value in row)}]," for row in matrix]
+    return [f"{key} = [", *body, "]"]
+
+
+def _checked(transform: Float, where: str) -> None:
+    """Refuses what is no rigid transform: a slip of the hand would bend every body."""
+    rotation = transform[:3, :3]
+    crooked = np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3 or np.linalg.det(rotation) < 0
+    if crooked or not np.array_equal(transform[3], [0, 0, 0, 1]) or not math.isfinite(transform.sum()):
+        raise InputError("a matrix is no rigid transform", where=where, mend="Run enliven calibrate again.")

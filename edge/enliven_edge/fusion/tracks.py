@@ -1,0 +1,96 @@
+"""What one sensor saw, by person: joints over time, and between the frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.frames import BodyFrame
+
+
+@dataclass(frozen=True)
+class BodyTrack:
+    """One person as one sensor saw them.
+
+    Attributes:
+        id: what the sensor calls the person.
+        times: (F,) seconds of the stream, rising.
+        joints: (F, 20, 3) metres, the sensor's own level frame.
+        confidence: (F, 20) in [0, 1].
+    """
+
+    id: int
+    times: Float
+    joints: Float
+    confidence: Float
+
+    def at(self, times: Float, longest_gap: float) -> tuple[Float, Float, Float]:
+        """Joints (N, 20, 3), velocities (N, 20, 3) m/s and confidence (N, 20) at times (N,).
+
+        Linear between neighbouring frames; confidence 0 where they are farther apart than ``longest_gap``
+        seconds, or where there is none on one side.
+        """
+        if len(self.times) < 2:
+            zeros = np.zeros((len(times), 20, 3))
+            return zeros, zeros, zeros[..., 0]
+        after = np.clip(np.searchsorted(self.times, times, side="right"), 1, len(self.times) - 1)
+        before = after - 1
+        step = self.times[after] - self.times[before]
+        share = (times - self.times[before]) / step
+        inside = (share >= -1e-9) & (share <= 1 + 1e-9) & (step <= longest_gap)
+        share = np.clip(share, 0.0, 1.0)[:, None, None]
+        start, change = self.joints[before], self.joints[after] - self.joints[before]
+        seen = np.minimum(self.confidence[before], self.confidence[after]) * inside[:, None]
+        return start + share * change, self._velocity(before, after), seen
+
+    def _velocity(self, before: AnyArray, after: AnyArray) -> Float:
+        """(N, 20, 3) m/s from the frames around the two that were interpolated.
+
+        The two's own difference would share their noise, and a fit of the clocks by it would come to rest
+        where interpolation hides most noise: halfway between frames.
+        """
+        early, late = np.maximum(before - 1, 0), np.minimum(after + 1, len(self.times) - 1)
+        seconds = self.times[late] - self.times[early]
+        return np.asarray((self.joints[late] - self.joints[early]) / seconds[:, None, None])
+
+
+@dataclass(frozen=True)
+class BodyStream:
+    """Everybody that one sensor saw.
+
+    Attributes:
+        sensor: its identity.
+        first_ns: the sensor's clock at time 0 of the tracks.
+        tracks: by person, longest first.
+    """
+
+    sensor: str
+    first_ns: int
+    tracks: tuple[BodyTrack, ...]
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first body to the last."""
+        return max((float(t.times[-1]) for t in self.tracks), default=0.0)
+
+
+def stream_of(sensor: str, frames: Iterable[BodyFrame]) -> BodyStream:
+    """The tracks of a sensor's body frames; frames out of order and frames of equal time are left out."""
+    kept: list[BodyFrame] = []
+    for frame in frames:
+        if not kept or frame.time_ns > kept[-1].time_ns:
+            kept.append(frame)
+    first = kept[0].time_ns if kept else 0
+    people: dict[int, list[tuple[float, AnyArray, AnyArray]]] = {}
+    for frame in kept:
+        seconds = (frame.time_ns - first) * 1e-9
+        for body in frame.bodies:
+            people.setdefault(body.id, []).append((seconds, body.joints, body.confidence))
+    tracks = [
+        BodyTrack(person, *(np.array(column, float) for column in zip(*rows, strict=True)))
+        for person, rows in people.items()
+    ]
+    return BodyStream(sensor, first, tuple(sorted(tracks, key=lambda t: -len(t.times))))

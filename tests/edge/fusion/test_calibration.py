@@ -1,0 +1,200 @@
+"""Calibration from people who walk about: what is exact is found exactly, and what is not is said."""
+
+import dataclasses
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from walkers import Walker, stand, told
+
+from enliven.errors import InputError
+from enliven_edge.fusion.calibration import calibrate
+from enliven_edge.fusion.quality import Verdict
+from enliven_edge.fusion.rigid import angle_between, inverse, moved, rigid, turn
+from enliven_edge.fusion.settings import CalibrationSettings
+from enliven_edge.fusion.tracks import BodyStream, BodyTrack, stream_of
+from enliven_edge.synthesis.wander import Way
+
+A, B = stand(0.0, 0.0, 0.0), stand(2.4, -1.8, 70.0)
+TIMES = np.arange(0.0, 16.0, 1 / 30)
+SHORT = np.arange(0.0, 8.0, 1 / 20)
+
+
+def streams(walkers, places, times=TIMES, clocks=None, names="abcdef", **more):
+    """One stream a sensor; each sensor's frames fall elsewhere in time."""
+    clocks = clocks or [10.0] * len(places)
+    return [
+        stream_of(name, told(walkers, place, times + 0.011 * i, clock=clock, sensor=name, seed=i, **more))
+        for i, (name, place, clock) in enumerate(zip(names, places, clocks, strict=False))
+    ]
+
+
+@cache
+def seen_by_both(walker_shape=(8.0, 1.6, 1.2)):
+    """Two streams of a short walk, without error, for tests that change them."""
+    return streams([Walker(Way(*walker_shape))], [A, B], SHORT, [10.0, 13.0])
+
+
+def errors(calibration, places, names="abcdef"):
+    """Metres and degrees of each sensor's placement, relative to the first."""
+    found = []
+    for name, place in zip(names, places, strict=False):
+        true = inverse(places[0]) @ place
+        made = calibration.world_from_sensor[name]
+        found.append((np.linalg.norm(made[:3, 3] - true[:3, 3]), np.degrees(angle_between(made, true))))
+    return np.array(found)
+
+
+def changed(stream: BodyStream, transform: np.ndarray) -> BodyStream:
+    """The stream as a sensor would tell it that stands elsewhere."""
+    tracks = tuple(dataclasses.replace(t, joints=moved(transform, t.joints)) for t in stream.tracks)
+    return dataclasses.replace(stream, tracks=tracks)
+
+
+def test_exact_bodies_give_exact_places_and_clocks():
+    made = calibrate(streams([Walker()], [A, B], clocks=[10.0, 13.25]))
+    assert made.good and made.advice == []
+    # What remains is the straight line between two frames of a curved motion.
+    assert errors(made, [A, B]).max(0) == pytest.approx([0, 0], abs=1e-4)
+    assert made.clock_offset_ns["b"] == pytest.approx(-3.25e9, abs=5e4)
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    st.sampled_from([0, 1]), st.floats(-3.1, 3.1), st.floats(-3, 3), st.floats(-3, 3),
+)  # fmt: skip
+def test_moving_either_sensor_moves_the_answer_along(which, angle, x, z):
+    """Equivariance: a_from_b becomes M a_from_b or a_from_b M^-1."""
+    told_by = list(seen_by_both())
+    before = calibrate(told_by).world_from_sensor["b"]
+    motion = rigid(turn(np.array([0.0, angle, 0.0])), np.array([x, 0.0, z]))
+    told_by[which] = changed(told_by[which], motion)
+    after = calibrate(told_by).world_from_sensor["b"]
+    expected = motion @ before if which == 0 else before @ inverse(motion)
+    assert np.allclose(after, expected, atol=2e-4)
+
+
+@settings(max_examples=4, deadline=None)
+@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_without_gravity_any_motion_is_found(pitch, roll):
+    a, b = seen_by_both()
+    motion = rigid(turn(np.array([pitch, 0.3, roll])), np.array([0.4, 0.9, -2.0]))
+    made = calibrate([a, changed(b, motion)], CalibrationSettings(floor_known=False))
+    expected = inverse(A) @ B @ inverse(motion)
+    assert np.allclose(made.world_from_sensor["b"], expected, atol=1e-3)
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.floats(-200.0, 200.0))
+def test_the_clocks_difference_is_found(clock):
+    a, b = seen_by_both()
+    later = dataclasses.replace(b, first_ns=b.first_ns + round(clock * 1e9))
+    made = calibrate([a, later])
+    assert made.clock_offset_ns["b"] == pytest.approx(-(3.0 + clock) * 1e9, abs=2e5)
+
+
+def test_noise_does_not_pull_the_clock_between_frames():
+    """Interpolated joints are less noisy halfway between frames; that is no reason to go there."""
+    made = calibrate(streams([Walker(Way(16, 1.6, 0.9))], [A, B], noise=0.03))
+    assert abs(made.clock_offset_ns["b"]) < 2.5e6
+    assert errors(made, [A, B])[1, 0] < 0.01
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
+def test_who_is_who_does_not_depend_on_ids_or_order(order):
+    people = [Walker(), Walker(Way(12, 1.5, 1.5, (1, 1), 1.57), 1.6, (0.4, 0.2)), Walker(Way(9, 1, 0.6), 1.9)]
+    a = stream_of("a", told(people, A, SHORT, sensor="a"))
+    b = stream_of("b", told([people[i] for i in order], B, SHORT + 0.013, sensor="b", ids=[5, 3, 9]))
+    assert errors(calibrate([a, b]), [A, B]).max() < 1e-3
+
+
+def test_a_back_with_sides_exchanged():
+    """A sensor opposite the first one that calls left right, always or now and then."""
+    opposite = stand(0.0, -5.0, 180.0)
+    for swapped, part in ((lambda t: True, 1.0), (lambda t: t % 4 < 1.5, 0.38)):
+        a = stream_of("a", told([Walker()], A, TIMES, sensor="a"))
+        b = stream_of("b", told([Walker()], opposite, TIMES + 0.01, sensor="b", swapped=swapped))
+        made = calibrate([a, b])
+        assert made.good
+        assert errors(made, [A, opposite]).max() < 2e-3
+        assert made.pairs[0].quality.swapped == pytest.approx(part, abs=0.03)
+
+
+def test_joints_that_lie_do_not_matter():
+    """One hand of the second sensor hangs somewhere else for the whole walk, with full confidence."""
+    a, b = streams([Walker()], [A, B])
+    track = b.tracks[0]
+    joints = track.joints.copy()
+    joints[:, 10:12] += [0.5, 0.3, 0.2]
+    b = BodyStream("b", b.first_ns, (BodyTrack(track.id, track.times, joints, track.confidence),))
+    assert errors(calibrate([a, b]), [A, B])[1] == pytest.approx([0, 0], abs=0.01)
+
+
+def test_a_straight_line_is_not_enough_and_says_where_to_go():
+    made = calibrate(streams([Walker(Way(16, 1.6, 0.0))], [A, B], noise=0.01))
+    assert not made.good
+    assert made.pairs[0].quality.verdict is Verdict.WALK_ON
+    assert "walk on, to the " in made.advice[0] and "of sensor b" in made.advice[0]
+    # Seen from b the line is walked nearer and farther; beside it there is nothing yet.
+    assert made.pairs[0].quality.length == pytest.approx(1.6, abs=0.1)
+    assert made.pairs[0].quality.breadth < 0.1
+
+
+def test_a_short_look_is_not_enough():
+    made = calibrate(streams([Walker()], [A, B], times=np.arange(0, 3, 1 / 30)))
+    assert not made.good
+
+
+def test_different_people_are_not_one():
+    """Each sensor sees another person on another way: no silent result."""
+    a = stream_of("a", told([Walker()], A, TIMES, sensor="a", noise=0.01))
+    other = Walker(Way(11.0, 1.2, 1.7, (2, 1), 0.7), 1.55)
+    b = stream_of("b", told([other], B, TIMES, sensor="b", noise=0.01))
+    made = calibrate([a, b])
+    assert not made.good and made.advice
+
+
+def test_a_chain_of_sensors_that_do_not_all_overlap():
+    """Three sensors; the first and the last never see the person at the same time."""
+    far = stand(4.5, -4.0, 130.0)
+    a, b, c = streams(
+        [Walker(Way(30.0, 1.6, 1.2, (2, 3)))], [A, B, far], np.arange(0, 30, 1 / 30), noise=0.01
+    )
+
+    def cut(stream, start, stop):
+        (t,) = stream.tracks
+        k = (t.times >= start) & (t.times < stop)
+        return dataclasses.replace(
+            stream, tracks=(BodyTrack(t.id, t.times[k], t.joints[k], t.confidence[k]),)
+        )
+
+    made = calibrate([cut(a, 0, 14), b, cut(c, 15, 30)])
+    assert made.good
+    assert errors(made, [A, B, far]).max(0) == pytest.approx([0, 0], abs=0.3)
+    assert errors(made, [A, B, far])[:, 0].max() < 0.02
+    assert [pair.good for pair in made.pairs] == [True, False, True]
+
+
+def test_a_loop_is_closed_with_less_error_than_its_worst_pair():
+    places = [A, B, stand(-2.0, -2.0, -60.0)]
+    made = calibrate(streams([Walker()], places, noise=0.03))
+    assert made.good and 0 < made.loop_cm < 1.0
+    assert errors(made, places)[:, 0].max() < 0.01
+
+
+def test_one_sensor_or_one_name_twice_is_refused():
+    a, b = seen_by_both()
+    with pytest.raises(InputError, match="one sensor only"):
+        calibrate([a])
+    with pytest.raises(InputError, match="two sensors are called 'a'"):
+        calibrate([a, dataclasses.replace(b, sensor="a")])
+
+
+def test_nobody_in_view_says_so():
+    a, _ = seen_by_both()
+    made = calibrate([a, stream_of("b", [])])
+    assert made.pairs[0].fit is None and not made.good
+    assert "no person was seen" in made.advice[0]
+    assert "b" not in made.world_from_sensor

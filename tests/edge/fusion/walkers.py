@@ -1,0 +1,57 @@
+"""People who walk about, as sensors anywhere would tell of them without any error."""
+
+import numpy as np
+
+from enliven.body import Body
+from enliven.frames import BodyFrame
+from enliven_edge.fusion.rigid import inverse, moved, rigid, turn
+from enliven_edge.fusion.sides import exchanged
+from enliven_edge.synthesis.performer import Performer, Proportions
+from enliven_edge.synthesis.wander import Way
+
+FORWARD = np.array([0.0, 0.0, 1.0])
+
+
+def stand(x: float, z: float, degrees: float, tilt: float = 0.0) -> np.ndarray:
+    """(4, 4) world_from_sensor of a level frame at (x, z), turned about +Y (0 looks along -Z)."""
+    yaw = turn(np.deg2rad(degrees) * np.array([0.0, 1.0, 0.0]))
+    return rigid(yaw @ turn(np.deg2rad(tilt) * np.array([1.0, 0.0, 0.0])), np.array([x, 0.0, z]))
+
+
+class Walker:
+    """One person on a way."""
+
+    def __init__(self, way: Way | None = None, height: float = 1.75, shift=(0.0, 0.0)) -> None:
+        self.way, self.performer = way or Way(), Performer(Proportions(height=height))
+        self.shift = np.array([shift[0], 0.0, shift[1]])
+
+    def joints(self, time: float) -> np.ndarray:
+        """(20, 3) metres, world."""
+        return self.performer.pose(self.way.posture(time)).joints + self.shift
+
+
+def told(
+    walkers: list[Walker],
+    world_from_sensor: np.ndarray,
+    times: np.ndarray,
+    *,
+    clock: float = 0.0,
+    sensor: str = "a",
+    noise: float = 0.0,
+    swapped=lambda time: False,
+    ids=None,
+    seed: int = 0,
+) -> list[BodyFrame]:
+    """Body frames in the sensor's own frame and clock, which is ``clock`` seconds ahead of the world's."""
+    random = np.random.default_rng(seed)
+    sensor_from_world = inverse(world_from_sensor)
+    frames = []
+    for time in times:
+        bodies = []
+        for number, walker in enumerate(walkers):
+            joints = moved(sensor_from_world, walker.joints(float(time)))
+            joints = joints + noise * random.standard_normal((20, 3))
+            body = Body(number if ids is None else ids[number], joints, np.ones(20))
+            bodies.append(exchanged(body) if swapped(time) else body)
+        frames.append(BodyFrame(bodies, round((time + clock) * 1e9), sensor))
+    return frames
