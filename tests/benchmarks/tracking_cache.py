@@ -1,0 +1,103 @@
+"""The sequences' frames and truth, rendered once and kept in out/tracking/cache."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from tracking_set import Sequence
+
+import enliven_edge.synthesis
+from enliven.body import Body
+from enliven.frames import BodyFrame, DepthFrame
+from enliven.recording import Recorder, Recording
+from enliven_edge.synthesis import trouble
+
+CACHE = Path(__file__).parents[2] / "out" / "tracking" / "cache"
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What is true at one frame; P people, those away included.
+
+    Attributes:
+        present: (P,) in the room.
+        joints: (P, 20, 3) metres; NaN for those away.
+        visible: (P, 20) in the image, in range, hidden by nothing but their own flesh.
+        contacts: (P, 2) whether the left and the right foot stand.
+    """
+
+    present: np.ndarray
+    joints: np.ndarray
+    visible: np.ndarray
+    contacts: np.ndarray
+
+
+def rendered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
+    """The frames of a sequence in their own order, before anything befalls them."""
+    path = CACHE / f"{sequence.scene.replace(' ', '-')}-{_key(sequence)}.mcap"
+    if not path.exists():
+        _render(sequence, path)
+    truth = np.load(path.with_suffix(".npz"))
+    moments = zip(*(truth[name] for name in ("present", "joints", "visible", "contacts")), strict=True)
+    frames = [frame for frame in Recording(path).frames() if isinstance(frame, DepthFrame)]
+    return [(frame, Moment(*moment)) for frame, moment in zip(frames, moments, strict=True)]
+
+
+def delivered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
+    """The frames as the tracker gets them, after the sequence's trouble and with the lens covered."""
+    frames = rendered(sequence)
+    match sequence.trouble:
+        case "dropped":
+            frames = trouble.dropped(frames)
+        case "slowed":
+            frames = trouble.slowed(frames, 5.0)
+        case "out_of_order":
+            frames = trouble.out_of_order(frames)
+        case "frozen":
+            frames = trouble.frozen(frames, 1.5, 2.2)
+        case "holed":
+            frames = trouble.holed(frames, 0.4)
+    return trouble.covered(frames, *sequence.covered) if sequence.covered else frames
+
+
+def _render(sequence: Sequence, path: Path) -> None:
+    CACHE.mkdir(parents=True, exist_ok=True)
+    for old in CACHE.glob(f"{path.name.rsplit('-', 1)[0]}-????????????.*"):
+        old.unlink()
+    print(f"rendering {sequence.scene} ({sequence.frames} frames)", file=sys.stderr, flush=True)
+    scene = sequence.ensemble()
+    knocked = sequence.ensemble(knocked=True) if sequence.trouble == "knocked" else scene
+    kept: dict[str, list[np.ndarray]] = {name: [] for name in ("present", "joints", "visible", "contacts")}
+    unfinished = path.with_suffix(".part")
+    with Recorder(unfinished, overwrite=True) as recorder:
+        for n in range(sequence.frames):
+            frame, truth = (scene if n < sequence.frames // 2 else knocked).frame(n)
+            recorder.write_frame(frame)
+            bodies: list[Body] = truth.bodies()
+            recorder.write_truth(BodyFrame(bodies, frame.time_ns, frame.sensor))
+            for name, values in kept.items():
+                values.append(getattr(truth, name))
+    np.savez_compressed(path.with_suffix(".npz"), **{name: np.stack(v) for name, v in kept.items()})
+    unfinished.rename(path)
+
+
+def _key(sequence: Sequence) -> str:
+    """Changes with the sequence and with whatever makes its pictures."""
+    scene = {
+        k: v for k, v in vars(sequence).items() if k not in ("name", "split", "covered", "kind", "trouble")
+    }
+    scene["knocked"] = sequence.trouble == "knocked"
+    return hashlib.sha256((repr(scene) + _source()).encode()).hexdigest()[:12]
+
+
+@cache
+def _source() -> str:
+    """The text of the synthesis, but for what only chooses or delays."""
+    folder = Path(enliven_edge.synthesis.__file__).parent
+    skipped = ("studio.py", "trouble.py")
+    return "".join(p.read_text() for p in sorted(folder.glob("*.py")) if p.name not in skipped)
