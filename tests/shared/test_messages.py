@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from enliven.body import Body
 from enliven.character import Character, SkinWeights
 from enliven.errors import InputError
-from enliven.wire import convert, envelope, messages, topics
+from enliven.rotation import conjugate, multiply, normalized, to_rotation_vector
+from enliven.wire import convert, envelope, messages, quaternions, topics
 from enliven.wire.envelope import Malformed, OtherVersion
 from enliven.wire.posecode import PoseCodec
 from enliven.wire.sockets import Endpoint, parse_endpoint
@@ -23,9 +24,24 @@ from enliven.wire.sockets import Endpoint, parse_endpoint
 few = settings(max_examples=60, deadline=None)
 EXAMPLES = [
     messages.PoseMessage("chair", 1, 2, 3, 4, 5, 6, b"abc"),
-    messages.BodiesMessage(1, 2, [messages.PackedBody(3, bytes(120), bytes(20))]),
+    messages.BodiesMessage(
+        1,
+        2,
+        [
+            messages.PackedBody(3, bytes(120), bytes(20)),
+            messages.PackedBody(4, bytes(120), bytes(20), bytes(80), bytes(2), 1805),
+        ],
+    ),
     messages.CuesMessage("chair", "possessed", bytes(4), bytes(2), 1),
-    messages.StatusMessage("edge", 1, 2, 3, note="fine", fps=30.0),
+    messages.StatusMessage(
+        "edge",
+        1,
+        2,
+        3,
+        note="fine",
+        fps=30.0,
+        health=[messages.HealthMessage("no frames", 2, 4, "No.", "Do.")],
+    ),
 ]
 ASKS = [
     messages.Hello("v", True),
@@ -115,6 +131,46 @@ def test_bodies_survive_within_half_a_millimetre() -> None:
         assert a.id == b.id
         assert np.linalg.norm(a.joints - b.joints, axis=1).max() <= 0.5e-3
         assert np.abs(a.confidence - b.confidence).max() <= 0.5 / 255 + 1e-12
+
+
+def test_what_is_known_of_a_body_survives() -> None:
+    rng = np.random.default_rng(2)
+    turns = normalized(rng.normal(size=(20, 4)))
+    body = Body(1, np.zeros((20, 3)), np.ones(20), turns, np.array([0.25, 1.0]), 1.8042)
+    bare = Body(2, np.zeros((20, 3)), np.ones(20))
+    data = envelope.pack_stream(convert.bodies_to_message([body, bare], 0))
+    back, empty = convert.message_to_bodies(envelope.unpack_stream(data)[1])
+    away = np.linalg.norm(to_rotation_vector(multiply(conjugate(turns), back.orientations)), axis=1)
+    assert away.max() <= quaternions.ERROR
+    assert np.abs(back.contacts - body.contacts).max() <= 0.5 / 255 + 1e-12
+    assert back.stature == pytest.approx(1.8042, abs=0.0005)
+    assert (empty.orientations, empty.contacts, empty.stature) == (None, None, None)
+
+
+def test_messages_of_older_programs_are_read() -> None:
+    """The bytes are those that version 0.1 sent and recorded: arrays without the fields that came later."""
+    joints = np.arange(60).astype("<i2").tobytes()
+    packed = b"\x93\x07\xc4\x78" + joints + b"\xc4\x14" + bytes(range(20))
+    old = b"bodies\0\x01" + b"\x93\x05\x06\x91" + packed
+    (body,) = convert.message_to_bodies(envelope.unpack_stream(old)[1])
+    assert body.id == 7 and body.joints[19, 2] == 59 * convert.JOINT_STEP and body.confidence[2] == 2 / 255
+    assert (body.orientations, body.contacts, body.stature) == (None, None, None)
+    status = b"status\0\x01\x9c\xa4edge\x01\x02\x03\xa3oak\xa8tracking\xa0" + b"\xcb" + bytes(8)
+    status += b"\xcb" + bytes(8) + b"\xcb" + bytes(8) + b"\x02\x00"
+    read = envelope.unpack_stream(status)[1]
+    assert (read.edge, read.phase, read.performers, read.health) == ("edge", "tracking", 2, [])
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"orientations": bytes(79)}, {"contacts": bytes(1)}, {"stature_mm": -1}, {"stature_mm": 10_001}],
+)
+def test_a_body_of_the_wrong_length_is_refused(changes) -> None:
+    packed = msgspec.structs.replace(messages.PackedBody(3, bytes(120), bytes(20)))
+    fields = {**msgspec.structs.asdict(packed), **changes}
+    data = b"bodies\0\x01" + msgspec.msgpack.encode([1, 2, [list(fields.values())]])
+    with pytest.raises(Malformed):
+        envelope.unpack_stream(data)
 
 
 def test_bodies_with_holes_go_with_no_confidence() -> None:

@@ -36,7 +36,9 @@ def depth_frame(number: int, sensor: str = "test", **more) -> DepthFrame:
 def body_frame(number: int, people: int = 1, sensor: str = "test") -> BodyFrame:
     rng = np.random.default_rng(number)
     bodies = [
-        Body(i, rng.normal(size=(J, 3)), rng.random(J), rng.normal(size=(J, 4)) if i else None)
+        Body(i, rng.normal(size=(J, 3)), rng.random(J))
+        if i == 0
+        else Body(i, rng.normal(size=(J, 3)), rng.random(J), rng.normal(size=(J, 4)), rng.random(2), 1.7)
         for i in range(people)
     ]
     return BodyFrame(bodies, number * 33_000_000, sensor)
@@ -50,11 +52,13 @@ def same_depth(a: DepthFrame, b: DepthFrame) -> bool:
 
 def same_bodies(a: BodyFrame, b: BodyFrame) -> bool:
     def equal(x: Body, y: Body) -> bool:
-        turns = (x.orientations is None) == (y.orientations is None) and (
-            x.orientations is None or np.array_equal(x.orientations, y.orientations)
+        known = all(
+            (a is None) == (b is None) and (a is None or np.array_equal(a, b))
+            for a, b in ((x.orientations, y.orientations), (x.contacts, y.contacts))
         )
         return (
-            turns
+            known
+            and x.stature == y.stature
             and x.id == y.id
             and np.array_equal(x.joints, y.joints, True)
             and bool(np.array_equal(x.confidence, y.confidence))
@@ -107,6 +111,16 @@ def test_not_a_number_in_a_joint_comes_back():
     frame = body_frame(1)
     frame.bodies[0].joints[3, 1] = np.nan
     assert same_bodies(unpack_bodies(pack_bodies(frame)), frame)
+
+
+def test_bodies_of_older_recordings_are_read():
+    """The text is that of version 0.1, before contacts and stature."""
+    joints = "[" + ",".join(["[1.0,2.0,null]"] * J) + "]"
+    body = f'{{"id":3,"joints":{joints},"confidence":{[0.5] * J},"orientations":null}}'
+    old = f'{{"time_ns":5,"sensor":"k","bodies":[{body}]}}'
+    (body,) = unpack_bodies(old.encode()).bodies
+    assert body.id == 3 and np.isnan(body.joints[0, 2]) and body.confidence[0] == 0.5
+    assert (body.orientations, body.contacts, body.stature) == (None, None, None)
 
 
 def test_bodies_and_truth_are_kept_apart(tmp_path):

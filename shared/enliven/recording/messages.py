@@ -98,6 +98,8 @@ class _BodyMessage(msgspec.Struct):
     joints: list[list[float | None]]
     confidence: list[float | None]
     orientations: list[list[float | None]] | None = None
+    contacts: list[float | None] | None = None
+    stature: float | None = None
 
 
 class _BodiesMessage(msgspec.Struct):
@@ -119,6 +121,8 @@ def pack_bodies(frame: BodyFrame) -> bytes:
             "orientations": None
             if body.orientations is None
             else _shaped(body.orientations, (J, 4)).tolist(),
+            "contacts": None if body.contacts is None else _shaped(body.contacts, (2,)).tolist(),
+            "stature": body.stature,
         }
         for body in frame.bodies
     ]
@@ -146,6 +150,8 @@ def _body(message: _BodyMessage) -> Body:
         _shaped(message.joints, (J, 3)),
         _shaped(message.confidence, (J,)),
         None if turns is None else _shaped(turns, (J, 4)),
+        None if message.contacts is None else _shaped(message.contacts, (2,)),
+        message.stature,
     )
 
 

@@ -64,6 +64,12 @@ _BODY = {
             "description": "20 quaternions [w, x, y, z] world_from_bone, or null",
             "items": {"type": "array", "items": _NUMBER},
         },
+        "contacts": {
+            "type": ["array", "null"],
+            "description": "probability that the left and the right foot stand on the floor, or null",
+            "items": _NUMBER,
+        },
+        "stature": {**_NUMBER, "description": "metres from soles to crown, standing straight, or null"},
     },
 }
 BODIES_SCHEMA = json.dumps(

@@ -11,16 +11,20 @@ from enliven.body import Body
 from enliven.body import J as JOINTS
 from enliven.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
+from enliven.health import HealthState, Severity, worst_first
 from enliven.wire.messages import (
     MAX_FACES,
+    MAX_HEALTH,
     MAX_VERTICES,
     BodiesMessage,
     CharacterMessage,
     CuesMessage,
+    HealthMessage,
     PackedBody,
     PoseMessage,
 )
 from enliven.wire.posecode import PoseCodec
+from enliven.wire.quaternions import pack_quaternions, unpack_quaternions
 
 JOINT_STEP = 2.0**-11
 """Metres; a joint is at most 0.25 mm off along each axis (0.43 mm in all), up to 16 m from the origin."""
@@ -72,20 +76,64 @@ def _packed(body: Body) -> PackedBody:
     finite = np.asarray(np.isfinite(body.joints).all(-1))
     steps = np.rint(np.where(finite[:, None], body.joints, 0.0) / JOINT_STEP)
     known = np.nan_to_num(np.where(finite, body.confidence, 0.0))
+    stature = 0.0 if body.stature is None else float(np.nan_to_num(body.stature, posinf=0.0))
     return PackedBody(
         int(body.id),
         np.clip(steps, -32768, 32767).astype("<i2").tobytes(),
-        np.rint(np.clip(known, 0, 1) * 255).astype(np.uint8).tobytes(),
+        _shares(known),
+        b"" if body.orientations is None else pack_quaternions(body.orientations),
+        b"" if body.contacts is None else _shares(np.nan_to_num(body.contacts)),
+        round(min(max(stature, 0.0), 10.0) * 1000),
     )
 
 
+def _shares(values: AnyArray) -> bytes:
+    """Numbers in [0, 1] as bytes."""
+    return bytes(np.rint(np.clip(values, 0, 1) * 255).astype(np.uint8).tobytes())
+
+
 def message_to_bodies(message: BodiesMessage) -> list[Body]:
-    """The bodies, without their bones' orientations."""
-    made = []
-    for body in message.bodies:
-        joints = np.frombuffer(body.joints, "<i2").reshape(JOINTS, 3) * JOINT_STEP
-        made.append(Body(body.id, joints, np.frombuffer(body.confidence, np.uint8) / 255.0))
-    return made
+    """The bodies, as exact as the wire carries them."""
+    return [_unpacked(body) for body in message.bodies]
+
+
+def _unpacked(body: PackedBody) -> Body:
+    contacts = np.frombuffer(body.contacts, np.uint8) / 255.0
+    return Body(
+        body.id,
+        np.frombuffer(body.joints, "<i2").reshape(JOINTS, 3) * JOINT_STEP,
+        np.frombuffer(body.confidence, np.uint8) / 255.0,
+        unpack_quaternions(body.orientations) if body.orientations else None,
+        contacts if len(contacts) else None,
+        body.stature_mm / 1000.0 if body.stature_mm else None,
+    )
+
+
+def health_to_messages(states: Iterable[HealthState]) -> list[HealthMessage]:
+    """The gravest states as they go on the wire."""
+    return [
+        HealthMessage(
+            str(state.kind)[:64] or "unknown",
+            int(state.severity),
+            state.since_ns,
+            _clipped(state.what),
+            _clipped(state.mend),
+            state.performer,
+        )
+        for state in worst_first(list(states))[:MAX_HEALTH]
+    ]
+
+
+def _clipped(sentence: str) -> str:
+    """At most 160 bytes of it."""
+    return sentence.encode()[:160].decode(errors="ignore")
+
+
+def messages_to_health(messages: Iterable[HealthMessage]) -> list[HealthState]:
+    """The states, in the order in which they were sent."""
+    return [
+        HealthState(m.kind, Severity(m.severity), m.since_ns, m.what, m.mend, m.performer) for m in messages
+    ]
 
 
 def cues_to_message(

@@ -17,6 +17,7 @@ VERSION = 1
 
 Name = Annotated[str, Meta(min_length=1, max_length=64)]
 Text = Annotated[str, Meta(max_length=400)]
+Sentence = Annotated[str, Meta(max_length=160)]
 Count = Annotated[int, Meta(ge=0, le=2**53)]
 Nanoseconds = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
 Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
@@ -26,6 +27,8 @@ MAX_TRANSFORM_BYTES = 256 * 1024
 MAX_VERTICES = 2_000_000
 MAX_FACES = 4_000_000
 MAX_TRANSFORMS = 4096
+MAX_HEALTH = 8
+"""So many keep a heartbeat below the size that older programs take."""
 
 
 class PoseMessage(Struct, array_like=True, frozen=True):
@@ -59,11 +62,23 @@ class PackedBody(Struct, array_like=True, frozen=True):
         id: stable while the person is in view.
         joints: (20, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world frame.
         confidence: (20,) uint8, 255 for certain.
+        orientations: (20,) uint32 of :mod:`enliven.wire.quaternions`, world_from_bone; empty where unknown.
+        contacts: (2,) uint8, 255 where the left and the right foot surely stand; empty where unknown.
+        stature_mm: millimetres from soles to crown when standing straight; 0 where unknown.
     """
 
     id: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)]
     joints: Annotated[bytes, Meta(min_length=120, max_length=120)]
     confidence: Annotated[bytes, Meta(min_length=20, max_length=20)]
+    orientations: Annotated[bytes, Meta(max_length=80)] = b""
+    contacts: Annotated[bytes, Meta(max_length=2)] = b""
+    stature_mm: Annotated[int, Meta(ge=0, le=10_000)] = 0
+
+    def __post_init__(self) -> None:
+        if self.orientations:
+            _expect("orientations", self.orientations, 80)
+        if self.contacts:
+            _expect("contacts", self.contacts, 2)
 
 
 class BodiesMessage(Struct, array_like=True, frozen=True):
@@ -97,6 +112,26 @@ class CuesMessage(Struct, array_like=True, frozen=True):
         _expect("nodes", self.nodes, 2 * len(self.strengths))
 
 
+class HealthMessage(Struct, array_like=True, frozen=True):
+    """Something that is wrong at the edge.
+
+    Attributes:
+        kind: a word of :class:`enliven.health.HealthKind`, or one that a later program knows.
+        severity: 0 to note, 1 the tracking suffers, 2 there is none.
+        since_ns: when it began, the sensor's clock.
+        what: what is wrong, one sentence.
+        mend: what to do about it, one sentence.
+        performer: whom it is about, -1 for nobody in particular.
+    """
+
+    kind: Name
+    severity: Annotated[int, Meta(ge=0, le=2)]
+    since_ns: Nanoseconds
+    what: Sentence
+    mend: Sentence = ""
+    performer: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)] = -1
+
+
 class StatusMessage(Struct, array_like=True, frozen=True):
     """The edge's heartbeat, twice a second (topic "status").
 
@@ -113,6 +148,7 @@ class StatusMessage(Struct, array_like=True, frozen=True):
         latency_p99_ms: the same, of the slowest in a hundred.
         performers: people in view.
         dropped: frames that came too fast and were passed over, since the start.
+        health: what is wrong, the gravest first.
     """
 
     edge: Name
@@ -127,6 +163,7 @@ class StatusMessage(Struct, array_like=True, frozen=True):
     latency_p99_ms: Number = 0.0
     performers: Count = 0
     dropped: Count = 0
+    health: Annotated[list[HealthMessage], Meta(max_length=MAX_HEALTH)] = field(default_factory=list)
 
 
 class CharacterMessage(Struct, tag=True, frozen=True):

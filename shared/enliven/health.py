@@ -1,0 +1,70 @@
+"""What may be wrong with a sensor or a performance, as typed states: what, since when, what to do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+
+
+class Severity(IntEnum):
+    """How much a state of health hurts."""
+
+    NOTE = 0
+    """Nothing is wrong yet; it passes by itself, or is good to know."""
+    WARNING = 1
+    """The tracking suffers."""
+    ERROR = 2
+    """There is no tracking."""
+
+
+class HealthKind(StrEnum):
+    """What may be wrong."""
+
+    NO_FRAMES = "no frames"
+    FROZEN = "sensor frozen"
+    SLOW = "low frame rate"
+    DROPPED = "frames dropped"
+    OUT_OF_ORDER = "frames out of order"
+    MOVED = "sensor moved"
+    COVERED = "lens covered"
+    MISSING_DEPTH = "missing depth"
+    LEARNING_ROOM = "learning the room"
+    NO_FLOOR = "floor unknown"
+    TOO_NEAR = "performer too near"
+    TOO_FAR = "performer too far"
+    CUT_OFF = "performer cut off"
+    JOINED = "performers joined"
+    UNCLEAR = "performer unclear"
+
+
+NOBODY = -1
+"""In place of a performer's id, where a state is about nobody in particular."""
+
+
+@dataclass(frozen=True)
+class HealthState:
+    """One thing that is wrong.
+
+    Attributes:
+        kind: what; a :class:`HealthKind`, or a later program's word for something this one does not know.
+        severity: how much it hurts.
+        since_ns: when it began, the sensor's clock.
+        what: what is wrong, one sentence.
+        mend: what to do about it, one sentence.
+        performer: whom it is about, or :data:`NOBODY`.
+    """
+
+    kind: str
+    severity: Severity
+    since_ns: int
+    what: str
+    mend: str
+    performer: int = NOBODY
+
+    def __str__(self) -> str:
+        return f"{self.what} {self.mend}"
+
+
+def worst_first(states: list[HealthState]) -> list[HealthState]:
+    """The gravest first; of equal gravity, what has lasted longest."""
+    return sorted(states, key=lambda state: (-state.severity, state.since_ns, state.kind, state.performer))

@@ -1,0 +1,47 @@
+"""Unit quaternions in four bytes each: the smallest three components in ten bits.
+
+The largest component is left out (its sign made positive, which changes nothing of the rotation), since the
+others and the unit length give it back. The 32 bits, little-endian: bits 30-31 say which one is missing (0 is
+w), then the others in order, bits 20-29, 10-19 and 0-9, each 511 + value / STEP. A rotation is at most
+:data:`ERROR` radians off; 1023 is never written, and any bits are some rotation.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.rotation import canonical, normalized
+
+STEP = math.sqrt(0.5) / 511
+"""Of a component; what is not the largest is within +-sqrt(1/2)."""
+ERROR = 2 * math.sqrt(3.0) * STEP
+"""Radians, 0.27 degrees: three components half a step off, the fourth at most sqrt(3) times as far."""
+
+_OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
+_SHIFTS = np.array([20, 10, 0])
+
+
+def pack_quaternions(quaternions: AnyArray) -> bytes:
+    """4 N bytes of (N, 4) unit quaternions; one that is not finite goes as the identity."""
+    q = normalized(quaternions)
+    missing = np.abs(q).argmax(1)
+    rows = np.arange(len(q))
+    q = np.where(q[rows, missing, None] < 0, -q, q)
+    steps = np.rint(q[rows[:, None], _OTHERS[missing]] / STEP).astype(np.int64).clip(-511, 511) + 511
+    bits = (missing << 30) | (steps << _SHIFTS).sum(1)
+    return bytes(bits.astype("<u4").tobytes())
+
+
+def unpack_quaternions(data: bytes) -> Float:
+    """(N, 4) unit quaternions, w >= 0, of 4 N bytes."""
+    bits = np.frombuffer(data, "<u4").astype(np.int64)
+    missing = bits >> 30
+    others = ((((bits[:, None] >> _SHIFTS) & 1023) - 511) * STEP).astype(np.float64)
+    made = np.empty((len(bits), 4))
+    rows = np.arange(len(bits))
+    made[rows[:, None], _OTHERS[missing]] = others
+    made[rows, missing] = np.sqrt(np.maximum(0.0, 1.0 - (others * others).sum(1)))
+    return canonical(normalized(made))
