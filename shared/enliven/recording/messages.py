@@ -113,20 +113,24 @@ _bodies_decoder = msgspec.json.Decoder(_BodiesMessage)
 
 def pack_bodies(frame: BodyFrame) -> bytes:
     """The JSON message of a body frame; float64 in the fewest digits that restore it exactly."""
-    bodies = [
-        {
-            "id": int(body.id),
-            "joints": _shaped(body.joints, (J, 3)).tolist(),
-            "confidence": _shaped(body.confidence, (J,)).tolist(),
-            "orientations": None
-            if body.orientations is None
-            else _shaped(body.orientations, (J, 4)).tolist(),
-            "contacts": None if body.contacts is None else _shaped(body.contacts, (2,)).tolist(),
-            "stature": body.stature,
-        }
-        for body in frame.bodies
-    ]
+    bodies = [_body_fields(body) for body in frame.bodies]
     return msgspec.json.encode({"time_ns": frame.time_ns, "sensor": frame.sensor, "bodies": bodies})
+
+
+def _body_fields(body: Body) -> dict[str, Any]:
+    """What is known of a body, as JSON takes it."""
+    turns = body.orientations
+    fields: dict[str, Any] = {
+        "id": int(body.id),
+        "joints": _shaped(body.joints, (J, 3)).tolist(),
+        "confidence": _shaped(body.confidence, (J,)).tolist(),
+        "orientations": None if turns is None else _shaped(turns, (J, 4)).tolist(),
+    }
+    if body.contacts is not None:
+        fields["contacts"] = _shaped(body.contacts, (2,)).tolist()
+    if body.stature is not None:
+        fields["stature"] = float(body.stature)
+    return fields
 
 
 def unpack_bodies(data: bytes) -> BodyFrame:
