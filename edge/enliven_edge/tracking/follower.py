@@ -60,6 +60,12 @@ class Follower:
         """Where the posture is expected in the next frame, by the motion between the last two."""
         return self.posture.copy() if self._before is None else continued(self._before, self.posture)
 
+    def carry(self, step: Float) -> None:
+        """Moves as a whole by (3,) metres, in a frame that is not fitted."""
+        self.posture.position = self.posture.position + step
+        if self._before is not None:
+            self._before.position = self._before.position + step
+
     def follow(self, view: View, pixels: Bool) -> bool:
         """Takes in a frame in which the (h, w) ``pixels`` are this person's; False where they do not fit."""
         self.confidence = np.zeros(20)

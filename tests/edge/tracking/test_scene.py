@@ -1,4 +1,4 @@
-"""Floor, room and foreground."""
+"""Floor, reduction and normals."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.floor import world_from_floor
-from enliven_edge.tracking.foreground import Room, label, people, widened
 from enliven_edge.tracking.observation import WorkingCamera, reduce_depth, surface_samples, world_points
 
 
@@ -74,58 +73,3 @@ def test_normals_of_a_slanted_plane():
     found, normals = surface_samples(points, z, pixels, np.zeros(3))
     np.testing.assert_allclose(normals, np.tile(normal, (3, 1)), atol=1e-6)
     np.testing.assert_allclose(found, points[tuple(pixels.T)], atol=1e-6)
-
-
-@given(st.integers(0, 1000))
-@settings(max_examples=20, deadline=None)
-def test_labels_match_a_flood_fill(seed):
-    from scipy import ndimage
-
-    mask = np.random.default_rng(seed).random((30, 40)) < 0.5
-    labels, count = label(np.ones((30, 40)), mask)
-    expected, expected_count = ndimage.label(mask)
-    assert count == expected_count
-    np.testing.assert_array_equal(labels, expected)
-
-
-def test_a_step_in_depth_parts_two_groups():
-    z = np.ones((10, 10))
-    z[:, 5:] = 2.0
-    assert label(z, np.ones((10, 10), bool))[1] == 2
-
-
-def test_widened_is_a_dilation():
-    from scipy import ndimage
-
-    mask = np.random.default_rng(0).random((20, 20)) < 0.05
-    np.testing.assert_array_equal(widened(mask, 2), ndimage.binary_dilation(mask, np.ones((5, 5))))
-
-
-def test_the_room_gives_way_at_once_and_takes_in_slowly():
-    room, nobody = Room((4, 4)), np.zeros((4, 4), bool)
-    room.learn(np.full((4, 4), 2.0), nobody)
-    for _ in range(12):
-        room.learn(np.full((4, 4), 3.0), nobody)
-    assert room.z.min() > 2.95
-    closer = np.full((4, 4), 2.0)
-    room.learn(closer, nobody)
-    assert room.in_front(closer, guess=True).all()
-    for _ in range(600):
-        room.learn(closer, nobody)
-    assert not room.in_front(closer, guess=True).any()
-
-
-def test_a_wall_is_nobody():
-    z = np.full((120, 160), 2.0)
-    camera = WorkingCamera(Intrinsics(160, 120, 130, 130, 79.5, 59.5), 160)
-    points = world_points(z, camera.ray, np.eye(4))
-    assert people(z, points, np.ones((120, 160), bool), 1 / 130**2) == []
-
-
-def test_the_wall_behind_somebody_who_left_is_the_room():
-    room, somebody = Room((20, 20)), np.zeros((20, 20), bool)
-    somebody[5:15, 8:12] = True
-    room.learn(np.full((20, 20), 3.0), somebody)
-    assert not room.in_front(np.full((20, 20), 3.0), guess=True).any()
-    assert room.in_front(np.full((20, 20), 3.0), guess=False).any()
-    assert room.in_front(np.full((20, 20), 2.0), guess=True).all()

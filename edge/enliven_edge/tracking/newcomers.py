@@ -1,0 +1,161 @@
+"""Groups of pixels that may be somebody new, watched until they have proven it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, UInt8
+from enliven_edge.tracking.human import SMALLEST_AREA, Shape, parted, shape_of
+from enliven_edge.tracking.room import BEFORE, Room, widened
+from enliven_edge.tracking.segmentation import Loose, Segments
+from enliven_edge.tracking.view import View
+
+_SAME, _FORGET_NS = 0.45, 400_000_000
+_MOST = 8
+_YOUNG = 1.0
+"""Seconds: in so young a room nobody can prove to have come in."""
+_MOVED, _TALL, _FRAMES = 0.25, 1.15, 3
+_BACK_OFF_NS, _LONGEST_NS = 150_000_000, 2_000_000_000
+_PARTED_AREA = 0.45
+
+
+class Newcomer:
+    """A group of pixels of a person's size.
+
+    Attributes:
+        pixels: (h, w).
+        centre: (3,) metres, world frame.
+        shape: what it looks like.
+        crowns: metres above the floor of its top, frame by frame.
+        bystander: whether it is out of the zone, or locked out.
+    """
+
+    def __init__(self, centre: Float, time_ns: int) -> None:
+        self.centre, self.first = centre, centre
+        self.crowns: list[float] = []
+        self.frames = 0
+        self.bystander = False
+        self.seen_ns = time_ns
+        self.moved = 0.0
+        self.before = 0.0
+        self.touching = False
+        self.shape: Shape
+        self.pixels: Bool
+        self._next_ns, self._wait_ns = time_ns, _BACK_OFF_NS
+
+    def update(self, pixels: Bool, centre: Float, shape: Shape, before: float, time_ns: int) -> None:
+        """The group in another frame; ``before`` is the share that stands before the known room."""
+        self.pixels, self.centre, self.shape, self.before = pixels, centre, shape, before
+        self.frames, self.seen_ns = self.frames + 1, time_ns
+        self.moved = max(self.moved, float(np.linalg.norm((centre - self.first)[[0, 2]])))
+        self.crowns = [*self.crowns[-30:], shape.top]
+
+    @property
+    def proven(self) -> bool:
+        """Whether it came into a room that was known, as a person does."""
+        tall = self.shape.top > _TALL
+        if self.touching and not tall:
+            return False
+        return self.frames >= _FRAMES and self.before > 0.5 and (tall or self.moved > _MOVED)
+
+    def due(self, time_ns: int, room_age: float, *, alone: bool) -> bool:
+        """Whether a body should be looked for in it now."""
+        there = room_age < _YOUNG and (self.shape.cut or self.shape.top > _TALL)
+        if not self.shape.human or not (self.proven or there or self.moved > 2 * _MOVED):
+            return False
+        return not 0 < self._next_ns - time_ns < 2 * _LONGEST_NS
+
+    def failed(self, time_ns: int) -> None:
+        """No body was found in it: the next try is later and later."""
+        self._next_ns, self._wait_ns = time_ns + self._wait_ns, min(2 * self._wait_ns, _LONGEST_NS)
+
+
+class Newcomers:
+    """Everything that may be somebody new."""
+
+    def __init__(self) -> None:
+        self._known: list[Newcomer] = []
+
+    def clear(self) -> None:
+        self._known.clear()
+
+    def drop(self, newcomer: Newcomer) -> None:
+        """It is somebody now."""
+        self._known.remove(newcomer)
+
+    @property
+    def bystanders(self) -> int:
+        """How many that have proven to be people are no performers."""
+        return sum(1 for n in self._known if n.bystander and n.proven)
+
+    def update(
+        self,
+        view: View,
+        kind: UInt8,
+        segments: Segments,
+        room: Room,
+        admits: Callable[[Float], bool],
+    ) -> list[Newcomer]:
+        """Those that are in this frame, the likeliest first."""
+        groups = [g for g in segments.loose if g.area > SMALLEST_AREA and g.tall > 0.3][:_MOST]
+        present = []
+        for group in groups:
+            mask = _with_fragments(segments, group, view)
+            parts = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
+            for part in parts:
+                found = self._one(view, kind, group, part, group.area * part.sum() / max(1, mask.sum()))
+                if found is not None and found not in present:
+                    found.bystander = not admits(found.centre)
+                    present.append(found)
+        self._known = [n for n in self._known if n in present or 0 <= view.time_ns - n.seen_ns < _FORGET_NS]
+        return sorted(present, key=lambda n: -n.shape.likeness)
+
+    def _one(self, view: View, kind: UInt8, group: Loose, part: Bool, area: float) -> Newcomer | None:
+        """The newcomer that a group of pixels is, None where it has not a person's size."""
+        points = view.points[part]
+        if len(points) < 30:
+            return None
+        shape = shape_of(view, part, area)
+        if shape.likeness == 0:
+            return None
+        centre = points.mean(0)
+        known = [n for n in self._known if n.seen_ns != view.time_ns]
+        near = min(known, key=lambda n: float(np.linalg.norm(n.centre - centre)), default=None)
+        if near is None or np.linalg.norm(near.centre - centre) > _SAME:
+            near = Newcomer(centre, view.time_ns)
+            self._known.append(near)
+        near.touching = bool(group.contact.any())
+        near.update(part, centre, shape, float(np.mean(kind[part] == BEFORE)), view.time_ns)
+        return near
+
+
+def _with_fragments(segments: Segments, main: Loose, view: View) -> Bool:
+    """The main group and smaller ones that touch it in the image within 0.6 m, a forearm held forward say."""
+    mask = segments.group(main)
+    top, left, bottom, right = main.box
+    near = [
+        other
+        for other in segments.loose
+        if other.label != main.label
+        and other.area < 0.6 * main.area
+        and other.box[0] <= bottom + 3
+        and other.box[2] >= top - 3
+        and other.box[1] <= right + 3
+        and other.box[3] >= left - 3
+    ]
+    depth = view.points[..., 2]
+    for other in near:
+        part = segments.group(other)
+        contact = widened(part, 3) & mask
+        if contact.any():
+            gap = abs(float(np.median(depth[part]) - np.median(depth[contact])))
+            if gap < 0.6 and _reaches(view.points[part], view.points[contact]):
+                mask = mask | part
+    return np.asarray(mask)
+
+
+def _reaches(part: Float, contact: Float) -> bool:
+    """Whether a fragment stays within an arm's length of where it touches, unlike a wall."""
+    return bool(np.percentile(np.linalg.norm(part - contact.mean(0), axis=1), 90) < 0.8)

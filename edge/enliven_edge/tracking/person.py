@@ -1,0 +1,152 @@
+"""One of the people who are followed: the fit of their body, who they are, and whether they are in sight."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int
+from enliven.body import Joint
+from enliven_edge.tracking.follower import FEWEST_PIXELS, Follower
+from enliven_edge.tracking.identity import Looks
+from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.view import View
+
+_LOOK_EVERY = 5
+_TRAVELLED = 0.15
+_FASTEST, _SLOWING = 2.0, 0.5
+_UNSURE, _SPREADING = 0.35, 0.7
+UNDECIDED = 0
+
+
+class Person:
+    """Somebody who is followed.
+
+    Attributes:
+        id: their number; 0 while it is not decided who of those who left has come back.
+        follower: the fit.
+        looks: what they are known by.
+        seen_ns: when they were last seen well.
+        found_ns: when they were found.
+        hidden_ns: since when something stands before them, or None.
+        travelled: whether they have moved as no thing does.
+    """
+
+    def __init__(self, identity: int, follower: Follower, looks: Looks, time_ns: int) -> None:
+        self.id, self.follower, self.looks = identity, follower, looks
+        self.seen_ns = self.found_ns = time_ns
+        self.hidden_ns: int | None = None
+        self.travelled = False
+        self._start = follower.posture.position.copy()
+        self._centre: Float | None = None
+        self._velocity = np.zeros(3)
+        self._time_ns = time_ns
+        self._turn = 0
+
+    @property
+    def place(self) -> Float:
+        """(3,) the hip centre, world frame."""
+        return self.follower.posture.position
+
+    def expected(self) -> Posture:
+        """Where they are expected in the next frame."""
+        return self.follower.posture if self.hidden_ns is not None else self.follower.predicted()
+
+    def uncertainty(self, time_ns: int) -> float:
+        """Metres within which they must be; it grows while they are not seen."""
+        return _UNSURE + _SPREADING * max(0.0, (time_ns - self.seen_ns) * 1e-9)
+
+    def follow(self, view: View, pixels: Bool) -> bool:
+        """Fits the frame; whether it shows them well."""
+        before = self.place.copy()
+        good = self.follower.follow(view, pixels)
+        if good:
+            self._seen(view, pixels, self.place - before)
+        return good
+
+    def coast(self, view: View, pixels: Bool) -> None:
+        """Goes along with their pixels, in a frame that is not fitted."""
+        centre = _centre(view, pixels)
+        if centre is not None and self._centre is not None:
+            step = centre - self._centre
+            step[1] = 0.0
+            self.follower.carry(step * min(1.0, 0.15 / max(1e-9, float(np.linalg.norm(step)))))
+            self.seen_ns = view.time_ns
+        self._centre = centre
+
+    def hide(self, time_ns: int) -> None:
+        """Is not seen: goes on as they went, slower and slower, and nothing is known of the joints."""
+        if self.hidden_ns is None:
+            self.hidden_ns = time_ns
+        seconds = min(0.2, max(0.0, (time_ns - self._time_ns) * 1e-9))
+        self._velocity = self._velocity * np.exp(-seconds / _SLOWING)
+        self.follower.carry(self._velocity * seconds)
+        self.follower.confidence = np.zeros(20)
+        self._time_ns, self._centre = time_ns, None
+
+    def replaced(self, follower: Follower, time_ns: int) -> None:
+        """Was found again by a new fit."""
+        self.follower, self.hidden_ns = follower, None
+        self._velocity, self._centre = np.zeros(3), None
+        self.seen_ns = self._time_ns = time_ns
+
+    def _seen(self, view: View, pixels: Bool, step: Float) -> None:
+        """Remembers what a good frame shows."""
+        seconds = (view.time_ns - self._time_ns) * 1e-9
+        if 0.0 < seconds < 0.5:
+            velocity = step / seconds
+            velocity[1] = 0.0
+            velocity *= min(1.0, _FASTEST / max(1e-9, float(np.linalg.norm(velocity))))
+            self._velocity += min(1.0, seconds / 0.15) * (velocity - self._velocity)
+        self._time_ns = self.seen_ns = view.time_ns
+        self.hidden_ns = None
+        self.travelled = self.travelled or float(np.linalg.norm(self.place - self._start)) > _TRAVELLED
+        self._turn += 1
+        if self._turn % _LOOK_EVERY == 1:
+            self._centre = _centre(view, pixels)
+            self.looks.see(self.follower.posture.lengths, self._crown(view, pixels))
+        else:
+            self._centre = None
+
+    def _crown(self, view: View, pixels: Bool) -> float | None:
+        """Metres above the floor of the top of the head, where they stand with the hands below it."""
+        joints, sure = self.follower.posture.joints(), self.follower.confidence
+        head = joints[Joint.HEAD]
+        upright = (head - joints[Joint.HIP_CENTER])[1] > 0.9 * np.linalg.norm(head - joints[Joint.HIP_CENTER])
+        hands = max(float(joints[j, 1]) for j in (Joint.HAND_LEFT, Joint.HAND_RIGHT))
+        if sure[Joint.HEAD] < 0.5 or not upright or hands > head[1] - 0.1:
+            return None
+        points = view.points[pixels]
+        near = np.linalg.norm((points - head)[:, [0, 2]], axis=1) < 0.18
+        return float(np.percentile(points[near, 1], 99)) if np.count_nonzero(near) > 20 else None
+
+
+def _centre(view: View, pixels: Bool) -> Float | None:
+    """(3,) the mean of somebody's points, None where there are too few."""
+    if np.count_nonzero(pixels) < FEWEST_PIXELS:
+        return None
+    return np.asarray(view.points[pixels].mean(0))
+
+
+_SAMPLES = np.array([0.0, 0.5, 1.0])
+
+
+def sight(view: View, posture: Posture, owner: Int, index: int) -> tuple[float, float]:
+    """The shares of a body that stand behind something else, and outside the image.
+
+    Args:
+        owner: (h, w) whose the pixels are; a person's own arm hides nothing.
+        index: which owner is this person.
+    """
+    ends, radii = posture.capsules()
+    points = (ends[:, 0, None] + _SAMPLES[:, None] * (ends[:, 1] - ends[:, 0])[:, None]).reshape(-1, 3)
+    radius = np.repeat(radii.max(1), len(_SAMPLES))
+    local = (points - view.eye) @ view.world_from_camera[:3, :3]
+    fx, fy, cx, cy = view.camera.camera
+    z = np.maximum(local[:, 2], 0.1)
+    u, v = np.rint(fx * local[:, 0] / z + cx).astype(int), np.rint(fy * local[:, 1] / z + cy).astype(int)
+    height, width = view.z.shape
+    inside = (u >= 0) & (u < width) & (v >= 0) & (v < height) & (local[:, 2] > 0.1)
+    u, v = u.clip(0, width - 1), v.clip(0, height - 1)
+    seen = view.z[v, u]
+    covered = inside & (seen > 0) & (seen < z - radius - 0.12) & (owner[v, u] != index)
+    return float(covered.mean()), float(1.0 - inside.mean())

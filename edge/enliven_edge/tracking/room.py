@@ -1,0 +1,276 @@
+"""The room without people: its depth at every working pixel, learnt and kept up to date."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from enliven.arrays import AnyArray, Bool, Float, UInt8
+from enliven_edge.tracking.settings import RoomSettings
+from enliven_edge.tracking.view import View
+
+ROOM, BEFORE, UNSEEN, UNLIKELY = 0, 1, 2, 3
+"""What a pixel is: the room (or nothing); before the room; before where the room was never seen, but nearer
+than it is around there; or about as near as it is around there."""
+_FLICKERS = 6.0
+"""A pixel that has come this often to the same nearer depth and gone is an edge: the nearer one is the room."""
+_FILL_EVERY_NS = 300_000_000
+_LONGEST_STEP = 0.5
+"""Seconds: a gap in the stream ages nothing by more."""
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How a frame agrees with the room that was known.
+
+    Attributes:
+        compared: pixels that are known in both and nobody's.
+        nearer, farther: the shares of them that are plainly nearer or farther than the room.
+    """
+
+    compared: int
+    nearer: float
+    farther: float
+
+
+class Room:
+    """The room's depth, learnt from what is not a person.
+
+    A pixel's depth follows small changes slowly. Farther depth that stays for ``clear_after`` seconds
+    replaces it (something was taken away; a flickering edge never stays); nearer depth that stays for
+    ``absorb_after`` seconds is absorbed (something was put there), but not where somebody was last seen who
+    has not been seen elsewhere since, until the room is seen there again: they may stand still.
+    """
+
+    def __init__(self, shape: tuple[int, int], settings: RoomSettings | None = None) -> None:
+        self.settings = settings or RoomSettings()
+        self.z = np.zeros(shape)
+        self.age = 0.0
+        self._guess = np.zeros(shape)
+        self._nearer, self._waited, self._away = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        self._flips = np.zeros(shape)
+        self._guarded, self._guard_z = np.full(shape, -1, np.int64), np.zeros(shape)
+        self._learnt_ns: int | None = None
+        self._filled_ns: int | None = None
+
+    def classify(self, view: View, near: float, far: float, floor_band: float) -> UInt8:
+        """(h, w) what every pixel is: ROOM, BEFORE, UNSEEN or UNLIKELY."""
+        self._fill(view.time_ns)
+        return np.asarray(_classify(view.z, view.points, self.z, self._guess, near, far, floor_band))
+
+    def in_front(self, z: Float, *, guess: bool) -> Bool:
+        """(h, w) pixels that are known and stand before the room.
+
+        Args:
+            guess: where the room was never seen, it is as deep as where it was seen nearest in the image, so
+                that the wall behind somebody who left is not taken for somebody. Else anything there counts.
+        """
+        room = filled(self.z) if guess else self.z
+        return np.asarray((z > 0) & ((room == 0) | (z < room - (0.05 + 0.012 * z * z))))
+
+    def learn(
+        self, z: Float, person: Bool, time_ns: int | None = None, hold: Bool | None = None
+    ) -> Agreement:
+        """Takes in a frame whose ``person`` pixels, widened by two, are left out.
+
+        Args:
+            hold: (h, w) pixels that may become somebody: what was never seen there is not learnt at once.
+        """
+        step = 1 / 30 if time_ns is None or self._learnt_ns is None else (time_ns - self._learnt_ns) * 1e-9
+        step = min(max(step, 0.0), _LONGEST_STEP)
+        self._learnt_ns = time_ns
+        self.age += step
+        hold = np.zeros(z.shape, bool) if hold is None else hold
+        compared, nearer, farther = _learn(
+            self.z, z, widened(person, 2), hold, self._nearer, self._waited, self._away, self._guarded,
+            self._guard_z, self._flips, step, self.settings.absorb_after, self.settings.clear_after,
+        )  # fmt: skip
+        return Agreement(compared, nearer / max(1, compared), farther / max(1, compared))
+
+    def guard(self, owner: AnyArray, ids: AnyArray, z: Float) -> None:
+        """Remembers who was seen where.
+
+        Args:
+            owner: (h, w) whose pixel it is, an index of ``ids``, or -1.
+            ids: (K,) the people's ids.
+        """
+        _guard(owner, ids, z, self._guarded, self._guard_z)
+
+    def release(self, identity: int) -> None:
+        """Somebody is seen elsewhere, or gone for good: what is left where they were is not them."""
+        self._guarded[self._guarded == identity] = -1
+
+    def _fill(self, time_ns: int) -> None:
+        """Renews the guess of what was never seen, now and then."""
+        if self._filled_ns is None or not 0 <= time_ns - self._filled_ns < _FILL_EVERY_NS:
+            self._guess, self._filled_ns = filled(self.z), time_ns
+            if not (self.z > 0).any():
+                self._filled_ns = None
+
+
+@njit(cache=True, nogil=True)
+def _classify(z, points, room, guess, near, far, floor_band):  # type: ignore[no-untyped-def]
+    """See :meth:`Room.classify`."""
+    height, width = z.shape
+    out = np.zeros((height, width), np.uint8)
+    for v in range(height):
+        for u in range(width):
+            d = z[v, u]
+            if d <= near or d >= far or points[v, u, 1] <= floor_band:
+                continue
+            margin = 0.05 + 0.012 * d * d
+            if room[v, u] > 0.0:
+                out[v, u] = BEFORE if d < room[v, u] - margin else ROOM
+            else:
+                out[v, u] = UNSEEN if guess[v, u] == 0.0 or d < guess[v, u] - margin else UNLIKELY
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _learn(room, z, person, hold, nearer, waited, away, guarded, guard_z, flips, step, absorb_after, clear_after):  # type: ignore[no-untyped-def]
+    """One frame into the room; the numbers of pixels compared, plainly nearer and plainly farther."""
+    height, width = z.shape
+    compared, count_nearer, count_farther = 0, 0, 0
+    follow = min(1.0, 0.3 * step)
+    for v in range(height):
+        for u in range(width):
+            d = z[v, u]
+            if d <= 0.0 or person[v, u]:
+                continue
+            if room[v, u] == 0.0:
+                if not hold[v, u]:
+                    room[v, u] = d
+                    continue
+            else:
+                compared += 1
+            margin = 0.04 + 0.010 * d * d
+            if room[v, u] > 0.0 and abs(d - room[v, u]) <= margin:
+                room[v, u] += follow * (d - room[v, u])
+                # The sign of the number of flips is where the pixel was last.
+                flips[v, u] = -abs(flips[v, u]) * (1.0 - 0.1 * step)
+                waited[v, u] = max(0.0, waited[v, u] - step)
+                away[v, u], guarded[v, u] = 0.0, -1
+            elif room[v, u] > 0.0 and d > room[v, u]:
+                count_farther += 1
+                guarded[v, u] = -1
+                waited[v, u] = max(0.0, waited[v, u] - step)
+                away[v, u] += step
+                if away[v, u] > clear_after:
+                    # What was there comes back sooner than something new: an edge that flickers slowly.
+                    nearer[v, u], waited[v, u] = room[v, u], 0.7 * absorb_after
+                    room[v, u], away[v, u] = d, 0.0
+            else:
+                count_nearer += 1
+                away[v, u] = 0.0
+                if guarded[v, u] >= 0 and abs(d - guard_z[v, u]) <= 2.0 * margin:
+                    continue
+                if flips[v, u] <= 0.0 and not hold[v, u] and abs(d - nearer[v, u]) <= 2.0 * margin:
+                    flips[v, u] = 1.0 - flips[v, u]
+                    if flips[v, u] > _FLICKERS and room[v, u] > 0.0:
+                        room[v, u], flips[v, u] = nearer[v, u], 0.0
+                        continue
+                if abs(d - nearer[v, u]) <= margin:
+                    waited[v, u] += step
+                    nearer[v, u] += 0.2 * (d - nearer[v, u])
+                    if waited[v, u] > absorb_after:
+                        room[v, u], waited[v, u] = nearer[v, u], 0.0
+                else:
+                    waited[v, u] -= 2.0 * step
+                    if waited[v, u] <= 0.0:
+                        nearer[v, u], waited[v, u] = d, 0.0
+    return compared, count_nearer, count_farther
+
+
+@njit(cache=True, nogil=True)
+def _guard(owner, ids, z, guarded, guard_z):  # type: ignore[no-untyped-def]
+    """See :meth:`Room.guard`; who is followed guards nothing but where they are."""
+    height, width = z.shape
+    for v in range(height):
+        for u in range(width):
+            k = owner[v, u]
+            if k >= 0:
+                guarded[v, u], guard_z[v, u] = ids[k], z[v, u]
+            elif guarded[v, u] >= 0:
+                for i in ids:
+                    if guarded[v, u] == i:
+                        guarded[v, u] = -1
+                        break
+
+
+def filled(z: Float) -> Float:
+    """(h, w) the depth, and where it is not known about that of the nearest known pixel (two chamfer passes).
+
+    All 0 where nothing is known.
+    """
+    return np.asarray(_filled(z))
+
+
+@njit(cache=True, nogil=True)
+def _filled(z):  # type: ignore[no-untyped-def]
+    """Forward and backward passes that hand on the value of the nearest known pixel."""
+    height, width = z.shape
+    out, far = z.copy(), np.empty((height, width))
+    for v in range(height):
+        for u in range(width):
+            far[v, u] = 0.0 if z[v, u] > 0.0 else np.inf
+    for _ in range(2):
+        for v in range(height):
+            for u in range(width):
+                if u > 0:
+                    _hand_on(out, far, v, u, v, u - 1, 1.0)
+                if v > 0:
+                    _hand_on(out, far, v, u, v - 1, u, 1.0)
+                    if u > 0:
+                        _hand_on(out, far, v, u, v - 1, u - 1, 1.414)
+                    if u < width - 1:
+                        _hand_on(out, far, v, u, v - 1, u + 1, 1.414)
+        for v in range(height - 1, -1, -1):
+            for u in range(width - 1, -1, -1):
+                if u < width - 1:
+                    _hand_on(out, far, v, u, v, u + 1, 1.0)
+                if v < height - 1:
+                    _hand_on(out, far, v, u, v + 1, u, 1.0)
+                    if u < width - 1:
+                        _hand_on(out, far, v, u, v + 1, u + 1, 1.414)
+                    if u > 0:
+                        _hand_on(out, far, v, u, v + 1, u - 1, 1.414)
+    return out
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _hand_on(out, far, v, u, y, x, step):  # type: ignore[no-untyped-def]
+    """Takes the value of the pixel (y, x) where that is nearer to something known."""
+    if far[y, x] + step < far[v, u]:
+        far[v, u] = far[y, x] + step
+        out[v, u] = out[y, x]
+
+
+def widened(mask: Bool, pixels: int) -> Bool:
+    """The mask grown by a square of ``pixels`` to every side."""
+    return np.asarray(_widened(mask, pixels))
+
+
+@njit(cache=True, nogil=True)
+def _widened(mask, pixels):  # type: ignore[no-untyped-def]
+    """Rows, then columns: the distance to the last masked pixel on either side."""
+    height, width = mask.shape
+    rows, out = np.zeros((height, width), np.bool_), np.zeros((height, width), np.bool_)
+    for v in range(height):
+        last = -pixels - 1
+        for u in range(width + pixels):
+            if u < width and mask[v, u]:
+                last = u
+            here = u - pixels
+            if here >= 0 and last >= here - pixels:
+                rows[v, here] = True
+    for u in range(width):
+        last = -pixels - 1
+        for v in range(height + pixels):
+            if v < height and rows[v, u]:
+                last = v
+            here = v - pixels
+            if here >= 0 and last >= here - pixels:
+                out[here, u] = True
+    return out

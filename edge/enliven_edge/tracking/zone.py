@@ -1,0 +1,58 @@
+"""Where performers are: an area on the floor, and a lock on who they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from enliven.arrays import Float
+
+
+class Zone:
+    """A polygon on the floor; without corners it is everywhere."""
+
+    def __init__(self, corners: tuple[tuple[float, float], ...] = ()) -> None:
+        self.corners = corners
+
+    def holds(self, place: Float, margin: float = 0.0) -> bool:
+        """Whether (3,) ``place`` is above the area, or at most ``margin`` metres outside it."""
+        if len(self.corners) < 3:
+            return True
+        x, z = float(place[0]), float(place[2])
+        return self._inside(x, z) or (margin > 0 and self._distance(x, z) <= margin)
+
+    def _inside(self, x: float, z: float) -> bool:
+        """Even-odd rule: how often a ray to +x crosses the border."""
+        inside = False
+        for (ax, az), (bx, bz) in self._edges():
+            if (az > z) != (bz > z) and x < ax + (z - az) / (bz - az) * (bx - ax):
+                inside = not inside
+        return inside
+
+    def _distance(self, x: float, z: float) -> float:
+        """Metres to the border."""
+        nearest = float("inf")
+        for (ax, az), (bx, bz) in self._edges():
+            dx, dz = bx - ax, bz - az
+            t = ((x - ax) * dx + (z - az) * dz) / max(1e-12, dx * dx + dz * dz)
+            t = min(1.0, max(0.0, t))
+            nearest = min(nearest, ((x - ax - t * dx) ** 2 + (z - az - t * dz) ** 2) ** 0.5)
+        return nearest
+
+    def _edges(self) -> Iterable[tuple[tuple[float, float], tuple[float, float]]]:
+        return zip(self.corners, (*self.corners[1:], self.corners[0]), strict=True)
+
+
+class Lock:
+    """Which people may be performers: everybody, or those who were there when it was locked."""
+
+    def __init__(self) -> None:
+        self.ids: frozenset[int] | None = None
+
+    @property
+    def closed(self) -> bool:
+        """Whether newcomers are bystanders."""
+        return self.ids is not None
+
+    def admits(self, identity: int) -> bool:
+        """Whether this person is a performer."""
+        return self.ids is None or identity in self.ids

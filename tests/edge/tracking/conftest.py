@@ -1,0 +1,158 @@
+"""A small stage for several made-up people: who is where is a function of time."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from enliven.camera import Intrinsics, world_from_level_camera
+from enliven.frames import DepthFrame
+from enliven_edge.synthesis.choreography import choreography
+from enliven_edge.synthesis.flesh import Anatomy
+from enliven_edge.synthesis.performer import Figure, Performer, Proportions
+from enliven_edge.synthesis.render import Renderer
+from enliven_edge.synthesis.scene import ROOM, Box, cast_room
+
+FPS = 30
+CAMERA = Intrinsics(212, 160, 175.0, 175.0, 105.5, 79.5)
+MOUNT = world_from_level_camera(1.3, np.deg2rad(6))
+
+
+@dataclasses.dataclass
+class Player:
+    """Somebody made up.
+
+    Attributes:
+        where: seconds to (x, z, yaw), metres and radians; None while they are away.
+        does: the choreography.
+    """
+
+    where: Callable[[float], tuple[float, float, float] | None]
+    does: str = "idle"
+    build: Proportions = dataclasses.field(default_factory=Proportions)
+
+    def __post_init__(self):
+        self.performer = Performer(self.build)
+        self.anatomy = Anatomy(self.performer)
+        self.choreography = choreography(self.does)
+
+    def figure(self, time: float) -> Figure | None:
+        """The player at a moment."""
+        place = self.where(time)
+        if place is None:
+            return None
+        figure = self.performer.pose(self.choreography.posture(time % self.choreography.duration))
+        x, z, yaw = place
+        c, s = np.cos(yaw), np.sin(yaw)
+        turn = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+        home = figure.joints[0] * [1, 0, 1]
+        frames = figure.frames.copy()
+        frames[:, :, :3] = turn @ frames[:, :, :3]
+        frames[:, :, 3] = (frames[:, :, 3] - home) @ turn.T + [x, 0, z]
+        return Figure((figure.joints - home) @ turn.T + [x, 0, z], frames)
+
+
+class Playground:
+    """Renders players and boxes before one sensor.
+
+    Args:
+        boxes: seconds to the furniture that is there, or None.
+        mount: seconds to (4, 4) world_from_camera.
+        told: whether frames carry the sensor's pose.
+    """
+
+    def __init__(self, *players, boxes=None, mount=None, told=True, noise=0.0015, seed=0, camera=CAMERA):
+        self.players, self.boxes, self.told, self.noise = players, boxes, told, noise
+        self.mount = mount or (lambda time: MOUNT)
+        self.camera = camera
+        self._renderer = Renderer(camera)
+        self._random = np.random.default_rng(seed)
+        self._rooms = {}
+
+    def frame(self, time: float) -> DepthFrame:
+        """What the sensor sees at a time in seconds."""
+        mount = self.mount(time)
+        extra = tuple(self.boxes(time)) if self.boxes else ()
+        depth, material = self._room(mount, extra)
+        camera_from_world = np.linalg.inv(mount)
+        for player in self.players:
+            figure = player.figure(time)
+            if figure is not None:
+                self._renderer.draw(player.anatomy.place(figure, camera_from_world), depth, material)
+        with np.errstate(invalid="ignore"):
+            depth = depth + self.noise * depth**2 * self._random.standard_normal(depth.shape)
+        millimetres = np.where(np.isfinite(depth) & (depth < 6.0), depth * 1000, 0).astype(np.uint16)
+        return DepthFrame(
+            millimetres, self.camera, round(time * 1e9), "playground", mount if self.told else None
+        )
+
+    def joints(self, time: float) -> list[np.ndarray | None]:
+        """(20, 3) of every player, None for those who are away."""
+        figures = [player.figure(time) for player in self.players]
+        return [None if figure is None else figure.joints for figure in figures]
+
+    def _room(self, mount, extra):
+        key = (mount.tobytes(), extra)
+        if key not in self._rooms:
+            if len(self._rooms) > 50:
+                self._rooms.clear()
+            self._rooms[key] = cast_room(self.camera, mount, ROOM + extra)
+        depth, material = self._rooms[key]
+        return depth.copy(), material.copy()
+
+
+def line(start, stop, begin, end, yaw=0.0):
+    """(x, z, yaw) over time: from ``start`` (x, z) to ``stop`` between two moments."""
+
+    def where(time):
+        share = min(1.0, max(0.0, (time - begin) / (end - begin)))
+        x, z = (1 - share) * np.asarray(start) + share * np.asarray(stop)
+        return float(x), float(z), yaw
+
+    return where
+
+
+def still(x, z, yaw=0.0):
+    """Always in one place."""
+    return lambda time: (x, z, yaw)
+
+
+def during(where, *spans):
+    """Only there within the (begin, end) spans."""
+    return lambda time: where(time) if any(a <= time < b for a, b in spans) else None
+
+
+def watch(playground, tracker, seconds, start=0.0, fps=FPS):
+    """[(time, bodies, who)]: ``who`` is by player the id of the body on them within 0.3 m, or None."""
+    log = []
+    for i in range(round(seconds * fps)):
+        time = start + i / fps
+        bodies = tracker.track(playground.frame(time))
+        log.append((time, bodies, owners(playground.joints(time), bodies)))
+    return log
+
+
+def owners(players, bodies):
+    """By player, the id of the body that is on them, or None."""
+    made = []
+    for joints in players:
+        best = None
+        for body in bodies:
+            if joints is not None:
+                error = np.linalg.norm(body.joints - joints, axis=1).mean()
+                if error < 0.3 and (best is None or error < best[0]):
+                    best = (error, body.id)
+        made.append(None if best is None else best[1])
+    return made
+
+
+@pytest.fixture(scope="session")
+def stagecraft():
+    """The names of this file, for tests."""
+    import types
+
+    return types.SimpleNamespace(
+        Player=Player, Playground=Playground, line=line, still=still, during=during, watch=watch,
+        Proportions=Proportions, Box=Box, MOUNT=MOUNT, CAMERA=CAMERA,
+    )  # fmt: skip

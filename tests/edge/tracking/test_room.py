@@ -1,0 +1,145 @@
+"""The room: learnt at once, kept up to date, and never a person."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from enliven.camera import Intrinsics
+from enliven_edge.tracking.observation import WorkingCamera, world_points
+from enliven_edge.tracking.room import BEFORE, ROOM, UNLIKELY, UNSEEN, Room, filled, widened
+from enliven_edge.tracking.settings import RoomSettings
+from enliven_edge.tracking.view import View
+
+FRAME = 1 / 30
+NOBODY = np.zeros((8, 8), bool)
+
+
+def learn(room, z, seconds, start=0.0, person=NOBODY, hold=None, rate=30):
+    """The room after looking at a constant picture, and the time then."""
+    for i in range(round(seconds * rate)):
+        room.learn(z, person, round((start + i / rate) * 1e9), hold)
+    return start + seconds
+
+
+def picture(metres):
+    return np.full((8, 8), float(metres))
+
+
+@pytest.mark.parametrize("rate", [5, 30])
+def test_furniture_that_was_moved_in_is_absorbed_within_the_stated_time(rate):
+    room = Room((8, 8), RoomSettings(absorb_after=6.0))
+    now = learn(room, picture(3.0), 2.0, rate=rate)
+    now = learn(room, picture(2.0), 5.0, now, rate=rate)
+    assert room.in_front(picture(2.0), guess=True).all()
+    learn(room, picture(2.0), 1.5, now, rate=rate)
+    assert not room.in_front(picture(2.0), guess=True).any()
+
+
+def test_what_was_taken_away_is_forgotten_soon():
+    room = Room((8, 8))
+    now = learn(room, picture(2.0), 1.0)
+    learn(room, picture(3.0), 0.8, now)
+    assert room.in_front(picture(2.0), guess=True).all()
+
+
+def test_a_flickering_edge_is_no_foreground():
+    room, random = Room((8, 8)), np.random.default_rng(0)
+    for i in range(600):
+        room.learn(np.where(random.random((8, 8)) < 0.5, 2.0, 3.0), NOBODY, round(i * FRAME * 1e9))
+    assert room.in_front(picture(2.0), guess=True).mean() < 0.05
+
+
+def test_who_stands_still_is_never_absorbed():
+    room = Room((8, 8))
+    now = learn(room, picture(3.0), 1.0)
+    learn(room, picture(2.0), 120.0, now, person=np.ones((8, 8), bool))
+    assert room.in_front(picture(2.0), guess=True).all()
+
+
+def test_who_was_lost_where_they_stand_is_not_absorbed_until_seen_elsewhere():
+    room, ids, mine = Room((8, 8)), np.array([7]), np.zeros((8, 8), np.int64)
+    now = learn(room, picture(3.0), 1.0)
+    room.guard(mine, ids, picture(2.0))
+    now = learn(room, picture(2.0), 60.0, now)
+    assert room.in_front(picture(2.0), guess=True).all()
+    room.guard(np.full((8, 8), -1), ids, picture(2.0))  # followed, but not on these pixels
+    learn(room, picture(2.0), 20.0, now)
+    assert not room.in_front(picture(2.0), guess=True).any()
+
+
+def test_the_wall_behind_somebody_who_left_is_the_room():
+    room, somebody = Room((20, 20)), np.zeros((20, 20), bool)
+    somebody[5:15, 8:12] = True
+    room.learn(np.full((20, 20), 3.0), somebody)
+    assert not room.in_front(np.full((20, 20), 3.0), guess=True).any()
+    assert room.in_front(np.full((20, 20), 3.0), guess=False).any()
+    assert room.in_front(np.full((20, 20), 2.0), guess=True).all()
+
+
+def test_what_may_become_somebody_is_not_learnt_at_once():
+    room, hold = Room((8, 8)), np.zeros((8, 8), bool)
+    hold[:, :4] = True
+    room.learn(picture(2.0), NOBODY, 0, hold)
+    assert (room.z[:, :4] == 0).all()
+    assert (room.z[:, 4:] == 2.0).all()
+
+
+def view_of(z):
+    camera = WorkingCamera(Intrinsics(8, 8, 100, 100, 3.5, 3.5), 8)
+    mount = np.diag([1.0, -1.0, -1.0, 1.0])
+    mount[1, 3] = 1.0
+    return View(0, z, world_points(z, camera.ray, mount), camera, mount)
+
+
+def test_every_pixel_is_told_apart():
+    room = Room((8, 8))
+    somebody = np.zeros((8, 8), bool)
+    somebody[:, 5:] = True
+    room.learn(picture(3.0), somebody, 0)
+    z = picture(3.0)
+    z[0], z[:, 7] = 2.0, 2.0
+    z[2, 7], z[5, 2] = 3.0, 0.0
+    kind = room.classify(view_of(z), 0.4, 4.5, 0.05)
+    assert kind[0, 0] == BEFORE
+    assert kind[4, 0] == ROOM
+    assert kind[4, 7] == UNSEEN
+    assert kind[2, 7] == UNLIKELY
+    assert kind[5, 2] == ROOM
+
+
+@given(st.integers(0, 1000), st.floats(0.0, 1.0))
+@settings(max_examples=25, deadline=None)
+def test_filling_takes_about_the_nearest_known_value(seed, share):
+    random = np.random.default_rng(seed)
+    z = np.where(random.random((20, 30)) < share, random.uniform(1, 4, (20, 30)), 0.0)
+    made = filled(z)
+    np.testing.assert_array_equal(made[z > 0], z[z > 0])
+    if (z > 0).any():
+        assert np.isin(made, z[z > 0]).all()
+        exact = ndimage.distance_transform_edt(z == 0)
+        near = [
+            np.isclose(made[v, u], z[v2, u2])
+            for v, u in ((0, 0), (19, 29), (10, 15))
+            for v2, u2 in [nearest(z, v, u, made[v, u])]
+            if np.hypot(v - v2, u - u2) <= 1.1 * exact[v, u] + 1e-9
+        ]
+        assert len(near) == 3
+    else:
+        assert not made.any()
+
+
+def nearest(z, v, u, value):
+    """The pixel of that value that is nearest to (v, u)."""
+    rows, columns = np.nonzero(z == value)
+    best = np.argmin(np.hypot(rows - v, columns - u))
+    return rows[best], columns[best]
+
+
+@given(st.integers(0, 1000), st.integers(0, 3))
+@settings(max_examples=20, deadline=None)
+def test_widened_is_a_dilation(seed, pixels):
+    mask = np.random.default_rng(seed).random((20, 24)) < 0.05
+    square = np.ones((2 * pixels + 1, 2 * pixels + 1))
+    np.testing.assert_array_equal(widened(mask, pixels), ndimage.binary_dilation(mask, square))

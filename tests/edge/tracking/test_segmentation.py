@@ -1,0 +1,101 @@
+"""Pixels to people: the compiled kernels against slow ones, and who gets an outstretched arm."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from enliven.camera import Intrinsics, world_from_level_camera
+from enliven_edge.tracking.model import lengths_for_height
+from enliven_edge.tracking.observation import WorkingCamera, world_points
+from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.ranges import standing
+from enliven_edge.tracking.room import UNSEEN
+from enliven_edge.tracking.segmentation import REACH, claim, image_boxes, loose_groups, segmented
+from enliven_edge.tracking.view import View
+
+CAMERA = WorkingCamera(Intrinsics(80, 60, 66, 66, 39.5, 29.5), 80)
+MOUNT = world_from_level_camera(1.2)
+
+
+def view_of(z):
+    return View(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
+
+
+def person(x, z=-2.5, **pose):
+    return Posture(np.array([x, 0.95, z]), standing(0.0, **pose), lengths_for_height(1.75))
+
+
+def surface_distance(points, posture):
+    """(h, w) metres to the nearest capsule, slowly."""
+    ends, radii = posture.capsules()
+    best = np.full(points.shape[:2], np.inf)
+    for (a, b), (ra, rb) in zip(ends, radii, strict=True):
+        t = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+        away = np.linalg.norm(points - a - t[..., None] * (b - a), axis=-1)
+        best = np.minimum(best, away - ra - t * (rb - ra))
+    return best
+
+
+@given(st.integers(0, 1000), st.floats(0.3, 1.5))
+@settings(max_examples=15, deadline=None)
+def test_pixels_go_to_the_nearest_body_within_reach(seed, apart):
+    random = np.random.default_rng(seed)
+    view = view_of(np.clip(2.4 + 0.2 * random.standard_normal((60, 80)), 1.0, 4.0))
+    postures = [person(-apart / 2), person(apart / 2, arm_raise=1.4)]
+    ends, radii = (np.stack(x) for x in zip(*(p.capsules() for p in postures), strict=True))
+    owner, distance = np.full((60, 80), -1), np.full((60, 80), np.inf)
+    kind = np.full((60, 80), UNSEEN, np.uint8)
+    boxes = image_boxes(view, ends, radii, REACH)
+    claim(view.points, kind, boxes, ends, radii, np.zeros(2), REACH, 0.08, owner, distance)
+    exact = np.stack([surface_distance(view.points, p) for p in postures]).clip(0.0)
+    clear = np.abs(exact[0] - exact[1]) > 0.03  # on both surfaces, either may have it
+    expected = np.where(exact.min(0) < REACH, exact.argmin(0), -1)
+    np.testing.assert_array_equal(owner[clear], expected[clear])
+    assert set(np.unique(owner[~clear])) <= {-1, 0, 1}
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=20, deadline=None)
+def test_loose_groups_match_a_flood_fill(seed):
+    mask = np.random.default_rng(seed).random((30, 40)) < 0.5
+    kind, nobody = np.where(mask, UNSEEN, 0).astype(np.uint8), np.full((30, 40), -1)
+    labels, count = loose_groups(np.ones((30, 40)), kind, nobody)
+    expected, expected_count = ndimage.label(mask)
+    assert count == expected_count
+    np.testing.assert_array_equal(labels, expected)
+
+
+def test_a_step_in_depth_parts_two_groups():
+    z = np.ones((10, 10))
+    z[:, 5:] = 2.0
+    kind, nobody = np.full((10, 10), UNSEEN, np.uint8), np.full((10, 10), -1)
+    assert loose_groups(z, kind, nobody)[1] == 2
+
+
+def drawn(boxes):
+    """A view with flat boxes (left, right, bottom, top, z in metres, world) before nothing."""
+    z = np.zeros((60, 80))
+    for left, right, bottom, top, depth in boxes:
+        u, v = CAMERA.ray[..., 0] * depth, 1.2 - CAMERA.ray[..., 1] * depth
+        z[(u > left) & (u < right) & (v > bottom) & (v < top)] = depth
+    return view_of(z)
+
+
+def test_an_arm_that_was_not_expected_there_belongs_to_its_owner():
+    view = drawn([(-0.2, 0.2, 0.1, 1.7, 2.4), (0.2, 0.85, 1.3, 1.42, 2.4)])
+    kind = np.where(view.z > 0, UNSEEN, 0).astype(np.uint8)
+    segments = segmented(view, kind, [person(0.0)])
+    assert (segments.owner[view.z > 0] == 0).all()
+    assert segments.loose == []
+
+
+def test_somebody_who_touches_somebody_is_not_their_limb():
+    view = drawn([(-0.2, 0.2, 0.1, 1.7, 2.4), (0.6, 1.0, 0.1, 1.7, 2.4), (0.2, 0.7, 1.0, 1.1, 2.4)])
+    kind = np.where(view.z > 0, UNSEEN, 0).astype(np.uint8)
+    segments = segmented(view, kind, [person(0.0)])
+    assert len(segments.loose) == 1
+    assert segments.loose[0].contact[0] > 0
+    right = (view.z > 0) & (view.points[..., 0] > 0.7)
+    assert (segments.owner[right] == -1).all()
+    assert segments.counts[0] == np.count_nonzero(segments.owner == 0)
