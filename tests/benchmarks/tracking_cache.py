@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import sys
 from dataclasses import dataclass
 from functools import cache
@@ -73,7 +74,7 @@ def _render(sequence: Sequence, path: Path) -> None:
     scene = sequence.ensemble()
     knocked = sequence.ensemble(knocked=True) if sequence.trouble == "knocked" else scene
     kept: dict[str, list[np.ndarray]] = {name: [] for name in ("present", "joints", "visible", "contacts")}
-    unfinished = path.with_suffix(".part")
+    unfinished = path.with_suffix(f".{os.getpid()}.part")
     with Recorder(unfinished, overwrite=True) as recorder:
         for n in range(sequence.frames):
             frame, truth = (scene if n < sequence.frames // 2 else knocked).frame(n)

@@ -1,0 +1,299 @@
+"""What a tracker's bodies are worth against the truth: matching, accuracy, swaps, jitter, calibration.
+
+Everything here takes arrays and gives numbers; :mod:`tracking_evaluation` runs the tracker.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from tracking_cache import Moment
+
+from enliven.body import Body, Joint
+
+NEAR = 0.10
+"""Metres within which a joint counts as found."""
+GATE = 0.5
+"""Metres of mean distance beyond which a body is not that person's."""
+GRACE = 0.5
+"""Seconds from entering in which nobody need be tracked."""
+SEEN_ENOUGH = 6
+"""Joints of which that many must be visible for a person to be in view."""
+RECOVERED = 0.15
+"""Metres of mean distance of the visible joints at which a lost person is found again."""
+_STAYS = 3
+"""Frames for which a recovery must last, a swap must last to be one, and a false body to be one."""
+_HIGH_PASS = 0.5
+"""Seconds of the moving average that is taken off before jitter is measured."""
+_ARMS = ((5, 6, 7), (9, 10, 11))
+_LEGS = ((13, 14, 15), (17, 18, 19))
+BINS = 10
+
+
+@dataclass
+class Take:
+    """What was tracked in one sequence, and what was true.
+
+    Attributes:
+        times: (F,) seconds.
+        moments: the truth of each frame.
+        bodies: what the tracker said.
+        observed: (F,) whether the frame showed anything new: not covered, frozen, or late.
+        cost: (F,) seconds the tracker took.
+    """
+
+    times: np.ndarray
+    moments: Sequence[Moment]
+    bodies: list[list[Body]]
+    observed: np.ndarray
+    cost: np.ndarray
+
+
+@dataclass
+class Scores:
+    """Figures of one sequence, kept as sums so that sequences can be added up.
+
+    Attributes:
+        hits, visible: (20,) visible joints found within 10 cm, and all that count.
+        error: metres summed over the matched visible joints; ``matched`` how many those are.
+        missed: visible joints of people who were not tracked.
+        sure, sure_hits: (10,) joints said by confidence, in tenths, and those of them within 10 cm.
+        identity, mirrored, false: how often an identity changed, left and right were exchanged, and a body
+            was there without a person.
+        seconds: of the sequence.
+        jitter: mm of each joint that stood still; recovery: ms of each forced loss, inf where never.
+        per_frame: (F,) the share found in each frame; NaN where nothing counts.
+    """
+
+    hits: np.ndarray = field(default_factory=lambda: np.zeros(20))
+    visible: np.ndarray = field(default_factory=lambda: np.zeros(20))
+    error: float = 0.0
+    matched: int = 0
+    missed: int = 0
+    sure: np.ndarray = field(default_factory=lambda: np.zeros(BINS))
+    sure_hits: np.ndarray = field(default_factory=lambda: np.zeros(BINS))
+    identity: int = 0
+    mirrored: int = 0
+    false: int = 0
+    seconds: float = 0.0
+    jitter: list[float] = field(default_factory=list)
+    recovery: list[float] = field(default_factory=list)
+    cost: list[float] = field(default_factory=list)
+    per_frame: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def within(self) -> float:
+        return float(self.hits.sum() / max(self.visible.sum(), 1))
+
+    @property
+    def mean_mm(self) -> float:
+        return 1e3 * self.error / max(self.matched, 1)
+
+    @property
+    def minutes(self) -> float:
+        return max(self.seconds, 1e-9) / 60.0
+
+    def trusted(self, least: float) -> float:
+        """The share within 10 cm of the joints said to be at least so sure; NaN where there are none."""
+        first = round(least * BINS)
+        said = self.sure[first:].sum()
+        return float(self.sure_hits[first:].sum() / said) if said else float("nan")
+
+    def add(self, other: Scores) -> None:
+        """Add another sequence's figures."""
+        for name in ("hits", "visible", "sure", "sure_hits"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        for name in ("error", "matched", "missed", "identity", "mirrored", "false", "seconds"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        for name in ("jitter", "recovery", "cost"):
+            getattr(self, name).extend(getattr(other, name))
+
+
+def score(take: Take, *, still: bool = False, covered: tuple[float, float] | None = None) -> Scores:
+    """The figures of one take.
+
+    Args:
+        still: everybody stands still: measure jitter.
+        covered: seconds between which the lens was covered: measure the recovery, and nothing before it ends.
+    """
+    count = len(take.moments[0].present)
+    pairs = [match(bodies, moment) for bodies, moment in zip(take.bodies, take.moments, strict=True)]
+    due = _due(take)
+    if covered is not None:
+        due &= (take.times >= covered[1] + GRACE)[:, None]
+    out = Scores(seconds=float(np.ptp(take.times)), cost=list(take.cost))
+    out.per_frame = np.full(len(take.times), np.nan)
+    for f, (pair, moment) in enumerate(zip(pairs, take.moments, strict=True)):
+        if take.observed[f]:
+            _add_frame(out, f, take.bodies[f], moment, pair, due[f])
+    out.identity = sum(_identity_changes(take, pairs, p) for p in range(count))
+    out.mirrored = sum(_mirrorings(take, pairs, p) for p in range(count))
+    out.false = _false_bodies(take, pairs)
+    if still:
+        out.jitter = [j for p in range(count) for j in _jitter(take, pairs, p)]
+    if covered is not None:
+        out.recovery = [_recovery(take, pairs, p, covered[1]) for p in range(count)]
+    return out
+
+
+def match(bodies: list[Body], moment: Moment) -> dict[int, int]:
+    """Which body (index) each person in the room is, by the mean distance of the joints that are visible."""
+    people = [p for p in np.flatnonzero(moment.present) if moment.visible[p].sum() >= 3]
+    if not people or not bodies:
+        return {}
+    cost = np.array(
+        [
+            [np.linalg.norm(b.joints - moment.joints[p], axis=1)[moment.visible[p]].mean() for b in bodies]
+            for p in people
+        ]
+    )
+    rows, columns = linear_sum_assignment(np.minimum(cost, 10 * GATE))
+    return {int(people[r]): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < GATE}
+
+
+def _due(take: Take) -> np.ndarray:
+    """(F, P) whether a person must be tracked: in view for longer than the grace."""
+    seen = np.array([m.present & (m.visible.sum(1) >= SEEN_ENOUGH) for m in take.moments])
+    due = np.zeros_like(seen)
+    for p in range(seen.shape[1]):
+        since, unseen = np.inf, np.inf
+        for f, time in enumerate(take.times):
+            if not seen[f, p]:
+                if np.isfinite(since) and time - unseen > GRACE:
+                    since = np.inf
+                continue
+            since = min(since, time)
+            unseen = time
+            due[f, p] = time - since >= GRACE
+    return due
+
+
+def _add_frame(
+    out: Scores, f: int, bodies: list[Body], moment: Moment, pair: dict[int, int], due: np.ndarray
+) -> None:
+    """Adds one frame's joints, and what was said of them."""
+    found = total = 0
+    for p in np.flatnonzero(due):
+        visible = moment.visible[p]
+        total += int(visible.sum())
+        out.visible += visible
+        if p not in pair:
+            out.missed += int(visible.sum())
+            continue
+        apart = np.linalg.norm(bodies[pair[p]].joints - moment.joints[p], axis=1)
+        near = (apart < NEAR) & visible
+        out.hits += near
+        found += int(near.sum())
+        out.error += float(apart[visible].sum())
+        out.matched += int(visible.sum())
+    out.per_frame[f] = found / total if total else np.nan
+    whose = {b: p for p, b in pair.items()}
+    for b, body in enumerate(bodies):
+        right = np.zeros(20, bool)
+        if b in whose:
+            right = np.linalg.norm(body.joints - moment.joints[whose[b]], axis=1) < NEAR
+        tenth = np.clip((body.confidence * BINS).astype(int), 0, BINS - 1)
+        np.add.at(out.sure, tenth, 1)
+        np.add.at(out.sure_hits, tenth, right)
+
+
+def _identity_changes(take: Take, pairs: list[dict[int, int]], p: int) -> int:
+    """How often a person is somebody else than when last tracked, for a few frames at least."""
+    ids = [take.bodies[f][pair[p]].id for f, pair in enumerate(pairs) if p in pair and take.observed[f]]
+    return _changes(ids)
+
+
+def _changes(values: list[int]) -> int:
+    """How often a value changes to one that stays for a few frames."""
+    changes, known = 0, None
+    for n, value in enumerate(values):
+        if value == known or values[n : n + _STAYS] != [value] * min(_STAYS, len(values) - n):
+            continue
+        changes += known is not None
+        known = value
+    return changes
+
+
+def _mirrorings(take: Take, pairs: list[dict[int, int]], p: int) -> int:
+    """How often the arms, or the legs, are taken for each other."""
+    count = 0
+    for left, right in (_ARMS, _LEGS):
+        swapped = []
+        for f, pair in enumerate(pairs):
+            if p not in pair or not take.observed[f]:
+                continue
+            found, moment = take.bodies[f][pair[p]].joints, take.moments[f]
+            swapped.append(_is_swapped(found, moment.joints[p], moment.visible[p], left, right))
+        count += sum(
+            all(swapped[n : n + _STAYS])
+            and len(swapped[n : n + _STAYS]) == _STAYS
+            and not any(swapped[max(n - 1, 0) : n])
+            for n in range(len(swapped))
+        )
+    return count
+
+
+def _is_swapped(
+    found: np.ndarray, true: np.ndarray, visible: np.ndarray, left: tuple[int, ...], right: tuple[int, ...]
+) -> bool:
+    """Whether the visible joints of a pair of limbs are far better explained with left and right exchanged."""
+    own, crossed = [], []
+    for a, b in zip((*left, *right), (*right, *left), strict=True):
+        if visible[a]:
+            own.append(np.linalg.norm(found[a] - true[a]))
+            crossed.append(np.linalg.norm(found[b] - true[a]))
+    if len(own) < 3:
+        return False
+    return bool(np.mean(own) > 0.15 and np.mean(crossed) < 0.5 * np.mean(own))
+
+
+def _false_bodies(take: Take, pairs: list[dict[int, int]]) -> int:
+    """Bodies where nobody is, or where somebody has one already; each counts once."""
+    lasting: dict[int, int] = {}
+    for f, pair in enumerate(pairs):
+        moment, taken = take.moments[f], set(pair.values())
+        free = [p for p in np.flatnonzero(moment.present) if p not in pair]
+        for b, body in enumerate(take.bodies[f]):
+            near = any(np.linalg.norm((body.joints[0] - moment.joints[p, 0])[[0, 2]]) < GATE for p in free)
+            if b not in taken and not near and take.observed[f]:
+                lasting[body.id] = lasting.get(body.id, 0) + 1
+    return sum(frames >= _STAYS for frames in lasting.values())
+
+
+def _jitter(take: Take, pairs: list[dict[int, int]], p: int) -> list[float]:
+    """mm: each visible joint's root mean square about its moving average, after the first second."""
+    frames = [f for f, pair in enumerate(pairs) if p in pair and take.times[f] - take.times[0] > 1.0]
+    step = float(np.median(np.diff(take.times)))
+    window = 2 * round(_HIGH_PASS / step / 2) + 1
+    if len(frames) < 2 * window:
+        return []
+    error = np.array([take.bodies[f][pairs[f][p]].joints - take.moments[f].joints[p] for f in frames])
+    mean = np.apply_along_axis(lambda x: np.convolve(x, np.ones(window) / window, "valid"), 0, error)
+    high = error[window // 2 : len(error) - window // 2] - mean
+    visible = np.array([take.moments[f].visible[p] for f in frames]).all(0)
+    return list(1e3 * np.sqrt((high**2).sum(-1).mean(0))[visible])
+
+
+def _recovery(take: Take, pairs: list[dict[int, int]], p: int, start: float) -> float:
+    """ms from ``start`` until the visible joints are found, and stay so for a few frames; inf if never."""
+    after = [f for f, time in enumerate(take.times) if time - take.times[0] >= start - 1e-6]
+    good = []
+    for f in after:
+        moment = take.moments[f]
+        ok = p in pairs[f]
+        if ok:
+            apart = np.linalg.norm(take.bodies[f][pairs[f][p]].joints - moment.joints[p], axis=1)
+            ok = bool(apart[moment.visible[p]].mean() < RECOVERED)
+        good.append(ok)
+    for n in range(len(good) - _STAYS + 1):
+        if all(good[n : n + _STAYS]):
+            return 1e3 * float(take.times[after[n]] - take.times[after[0]])
+    return float("inf")
+
+
+def joint_label(joint: int) -> str:
+    """As figures call it: "elbow_left"."""
+    return Joint(joint).name.lower()
