@@ -21,11 +21,11 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from tracking_cache import delivered  # noqa: E402
-from tracking_scores import BINS, Scores, Take, joint_label, score  # noqa: E402
-from tracking_set import HELD_OUT, TUNING, Sequence, sequences  # noqa: E402
+from tracking_cache import delivered
+from tracking_scores import BINS, Scores, Take, joint_label, score
+from tracking_set import HELD_OUT, TUNING, Sequence, sequences
 
-from enliven_edge.tracking.tracker import Tracker  # noqa: E402
+from enliven_edge.tracking.tracker import Tracker
 
 HEAD = (
     f"{'sequence':<20}{'frames':>7}{'within':>8}{'mean mm':>9}{'missed':>8}{'sure':>7}{'id':>4}{'l/r':>4}"
@@ -59,9 +59,9 @@ def line(name: str, frames: int, s: Scores) -> str:
     """One line of the table."""
     jitter = f"{np.mean(s.jitter):.1f}" if s.jitter else ""
     recovery = f"{mean_recovery(s):.0f}" if s.recovery else ""
-    missed = 100 * s.missed / max(s.visible.sum(), 1)
+    missed, sure = 100 * s.missed / max(s.visible.sum(), 1), 100 * s.trusted(0.9)
     return (
-        f"{name:<20}{frames:>7}{100 * s.within:>8.1f}{s.mean_mm:>9.0f}{missed:>8.1f}{100 * s.trusted(0.9):>7.1f}"
+        f"{name:<20}{frames:>7}{100 * s.within:>8.1f}{s.mean_mm:>9.0f}{missed:>8.1f}{sure:>7.1f}"
         f"{s.identity:>4}{s.mirrored:>4}{s.false:>6}{jitter:>8}{recovery:>8}{1e3 * np.median(s.cost):>7.1f}"
     )
 

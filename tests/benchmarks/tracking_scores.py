@@ -239,7 +239,7 @@ def _mirrorings(take: Take, pairs: list[dict[int, int]], p: int) -> int:
 def _is_swapped(
     found: np.ndarray, true: np.ndarray, visible: np.ndarray, left: tuple[int, ...], right: tuple[int, ...]
 ) -> bool:
-    """Whether the visible joints of a pair of limbs are far better explained with left and right exchanged."""
+    """Whether a pair of limbs is far better explained with left and right exchanged."""
     own, crossed = [], []
     for a, b in zip((*left, *right), (*right, *left), strict=True):
         if visible[a]:
