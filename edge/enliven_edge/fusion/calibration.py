@@ -7,18 +7,19 @@ right, and what time it is for either is found along the way.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven_edge.fusion.matching import Guess, Match, guesses, matched
+from enliven_edge.fusion.matching import Match, guesses, matched
 from enliven_edge.fusion.network import Network, network
 from enliven_edge.fusion.quality import Quality, Verdict, judged, nothing
 from enliven_edge.fusion.refinement import Fit, differ, refine
 from enliven_edge.fusion.settings import CalibrationSettings
+from enliven_edge.fusion.space import Place, Space, rows
 from enliven_edge.fusion.tracks import BodyStream
 
 _MISSED = 0.5
@@ -75,6 +76,19 @@ class Calibration:
                 if {pair.a, pair.b} & tied:
                     tied |= {pair.a, pair.b}
         return tuple(name for name in self.sensors if name not in tied)
+
+    def space(self, level_from_camera: Mapping[str, Float] | None = None) -> Space:
+        """What goes into the file.
+
+        Args:
+            level_from_camera: by depth sensor, (4, 4) where its camera stands in its own level frame.
+        """
+        cameras = level_from_camera or {}
+        places = {}
+        for name, level in self.world_from_sensor.items():
+            camera = rows(level @ cameras[name]) if name in cameras else None
+            places[name] = Place(rows(level), camera, self.clock_offset_ns[name])
+        return Space(places)
 
     @property
     def advice(self) -> list[str]:
@@ -203,6 +217,3 @@ def _checked(names: Sequence[str]) -> None:
             where="calibration",
             mend="Name them: left=FIRST right=SECOND.",
         )
-
-
-__all__ = ["Calibration", "Guess", "Pair", "calibrate", "calibrate_pair"]

@@ -52,6 +52,9 @@ class FusionSettings:
     remember: float = setting(
         3.0, "An unseen person's identity is kept where they went.", unit="s", low=0.0, high=600.0
     )
+    believe_ids: float = setting(
+        30.0, "A sensor's word that somebody is back is believed.", unit="s", low=0.0, high=3600.0
+    )
     sure_after: int = setting(3, "Moments before somebody new is believed.", low=1, high=100)
     turn_over: float = setting(
         1.0, "Time for which most must say so until left and right are exchanged.", unit="s", low=0.05

@@ -1,0 +1,127 @@
+"""Compiled: one joint out of several sensors' words, with no jump when a sensor comes, goes or errs.
+
+Every sensor s says x_s of a joint and counts w_s. The weighted mean m jumps when weights change. So every
+sensor keeps its habitual difference d_s, a low-pass of x_s - m, and the joint is
+
+    f = sum_s w_s (x_s - d_s) / sum_s w_s.
+
+While the weights stay, sum w d = 0 and f = m at once, without any lag. When a sensor falls silent, the others
+go on from where f was (their d say how), and give up their difference in the time of the low-pass.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_DOUBT = 0.1
+"""Metres from where a joint was expected at which a sensor that is alone in saying so is doubted."""
+
+
+@njit(cache=True, nogil=True)
+def blend(x, w, predicted, known, before, d, share, out):  # type: ignore[no-untyped-def]
+    """Kernel: ``out`` (20, D) from what S sensors say.
+
+    Args:
+        x: (S, 20, D) values; w: (S, 20) weights, 0 where a sensor says nothing.
+        predicted: (20, D) where each is expected; known: whether that means anything.
+        before: (S, 20) bool, in and out: whether the sensor spoke last time.
+        d: (S, 20, D) habitual differences, in and out.
+        share: part of the low-pass that this step takes, 0..1.
+    """
+    count, joints, width = x.shape
+    for j in range(joints):
+        total, old = 0.0, 0.0
+        for s in range(count):
+            total += w[s, j]
+            if before[s, j]:
+                old += w[s, j]
+        if total <= 0.0:
+            for k in range(width):
+                out[j, k] = predicted[j, k]
+            for s in range(count):
+                before[s, j] = False
+            continue
+        for k in range(width):
+            base = 0.0
+            if old > 0.0:
+                for s in range(count):
+                    if before[s, j]:
+                        base += w[s, j] * (x[s, j, k] - d[s, j, k])
+                base /= old
+            else:
+                base = predicted[j, k]
+            mean, told = 0.0, 0.0
+            for s in range(count):
+                if w[s, j] > 0.0 and not before[s, j]:
+                    d[s, j, k] = x[s, j, k] - base if known or old > 0.0 else 0.0
+                mean += w[s, j] * x[s, j, k]
+                told += w[s, j] * (x[s, j, k] - d[s, j, k])
+            mean /= total
+            out[j, k] = told / total
+            for s in range(count):
+                if w[s, j] > 0.0:
+                    d[s, j, k] += share * (x[s, j, k] - mean - d[s, j, k])
+        for s in range(count):
+            before[s, j] = w[s, j] > 0.0
+
+
+@njit(cache=True, nogil=True)
+def doubt_outliers(x, w, predicted):  # type: ignore[no-untyped-def]
+    """Kernel: lowers the weights (S, 20) of who is farther from the prediction (20, 3) than another is."""
+    count, joints, _ = x.shape
+    for j in range(joints):
+        least, speakers = np.inf, 0
+        for s in range(count):
+            if w[s, j] > 0.0:
+                speakers += 1
+                least = min(least, _apart(x[s, j], predicted[j]))
+        if speakers < 2:
+            continue
+        for s in range(count):
+            if w[s, j] > 0.0:
+                own = _apart(x[s, j], predicted[j])
+                w[s, j] *= (least + _DOUBT**2) / (own + _DOUBT**2)
+
+
+@njit(cache=True, nogil=True)
+def _apart(a, b):  # type: ignore[no-untyped-def]
+    """Kernel: squared distance of two points."""
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
+
+
+@njit(cache=True, nogil=True)
+def trunk_distances(a, a_sure, b, b_sure, pairs, out):  # type: ignore[no-untyped-def]
+    """Kernel: (A, B) mean distance of bodies, of the 12 points that do not depend on the naming of sides.
+
+    Args:
+        a: (A, 20, 3), b: (B, 20, 3) joints; a_sure, b_sure: (A, 20), (B, 20) confidence.
+        pairs: (12, 2) the joints that make each point.
+    """
+    for m in range(len(a)):
+        for n in range(len(b)):
+            total, weight = 0.0, 0.0
+            for p in range(len(pairs)):
+                i, j = pairs[p, 0], pairs[p, 1]
+                sure = min(a_sure[m, i], a_sure[m, j]) * min(b_sure[n, i], b_sure[n, j]) + 1e-3
+                apart = 0.0
+                for k in range(3):
+                    apart += (0.5 * (a[m, i, k] + a[m, j, k] - b[n, i, k] - b[n, j, k])) ** 2
+                total += sure * np.sqrt(apart)
+                weight += sure
+            out[m, n] = total / weight
+
+
+@njit(cache=True, nogil=True)
+def side_costs(x, sure, expected, other):  # type: ignore[no-untyped-def]
+    """Kernel: mean distance, metres, of joints with a side from where expected, as named and exchanged."""
+    plain, crossed, weight = 0.0, 0.0, 0.0
+    for j in range(len(other)):
+        o = other[j]
+        if o == j:
+            continue
+        w = min(sure[j], sure[o]) + 1e-3
+        plain += w * min(np.sqrt(_apart(x[j], expected[j])), 0.5)
+        crossed += w * min(np.sqrt(_apart(x[o], expected[j])), 0.5)
+        weight += w
+    return plain / weight, crossed / weight

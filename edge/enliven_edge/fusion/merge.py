@@ -1,0 +1,87 @@
+"""Several sensors' body frames as one stream: in the order of the common clock, in the rhythm of the fastest."""
+
+from __future__ import annotations
+
+import dataclasses
+import heapq
+from collections.abc import Iterable, Iterator, Mapping
+
+from enliven.arrays import Float
+from enliven.body import Body
+from enliven.frames import BodyFrame
+from enliven.rotation import from_matrix, multiply
+from enliven_edge.fusion.fuser import Fuser
+from enliven_edge.fusion.rigid import moved
+from enliven_edge.fusion.space import Space
+
+_SOON = 0.7
+"""Part of the fastest sensor's step that must have passed until the next set of bodies goes out."""
+
+
+class Rhythm:
+    """When bodies go out: as often as the fastest sensor has a frame, whoever's frame it is.
+
+    Where that sensor falls silent the others keep time by themselves.
+    """
+
+    def __init__(self) -> None:
+        self._steps: dict[str, float] = {}
+        self._last: dict[str, int] = {}
+        self._told_ns: int | None = None
+
+    def due(self, sensor: str, time_ns: int) -> bool:
+        """Whether bodies are to go out with this frame of a sensor, on the common clock."""
+        before = self._last.get(sensor)
+        if before is not None and time_ns > before:
+            step = (time_ns - before) * 1e-9
+            self._steps[sensor] = step + 0.9 * (self._steps.get(sensor, step) - step)
+        self._last[sensor] = max(time_ns, before or time_ns)
+        fastest = min(self._steps.values(), default=0.0)
+        if self._told_ns is not None and time_ns - self._told_ns < _SOON * fastest * 1e9:
+            return False
+        if self._told_ns is not None and time_ns <= self._told_ns:
+            return False
+        self._told_ns = time_ns
+        return True
+
+
+def in_world(bodies: list[Body], world_from_sensor: Float) -> list[Body]:
+    """Bodies of a sensor's own level frame, in the world."""
+    turn = from_matrix(world_from_sensor[:3, :3])
+    return [
+        dataclasses.replace(
+            body,
+            joints=moved(world_from_sensor, body.joints),
+            orientations=None if body.orientations is None else multiply(turn, body.orientations),
+        )
+        for body in bodies
+    ]
+
+
+def fused(streams: Mapping[str, Iterable[BodyFrame]], space: Space, fuser: Fuser) -> Iterator[BodyFrame]:
+    """The fused bodies of recorded body streams, each in its sensor's own level frame and clock.
+
+    Args:
+        streams: by sensor of the space.
+        fuser: of the same sensors; asked for its warnings by the caller.
+    """
+    rhythm = Rhythm()
+    for time_ns, name, frame in heapq.merge(
+        *(_timed(name, frames, space) for name, frames in streams.items()), key=lambda entry: entry[0]
+    ):
+        place = space.sensors[name]
+        fuser.hear(name, in_world(frame.bodies, place.level), time_ns)
+        if rhythm.due(name, time_ns):
+            yield BodyFrame(fuser.bodies(time_ns), time_ns, "fused")
+
+
+def _timed(name: str, frames: Iterable[BodyFrame], space: Space) -> Iterator[tuple[int, str, BodyFrame]]:
+    """The frames of one sensor with their time on the common clock."""
+    offset = space.sensors[name].clock_offset_ns
+    for frame in frames:
+        yield frame.time_ns + offset, name, frame
+
+
+def eyes(space: Space) -> dict[str, Float]:
+    """By sensor, (3,) where it looks from."""
+    return {name: place.eye for name, place in space.sensors.items()}

@@ -1,0 +1,226 @@
+"""One person as all sensors together see them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.body import Body, Joint
+from enliven.rotation import normalized
+from enliven_edge.fusion.blending import blend, doubt_outliers, side_costs
+from enliven_edge.fusion.grouping import Group
+from enliven_edge.fusion.health import SensorState
+from enliven_edge.fusion.sensor_view import SensorView
+from enliven_edge.fusion.settings import FusionSettings
+from enliven_edge.fusion.sides import OTHER_SIDE, exchanged
+
+_GLIDE = 0.5
+"""Seconds unseen up to which joints go on from where they were, and do not appear at once."""
+_CLEARLY = 0.06
+"""Metres a joint by which the sides must fit better exchanged to be taken so."""
+_WALKING = 0.4
+"""Metres a second of the hips that say which way somebody faces."""
+_UNSURE = 0.12
+"""Metres of disagreement between sensors that halves a joint's confidence."""
+_MOVED = 0.02
+"""What a sensor counts that was moved, against one that was not."""
+_GUESS = 1e-3
+"""The weight of a joint that nobody sees: it stays somewhere."""
+
+
+class FusedPerson:
+    """The state of one person.
+
+    Args:
+        number: the identity.
+        sensors: how many there are.
+    """
+
+    def __init__(self, number: int, sensors: int, settings: FusionSettings) -> None:
+        self.id, self.settings = number, settings
+        self.joints, self.velocity = np.zeros((20, 3)), np.zeros((20, 3))
+        self.confidence = np.zeros(20)
+        self.last_ns, self.hits = 0, 0
+        self.seen_by: frozenset[int] = frozenset()
+        self._turns = np.zeros((20, 4))
+        self._turned_known = False
+        self._crossed: Bool = np.zeros(sensors, bool)
+        self._doubted_sides = 0.0
+        self._spoke = np.zeros((sensors, 20), bool)
+        self._turn_spoke = np.zeros((sensors, 20), bool)
+        self._habit, self._turn_habit = np.zeros((sensors, 20, 3)), np.zeros((sensors, 20, 4))
+
+    def unseen(self, time_ns: int) -> float:
+        """Seconds since somebody saw this person; infinite before the first time."""
+        return (time_ns - self.last_ns) * 1e-9 if self.hits else np.inf
+
+    def expected(self, time_ns: int) -> Float:
+        """(20, 3) where the joints are to be expected."""
+        return self.joints + min(max(self.unseen(time_ns), 0.0), self.settings.patience) * self.velocity
+
+    def see(self, group: Group, views: list[SensorView], time_ns: int) -> Body:
+        """The body of this person by all that see them now."""
+        seconds = self.unseen(time_ns)
+        known = seconds < _GLIDE
+        expected = self.expected(time_ns) if self.hits else group.mean
+        if not known:
+            self._forget_habits()
+        bodies = self._named(group, expected)
+        self._vote(bodies, views, group, 0.0 if not known else seconds)
+        bodies = {s: exchanged(b) if self._crossed[s] else b for s, b in group_bodies(group).items()}
+        x, w = self._words(bodies, views)
+        if known:
+            doubt_outliers(x, w, expected)
+        step = 1.0 - np.exp(-max(seconds, 0.0) / self.settings.hand_over) if self.settings.hand_over else 1.0
+        share = float(step) if known else 1.0
+        joints = np.empty((20, 3))
+        blend(x, w, expected, known, self._spoke, self._habit, share, joints)
+        confidence = _confidence(x, w, bodies, joints)
+        turns = self._oriented(bodies, w, known, share)
+        self._move(joints, time_ns, seconds, known)
+        self.confidence, self.seen_by = confidence, frozenset(bodies)
+        for sensor, sighting in group.sightings.items():
+            views[sensor].bind(sighting, self.id, self.settings.believe_ids)
+        return Body(self.id, joints, confidence, turns, _contacts(bodies, w), _stature(bodies, w))
+
+    def _forget_habits(self) -> None:
+        self._spoke[:], self._turn_spoke[:] = False, False
+        self._turned_known = False
+
+    def _move(self, joints: Float, time_ns: int, seconds: float, known: bool) -> None:
+        """The state for the next expectation."""
+        if known and seconds > 1e-4:
+            speed = (joints - self.joints) / seconds
+            self.velocity = self.velocity + 0.5 * (speed - self.velocity)
+        elif not known:
+            self.velocity = np.zeros((20, 3))
+        self.joints, self.last_ns = joints, time_ns
+
+    def _named(self, group: Group, expected: Float) -> dict[int, Body]:
+        """Decides for every sensor whether it has exchanged the sides, by where they are expected."""
+        bodies = group_bodies(group)
+        reference = expected if self.hits else next(iter(bodies.values())).joints
+        for sensor, body in bodies.items():
+            plain, crossed = side_costs(body.joints, body.confidence, reference, OTHER_SIDE)
+            gain = crossed - plain if self._crossed[sensor] else plain - crossed
+            margin = _CLEARLY if self._spoke[sensor].any() else 0.0
+            if gain > margin:
+                self._crossed[sensor] ^= True
+        return bodies
+
+    def _vote(self, bodies: dict[int, Body], views: list[SensorView], group: Group, seconds: float) -> None:
+        """Exchanges everybody's sides once most of the sensors have said so for long enough.
+
+        Where they are at odds, the way somebody walks decides: forward, most of the time.
+        """
+        weights = {
+            s: float(b.confidence.mean()) / _noise(b, views[s], self.settings) ** 2 for s, b in bodies.items()
+        }
+        total = sum(weights.values()) or 1.0
+        crossed = sum(w for s, w in weights.items() if self._crossed[s]) / total
+        vote = 2.0 * crossed - 1.0
+        if 0.0 < crossed < 1.0:
+            vote += self._walks_backward()
+        self._doubted_sides = float(np.clip(self._doubted_sides + vote * seconds, 0.0, 10.0))
+        alone = not self.hits and crossed > 0.5
+        if self._doubted_sides > self.settings.turn_over or alone:
+            self._turn_over()
+
+    def _turn_over(self) -> None:
+        self._crossed = ~self._crossed
+        self._doubted_sides = 0.0
+        self.joints, self.velocity = self.joints[OTHER_SIDE], self.velocity[OTHER_SIDE]
+        self._spoke, self._habit = self._spoke[:, OTHER_SIDE], self._habit[:, OTHER_SIDE]
+        self._turn_spoke[:] = False
+        self._turned_known = False
+
+    def _walks_backward(self) -> float:
+        """1 for walking backward as the sides are named now, -1 forward, 0 standing."""
+        left, right = self.joints[[4, 12]].mean(0), self.joints[[8, 16]].mean(0)
+        across, velocity = left - right, self.velocity[Joint.HIP_CENTER]
+        forward = np.array([-across[2], 0.0, across[0]])
+        length = float(np.linalg.norm(forward))
+        if length < 0.05 or np.hypot(velocity[0], velocity[2]) < _WALKING:
+            return 0.0
+        return float(-np.sign(forward @ velocity))
+
+    def _words(self, bodies: dict[int, Body], views: list[SensorView]) -> tuple[Float, Float]:
+        """(S, 20, 3) joints and (S, 20) weights: sure, near and new words count most."""
+        x, w = np.zeros(self._habit.shape), np.zeros(self._spoke.shape)
+        for sensor, body in bodies.items():
+            x[sensor] = body.joints
+            w[sensor] = (body.confidence + _GUESS) / _noise(body, views[sensor], self.settings) ** 2
+            if views[sensor].state is SensorState.MOVED:
+                w[sensor] *= _MOVED
+        return x, w
+
+    def _oriented(self, bodies: dict[int, Body], w: Float, known: bool, share: float) -> Float | None:
+        """(20, 4) the weighted mean of the orientations (of quaternions of one sign), or None."""
+        have = {s: b.orientations for s, b in bodies.items() if b.orientations is not None}
+        if not have:
+            self._turned_known = False
+            self._turn_spoke[:] = False
+            return None
+        reference = self._turns if self._turned_known else next(iter(have.values()))
+        x, weights = np.zeros(self._turn_habit.shape), np.zeros(w.shape)
+        for sensor, turns in have.items():
+            x[sensor] = np.where((turns * reference).sum(1, keepdims=True) < 0, -turns, turns)
+            weights[sensor] = w[sensor]
+        made = np.empty((20, 4))
+        blend(
+            x,
+            weights,
+            reference,
+            known and self._turned_known,
+            self._turn_spoke,
+            self._turn_habit,
+            share,
+            made,
+        )
+        self._turns, self._turned_known = normalized(made), True
+        return self._turns.copy()
+
+
+def group_bodies(group: Group) -> dict[int, Body]:
+    """By sensor, the bodies carried on to now, as the sensors name their sides."""
+    return {s: _replaced(sighting.body, group.joints[s]) for s, sighting in group.sightings.items()}
+
+
+def _replaced(body: Body, joints: Float) -> Body:
+    if joints is body.joints:
+        return body
+    return Body(body.id, joints, body.confidence, body.orientations, body.contacts, body.stature)
+
+
+def _noise(body: Body, view: SensorView, settings: FusionSettings) -> float:
+    """Metres of doubt of a sensor's joints at the distance of a body."""
+    away = body.joints[Joint.HIP_CENTER] - view.eye
+    return float(settings.near_noise + settings.far_noise * (away @ away))
+
+
+def _confidence(x: Float, w: Float, bodies: dict[int, Body], joints: Float) -> Float:
+    """(20,) that of the sensor that is trusted most, lower where sensors contradict each other."""
+    sensors = list(bodies)
+    told = np.array([bodies[s].confidence for s in sensors])
+    if len(sensors) == 1:
+        return told[0].copy()
+    weights = w[sensors] / np.maximum(w[sensors].sum(0), 1e-12)
+    spread = (weights[..., None] * (x[sensors] - joints) ** 2).sum((0, 2))
+    sure = np.maximum((weights * told).sum(0), np.where(weights > 0.3, told, 0.0).max(0))
+    return np.asarray(sure / (1.0 + spread / _UNSURE**2))
+
+
+def _contacts(bodies: dict[int, Body], w: Float) -> Float | None:
+    """(2,) contact of either foot, by who sees the ankles best."""
+    have = [(s, b.contacts) for s, b in bodies.items() if b.contacts is not None]
+    if not have:
+        return None
+    weights = np.array([w[s, [Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT]] for s, _ in have]) + 1e-12
+    return np.asarray((weights * np.array([c for _, c in have])).sum(0) / weights.sum(0))
+
+
+def _stature(bodies: dict[int, Body], w: Float) -> float | None:
+    """Metres, the mean of those who have measured it."""
+    have = [(float(w[s].sum()), b.stature) for s, b in bodies.items() if b.stature is not None]
+    total = sum(weight for weight, _ in have)
+    return sum(weight * stature for weight, stature in have) / total if total else None

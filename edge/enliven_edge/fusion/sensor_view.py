@@ -1,0 +1,114 @@
+"""What one sensor last said of everybody, carried on to the moment that is asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.body import Body
+from enliven_edge.fusion.health import SensorState
+
+_FRESH = 0.5
+"""Part of a new difference that a velocity takes over: enough to follow, little enough not to shake."""
+_BACK_AGAIN = 0.5
+"""Seconds after which a velocity is measured anew."""
+
+
+@dataclass
+class Sighting:
+    """One body of one sensor.
+
+    Attributes:
+        body: as it was last told, in the world.
+        time_ns: when, on the common clock.
+        velocity: (20, 3) m/s.
+        person: the identity that it was last taken for, or 0.
+    """
+
+    body: Body
+    time_ns: int
+    velocity: Float
+    person: int = 0
+
+    def age(self, time_ns: int) -> float:
+        """Seconds since it was told."""
+        return (time_ns - self.time_ns) * 1e-9
+
+    def joints(self, time_ns: int, longest: float) -> Float:
+        """(20, 3) where the joints are by now; never carried on for longer than ``longest`` seconds."""
+        seconds = min(max(self.age(time_ns), -longest), longest)
+        return self.body.joints + seconds * self.velocity if seconds else self.body.joints
+
+
+class SensorView:
+    """One sensor's sightings.
+
+    Args:
+        name: its identity.
+        eye: (3,) where it looks from, metres of the world.
+    """
+
+    def __init__(self, name: str, eye: Float) -> None:
+        self.name, self.eye = name, eye
+        self.state = SensorState.WAITING
+        self.sightings: dict[int, Sighting] = {}
+        self.last_ns: int | None = None
+        self.astray = np.zeros(3)
+        self._same_since_ns = 0
+        self._bound: dict[int, tuple[int, int]] = {}
+
+    def hear(self, bodies: list[Body], time_ns: int, silence: float, *, same_picture: bool = False) -> bool:
+        """Takes in what the sensor says now; False for what comes late and says nothing new.
+
+        Args:
+            silence: seconds of unchanging bodies after which the sensor counts as frozen.
+            same_picture: the image was the last one again, bit by bit.
+        """
+        if self.last_ns is not None and time_ns <= self.last_ns:
+            return False
+        same = same_picture or self._repeats(bodies)
+        if not same or self.last_ns is None:
+            self._same_since_ns = time_ns
+        frozen = time_ns - self._same_since_ns > silence * 1e9
+        self.last_ns = time_ns
+        if frozen:
+            self.state = SensorState.FROZEN
+            self.sightings = {}
+            return True
+        if self.state is not SensorState.MOVED:
+            self.state = SensorState.LIVE
+        self.sightings = {body.id: self._sighted(body, time_ns) for body in bodies}
+        return True
+
+    def bind(self, sighting: Sighting, person: int, believed: float) -> None:
+        """Remembers who a body is, for the case that the sensor loses and finds it again.
+
+        Args:
+            believed: seconds after which it is forgotten.
+        """
+        sighting.person = person
+        self._bound[sighting.body.id] = (person, sighting.time_ns)
+        oldest = sighting.time_ns - believed * 1e9
+        if len(self._bound) > len(self.sightings):
+            self._bound = {body: b for body, b in self._bound.items() if b[1] >= oldest}
+
+    def _repeats(self, bodies: list[Body]) -> bool:
+        """Whether somebody is there, and nobody has moved by a bit."""
+        if not bodies or len(bodies) != len(self.sightings):
+            return False
+        return all(
+            b.id in self.sightings and np.array_equal(b.joints, self.sightings[b.id].body.joints)
+            for b in bodies
+        )
+
+    def _sighted(self, body: Body, time_ns: int) -> Sighting:
+        before = self.sightings.get(body.id)
+        if before is None:
+            return Sighting(body, time_ns, np.zeros((20, 3)), self._bound.get(body.id, (0, 0))[0])
+        seconds = before.age(time_ns)
+        if seconds > _BACK_AGAIN:
+            return Sighting(body, time_ns, np.zeros((20, 3)), before.person)
+        speed = (body.joints - before.body.joints) / seconds
+        return Sighting(body, time_ns, before.velocity + _FRESH * (speed - before.velocity), before.person)
