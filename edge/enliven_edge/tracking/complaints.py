@@ -1,0 +1,120 @@
+"""What is said of each thing that may be wrong, how grave it is, and how long it must last to be said."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from enliven.health import HealthKind, Severity
+
+
+@dataclass(frozen=True)
+class Complaint:
+    """How one kind of trouble is told.
+
+    Attributes:
+        severity: how grave it is.
+        what, mend: one sentence each, with the facts in braces.
+        raise_after, clear_after: seconds of trouble until it is told, and without until it is over.
+    """
+
+    severity: Severity
+    what: str
+    mend: str
+    raise_after: float = 0.5
+    clear_after: float = 1.0
+
+
+_NOTE, _WARNING, _ERROR = Severity
+
+COMPLAINTS: dict[HealthKind, Complaint] = {
+    HealthKind.NO_FRAMES: Complaint(
+        _ERROR,
+        "{sensor} has sent no frame for {seconds:.0f} s.",
+        "Check its cable and power, then start the edge again.",
+        0.0,
+        0.0,
+    ),
+    HealthKind.FROZEN: Complaint(
+        _ERROR,
+        "{sensor} sends the same frame again and again.",
+        "Unplug it and plug it in again.",
+        0.0,
+        0.0,
+    ),
+    HealthKind.SLOW: Complaint(
+        _WARNING,
+        "{sensor} gives {rate:.0f} frames a second instead of {promised:.0f}.",
+        "Use a USB 3 port of its own, or close what else uses this machine.",
+    ),
+    HealthKind.DROPPED: Complaint(
+        _WARNING,
+        "{percent:.0f} % of the frames are lost on the way.",
+        "Use a USB 3 port of its own, a shorter cable, or a smaller image.",
+    ),
+    HealthKind.OUT_OF_ORDER: Complaint(
+        _WARNING,
+        "Frames come out of order; {count} were left out so far.",
+        "Check the sensor's cable, or what stands between it and this edge.",
+        0.0,
+        0.0,
+    ),
+    HealthKind.MOVED: Complaint(
+        _WARNING,
+        "{sensor} was moved; the room is being learnt anew.",
+        "Fix the sensor firmly, and leave its view for a moment.",
+        0.0,
+        0.0,
+    ),
+    HealthKind.COVERED: Complaint(
+        _ERROR,
+        "The lens is covered, or nothing is within the sensor's range.",
+        "Uncover the lens, and point it into the room.",
+        0.3,
+        0.3,
+    ),
+    HealthKind.MISSING_DEPTH: Complaint(
+        _WARNING,
+        "{percent:.0f} % of the depth is missing.",
+        "Keep sunlight and other depth sensors off the scene, and clean the lens.",
+    ),
+    HealthKind.LEARNING_ROOM: Complaint(
+        _NOTE,
+        "The room is still being learnt.",
+        "Leave the view for a moment, or step into it from the side.",
+        0.2,
+        0.0,
+    ),
+    HealthKind.NO_FLOOR: Complaint(
+        _WARNING,
+        "No floor is found; the sensor's height and tilt are those of the settings.",
+        "Tilt it until it sees the floor, or set height, tilt and upside_down.",
+        1.0,
+        0.0,
+    ),
+    HealthKind.TOO_NEAR: Complaint(
+        _WARNING, "{performer} is only {metres:.1f} m from the sensor.", "Step back, 1.5 m or more."
+    ),
+    HealthKind.TOO_FAR: Complaint(
+        _WARNING,
+        "{performer} is {metres:.1f} m from the sensor, at the end of its range.",
+        "Come closer.",
+    ),
+    HealthKind.CUT_OFF: Complaint(
+        _WARNING,
+        "{performer} goes beyond the {side} border of the image ({what}).",
+        "Step back or to the middle, or turn the sensor.",
+        0.7,
+    ),
+    HealthKind.JOINED: Complaint(
+        _WARNING,
+        "Performers {names} touch and may be taken for one.",
+        "Step apart for a moment.",
+    ),
+    HealthKind.UNCLEAR: Complaint(
+        _WARNING,
+        "{performer} is seen too little to be sure of the posture.",
+        "Face the sensor, and keep others and furniture out of its view.",
+        0.7,
+    ),
+}
+"""By kind; a test makes sure that every kind has one."""

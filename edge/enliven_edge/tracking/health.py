@@ -1,0 +1,241 @@
+"""Says what is wrong: with the sensor, with what it sees, with where the performers stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.body import Body, Joint
+from enliven.camera import Intrinsics
+from enliven.frames import DepthFrame, Frame
+from enliven.health import HealthKind, HealthState
+from enliven.settings import setting
+from enliven_edge.tracking.alarm import Alarms
+from enliven_edge.tracking.rhythm import Rhythm
+from enliven_edge.tracking.survey import Survey, survey
+
+_FROZEN_FRAMES, _REPEATED = 4, 8
+_NORMAL_FALLS = 60.0
+"""Seconds in which less depth than before becomes the usual."""
+
+
+@dataclass(frozen=True)
+class HealthSettings:
+    """When something is said to be wrong."""
+
+    frame_rate: float = setting(
+        30.0, "Frames a second that the sensor promises, where it does not say.", unit="Hz", low=0.1
+    )
+    silent: float = setting(1.0, "Without a frame for this long, the sensor is silent.", unit="s", low=0.05)
+    frozen: float = setting(0.7, "The same image for this long is a frozen sensor.", unit="s", low=0.1)
+    missing: float = setting(0.28, "The share of the usual depth that may be missing.", low=0.01, high=1.0)
+    near: float = setting(0.9, "A performer nearer than this is too near.", unit="m", low=0.0)
+    far_margin: float = setting(
+        0.3, "A performer this close to the farthest depth that is used is too far.", unit="m", low=0.0
+    )
+    unclear: float = setting(0.35, "Below this mean confidence a performer is unclear.", low=0.0, high=1.0)
+    learning: float = setting(2.0, "A room younger than this is still being learnt.", unit="s", low=0.0)
+
+
+@dataclass(frozen=True)
+class TrackerState:
+    """What the tracker says of itself after a frame.
+
+    Attributes:
+        floor_known: whether the floor was found, or told.
+        room_age: seconds for which the room has been learnt.
+        moved: whether this frame showed that the sensor was moved.
+        joined: the ids of performers that cannot be told apart.
+    """
+
+    floor_known: bool = True
+    room_age: float = float("inf")
+    moved: bool = False
+    joined: tuple[int, ...] = ()
+
+
+class HealthMonitor:
+    """Looks at every frame before the tracker does, and at the bodies after.
+
+    Args:
+        fps: frames a second that the sensor promises; None: the settings' number.
+        far: metres beyond which depth is not used.
+        name: of the sensor, for edges with several.
+
+    Attributes:
+        late: frames that came out of order so far, and were to be dropped.
+    """
+
+    def __init__(
+        self,
+        settings: HealthSettings | None = None,
+        *,
+        fps: float | None = None,
+        far: float = 4.5,
+        name: str = "",
+    ) -> None:
+        self.settings = settings or HealthSettings()
+        self._fps = fps or self.settings.frame_rate
+        self._far = far
+        self._rhythm = Rhythm()
+        self._alarms = Alarms(f"Sensor {name}" if name else "The sensor")
+        self._now_ns = 0
+        self._mark: int | None = None
+        self._same, self._same_ns = 0, 0
+        self._normal = 0.0
+        self._late_ns: int | None = None
+        self._moved_ns: int | None = None
+
+    @property
+    def late(self) -> int:
+        return self._rhythm.late
+
+    @property
+    def states(self) -> list[HealthState]:
+        """What is wrong now, the gravest first."""
+        return self._alarms.states
+
+    def admit(self, frame: Frame) -> bool:
+        """Looks at a frame before the tracker does.
+
+        Returns:
+            whether the tracker should see it: False for one that is out of order, or came before.
+        """
+        late = self._rhythm.late
+        good = self._rhythm.admit(frame.time_ns)
+        if good:
+            if frame.time_ns < self._now_ns:
+                self._forget_times()
+            self._now_ns = frame.time_ns
+        elif self._rhythm.late > late:
+            self._late_ns = self._now_ns
+        now = self._now_ns
+        self._alarms.note(HealthKind.NO_FRAMES, False, now)
+        self._judge_rhythm(now)
+        seen = survey(frame.depth) if good and isinstance(frame, DepthFrame) else None
+        self._judge_freeze(seen, now)
+        if seen is not None:
+            self._judge_image(seen, now)
+        self._alarms.tell()
+        return good
+
+    def silent(self, seconds: float) -> None:
+        """No frame has come for so long, by the wall clock."""
+        wrong = seconds >= self.settings.silent
+        self._alarms.note(HealthKind.NO_FRAMES, wrong, self._now_ns, seconds=seconds)
+        self._alarms.tell()
+
+    def judge(
+        self,
+        frame: Frame,
+        bodies: list[Body],
+        world_from_camera: Float | None = None,
+        tracker: TrackerState | None = None,
+    ) -> None:
+        """Looks at what the tracker made of a frame.
+
+        Args:
+            bodies: the performers, world frame, not mirrored.
+            world_from_camera: (4, 4) where the sensor stands; None: nothing is said of where they stand.
+            tracker: what the tracker says of itself.
+        """
+        now = frame.time_ns
+        if tracker is not None:
+            self._judge_tracker(tracker, now)
+        for body in bodies:
+            self._judge_body(body, now)
+            if isinstance(frame, DepthFrame) and world_from_camera is not None:
+                self._judge_place(body, frame.intrinsics, world_from_camera, now)
+        self._alarms.keep({body.id for body in bodies})
+        self._alarms.tell()
+
+    # --- the sensor ----------------------------------------------------------------------------------------
+
+    def _judge_rhythm(self, now: int) -> None:
+        rate, lost = self._rhythm.rate, self._rhythm.lost
+        slow = self._alarms.between(HealthKind.SLOW, rate, 0.75 * self._fps, 0.6 * self._fps)
+        self._alarms.note(HealthKind.SLOW, slow, now, rate=rate or 0.0, promised=self._fps)
+        dropped = None if rate is None else self._alarms.between(HealthKind.DROPPED, -lost, -0.05, -0.10)
+        self._alarms.note(HealthKind.DROPPED, dropped, now, percent=100 * lost)
+        late = self._late_ns is not None and 0 <= now - self._late_ns < 2_000_000_000
+        self._alarms.note(HealthKind.OUT_OF_ORDER, late, now, count=self._rhythm.late)
+
+    def _judge_freeze(self, seen: Survey | None, now: int) -> None:
+        """The same image again and again, or the same time."""
+        if seen is not None:
+            same = seen.mark == self._mark and seen.usable > 0
+            self._same, self._same_ns = (self._same + 1, self._same_ns) if same else (1, now)
+            self._mark = seen.mark
+        still = self._same > _FROZEN_FRAMES and now - self._same_ns >= self.settings.frozen * 1e9
+        self._alarms.note(HealthKind.FROZEN, still or self._rhythm.repeated >= _REPEATED, now)
+
+    def _judge_image(self, seen: Survey, now: int) -> None:
+        covered = self._alarms.between(HealthKind.COVERED, seen.usable, 0.10, 0.04)
+        self._alarms.note(HealthKind.COVERED, covered, now)
+        if covered:
+            return
+        rate = self._rhythm.rate or self._fps
+        share = 0.5 if seen.known > self._normal else 1.0 / (rate * _NORMAL_FALLS)
+        self._normal += share * (seen.known - self._normal)
+        enough = 1.0 - self.settings.missing
+        least = self._alarms.between(
+            HealthKind.MISSING_DEPTH, seen.known, (enough + 0.1) * self._normal, enough * self._normal
+        )
+        holes = self._alarms.between(HealthKind.MISSING_DEPTH, -seen.speckle, -0.05, -0.09)
+        self._alarms.note(HealthKind.MISSING_DEPTH, least or holes, now, percent=100 * (1 - seen.known))
+
+    # --- the tracker and the performers --------------------------------------------------------------------
+
+    def _judge_tracker(self, tracker: TrackerState, now: int) -> None:
+        if tracker.moved:
+            self._moved_ns = now
+        moved = self._moved_ns is not None and 0 <= now - self._moved_ns < 3_000_000_000
+        self._alarms.note(HealthKind.MOVED, moved, now)
+        self._alarms.note(HealthKind.NO_FLOOR, not tracker.floor_known, now)
+        self._alarms.note(HealthKind.LEARNING_ROOM, tracker.room_age < self.settings.learning, now)
+        names = " and ".join(str(i) for i in sorted(tracker.joined))
+        self._alarms.note(HealthKind.JOINED, len(tracker.joined) > 1, now, names=names)
+
+    def _judge_body(self, body: Body, now: int) -> None:
+        sure = float(body.confidence.mean())
+        limit = self.settings.unclear
+        unclear = self._alarms.between(HealthKind.UNCLEAR, sure, limit + 0.1, limit, body.id)
+        self._alarms.note(HealthKind.UNCLEAR, unclear, now, body.id)
+
+    def _judge_place(self, body: Body, camera: Intrinsics, world_from_camera: Float, now: int) -> None:
+        """Too near, too far, or cut off by the image's border."""
+        local = (body.joints[_WATCHED] - world_from_camera[:3, 3]) @ world_from_camera[:3, :3]
+        distance = float(local[0, 2])
+        near, far = self.settings.near, self._far - self.settings.far_margin
+        close = self._alarms.between(HealthKind.TOO_NEAR, distance, near + 0.1, near, body.id)
+        self._alarms.note(HealthKind.TOO_NEAR, close, now, body.id, metres=distance)
+        away = self._alarms.between(HealthKind.TOO_FAR, -distance, 0.1 - far, -far, body.id)
+        self._alarms.note(HealthKind.TOO_FAR, away, now, body.id, metres=distance)
+        what, side = _cut_off(local, camera)
+        self._alarms.note(HealthKind.CUT_OFF, bool(what), now, body.id, what=what, side=side)
+
+    def _forget_times(self) -> None:
+        """The sensor's clock was set back: nothing that was measured by it holds."""
+        self._alarms.clear()
+        self._late_ns = self._moved_ns = None
+        self._same = 0
+
+
+_WATCHED = np.array([Joint.HIP_CENTER, Joint.HEAD, Joint.FOOT_LEFT, Joint.FOOT_RIGHT])
+_NAMES = ("hips", "head", "feet", "feet")
+
+
+def _cut_off(local: Float, camera: Intrinsics) -> tuple[str, str]:
+    """What of hips, head and feet (4, 3), camera frame, is out of the image, and beyond which border."""
+    z = np.maximum(local[:, 2], 0.05)
+    u = camera.fx * local[:, 0] / z + camera.cx
+    v = camera.fy * local[:, 1] / z + camera.cy
+    borders = (
+        ("left", u < 0), ("right", u > camera.width - 1), ("upper", v < 0), ("lower", v > camera.height - 1),
+    )  # fmt: skip
+    for side, out in borders:
+        if out.any():
+            return _NAMES[int(np.argmax(out))], side
+    return "", ""

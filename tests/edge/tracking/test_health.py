@@ -1,0 +1,283 @@
+"""The monitor's parts: times, images, alarms; and that each trouble is said, once, and is over afterwards."""
+
+import dataclasses
+import logging
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.body import Body, Joint
+from enliven.camera import Intrinsics, world_from_level_camera
+from enliven.frames import BodyFrame, DepthFrame
+from enliven.health import HealthKind, Severity
+from enliven_edge.tracking.alarm import Alarm
+from enliven_edge.tracking.complaints import COMPLAINTS
+from enliven_edge.tracking.health import HealthMonitor, HealthSettings, TrackerState
+from enliven_edge.tracking.rhythm import Rhythm
+from enliven_edge.tracking.survey import survey
+
+STEP = 33_333_333
+CAMERA = Intrinsics(160, 120, 130, 130, 79.5, 59.5)
+LEFT_MISSING = (np.arange(160) >= 64).astype(np.uint16)
+MOUNT = world_from_level_camera(1.2)
+
+
+def image(number: int, missing: float = 0.0) -> np.ndarray:
+    random = np.random.default_rng(number)
+    depth = random.integers(2000, 2100, (120, 160)).astype(np.uint16)
+    depth[random.random(depth.shape) < missing] = 0
+    return depth
+
+
+def frame(number: int, time_ns: int | None = None, depth: np.ndarray | None = None) -> DepthFrame:
+    depth = image(number) if depth is None else depth
+    return DepthFrame(depth, CAMERA, number * STEP if time_ns is None else time_ns, "test")
+
+
+def kinds(monitor: HealthMonitor) -> set[str]:
+    return {state.kind for state in monitor.states}
+
+
+def standing(distance: float = 3.0, aside: float = 0.0, identity: int = 1) -> Body:
+    """Somebody who stands straight before the sensor."""
+    joints = np.zeros((20, 3))
+    joints[:, 1] = 0.95
+    joints[Joint.HEAD, 1] = 1.6
+    joints[[Joint.FOOT_LEFT, Joint.FOOT_RIGHT], 1] = 0.05
+    joints += (aside, 0.0, -distance)
+    return Body(identity, joints, np.full(20, 0.9))
+
+
+# --- times -------------------------------------------------------------------------------------------------
+
+
+@given(st.lists(st.integers(1, 40), min_size=1, max_size=60), st.randoms())
+@settings(deadline=None)
+def test_what_is_admitted_is_always_newer_than_what_was(steps, random):
+    """However times are shuffled within a second."""
+    times = np.cumsum(steps).tolist()
+    shuffled = sorted(times, key=lambda t: t + random.choice([0, 0, 0, 30]))
+    rhythm, seen = Rhythm(), [0]
+    for each in shuffled:
+        if rhythm.admit(each) and each < seen[-1]:
+            assert len(rhythm._behind) == 0  # a clock that was set back: three in a row from the past
+        elif each > seen[-1]:
+            seen.append(each)
+    assert rhythm.admit(times[-1] + 10_000)
+
+
+def test_a_late_frame_is_left_out_and_counted_and_a_clock_that_was_set_back_is_taken():
+    rhythm = Rhythm()
+    assert all(rhythm.admit(t * STEP) for t in range(10, 20))
+    assert not rhythm.admit(12 * STEP) and rhythm.late == 1
+    assert not rhythm.admit(19 * STEP) and rhythm.repeated == 1
+    assert rhythm.admit(20 * STEP)
+    assert [rhythm.admit(t * STEP) for t in range(5)] == [False, False, True, True, True]
+
+
+@pytest.mark.parametrize("fps", [5.0, 15.0, 30.0, 90.0])
+def test_the_rate_is_that_of_the_times(fps):
+    rhythm = Rhythm()
+    for i in range(40):
+        rhythm.admit(round(i * 1e9 / fps))
+    assert rhythm.rate == pytest.approx(fps, rel=0.01) and rhythm.lost == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("lost", [0.1, 0.3, 0.5])
+def test_lost_frames_are_counted_by_their_gaps(lost):
+    rhythm, random = Rhythm(), np.random.default_rng(0)
+    for i in range(400):
+        if random.random() > lost:
+            rhythm.admit(i * STEP + int(random.normal(0, 1e6)))
+    assert rhythm.lost == pytest.approx(lost, abs=0.15)
+
+
+# --- images ------------------------------------------------------------------------------------------------
+
+
+def test_a_survey_counts_as_the_slow_way_does():
+    depth = image(0, missing=0.3)
+    depth[:10], depth[10:20] = 100, 65535
+    seen = survey(depth)
+    known = (depth != 0) & (depth != 65535)
+    assert seen.known == pytest.approx(known.mean())
+    assert seen.usable == pytest.approx((known & (depth >= 300)).mean())
+    holes = ~known[:, 1:-1] & known[:, :-2] & known[:, 2:]
+    assert seen.speckle == pytest.approx(holes.sum() / depth.size)
+
+
+def test_the_mark_tells_images_apart_and_knows_the_same_one():
+    marks = [survey(image(i)).mark for i in range(50)]
+    assert len(set(marks)) == 50 and survey(image(3)).mark == marks[3]
+
+
+def test_looking_at_a_frame_takes_less_than_a_third_of_a_millisecond():
+    random = np.random.default_rng(0)
+    frames = [
+        DepthFrame(
+            random.integers(500, 4000, (400, 640)).astype(np.uint16),
+            Intrinsics(640, 400, 500, 500, 320, 200),
+            i * STEP,
+            "x",
+        )
+        for i in range(40)
+    ]
+    monitor, state, bodies = HealthMonitor(), TrackerState(), [standing()]
+    taken = []
+    for each in frames:
+        start = time.perf_counter()
+        monitor.admit(each)
+        monitor.judge(each, bodies, MOUNT, state)
+        taken.append(time.perf_counter() - start)
+    assert np.median(taken[5:]) < 0.3e-3
+
+
+# --- alarms ------------------------------------------------------------------------------------------------
+
+
+@given(st.lists(st.booleans(), max_size=60), st.floats(0, 1), st.floats(0, 1))
+def test_an_alarm_changes_no_sooner_than_it_may(wrong, raise_after, clear_after):
+    alarm, before, since = Alarm(raise_after, clear_after), False, 0
+    for i, each in enumerate(wrong):
+        now = i * 100_000_000
+        if i == 0 or each != wrong[i - 1]:
+            since = now
+        active = alarm.update(each, now)
+        if active != before:
+            assert active == each
+            assert now - since >= int((raise_after if active else clear_after) * 1e9)
+        before = active
+
+
+def test_every_kind_has_its_sentence_and_what_to_do():
+    assert set(COMPLAINTS) == set(HealthKind)
+    for complaint in COMPLAINTS.values():
+        assert complaint.what.endswith(".") and complaint.mend.endswith(".")
+        assert len(complaint.what) < 120 and len(complaint.mend) < 120
+
+
+# --- the monitor -------------------------------------------------------------------------------------------
+
+
+def watched(monitor: HealthMonitor, frames) -> list[set[str]]:
+    """What is wrong after each frame."""
+    said = []
+    for each in frames:
+        if monitor.admit(each):
+            monitor.judge(each, [standing()], MOUNT, TrackerState())
+        said.append(kinds(monitor))
+    return said
+
+
+def test_a_good_stream_is_in_good_health():
+    assert watched(HealthMonitor(), [frame(i) for i in range(90)]) == [set()] * 90
+
+
+@pytest.mark.parametrize(
+    ("kind", "fault"),
+    [
+        (HealthKind.SLOW, lambda i: frame(i) if i % 6 == 0 else None),
+        (HealthKind.DROPPED, lambda i: None if i % 3 == 0 else frame(i)),
+        (HealthKind.OUT_OF_ORDER, lambda i: frame(i - 5) if i % 7 == 0 else frame(i)),
+        (HealthKind.FROZEN, lambda i: frame(i, depth=image(0))),
+        (HealthKind.FROZEN, lambda i: frame(99, depth=image(i))),
+        (HealthKind.COVERED, lambda i: frame(i, depth=np.zeros((120, 160), np.uint16))),
+        (HealthKind.COVERED, lambda i: frame(i, depth=image(i) // 20)),
+        (HealthKind.MISSING_DEPTH, lambda i: frame(i, depth=image(i, 0.4))),
+        (HealthKind.MISSING_DEPTH, lambda i: frame(i, depth=image(i) * LEFT_MISSING)),
+    ],
+)  # fmt: skip
+def test_a_fault_of_the_sensor_is_said_and_over_again(kind, fault):
+    """Three seconds of the fault between good ones; nothing else is said of it, and it does not flicker."""
+    monitor = HealthMonitor()
+    assert watched(monitor, [frame(i) for i in range(100)])[-1] == set()
+    said = watched(monitor, [f for f in (fault(i) for i in range(100, 220)) if f is not None])
+    assert kind in said[-1], said[-1]
+    last = monitor.states[0]
+    assert last.since_ns >= 95 * STEP and last.what.endswith(".") and last.mend.endswith(".")
+    after = watched(monitor, [frame(i) for i in range(220, 340)])
+    assert after[-1] == set()
+    active = [kind in each for each in said + after]
+    assert np.abs(np.diff(np.array(active, int))).sum() == 2
+
+
+def test_a_sensor_that_is_silent_is_said_to_be():
+    monitor = HealthMonitor()
+    watched(monitor, [frame(i) for i in range(5)])
+    monitor.silent(0.2)
+    assert kinds(monitor) == set()
+    monitor.silent(3.0)
+    (state,) = monitor.states
+    assert (state.kind, state.severity) == (HealthKind.NO_FRAMES, Severity.ERROR) and "3 s" in state.what
+    assert watched(monitor, [frame(6)]) == [set()]
+
+
+@pytest.mark.parametrize(
+    ("kind", "body"),
+    [
+        (HealthKind.TOO_NEAR, standing(0.7)),
+        (HealthKind.TOO_FAR, standing(4.4)),
+        (HealthKind.CUT_OFF, standing(3.0, aside=2.2)),
+        (HealthKind.CUT_OFF, standing(1.6)),
+        (HealthKind.UNCLEAR, dataclasses.replace(standing(), confidence=np.full(20, 0.2))),
+    ],
+)
+def test_where_a_performer_should_not_be_is_said_with_who_it_is(kind, body):
+    monitor, good = HealthMonitor(), standing(identity=2)
+    for i in range(60):
+        monitor.admit(frame(i))
+        monitor.judge(frame(i), [body, good], MOUNT, TrackerState())
+    assert (kind, 1) in {(s.kind, s.performer) for s in monitor.states}
+    assert {s.performer for s in monitor.states} == {1}
+    assert all("Performer 1" in s.what for s in monitor.states)
+    monitor.admit(frame(60))
+    monitor.judge(frame(60), [good], MOUNT, TrackerState())
+    assert monitor.states == [], "who is gone is not complained of"
+
+
+@pytest.mark.parametrize(
+    ("kind", "state"),
+    [
+        (HealthKind.NO_FLOOR, TrackerState(floor_known=False)),
+        (HealthKind.LEARNING_ROOM, TrackerState(room_age=0.5)),
+        (HealthKind.MOVED, TrackerState(moved=True)),
+        (HealthKind.JOINED, TrackerState(joined=(4, 2))),
+    ],
+)
+def test_what_the_tracker_knows_of_itself_is_passed_on(kind, state):
+    monitor = HealthMonitor(name="left")
+    for i in range(60):
+        monitor.admit(frame(i))
+        monitor.judge(frame(i), [], MOUNT, state)
+    (said,) = monitor.states
+    assert said.kind == kind
+    for i in range(60, 180):
+        monitor.admit(frame(i))
+        monitor.judge(frame(i), [], MOUNT, TrackerState())
+    assert monitor.states == []
+
+
+def test_each_trouble_is_logged_once_and_so_is_its_end(caplog):
+    caplog.set_level(logging.INFO)
+    monitor = HealthMonitor()
+    nothing = np.zeros((120, 160), np.uint16)
+    watched(monitor, [frame(i, depth=nothing if 30 <= i < 60 else None) for i in range(120)])
+    assert [record.levelname for record in caplog.records] == ["WARNING", "INFO"]
+    assert "covered" in caplog.text
+
+
+def test_frames_of_sensors_that_track_people_themselves_are_judged_by_their_times():
+    monitor = HealthMonitor()
+    for i in range(60):
+        each = BodyFrame([standing()], i * 6 * STEP, "kinect")
+        assert monitor.admit(each)
+        monitor.judge(each, each.bodies)
+    assert kinds(monitor) == {HealthKind.SLOW}
+
+
+def test_a_sensor_may_promise_less():
+    monitor = HealthMonitor(HealthSettings(), fps=5.0)
+    assert watched(monitor, [frame(i) for i in range(0, 300, 6)])[-1] == set()
