@@ -12,7 +12,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float, Int
 from enliven_edge.tracking import model, ranges
-from enliven_edge.tracking.gauss_newton import minimise
+from enliven_edge.tracking.gauss_newton import assemble, minimise
 from enliven_edge.tracking.observation import Observation
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.settings import FitSettings
@@ -57,6 +57,7 @@ def shape() -> tuple[AnyArray, ...]:
     return (*skeleton, c.frame, c.ends, c.radii, model.CAPSULE_UNKNOWNS, _touching_pairs())
 
 
+Prior = tuple[Float, Float, Float, Float, Float, Float, Float, Float]
 _SHAPE = shape()
 _REST = ranges.standing()
 _NO_LENGTHS = np.zeros(0)
@@ -103,22 +104,38 @@ class Fitter:
             width: metres at which residuals are doubted, the setting's where None.
             proportions: (12,) weights that hold the lengths at ``start``'s; fixed where None.
         """
-        s = self.settings
         made = start.copy()
+        prior = self._prior(start, predicted, proportions)
+        weights = self._weights(width)
+        support, violated = np.zeros(len(model.CAPSULES.frame)), np.zeros(len(model.CAPSULES.frame))
+        energy, explained = minimise(
+            made.position, made.rotations, made.lengths, observation.seen, _SHAPE, prior, weights,
+            self.settings.iterations if iterations is None else iterations, support, violated,
+        )  # fmt: skip
+        return made, FitReport(float(energy), float(explained), support, violated)
+
+    def information(self, posture: Posture, observation: Observation) -> Float:
+        """(30, 30) upper triangle of the Gauss-Newton matrix of what one frame says, lengths held."""
+        matrix, gradient = np.zeros((model.DOFS, model.DOFS)), np.zeros(model.DOFS)
+        count = len(model.CAPSULES.frame)
+        state = (posture.position, posture.rotations, posture.lengths)
+        prior = self._prior(posture, None, None)
+        of_capsules = (np.zeros(count), np.zeros(count))
+        assemble(matrix, gradient, state, observation.seen, _SHAPE, prior, self._weights(None), *of_capsules)
+        return matrix
+
+    def _prior(self, start: Posture, predicted: Posture | None, proportions: Float | None) -> Prior:
+        """What holds a posture besides the frame: time, relaxation, the joints' ranges, the build."""
+        s = self.settings
         firmness = _NO_LENGTHS if proportions is None else proportions
         stiffness = np.zeros(13) if predicted is None else s.temporal * _STIFF
         expected = start.rotations if predicted is None else predicted.rotations
-        prior = (
-            *(expected, stiffness, _REST, s.rest * _RELAXED),
-            *(ranges.MIDDLE, ranges.REACH, start.lengths.copy(), firmness),
-        )
+        held = (expected, stiffness, _REST, s.rest * _RELAXED)
+        return (*held, ranges.MIDDLE, ranges.REACH, start.lengths.copy(), firmness)
+
+    def _weights(self, width: float | None) -> Float:
+        """(6,) as the compiled fit takes them."""
+        s = self.settings
         doubted = s.width if width is None else width
-        weights = _SQUARE_CM * np.array([1.0, s.free_space, _APART, s.ranges / _SQUARE_CM, 0.0])
-        weights[4] = doubted
-        support, violated = np.zeros(len(model.CAPSULES.frame)), np.zeros(len(model.CAPSULES.frame))
-        steps = s.iterations if iterations is None else iterations
-        energy, explained = minimise(
-            made.position, made.rotations, made.lengths,
-            observation.seen, _SHAPE, prior, weights, steps, support, violated,
-        )  # fmt: skip
-        return made, FitReport(float(energy), float(explained), support, violated)
+        pairs, floor = _APART * _SQUARE_CM, s.floor * _SQUARE_CM
+        return np.array([_SQUARE_CM, s.free_space * _SQUARE_CM, pairs, s.ranges, doubted, floor])

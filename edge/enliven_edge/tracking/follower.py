@@ -6,7 +6,9 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven_edge.tracking import model
+from enliven_edge.tracking.confidence import confidence
 from enliven_edge.tracking.detection import detect, quality
+from enliven_edge.tracking.evidence import NAMES, evidence
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.observation import Observation, observe
 from enliven_edge.tracking.posture import Posture, continued
@@ -15,6 +17,12 @@ from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.view import View
 
 _GOOD, _ACCEPTABLE = 0.6, 0.45
+_SUPPORT, _VISIBLE = NAMES.index("support"), NAMES.index("visible")
+_EXPLAINED = 0.97
+"""Share of the points; a frame that is explained less is looked at twice."""
+_WIDE = 0.25
+"""Metres: the robust width of the second look, about what a fast hand moves in a frame."""
+_SOME_POINTS = np.log1p(4)
 FEWEST_PIXELS = 60
 """Of the working image; fewer show nobody."""
 
@@ -27,6 +35,7 @@ class Follower:
     Attributes:
         posture: of the last frame that was fitted.
         confidence: (20,) of its joints, in [0, 1]; all 0 in a frame that did not show the person.
+        evidence: (20, 15) what the last frame said for and against every joint.
         lost: whether the fit has been bad for longer than the settings allow.
     """
 
@@ -34,12 +43,14 @@ class Follower:
         self.settings = settings
         self.posture = posture
         self.confidence = np.zeros(20)
+        self.evidence = np.zeros((20, len(NAMES)))
         self.lost = False
         self._fitter = fitter
         self._second_thoughts = SecondThoughts(fitter)
         self._before: Posture | None = None
         self._fitted = 0
         self._bad = 0
+        self._unsupported = np.zeros(20)
 
     @classmethod
     def found(
@@ -74,9 +85,7 @@ class Follower:
         predicted = self.predicted()
         observation = _observed(view, pixels, self.settings)
         proportions = self._proportions()
-        posture, report = self._fitter.fit(
-            observation, predicted, predicted=predicted, proportions=proportions
-        )
+        posture, report = self._fitted_to(observation, predicted, proportions)
         certain = _capsule_confidence(report, observation, posture)
         posture, report = self._second_thoughts.reconsider(observation, posture, report, certain)
         if quality(report) <= _ACCEPTABLE and not self._missed() and self.lost:
@@ -88,6 +97,18 @@ class Follower:
         self._fitted, self._bad = self._fitted + 1, 0
         return True
 
+    def _fitted_to(
+        self, observation: Observation, predicted: Posture, proportions: Float | None
+    ) -> tuple[Posture, FitReport]:
+        """The better of two fits: from where time puts the person, and from a wider look around the last."""
+        fit = self._fitter.fit
+        best = fit(observation, predicted, predicted=predicted, proportions=proportions)
+        if best[1].explained > _EXPLAINED:
+            return best
+        wide, _ = fit(observation, self.posture, predicted=predicted, iterations=5, width=_WIDE)
+        other = fit(observation, wide, predicted=predicted, proportions=proportions)
+        return other if other[1].energy < best[1].energy else best
+
     def _missed(self) -> bool:
         """Counts a bad frame."""
         self._bad += 1
@@ -95,7 +116,11 @@ class Follower:
         return False
 
     def _vouch(self, report: FitReport, observation: Observation) -> None:
-        self.confidence = _joint_confidence(_capsule_confidence(report, observation, self.posture))
+        """Weighs what the frame says for and against every joint."""
+        self.evidence = evidence(self._fitter, self.posture, report, observation, self._unsupported)
+        supported = (self.evidence[:, _VISIBLE] > 0.3) & (self.evidence[:, _SUPPORT] > _SOME_POINTS)
+        self._unsupported = np.where(supported, 0.0, self._unsupported + 1.0)
+        self.confidence = confidence(self.evidence)
 
     def _proportions(self) -> Float | None:
         """How firmly the bones' lengths are held: softer at first, frozen once settled."""
@@ -115,20 +140,6 @@ def _capsule_confidence(report: FitReport, observation: Observation, posture: Po
     expected = _expected_support(posture, len(observation.points))
     supported = np.minimum(1.0, report.support / np.maximum(1.0, 0.35 * expected))
     return np.asarray(supported * (1.0 - report.violated))
-
-
-def _joint_confidence(capsule: Float) -> Float:
-    """(20,) the joints' confidence from the capsules'."""
-    confidence = np.zeros(20)
-    for joint, value in zip(model.CAPSULES.joint, capsule, strict=True):
-        confidence[joint] = max(confidence[joint], value)
-    for joint, source in _BORROWED.items():
-        confidence[joint] = confidence[source]
-    return confidence
-
-
-_BORROWED = {4: 5, 8: 9, 12: 13, 16: 17}
-"""Shoulders and hips have no capsule of their own: their limb's first bone vouches for them."""
 
 
 def _expected_support(posture: Posture, count: int) -> Float:

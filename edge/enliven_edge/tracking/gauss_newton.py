@@ -17,6 +17,8 @@ _SIDE = 0.04
 _FREE_WIDTH = 0.25
 """Metres: the robust width of what is seen through; a whole forearm may be in the wrong place."""
 _SAMPLES, _PAIR_SAMPLES = 5, 3
+_FLOOR_SLACK = 0.02
+"""Metres that the floor may be wrong."""
 _LARGEST_TURN = 0.5
 """Radians a joint in one step."""
 
@@ -33,7 +35,8 @@ def minimise(  # type: ignore[no-untyped-def]
         shape: the body, see :func:`fit.shape`.
         prior: (predicted rotations, stiffness (13,), rest rotations, relaxedness (13,), middle, reach,
             reference lengths (12,), their weights (12,), or (0,) where the lengths are frozen).
-        weights: (5,) of a point, free space, self intersection, ranges; and the robust width, metres.
+        weights: (6,) of a point, free space, self intersection, ranges; the robust width, metres; of the
+            floor.
         support: (C,) receives the points that each capsule explains.
         violated: (C,) receives the share of each capsule that was seen through.
     """
@@ -91,6 +94,7 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
     energy += terms.self_intersection(
         matrix, gradient, ends, radii, frames, local, body, pairs, weights[2], _PAIR_SAMPLES
     )
+    energy += terms.above_floor(matrix, gradient, ends, radii, frames, local, body, weights[5], _FLOOR_SLACK)
     energy += terms.joint_ranges(matrix, gradient, rotations, middle, reach, weights[3], dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, rest, relaxedness, dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, predicted, stiffness, dof_frame, dof_axis)
@@ -103,10 +107,9 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
 
 
 @njit(cache=True, nogil=True)
-def solve_damped(step, factor, matrix, gradient, damping):  # type: ignore[no-untyped-def]
-    """step = -(M + damping diag(M))^-1 gradient by Cholesky; only M's upper triangle is read."""
-    count = len(gradient)
-    for i in range(count):
+def cholesky(factor, matrix, damping):  # type: ignore[no-untyped-def]
+    """The lower factor of M + damping diag(M) + 0.001; only M's upper triangle is read."""
+    for i in range(len(matrix)):
         for j in range(i + 1):
             value = matrix[j, i]
             if i == j:
@@ -114,6 +117,13 @@ def solve_damped(step, factor, matrix, gradient, damping):  # type: ignore[no-un
             for k in range(j):
                 value -= factor[i, k] * factor[j, k]
             factor[i, j] = np.sqrt(max(value, 1e-12)) if i == j else value / factor[j, j]
+
+
+@njit(cache=True, nogil=True)
+def solve_damped(step, factor, matrix, gradient, damping):  # type: ignore[no-untyped-def]
+    """step = -(M + damping diag(M) + 0.001)^-1 gradient; only M's upper triangle is read."""
+    count = len(gradient)
+    cholesky(factor, matrix, damping)
     for i in range(count):
         value = -gradient[i]
         for k in range(i):

@@ -63,11 +63,12 @@ class FitSettings:
     iterations: int = setting(8, "Gauss-Newton steps a frame.", low=1, high=100)
     width: float = setting(0.07, "Residuals beyond this are doubted.", unit="m", low=0.005, high=1.0)
     free_space: float = setting(3.0, "Weight of 'no limb where the camera saw through'.", low=0.0, high=100.0)
+    floor: float = setting(0.05, "Weight of 'no limb below the floor'.", low=0.0, high=100.0)
     temporal: float = setting(1.2, "Weight of staying near the predicted posture.", unit="1/rad^2", low=0.0)
     rest: float = setting(
         0.12, "Weight of standing relaxed, where depth says nothing.", unit="1/rad^2", low=0.0
     )
-    ranges: float = setting(60.0, "Weight of the joints' ranges.", unit="1/rad^2", low=0.0)
+    ranges: float = setting(300.0, "Weight of the joints' ranges.", unit="1/rad^2", low=0.0)
     proportions: float = setting(40.0, "Weight of average proportions at the start.", low=0.0)
     settle_frames: int = setting(60, "Frames until the bones' lengths are settled.", low=1)
 

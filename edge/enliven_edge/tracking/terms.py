@@ -200,6 +200,25 @@ def self_intersection(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def above_floor(matrix, gradient, ends, radii, capsule_frame, capsule_local, body, weight, slack):  # type: ignore[no-untyped-def]
+    """No limb below the floor at y = 0: the lowest point of both ends of every capsule, ``slack`` allowed."""
+    row, up = np.zeros(matrix.shape[0]), np.array([0.0, 1.0, 0.0])
+    energy = 0.0
+    for c in range(len(ends)):
+        for e in range(2):
+            residual = radii[c, e] - slack - ends[c, e, 1]
+            if residual <= 0.0:
+                continue
+            row[:] = 0.0
+            point_row(row, -1.0, capsule_frame[c], ends[c, e], up, capsule_local[c, e], body)
+            if len(row) > _DOFS:
+                row[_DOFS + _GIRTH] += radii[c, e] / body_girth(radii)
+            energy += weight * residual * residual
+            add(matrix, gradient, row, residual, weight)
+    return energy
+
+
+@njit(cache=True, nogil=True)
 def stay_near(matrix, gradient, rotations, reference, weights, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
     """Every rotation stays near a reference: weight * |log(reference' rotation)|^2 by component."""
     energy = 0.0
