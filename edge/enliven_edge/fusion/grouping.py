@@ -8,11 +8,16 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from enliven.arrays import Float
+from enliven.body import Body
 from enliven_edge.fusion.blending import trunk_distances
 from enliven_edge.fusion.sensor_view import SensorView, Sighting
 from enliven_edge.fusion.sides import MIDDLES
 
 _FAR = 1e3
+_BONES = np.array([(0, 2), (2, 3), (12, 13), (16, 17), (13, 14), (17, 18)])
+_SHORTEST = np.array([0.15, 0.05, 0.1, 0.1, 0.1, 0.1])
+_LONGEST = np.array([0.9, 0.5, 0.8, 0.8, 0.8, 0.8])
+"""Metres: trunk, neck and head, thighs and shanks of anybody; a guessed joint may be off."""
 
 
 @dataclass
@@ -46,6 +51,12 @@ class Group:
         return sum(s.person == person for s in self.sightings.values()) / len(self.sightings)
 
 
+def plausible(body: Body) -> bool:
+    """Whether a body may be a person's: a tracker that lost somebody may tell a heap of joints."""
+    bones = np.linalg.norm(body.joints[_BONES[:, 0]] - body.joints[_BONES[:, 1]], axis=1)
+    return bool(((bones > _SHORTEST) & (bones < _LONGEST)).all())
+
+
 def distances(a: Float, a_sure: Float, b: Float, b_sure: Float) -> Float:
     """(A, B) metres between bodies (A, 20, 3) and (B, 20, 3), whichever side they call left."""
     out = np.empty((len(a), len(b)))
@@ -63,7 +74,11 @@ def grouped(
     the identities, not the identities from each other.
     """
     current = [
-        [(s, s.joints(time_ns, patience)) for s in view.sightings.values() if s.age(time_ns) <= patience]
+        [
+            (s, s.joints(time_ns, patience))
+            for s in view.sightings.values()
+            if s.age(time_ns) <= patience and plausible(s.body)
+        ]
         for view in views
     ]
     groups: list[Group] = []

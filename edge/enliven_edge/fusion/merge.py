@@ -1,10 +1,12 @@
-"""Several sensors' body frames as one stream: in the order of the common clock, in the rhythm of the fastest."""
+"""Several sensors' body frames as one stream: by the common clock, in the rhythm of the fastest sensor."""
 
 from __future__ import annotations
 
 import dataclasses
 import heapq
 from collections.abc import Iterable, Iterator, Mapping
+
+import numpy as np
 
 from enliven.arrays import Float
 from enliven.body import Body
@@ -14,35 +16,43 @@ from enliven_edge.fusion.fuser import Fuser
 from enliven_edge.fusion.rigid import moved
 from enliven_edge.fusion.space import Space
 
-_SOON = 0.7
-"""Part of the fastest sensor's step that must have passed until the next set of bodies goes out."""
+_MISSED = 1.7
+"""Of its own steps, how late the sensor that keeps time may be until another does."""
+_FASTER = 0.8
+"""Part of its step below which another sensor's step makes that one keep time."""
 
 
 class Rhythm:
-    """When bodies go out: as often as the fastest sensor has a frame, whoever's frame it is.
-
-    Where that sensor falls silent the others keep time by themselves.
-    """
+    """When bodies go out: with the frames of one sensor, the fastest, as long as it has some."""
 
     def __init__(self) -> None:
         self._steps: dict[str, float] = {}
         self._last: dict[str, int] = {}
+        self._lead: str | None = None
         self._told_ns: int | None = None
 
     def due(self, sensor: str, time_ns: int) -> bool:
         """Whether bodies are to go out with this frame of a sensor, on the common clock."""
-        before = self._last.get(sensor)
-        if before is not None and time_ns > before:
+        before = self._last.get(sensor, time_ns)
+        if time_ns > before:
             step = (time_ns - before) * 1e-9
             self._steps[sensor] = step + 0.9 * (self._steps.get(sensor, step) - step)
-        self._last[sensor] = max(time_ns, before or time_ns)
-        fastest = min(self._steps.values(), default=0.0)
-        if self._told_ns is not None and time_ns - self._told_ns < _SOON * fastest * 1e9:
-            return False
-        if self._told_ns is not None and time_ns <= self._told_ns:
+        self._last[sensor] = max(time_ns, before)
+        if self._lead is None or self._leads_better(sensor, time_ns):
+            self._lead = sensor
+        if sensor != self._lead or (self._told_ns is not None and time_ns <= self._told_ns):
             return False
         self._told_ns = time_ns
         return True
+
+    def _leads_better(self, sensor: str, time_ns: int) -> bool:
+        """Whether a sensor is faster than the one that keeps time, or that one is late."""
+        assert self._lead is not None
+        if self._lead not in self._steps:
+            return time_ns - self._last[self._lead] > 1e8
+        step = self._steps[self._lead]
+        late = (time_ns - self._last[self._lead]) * 1e-9 > _MISSED * step
+        return late or self._steps.get(sensor, np.inf) < _FASTER * step
 
 
 def in_world(bodies: list[Body], world_from_sensor: Float) -> list[Body]:

@@ -10,8 +10,11 @@ from enliven.arrays import Float
 from enliven.body import Body
 from enliven_edge.fusion.health import SensorState
 
-_FRESH = 0.5
-"""Part of a new difference that a velocity takes over: enough to follow, little enough not to shake."""
+_CALM, _LIVELY, _START = 0.2, 0.7, 1.5
+"""Part of a new difference that a velocity takes over: little of what noise may be, much of a start or a stop,
+which is a change by 1.5 m/s and more."""
+_FASTEST = 8.0
+"""Metres a second of a trunk beyond which it is another one, whatever the sensor calls it."""
 _BACK_AGAIN = 0.5
 """Seconds after which a velocity is measured anew."""
 
@@ -111,4 +114,9 @@ class SensorView:
         if seconds > _BACK_AGAIN:
             return Sighting(body, time_ns, np.zeros((20, 3)), before.person)
         speed = (body.joints - before.body.joints) / seconds
-        return Sighting(body, time_ns, before.velocity + _FRESH * (speed - before.velocity), before.person)
+        if np.linalg.norm(speed[:4].mean(0)) > _FASTEST:
+            return Sighting(body, time_ns, np.zeros((20, 3)))
+        change = speed - before.velocity
+        size = np.minimum(np.sqrt((change**2).sum(1, keepdims=True)) / _START, 1.0)
+        velocity = before.velocity + (_CALM + (_LIVELY - _CALM) * size) * change
+        return Sighting(body, time_ns, velocity, before.person)

@@ -55,7 +55,7 @@ class FusionSettings:
     believe_ids: float = setting(
         30.0, "A sensor's word that somebody is back is believed.", unit="s", low=0.0, high=3600.0
     )
-    sure_after: int = setting(3, "Moments before somebody new is believed.", low=1, high=100)
+    sure_after: int = setting(5, "Moments before somebody new is believed.", low=1, high=100)
     turn_over: float = setting(
         1.0, "Time for which most must say so until left and right are exchanged.", unit="s", low=0.05
     )

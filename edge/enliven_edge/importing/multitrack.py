@@ -23,6 +23,8 @@ from enliven_edge.importing.skeletons import (
 )
 from enliven_edge.importing.tables import first_lines, numbers_of, rows_of
 
+_TICKS = {"Tracker_Time": 1e6, "Skeleton_Time": 100.0}
+"""Nanoseconds of one count of the computer's clock, common to all Kinects, and of each Kinect's own."""
 _KEYS = ("Tracker_Time", "Person_Id", "Kinect_Id")
 
 
@@ -31,11 +33,18 @@ class MultiTrackReader:
 
     The Kinects keep their own spaces, so one of them is read: ``options.device``, or the one with most rows.
     Times count from the first row (the files' milliseconds since the year 1 do not fit nanoseconds).
+
+    Args:
+        own_clock: take the time at which the Kinect itself saw the skeleton, by its own clock; otherwise the
+            time at which the computer heard of it, some ten milliseconds later now and then, by one clock.
     """
 
     name = "multitrack"
     description = "KinectMultiTrack CSV (several Kinect v2, several people); --device chooses the Kinect"
     note = "no tracking states in the files: every joint counts as tracked"
+
+    def __init__(self, own_clock: bool = False) -> None:
+        self._clock = "Skeleton_Time" if own_clock else "Tracker_Time"
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         return any(_matches(path) for path in paths)
@@ -44,24 +53,31 @@ class MultiTrackReader:
         path = only_one([path for path in paths if _matches(path)] or paths)
         header, *rows = rows_of(path)
         column = {name.strip(): index for index, name in enumerate(header)}
-        wanted = [*_KEYS, *(f"{joint}_{axis}" for joint in KINECT2_NAMES for axis in "XYZ")]
+        wanted = [self._clock, *_KEYS[1:], *(f"{joint}_{axis}" for joint in KINECT2_NAMES for axis in "XYZ")]
         missing = [name for name in wanted if name not in column]
         if missing:
             raise InputError(f"the column {missing[0]} is missing", where=str(path))
         rows = rows[:-1] if rows and len(rows[-1]) != len(header) else rows
         device = _chosen(Counter(row[column["Kinect_Id"]] for row in rows), options.device, path)
+        if self._clock != _KEYS[0]:
+            rows = [row for row in rows if row[column["Kinect_Id"]] == device]
         kept = [[row[column[name]] for name in wanted if name != "Kinect_Id"] for row in rows]
         values = numbers_of(kept, path, len(wanted) - 1, 2)
-        moments = _moments(values, np.array([row[column["Kinect_Id"]] == device for row in rows]))
+        ours = np.array([row[column["Kinect_Id"]] == device for row in rows])
+        moments = _moments(values, ours, _TICKS[self._clock])
         return frames_in_world(moments, f"kinect2-{device}", WORLD_FROM_KINECT_SPACE, str(path))
 
 
-def _moments(values: Float, ours: Bool) -> list[Moment]:
-    """Rows of time in ms, person and 20 x 3 joints by time; others' rows give the time alone."""
+def _moments(values: Float, ours: Bool, tick: float) -> list[Moment]:
+    """Rows of time, person and 20 x 3 joints by time; others' rows give the time alone.
+
+    Args:
+        tick: nanoseconds of one count of the time.
+    """
     order = np.argsort(values[:, 0], kind="stable")
     moments: list[Moment] = []
     for row, our in zip(values[order], ours[order], strict=True):
-        time_ns = round((row[0] - values[order[0], 0]) * 1e6)
+        time_ns = round((row[0] - values[order[0], 0]) * tick)
         if not moments or moments[-1].time_ns != time_ns:
             moments.append(Moment(time_ns))
         if our and int(row[1]) not in [body.id for body in moments[-1].bodies]:
