@@ -22,6 +22,8 @@ from enliven_edge.tracking.smoothing import OneEuro, OneEuroTurns
 _FORGOTTEN_NS = 10_000_000_000
 """Nanoseconds after which somebody who is not in view is not remembered."""
 _LONGEST_LATENCY = 0.3
+_LEAST = 1e-3
+"""Less smoothing than this is none."""
 
 
 class Output:
@@ -49,7 +51,8 @@ class Output:
 
     def amount(self, person: int) -> float:
         """How much a performer is smoothed; 0 is off."""
-        return self._amounts.get(person, self.settings.smoothing.amount)
+        amount = self._amounts.get(person, self.settings.smoothing.amount)
+        return amount if amount >= _LEAST else 0.0
 
     @property
     def ahead(self) -> float:
@@ -73,6 +76,10 @@ class Output:
             plane = _mirror_of(world_from_camera)
             made = [mirrored(body, *plane) for body in made]
         return made
+
+    def forget(self) -> None:
+        """Forgets everybody; what is next is not smoothed with what was."""
+        self._people.clear()
 
     def _person(self, person: int) -> _Person:
         if person not in self._people:
