@@ -1,4 +1,4 @@
-"""What ships with the edge: a recording to watch before anyone has a camera."""
+"""What ships with the edge: a recording to watch before anyone has a camera, and what was learnt."""
 
 from __future__ import annotations
 
@@ -7,3 +7,6 @@ from pathlib import Path
 CHAIR = Path(__file__).resolve().parent / "chair.mcap"
 """Nine seconds of a made-up performer before a Kinect v1, with their true joints; made by
 ``enliven synthesize -o chair.mcap`` and made again by it bit for bit."""
+
+PARTS_FOREST = Path(__file__).resolve().parent / "parts.npz"
+"""The forest that names the body part at a depth pixel; made by ``enliven train-parts -o parts.npz``."""

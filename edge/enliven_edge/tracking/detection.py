@@ -1,76 +1,91 @@
-"""Finding a person's posture with no memory: several hypotheses are fitted, the best explanation wins."""
+"""Finding a person's posture with no memory: several hypotheses are fitted, the best explanation wins.
+
+Where the forest of body parts is at hand, its parts give the first hypotheses and a say in the ranking; else,
+or besides, standing postures and a bank of others are brought to the extremities of the surface.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from enliven.arrays import Float
+from enliven_edge.parts.forest import PartForest
+from enliven_edge.parts.proposals import Seen, agreement, look, proposals
 from enliven_edge.tracking import model
+from enliven_edge.tracking.extremities import extremities
 from enliven_edge.tracking.fit import FitReport, Fitter
+from enliven_edge.tracking.hypotheses import banked_starts, standing_starts
 from enliven_edge.tracking.observation import Observation
 from enliven_edge.tracking.posture import Posture
-from enliven_edge.tracking.ranges import standing
 
-_ARMS = (
-    {"arm_raise": 0.12, "elbow": 0.2},
-    {"arm_raise": 0.15, "arm_forward": 0.1, "elbow": 1.5},
-    {"arm_raise": 1.4, "elbow": 0.1},
-    {"arm_raise": 2.6, "elbow": 0.2},
-)
-"""Arms hanging, forearms forward, arms out, arms overhead."""
-_LEFT_ARM = [model.UPPER_ARM_L, model.FOREARM_L]
-_RIGHT_ARM = [model.UPPER_ARM_R, model.FOREARM_R]
-_SIDE_YAW = 1.2
 _REFINED = 3
+_LOOSE = np.full(len(model.LENGTHS), 30.0)
+_AFFINITY = 0.15
+"""Metres: how far, at first, what a point looks like outweighs where it is."""
+_DISAGREEMENT = 4.0
+"""Square centimetres a point that it costs to be of other parts than the forest says, all of them."""
+_BANKED, _BANKED_BESIDES = 8, 3
+"""Hypotheses of the bank without a forest, and besides one."""
 
 
-def detect(fitter: Fitter, observation: Observation, eye: Float, height: float) -> tuple[Posture, FitReport]:
+def detect(
+    fitter: Fitter, observation: Observation, eye: Float, height: float, forest: PartForest | None = None
+) -> tuple[Posture, FitReport]:
     """The posture that explains the observation best from scratch.
 
-    Each hypothesis stands under the crown of the observed points, facing the sensor or turned to a side; a
-    short coarse fit ranks them by energy, and the best three are refined.
+    A short coarse fit of every hypothesis ranks them by energy, and the best three are refined.
 
     Args:
         eye: (3,) the sensor's position, world frame.
         height: metres, the person's height until it is measured.
+        forest: what knows the parts of a body; None to do without.
     """
+    lengths = model.lengths_for_height(_measured_height(observation, height))
+    seen = None if forest is None else look(forest, observation)
     coarse = []
-    for start in _hypotheses(observation, eye, height):
-        posture, report = fitter.fit(observation, start, iterations=8, width=0.25)
-        coarse.append((report.energy, posture))
+    for start in _starts(observation, seen, eye, lengths):
+        guided = observation if seen is None else replace(observation, affinity=seen.affinity(_AFFINITY))
+        posture, report = fitter.fit(guided, start, iterations=8, width=0.25)
+        coarse.append((report.energy + _disagreement(seen, posture), posture))
     coarse.sort(key=lambda pair: pair[0])
-    loose = np.full(len(model.LENGTHS), 30.0)
-    best: tuple[Posture, FitReport] | None = None
-    for _, posture in coarse[:_REFINED]:
-        fitted = fitter.fit(observation, posture, iterations=15, width=0.12, proportions=loose)
-        refined = fitter.fit(observation, fitted[0], iterations=15, proportions=loose)
-        if best is None or refined[1].energy < best[1].energy:
-            best = refined
+    best: tuple[float, Posture, FitReport] | None = None
+    for _, start in coarse[:_REFINED]:
+        posture, report = _refined(fitter, observation, seen, start)
+        cost = report.energy + _disagreement(seen, posture)
+        if best is None or cost < best[0]:
+            best = cost, posture, report
     assert best is not None
-    return best
+    return best[1], best[2]
+
+
+def _starts(observation: Observation, seen: Seen | None, eye: Float, lengths: Float) -> list[Posture]:
+    """Where to begin."""
+    z, mask, _, camera, pose = observation.view
+    by_parts = [] if seen is None else [posture for _, posture in proposals(seen, lengths, eye)]
+    ends = extremities(z, mask, camera, pose)
+    banked = banked_starts(observation, ends, eye, lengths, _BANKED if seen is None else _BANKED_BESIDES)
+    return [*by_parts, *standing_starts(observation, eye, lengths), *banked]
+
+
+def _refined(
+    fitter: Fitter, observation: Observation, seen: Seen | None, start: Posture
+) -> tuple[Posture, FitReport]:
+    """A hypothesis fitted to the end, its proportions too."""
+    guided = observation if seen is None else replace(observation, affinity=seen.affinity(0.4 * _AFFINITY))
+    posture, _ = fitter.fit(guided, start, iterations=15, width=0.12, proportions=_LOOSE)
+    return fitter.fit(observation, posture, iterations=15, proportions=_LOOSE)
+
+
+def _disagreement(seen: Seen | None, posture: Posture) -> float:
+    """What it costs a posture that the forest takes the points for other parts."""
+    return 0.0 if seen is None else _DISAGREEMENT * (1.0 - agreement(seen, posture))
 
 
 def quality(report: FitReport) -> float:
     """The share of the person that is explained less the share of the model that was seen through."""
     return report.explained - float(report.violated.mean())
-
-
-def _hypotheses(observation: Observation, eye: Float, height: float) -> list[Posture]:
-    """Standing postures under the crown: six ways to hold the arms facing the sensor, two to the sides."""
-    size = _measured_height(observation, height)
-    centre = np.median(observation.points, axis=0)
-    facing = float(np.arctan2(eye[0] - centre[0], eye[2] - centre[2]))
-    held = [standing(facing, **arms) for arms in _ARMS]
-    held += [_one_raised(facing, limbs) for limbs in (_LEFT_ARM, _RIGHT_ARM)]
-    held += [standing(facing + yaw) for yaw in (_SIDE_YAW, -_SIDE_YAW)]
-    return [_under_crown(observation, rotations, size) for rotations in held]
-
-
-def _one_raised(facing: float, limbs: list[int]) -> Float:
-    """(13, 3, 3) one arm up and out, the other hanging."""
-    rotations = standing(facing)
-    rotations[limbs] = standing(facing, arm_raise=2.2, elbow=0.2)[limbs]
-    return rotations
 
 
 def _measured_height(observation: Observation, height: float) -> float:
@@ -79,22 +94,3 @@ def _measured_height(observation: Observation, height: float) -> float:
         return height
     stature = float(observation.crown[1]) + 0.01
     return stature if 0.85 * height < stature < 1.2 * height else height
-
-
-def _under_crown(observation: Observation, rotations: Float, height: float) -> Posture:
-    """A posture whose head's top, or raised hands, are at the top of the observed points."""
-    posture = Posture(np.zeros(3), rotations, model.lengths_for_height(height))
-    ends, radii = posture.capsules()
-    tops = (ends[..., 1] + radii).max(1)
-    highest = int(np.argmax(tops))
-    centre = np.median(observation.points, axis=0)
-    crown = observation.crown
-    # A head is the crown's neighbour sideways; a raised hand is not.
-    under = 0.5 * (crown[0] + centre[0]) if model.CAPSULES.frame[highest] == model.HEAD else centre[0]
-    head = np.array([under, crown[1] - tops[highest], 0.0])
-    behind_surface = 0.1
-    away = centre - observation.view[4][:3, 3]
-    away[1] = 0.0
-    head[2] = centre[2]
-    posture.position = head + behind_surface * away / max(1e-6, float(np.linalg.norm(away)))
-    return posture

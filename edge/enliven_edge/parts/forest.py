@@ -1,0 +1,149 @@
+"""The forest in use: the probability of every part at any pixel of a person, and its file."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float, Float32, Int, UInt8, UInt16
+from enliven.errors import InputError
+from enliven_edge.parts.features import millimetres, walk
+from enliven_edge.parts.labels import PARTS
+
+FORMAT = 1
+"""The version of the file, which an older program refuses."""
+
+
+@dataclass(frozen=True)
+class Trees:
+    """All nodes of all trees.
+
+    Attributes:
+        roots: (T,) int32 the first node of every tree.
+        feature: (n,) uint16 the feature that a node asks for.
+        threshold: (n,) float32.
+        child: (n,) int32 the node where the response is below the threshold, the next node is the other; or
+            -1 - leaf.
+        posterior: (leaves, 17) uint8 the shares of the parts, 255 the whole.
+    """
+
+    roots: AnyArray
+    feature: UInt16
+    threshold: Float32
+    child: AnyArray
+    posterior: UInt8
+
+    @classmethod
+    def joined(cls, trees: list[Trees]) -> Trees:
+        """The trees of several as one."""
+        roots, child, nodes, leaves = [], [], 0, 0
+        for tree in trees:
+            roots.append(tree.roots + nodes)
+            child.append(np.where(tree.child >= 0, tree.child + nodes, tree.child - leaves))
+            nodes, leaves = nodes + len(tree.child), leaves + len(tree.posterior)
+        return cls(
+            np.concatenate(roots).astype(np.int32),
+            np.concatenate([tree.feature for tree in trees]),
+            np.concatenate([tree.threshold for tree in trees]),
+            np.concatenate(child).astype(np.int32),
+            np.concatenate([tree.posterior for tree in trees]),
+        )
+
+
+class PartForest:
+    """Names the part of the body at a depth pixel.
+
+    Args:
+        features: (F, 4) float32 metres, the offsets that nodes ask with.
+        trees: of which every leaf knows the shares of the parts.
+    """
+
+    def __init__(self, features: Float32, trees: Trees) -> None:
+        self.features, self.trees = features, trees
+
+    def probabilities(
+        self, z: Float, camera: Float, rows: Int, columns: Int, *, roll: float = 0.0
+    ) -> Float32:
+        """(M, 17) float32 the probability of every part at M pixels; all 0 where a pixel is off the person.
+
+        Args:
+            z: (h, w) metres along the optical axis of the person's pixels, 0 elsewhere.
+            camera: (4,) fx, fy, cx, cy in pixels of this image.
+            rows, columns: (M,) the pixels.
+            roll: radians that the person's upright is turned clockwise in the image: pi for a sensor that
+                hangs upside down.
+        """
+        features = self.features
+        if roll != 0.0:
+            c, s = np.cos(roll), np.sin(roll)
+            turn = np.array([[c, s], [-s, c]])
+            features = (features.reshape(-1, 2) @ turn).reshape(-1, 4).astype(np.float32)
+        out = np.empty((len(rows), PARTS), np.float32)
+        bordered = millimetres(z)
+        t = self.trees
+        walk(
+            bordered.ravel(), *bordered.shape, rows + 1, columns + 1, camera[0], camera[1], features,
+            t.roots, t.feature, t.threshold, t.child, t.posterior, out,
+        )  # fmt: skip
+        return out
+
+    def save(self, path: Path) -> None:
+        """Writes the forest; the file says of itself whether it is whole."""
+        t = self.trees
+        np.savez_compressed(
+            path, format=np.array([FORMAT, PARTS]), features=self.features, roots=t.roots, feature=t.feature,
+            threshold=t.threshold.astype(np.float32), child=t.child, posterior=t.posterior,
+        )  # fmt: skip
+
+    @classmethod
+    def load(cls, path: Path) -> PartForest:
+        """The forest of a file.
+
+        Raises:
+            InputError: where there is none, or it is damaged, or of another version.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                values = {name: file[name] for name in file.files}
+            found = values["format"].tolist()
+            if found != [FORMAT, PARTS]:
+                raise _bad(path, f"it is of another version ({found}, not {[FORMAT, PARTS]})")
+            trees = Trees(*(values[name] for name in ("roots", "feature", "threshold", "child", "posterior")))
+            forest = cls(values["features"], trees)
+        except FileNotFoundError:
+            raise InputError("there is no such file", where=str(path), mend=_MEND) from None
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+            raise _bad(path, f"it is damaged ({error})") from None
+        problem = forest._problem()
+        if problem:
+            raise _bad(path, f"it is damaged ({problem})")
+        return forest
+
+    def _problem(self) -> str:
+        """What would send a walk astray; empty where nothing would."""
+        t = self.trees
+        nodes = len(t.child)
+        shapes = {len(t.feature), len(t.threshold), nodes}
+        if len(shapes) > 1 or self.features.ndim != 2 or self.features.shape[1] != 4:
+            return "its tables do not belong together"
+        if t.posterior.ndim != 2 or t.posterior.shape[1] != PARTS or not np.isfinite(t.threshold).all():
+            return "its posteriors are not of the parts"
+        inner = t.child >= 0
+        if nodes == 0 or len(t.roots) == 0 or t.roots.min() < 0 or t.roots.max() >= nodes:
+            return "it has no trees"
+        if (t.child[inner] <= np.flatnonzero(inner)).any() or (t.child[inner] + 1 >= nodes).any():
+            return "its nodes run in a circle"
+        if (-1 - t.child[~inner]).max() >= len(t.posterior) or t.feature.max() >= len(self.features):
+            return "its leaves are missing"
+        return ""
+
+
+_MEND = "Make it again with: enliven train-parts -o FILE"
+
+
+def _bad(path: Path, what: str) -> InputError:
+    return InputError(f"this is no forest of body parts: {what}", where=str(path), mend=_MEND)

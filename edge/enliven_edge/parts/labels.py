@@ -1,0 +1,74 @@
+"""The parts that the forest tells apart, and which part each pixel of a rendered person belongs to."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float, Int, UInt8
+from enliven_edge.synthesis.flesh import PIECES
+from enliven_edge.synthesis.performer import Figure, Limb
+
+
+class Part(IntEnum):
+    """Regions of the body's surface; left and right are the person's own."""
+
+    HEAD = 0
+    CHEST_LEFT = 1
+    CHEST_RIGHT = 2
+    BELLY_LEFT = 3
+    BELLY_RIGHT = 4
+    UPPER_ARM_LEFT = 5
+    UPPER_ARM_RIGHT = 6
+    FOREARM_LEFT = 7
+    FOREARM_RIGHT = 8
+    HAND_LEFT = 9
+    HAND_RIGHT = 10
+    THIGH_LEFT = 11
+    THIGH_RIGHT = 12
+    SHANK_LEFT = 13
+    SHANK_RIGHT = 14
+    FOOT_LEFT = 15
+    FOOT_RIGHT = 16
+
+
+PARTS = len(Part)
+NOBODY = 255
+"""The label of a pixel that shows no part."""
+MIRRORED = np.array([0, *(p + 1 if p % 2 else p - 1 for p in range(1, PARTS))])
+"""(17,) the part on the other side of the body."""
+
+_TRUNK_MIDDLE = 0.04
+"""Metres above the spine joint, of a person of 1.75 m: where the chest ends and the belly begins."""
+
+
+def _part_of_limb() -> Int:
+    """(16,) the part of every limb that is not the trunk; -1 for the trunk's."""
+    parts = np.full(len(Limb), -1)
+    parts[Limb.SKULL] = Part.HEAD
+    parts[Limb.UPPER_ARM_LEFT :] = np.arange(Part.UPPER_ARM_LEFT, PARTS)
+    return parts
+
+
+_LIMB = np.array([piece.limb for piece in PIECES])
+_PART = _part_of_limb()[_LIMB]
+
+
+def label_pixels(pieces: UInt8, points: Float, figure: Figure, scale: float) -> UInt8:
+    """(M,) the part at each surface point.
+
+    Args:
+        pieces: (M,) the index of the piece of flesh that was met.
+        points: (M, 3) metres, world frame.
+        figure: whose flesh it is.
+        scale: the person's stature over the reference's.
+    """
+    labels: AnyArray = _PART[pieces].copy()
+    trunk = labels < 0
+    spine = figure.frames[Limb.ABDOMEN]
+    local = (points[trunk] - spine[:, 3]) @ spine[:, :3]
+    belly = local[:, 1] < _TRUNK_MIDDLE * scale
+    right = local[:, 0] < 0.0
+    labels[trunk] = np.where(belly, Part.BELLY_LEFT, Part.CHEST_LEFT) + right
+    return labels.astype(np.uint8)

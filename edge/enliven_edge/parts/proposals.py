@@ -1,0 +1,176 @@
+"""Postures proposed by the parts: the trunk's frame from the modes, then the whole model brought to them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from enliven.arrays import Float, Float32
+from enliven_edge.parts.anatomy import ANCHOR_FRAMES, ANCHORS, BELOW, CARRIES, USUAL_AREA
+from enliven_edge.parts.forest import PartForest
+from enliven_edge.parts.labels import MIRRORED, Part
+from enliven_edge.parts.modes import Modes, part_modes
+from enliven_edge.tracking import model, ranges
+from enliven_edge.tracking.alignment import align
+from enliven_edge.tracking.observation import Observation
+from enliven_edge.tracking.posture import Posture, forward, rotation
+
+_TRUNK = np.array([Part.HEAD, 1, 2, 3, 4, Part.UPPER_ARM_LEFT, Part.UPPER_ARM_RIGHT, 11, 12])
+_TRUNK_TRUST = np.array([0.6, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.4, 0.4])
+_YAWS = (0.0, np.pi, 0.5 * np.pi, -0.5 * np.pi)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the forest says of one observation.
+
+    Attributes:
+        points: (M, 3) metres, world frame: the observation's.
+        probabilities: (M, 17) float32 of the parts at the observation's points.
+        modes: where the parts are.
+    """
+
+    points: Float32
+    probabilities: Float32
+    modes: Modes
+
+    @property
+    def likelihood(self) -> Float32:
+        """(M, 20) how likely each point is on each capsule of the model."""
+        return np.asarray(self.probabilities @ CARRIES.T.astype(np.float32))
+
+    def affinity(self, metres: float) -> Float32:
+        """(M, 20) metres by which a point is farther from a capsule than it seems, at most ``metres``."""
+        return np.asarray((metres * (1.0 - self.likelihood)).astype(np.float32))
+
+
+def look(forest: PartForest, observation: Observation) -> Seen:
+    """The parts at the points of an observation."""
+    z, mask, _, camera, pose = observation.view
+    rows, columns = observation.pixels[:, 0], observation.pixels[:, 1]
+    # Upright in the image: the way that the world's up goes in it.
+    roll = float(np.arctan2(pose[1, 0], -pose[1, 1]))
+    found = forest.probabilities(np.where(mask, z, 0.0), camera, rows, columns, roll=roll)
+    depth = z[rows, columns]
+    share = np.count_nonzero(mask) / max(1, len(rows))
+    area = share * depth * depth / (camera[0] * camera[1])
+    return Seen(observation.points, found, part_modes(observation.points, found, area))
+
+
+def proposals(seen: Seen, lengths: Float, eye: Float) -> list[tuple[float, Posture]]:
+    """Postures that bring the model's parts to their modes, each with what it leaves, the best first.
+
+    From a trunk turned as the modes say, and to four sides; and the best of them with left and right
+    exchanged and turned about, because a front is easily taken for a back.
+
+    Args:
+        lengths: (12,) the person's, or an average person's.
+        eye: (3,) the sensor, world frame.
+    """
+    modes = seen.modes
+    targets = _below_surface(modes.positions, eye)
+    found = [_aligned(start, targets, modes.mass) for start in _starts(targets, modes.mass, lengths, eye)]
+    found.sort(key=lambda pair: pair[0])
+    turned = _turned_about(found[0][1])
+    swapped = _aligned(turned, targets[MIRRORED], modes.mass[MIRRORED])
+    best = found[0]
+    others = [pair for pair in found[1:] if _differ(pair[1], best[1])]
+    return [best, swapped, *others[:1]]
+
+
+def _below_surface(positions: Float, eye: Float) -> Float:
+    """(17, 3) the middles of the parts, behind their seen surfaces."""
+    away = positions - eye
+    away /= np.linalg.norm(away, axis=1, keepdims=True) + 1e-9
+    return np.asarray(positions + BELOW[:, None] * away)
+
+
+def trust(mass: Float) -> Float:
+    """(17,) how sure each mode is, from its square metres."""
+    return np.asarray(np.minimum(1.0, mass / (0.5 * USUAL_AREA)) ** 2)
+
+
+def _aligned(start: Posture, targets: Float, mass: Float) -> tuple[float, Posture]:
+    posture, energy = align(start, ANCHOR_FRAMES, ANCHORS, targets, 0.03 * trust(mass))
+    return energy, posture
+
+
+def _starts(targets: Float, mass: Float, lengths: Float, eye: Float) -> list[Posture]:
+    """Relaxed postures about a trunk turned as its modes are, and to four sides of the sensor."""
+    centre = np.average(targets, axis=0, weights=mass + 1e-9)
+    facing = float(np.arctan2(eye[0] - centre[0], eye[2] - centre[2]))
+    turns = [rotation(y=facing + yaw) for yaw in _YAWS]
+    weights = trust(mass[_TRUNK]) * _TRUNK_TRUST
+    relaxed = _anchor_points(Posture(np.zeros(3), ranges.standing(), lengths))[_TRUNK]
+    if weights.sum() > 1.0:
+        turns.insert(0, _turn_between(relaxed, targets[_TRUNK], weights))
+    made = []
+    for turn in turns:
+        rotations = ranges.standing()
+        rotations[model.PELVIS] = turn
+        moved = targets[_TRUNK] - relaxed @ turn.T
+        position = np.average(moved, axis=0, weights=weights + 1e-6)
+        made.append(Posture(position, rotations, lengths.copy()))
+    return made
+
+
+def _turn_between(points: Float, targets: Float, weights: Float) -> Float:
+    """(3, 3) the rotation that brings weighted points nearest to their targets (Kabsch)."""
+    share = weights / weights.sum()
+    a, b = points - share @ points, targets - share @ targets
+    u, _, v = np.linalg.svd((b * share[:, None]).T @ a)
+    flip = np.diag([1.0, 1.0, np.linalg.det(u @ v)])
+    return np.asarray(u @ flip @ v)
+
+
+def _anchor_points(posture: Posture) -> Float:
+    """(17, 3) where a posture has its parts, world frame."""
+    world, pivots, _ = forward(posture.position, posture.rotations, posture.lengths)
+    return np.asarray(
+        pivots[ANCHOR_FRAMES] + np.einsum("pab,pb->pa", world[ANCHOR_FRAMES], ANCHORS @ posture.lengths)
+    )
+
+
+def _turned_about(posture: Posture) -> Posture:
+    """The posture turned half about its trunk's axis, the limbs of either side where the other's were."""
+    made = posture.copy()
+    made.rotations = ranges.mirrored(posture.rotations)
+    made.rotations[model.PELVIS] = posture.rotations[model.PELVIS] @ rotation(y=np.pi)
+    return made
+
+
+def _differ(one: Posture, other: Posture) -> bool:
+    """Whether some joint is in a plainly different place."""
+    return bool(np.linalg.norm(one.joints() - other.joints(), axis=1).max() > 0.15)
+
+
+def agreement(seen: Seen, posture: Posture) -> float:
+    """The mean probability, over the points, of the part that the posture has there: in [0, 1].
+
+    The agreement of a posture and of one turned about tells front from back, and left from right.
+    """
+    return float(_agreement(seen.points, *posture.capsules(), seen.likelihood))
+
+
+@njit(cache=True, nogil=True)
+def _agreement(points, ends, radii, likelihood):  # type: ignore[no-untyped-def]
+    """The mean likelihood of each point's nearest capsule."""
+    total = 0.0
+    for i in range(len(points)):
+        best, nearest = 0, np.inf
+        for c in range(len(ends)):
+            along, square, length = 0.0, 0.0, 1e-12
+            for a in range(3):
+                axis = ends[c, 1, a] - ends[c, 0, a]
+                along += (points[i, a] - ends[c, 0, a]) * axis
+                length += axis * axis
+            t = min(1.0, max(0.0, along / length))
+            for a in range(3):
+                square += (points[i, a] - ends[c, 0, a] - t * (ends[c, 1, a] - ends[c, 0, a])) ** 2
+            distance = abs(np.sqrt(square) - radii[c, 0] - t * (radii[c, 1] - radii[c, 0]))
+            if distance < nearest:
+                best, nearest = c, distance
+        total += likelihood[i, best]
+    return total / max(1, len(points))
