@@ -9,7 +9,6 @@ from enliven.arrays import Float
 from enliven_edge.tracking import model
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.gauss_newton import cholesky
-from enliven_edge.tracking.kinematics import capsules_into
 from enliven_edge.tracking.observation import Observation
 from enliven_edge.tracking.posture import Posture, forward
 from enliven_edge.tracking.terms import point_row
@@ -38,7 +37,7 @@ _SAME = 0.07
 
 
 def _beside() -> tuple[Float, Float]:
-    """(20, C) which capsules' mean speaks for each joint: the bone that ends there, and the part beside it."""
+    """(20, C) whose mean speaks for each joint: of the bone that ends there, and of the part beside it."""
     first, second = np.zeros((20, 20)), np.zeros((20, 20))
     pelvis, chest, girdle, neck, head = [0, 3], [1, 4], [2, 5], [6], [7]
     for joint, near, next_to in ((0, pelvis, chest), (1, chest, pelvis), (2, girdle, neck), (3, head, neck)):

@@ -64,7 +64,13 @@ REACH = _reach()
 
 
 def standing(
-    yaw: float = 0.0, *, arm_raise: float = 0.12, arm_forward: float = 0.0, elbow: float = 0.15
+    yaw: float = 0.0,
+    *,
+    arm_raise: float = 0.12,
+    arm_forward: float = 0.0,
+    elbow: float = 0.15,
+    hip: float = 0.0,
+    knee: float = 0.05,
 ) -> Float:
     """(13, 3, 3) a person standing, facing +Z turned by ``yaw`` about the vertical.
 
@@ -73,11 +79,13 @@ def standing(
         arm_raise: radians both upper arms are lifted sideways from hanging.
         arm_forward: radians both upper arms are lifted forward.
         elbow: radians both elbows are bent.
+        hip: radians both thighs are lifted forward.
+        knee: radians both knees are bent.
     """
     rotations = np.tile(np.eye(3), (13, 1, 1))
     rotations[model.PELVIS] = rotation(y=yaw)
     rotations[model.UPPER_ARM_L] = rotation(x=-arm_forward, z=arm_raise)
     rotations[model.FOREARM_L] = rotation(x=-elbow)
-    rotations[model.THIGH_L] = rotation(z=0.06)
-    rotations[model.SHIN_L] = rotation(x=0.05)
+    rotations[model.THIGH_L] = rotation(x=-hip, z=0.06)
+    rotations[model.SHIN_L] = rotation(x=knee)
     return _with_right_side(rotations)

@@ -1,10 +1,13 @@
-"""Second thoughts: an arm that explains nothing of the picture is tried elsewhere, one proposal a frame.
+"""Second thoughts: what explains the picture badly is tried elsewhere, one proposal a frame.
 
-Nearest-surface fitting cannot bring back an arm that has been caught by another limb, because every pixel of
-the real arm is explained by something else nearby. A proposal that starts elsewhere can.
+Nearest-surface fitting cannot bring back a limb that has been caught by another one, nor a body that faces
+the wrong way, because every pixel of the real one is explained by something else nearby. A proposal that
+starts elsewhere can; it is taken where it explains the frame better.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -12,68 +15,132 @@ from enliven.arrays import Float
 from enliven_edge.tracking import model
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.observation import Observation
-from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.posture import Posture, rotation
 from enliven_edge.tracking.ranges import mirrored, standing
 
-_POSES = (
+_ARM_POSES = (
     standing(arm_raise=0.15, arm_forward=0.1, elbow=1.5),
     standing(arm_raise=0.2, elbow=0.15),
     standing(arm_raise=1.4, elbow=0.1),
     standing(arm_raise=0.2, arm_forward=1.5, elbow=0.2),
     standing(arm_raise=2.5, elbow=0.4),
+    standing(arm_raise=0.3, arm_forward=1.0, elbow=2.2),
 )
-"""Forearm forward, hanging, out, forward, overhead. Before these come the arm as it was when last sure,
-and the other arm's mirror image."""
+"""Forearm forward, hanging, out, forward, overhead, hand at the face. Before these come the limb as it was
+when last sure, and the other side's mirror image."""
+_LEG_POSES = (
+    standing(),
+    standing(hip=1.4, knee=1.5),
+    standing(hip=0.3, knee=1.4),
+    standing(hip=0.7, knee=0.1),
+)
+"""Standing, knee up, kneeling, kicking."""
 _ARMS = ((model.UPPER_ARM_L, model.FOREARM_L), (model.UPPER_ARM_R, model.FOREARM_R))
+_LEGS = (
+    (model.THIGH_L, model.SHIN_L, model.FOOT_L),
+    (model.THIGH_R, model.SHIN_R, model.FOOT_R),
+)
 _DOUBTFUL, _SURE = 0.5, 0.9
 _BETTER = 0.985
-_STEPS = 5
+_STEPS = 6
+_WIDE_STEPS, _WIDE = 6, 0.25
+_BADLY = 0.9
+"""Share of the points explained (less what was seen through) below which the whole body is doubted."""
+_YAWS = (np.pi, 0.8, -0.8, 1.6, -1.6)
 
 
 class SecondThoughts:
-    """Takes turns over the arms and the proposals."""
+    """Takes turns over the limbs and the whole body, and over the proposals for each."""
 
     def __init__(self, fitter: Fitter) -> None:
         self._fitter = fitter
         self._turn = 0
-        self._remembered: dict[tuple[int, int], Float] = {}
+        self._remembered: dict[tuple[int, ...], Float] = {}
+        self._ideas: Iterator[Posture] = iter(())
 
     def reconsider(
         self, observation: Observation, posture: Posture, report: FitReport, confidence: Float
     ) -> tuple[Posture, FitReport]:
-        """The posture, or one with a doubtful arm elsewhere where that explains the frame better.
+        """The posture, or one with a doubtful part elsewhere where that explains the frame better.
 
         Args:
             confidence: (C,) of every capsule, in [0, 1].
         """
-        doubtful = []
-        for arm in _ARMS:
-            sure = _arm_confidence(confidence, arm[1])
+        doubtful: list[tuple[int, ...]] = []
+        for limb in (*_ARMS, *_LEGS):
+            sure = float(np.min(confidence[np.isin(model.CAPSULES.frame, limb[1:])]))
             if sure > _SURE:
-                self._remembered[arm] = posture.rotations[list(arm)].copy()
+                self._remembered[limb] = posture.rotations[list(limb)].copy()
             elif sure < _DOUBTFUL:
-                doubtful.append(arm)
-        if not doubtful:
-            return posture, report
-        start = self._proposal(posture, doubtful)
-        tried, tried_report = self._fitter.fit(observation, start, iterations=_STEPS)
-        _, same_report = self._fitter.fit(observation, posture, iterations=1)
-        if tried_report.energy < _BETTER * same_report.energy:
-            return tried, tried_report
-        return posture, report
-
-    def _proposal(self, posture: Posture, doubtful: list[tuple[int, int]]) -> Posture:
-        """The posture with the next doubtful arm at the next place where it may be."""
-        arm = doubtful[self._turn % len(doubtful)]
-        places = [mirrored(posture.rotations)[list(arm)], *(pose[list(arm)] for pose in _POSES)]
-        if arm in self._remembered:
-            places.insert(0, self._remembered[arm])
-        start = posture.copy()
-        start.rotations[list(arm)] = places[(self._turn // len(doubtful)) % len(places)]
+                doubtful.append(limb)
+        badly = report.explained - report.violated.mean() < _BADLY
         self._turn += 1
+        if badly and (not doubtful or self._turn % 2):
+            tried = self._elsewhere(observation, posture)
+        elif doubtful:
+            tried = self._fitter.fit(observation, self._limb_elsewhere(posture, doubtful), iterations=_STEPS)
+        else:
+            return posture, report
+        _, same = self._fitter.fit(observation, posture, iterations=1)
+        return tried if tried[1].energy < _BETTER * same.energy else (posture, report)
+
+    def _elsewhere(self, observation: Observation, posture: Posture) -> tuple[Posture, FitReport]:
+        """The next idea of how the whole body may be, fitted widely, then closely."""
+        idea = next(self._ideas, None)
+        if idea is None:
+            self._ideas = whole_bodies(observation, posture)
+            idea = next(self._ideas)
+        wide, _ = self._fitter.fit(observation, idea, iterations=_WIDE_STEPS, width=_WIDE)
+        return self._fitter.fit(observation, wide, iterations=_STEPS)
+
+    def _limb_elsewhere(self, posture: Posture, doubtful: list[tuple[int, ...]]) -> Posture:
+        """The posture with the next doubtful limb at the next place where it may be."""
+        turn = self._turn // 2
+        limb = doubtful[turn % len(doubtful)]
+        index = list(limb)
+        poses = _ARM_POSES if limb in _ARMS else _LEG_POSES
+        places = [mirrored(posture.rotations)[index], *(pose[index] for pose in poses)]
+        if limb in self._remembered:
+            places.insert(0, self._remembered[limb])
+        start = posture.copy()
+        start.rotations[index] = places[(turn // len(doubtful)) % len(places)]
         return start
 
 
-def _arm_confidence(confidence: Float, fore: int) -> float:
-    """The least certain of a forearm's and its hand's capsules."""
-    return float(np.min(confidence[model.CAPSULES.frame == fore]))
+def whole_bodies(observation: Observation, posture: Posture) -> Iterator[Posture]:
+    """Ideas of where the whole body may be: turned, seen from the other side, standing anew."""
+    for yaw in _YAWS:
+        yield _turned(posture, yaw)
+    ahead = posture.rotations[model.PELVIS][:, 2]
+    facing = float(np.arctan2(ahead[0], ahead[2]))
+    for yaw in (0.0, np.pi, 1.57, -1.57):
+        yield _standing_at(observation, posture, facing + yaw)
+
+
+def _turned(posture: Posture, yaw: float) -> Posture:
+    """The body turned about the vertical, its limbs where they are where it is seen from behind."""
+    made = posture.copy()
+    if abs(yaw) > 3.0:
+        # Half a turn looks the same with left and right exchanged: each limb takes the other's place.
+        made.rotations = mirrored(posture.rotations)
+        made.rotations[model.PELVIS] = _flipped(posture.rotations[model.PELVIS])
+        return made
+    made.rotations[model.PELVIS] = rotation(y=yaw) @ posture.rotations[model.PELVIS]
+    return made
+
+
+def _flipped(pelvis: Float) -> Float:
+    """(3, 3) the pelvis with front and back exchanged, its vertical kept."""
+    return np.asarray(pelvis @ rotation(y=np.pi))
+
+
+def _standing_at(observation: Observation, posture: Posture, facing: float) -> Posture:
+    """A person who stands where the points are, turned to ``facing`` radians."""
+    made = Posture(posture.position.copy(), standing(facing), posture.lengths.copy())
+    centre = np.median(observation.points.astype(float), axis=0)
+    away = centre - observation.view[4][:3, 3]
+    away[1] = 0.0
+    made.position = centre + 0.1 * away / max(1e-6, float(np.linalg.norm(away)))
+    soles = made.joints()[:, 1].min() - made.position[1]
+    made.position[1] = 0.04 - soles
+    return made
