@@ -14,8 +14,14 @@ import msgspec
 from enliven.body import Body
 from enliven.character import Character, Pose
 from enliven.frames import Frame
+from enliven.health import HealthState
 from enliven.recording import Recorder
-from enliven.wire.convert import bodies_to_message, character_to_message, cues_to_message
+from enliven.wire.convert import (
+    bodies_to_message,
+    character_to_message,
+    cues_to_message,
+    health_to_messages,
+)
 from enliven.wire.messages import Possess
 from enliven_edge.actor import Cues
 from enliven_edge.control import Command
@@ -97,6 +103,16 @@ class Outlet:
                 latency_p50_ms=pace.latency_ms(50),
                 latency_p99_ms=pace.latency_ms(99),
             )
+
+    def ail(self, states: list[HealthState]) -> None:
+        """What is wrong; goes out at once where it is new, or over."""
+        health = health_to_messages(states)
+        told = self._publisher.status.health
+        if health == told:
+            return
+        self._publisher.set_status(health=health)
+        if [(h.kind, h.performer) for h in health] != [(h.kind, h.performer) for h in told]:
+            self._publisher.beat()
 
     def hear(self, possess: Callable[[str, int | None, str], str], release: Callable[[str], str]) -> None:
         """Answers what viewers asked, and keeps the heart beating.

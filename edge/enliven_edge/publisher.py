@@ -188,7 +188,7 @@ class Publisher:
 
     def set_status(self, **fields: Any) -> None:
         """Change fields of the heartbeat (sensor, phase, note, fps, latency_p50_ms, latency_p99_ms,
-        performers, dropped); a new phase goes out at once."""
+        performers, dropped, health); a new phase goes out at once."""
         clean = {k: _clean(v) for k, v in fields.items()}
         before, self._status = self._status, msgspec.structs.replace(self._status, **clean)
         if before.phase != self._status.phase:

@@ -14,6 +14,7 @@ from enliven_edge.outlet import Outlet
 from enliven_edge.pace import Pace
 from enliven_edge.sensors.base import Sensor
 from enliven_edge.stage import Stage
+from enliven_edge.tracking.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
 
 log = logging.getLogger(__name__)
@@ -29,6 +30,7 @@ class Edge:
         possess_at: seconds after the first frame at which the first performer takes hold, or None.
         parts: what of the body takes hold then.
         stop_after: seconds of the sensor's clock after which the edge ends, or None.
+        health: says what is wrong; None makes one.
     """
 
     def __init__(
@@ -41,10 +43,13 @@ class Edge:
         possess_at: float | None = None,
         parts: str = "all",
         stop_after: float | None = None,
+        health: HealthMonitor | None = None,
     ) -> None:
         self.sensor, self.tracker, self.stage, self.outlet = sensor, tracker, stage, outlet
+        self.health = health or HealthMonitor()
         self.pace = Pace()
         self.frames = 0
+        self._heard = time.monotonic()
         self._possess_at, self._parts, self._stop_after = possess_at, parts, stop_after
         self._first_ns: int | None = None
         self._stopped = False
@@ -54,6 +59,8 @@ class Edge:
         for frame in self._frames():
             if frame is not None:
                 self.step(frame)
+            else:
+                self._wait()
             self._listen()
 
     def stop(self) -> None:
@@ -71,13 +78,17 @@ class Edge:
             time.sleep(0.02)
 
     def step(self, frame: Frame) -> None:
-        """One frame's way through the edge."""
-        read_ns = time.time_ns()
+        """One frame's way through the edge; one that is out of order goes no further."""
+        read_ns, self._heard = time.time_ns(), time.monotonic()
+        if not self.health.admit(frame):
+            self.outlet.ail(self.health.states)
+            return
         bodies = self._bodies(frame)
         poses = self.stage.perform(bodies, frame.time_ns)
         self.outlet.publish(frame, bodies, poses, self.stage.cues(), read_ns)
         self.pace.took(read_ns, time.time_ns())
         self.frames += 1
+        self.outlet.ail(self.health.states)
         self.outlet.report(self.pace, "tracking" if bodies else "watching", len(bodies))
         self._take_hold_when_due(frame.time_ns)
 
@@ -103,9 +114,19 @@ class Edge:
         """Who is in the frame: tracked in depth, or as the sensor saw them itself."""
         match frame:
             case DepthFrame():
-                return self.tracker.track(frame)
+                tracker = self.tracker
+                tracker.output.latency = self.pace.latency_ms(50) * 1e-3
+                bodies = tracker.track(frame)
+                self.health.judge(frame, bodies, tracker.world_from_camera, tracker.state)
             case BodyFrame():
-                return frame.bodies
+                bodies = frame.bodies
+                self.health.judge(frame, bodies)
+        return bodies
+
+    def _wait(self) -> None:
+        """No frame is due: says so where that lasts."""
+        self.health.silent(time.monotonic() - self._heard)
+        self.outlet.ail(self.health.states)
 
     def _take_hold_when_due(self, time_ns: int) -> None:
         """The possession that was asked for on the command line, as soon as somebody is there."""

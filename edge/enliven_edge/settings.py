@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from enliven.settings import setting
 from enliven_edge.actor import ActorSettings
+from enliven_edge.tracking.health import HealthSettings
 from enliven_edge.tracking.settings import TrackerSettings
 
 
@@ -27,4 +28,5 @@ class EdgeSettings:
     up: str = setting("y", "The mesh's own axis that points up: x, y or z.")
     tracker: TrackerSettings = setting(TrackerSettings, "The tracker.")
     actor: ActorSettings = setting(ActorSettings, "How characters meet and follow their performers.")
+    health: HealthSettings = setting(HealthSettings, "When something is said to be wrong.")
     wire: WireSettings = setting(WireSettings, "The network.")

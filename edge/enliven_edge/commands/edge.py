@@ -76,6 +76,7 @@ def serve(
     from enliven_edge.outlet import Outlet
     from enliven_edge.service import Edge
     from enliven_edge.stage import Stage
+    from enliven_edge.tracking.health import HealthMonitor
     from enliven_edge.tracking.tracker import Tracker
 
     mesh, possess_at, parts, record, overwrite, wait, seconds = run
@@ -92,6 +93,9 @@ def serve(
             possess_at=possess_at,
             parts=parts,
             stop_after=seconds,
+            health=HealthMonitor(
+                chosen.health, fps=getattr(sensor, "fps", None), far=chosen.tracker.scene.far
+            ),
         )
         log.info("%s listens on %s for %s", chosen.wire.name, outlet.publisher.endpoint, sensor.name)
         with _stopped_by_signals(service.stop):

@@ -11,7 +11,8 @@ from enliven.frames import Frame
 class Sensor(Protocol):
     """A stream of frames, from hardware, from a file or made up; a context manager that closes itself.
 
-    ``name`` is the sensor's identity, as its frames carry it.
+    ``name`` is the sensor's identity, as its frames carry it. A sensor that promises a frame rate has it as
+    ``fps``, frames a second.
     """
 
     name: str

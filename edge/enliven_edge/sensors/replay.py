@@ -12,6 +12,8 @@ from types import TracebackType
 from enliven.errors import InputError
 from enliven.frames import Frame
 from enliven.recording import Recording
+from enliven.recording.reader import RecordingInfo
+from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC
 
 _USUAL_STEP_NS = 33_333_333
 
@@ -41,6 +43,7 @@ class ReplaySensor:
         self.recording = Recording(path)
         info = self.recording.info
         self.name = info.sensors[0] if info.sensors else "replay"
+        self.fps = _rate(info)
         self._speed = speed
         self._frames = _endless(self.recording) if loop else self.recording.frames()
         self._next = next(self._frames, None)
@@ -89,6 +92,13 @@ class ReplaySensor:
         if self._started is None:
             self._started = time.monotonic()
         return self._started + (frame.time_ns - self._first_ns) * 1e-9 / self._speed
+
+
+def _rate(info: RecordingInfo) -> float | None:
+    """Frames a second as they were recorded; None where there are too few to tell."""
+    counts = [topic.count for name, topic in info.topics.items() if name in (DEPTH_TOPIC, BODIES_TOPIC)]
+    frames = max(counts, default=0) / max(1, len(info.sensors))
+    return (frames - 1) / info.duration if frames > 1 and info.duration > 0 else None
 
 
 def _endless(recording: Recording) -> Iterator[Frame]:

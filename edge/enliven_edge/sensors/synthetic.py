@@ -45,7 +45,7 @@ class SyntheticSensor:
         values = {"choreography": choreography, "seed": seed, "width": width or 0, **more}
         settings = load_settings(StudioSettings, values, where="synthetic sensor")
         self.studio = Studio(load_profile(profile), settings)
-        self.name = self.studio.sensor
+        self.name, self.fps = self.studio.sensor, self.studio.profile.camera.fps
         self._realtime, self._loop = realtime, loop
         self._index, self._closed = 0, False
         self._started: float | None = None

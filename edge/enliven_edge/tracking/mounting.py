@@ -37,6 +37,11 @@ class Mounting:
         self._looked = 0
 
     @property
+    def floor_known(self) -> bool:
+        """Whether the floor was found, or the sensor told where it stands."""
+        return self._floor_known
+
+    @property
     def camera(self) -> WorkingCamera:
         assert self._camera is not None
         return self._camera

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import numpy as np
-
 from enliven.arrays import Float
 from enliven.body import Body
 from enliven.frames import DepthFrame
 from enliven_edge.tracking.crowd import Crowd
 from enliven_edge.tracking.fit import Fitter
+from enliven_edge.tracking.health import TrackerState
 from enliven_edge.tracking.mounting import Mounting
+from enliven_edge.tracking.output import Output
 from enliven_edge.tracking.person import Person
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.room import Room
 from enliven_edge.tracking.settings import TrackerSettings
-from enliven_edge.tracking.smoothing import OneEuro
 from enliven_edge.tracking.view import View
 
 
@@ -32,7 +31,7 @@ class Tracker:
         self._mounting = Mounting(self.settings.scene)
         self._crowd = Crowd(self.settings, Fitter(self.settings.fit))
         self._room: Room | None = None
-        self._smooth: dict[int, OneEuro] = {}
+        self.output = Output(self.settings)
 
     @property
     def world_from_camera(self) -> Float | None:
@@ -48,6 +47,13 @@ class Tracker:
     def bystanders(self) -> int:
         """How many people are in view who are no performers: out of the zone, or locked out."""
         return self._crowd.bystanders
+
+    @property
+    def state(self) -> TrackerState:
+        """What the tracker knows of the last frame, for the monitor of its health."""
+        age = self._room.age if self._room is not None else 0.0
+        moved = self._mounting.new_place and not self._mounting.new_camera
+        return TrackerState(self._mounting.floor_known, age, moved)
 
     @property
     def posture(self) -> Posture | None:
@@ -66,7 +72,7 @@ class Tracker:
     def forget(self) -> None:
         """Drops everybody who is followed or remembered; the room and the sensor's place stay."""
         self._crowd.forget()
-        self._smooth.clear()
+        self.output.forget()
 
     def track(self, frame: DepthFrame) -> list[Body]:
         """The bodies in a frame, world frame; empty where nobody is seen."""
@@ -90,12 +96,10 @@ class Tracker:
         return self._room
 
     def _bodies(self, time_ns: int) -> list[Body]:
-        """What leaves the tracker: every performer's joints, smoothed."""
-        made = []
+        """What leaves the tracker: every performer's fit, smoothed and more as the settings say."""
+        fits = []
         for person in self.performers:
-            smooth = self._smooth.setdefault(person.id, OneEuro(self.settings.smoothing))
-            joints = smooth(person.follower.posture.joints(), time_ns)
-            made.append(Body(person.id, np.asarray(joints), person.follower.confidence))
-        ids = {body.id for body in made}
-        self._smooth = {i: s for i, s in self._smooth.items() if i in ids}
-        return made
+            posture, sure = person.follower.posture, person.follower.confidence
+            turns, stature = posture.orientations(), person.looks.stature
+            fits.append(Body(person.id, posture.joints(), sure, turns, stature=stature))
+        return self.output(fits, time_ns, self.world_from_camera)
