@@ -1,0 +1,227 @@
+"""The real recordings as the tracker gets them, with whatever joints come with them.
+
+- ``bodyscanner_kinect2``: a person's scan drawn into the depth image of its own camera (a Kinect v2, its
+  tilt told), with the sensor maker's joints of the same moment. SpineBase, SpineMid and SpineShoulder stand
+  for the hip centre, the spine and the shoulder centre; the feet are cut off: ankles and feet do not count.
+- ``js6450_kinect2``: about thirty depth samples around every joint, drawn as discs of 6 px; the distance to
+  the sensor is not recorded and chosen so that people are 1.70 m tall. Joints count whose depth was measured.
+  It says whether a body is found in shreds of one, within a few centimetres of another tracker's opinion.
+- ``skeltrack_kinect1``: single shots with joints marked by eye (:mod:`tracking_marks`): distances are in the
+  image plane, at the depth of what is there.
+- ``uva_person_turn``: no joints; how often the upper body's lie within the person's mask.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+from scipy import ndimage
+from tracking_cache import Moment
+from tracking_marks import MARKS
+from tracking_scores import NEAR, Scores, Take, joint_label, score
+from tracking_set import DATA
+
+from enliven.body import Body, Joint
+from enliven.camera import Intrinsics, project, world_from_level_camera
+from enliven.frames import DepthFrame
+from enliven_edge.importing import flow_room
+from enliven_edge.importing.base import ImportOptions
+from enliven_edge.importing.registry import find_files, find_reader
+from enliven_edge.importing.skeletons import KINECT2_NAMES
+from enliven_edge.tracking.tracker import Tracker
+
+KINECT2 = Intrinsics(512, 424, 365.5, 365.5, 256.0, 212.0)
+KINECT1 = Intrinsics(640, 480, 575.0, 575.0, 319.5, 239.5)
+_STEP = 33_333_333
+_STANDS_FOR = 30
+"""Frames for which the one image of a scan is shown."""
+_HIDDEN_FEET = [Joint.ANKLE_LEFT, Joint.FOOT_LEFT, Joint.ANKLE_RIGHT, Joint.FOOT_RIGHT]
+UPPER = [Joint.HEAD, Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.SHOULDER_RIGHT, Joint.ELBOW_RIGHT]
+LEGS = [j for j in Joint if j > Joint.HIP_LEFT and j != Joint.HIP_RIGHT]
+
+
+@dataclass(frozen=True)
+class Real:
+    """A real sequence with joints; those and the bodies are compared in the camera's frame."""
+
+    name: str
+    frames: list[DepthFrame]
+    moments: list[Moment]
+
+    def take(self, tracker: Tracker | None = None) -> Take:
+        """What the tracker makes of it."""
+        tracker = tracker or Tracker()
+        bodies = [[in_camera(b, tracker) for b in tracker.track(frame)] for frame in self.frames]
+        times = np.array([f.time_ns * 1e-9 for f in self.frames])
+        return Take(times, self.moments, bodies, np.ones(len(times), bool), np.zeros(len(times)))
+
+    def scores(self) -> Scores:
+        """Its figures by a fresh tracker."""
+        return score(self.take())
+
+
+def in_camera(body: Body, tracker: Tracker) -> Body:
+    """A body's joints in the camera's frame."""
+    assert tracker.world_from_camera is not None
+    inverse = np.linalg.inv(tracker.world_from_camera)
+    return replace(body, joints=body.joints @ inverse[:3, :3].T + inverse[:3, 3])
+
+
+def with_joints() -> Iterator[Real]:
+    """The sequences here that have joints."""
+    if (DATA / "scans" / "bodyscanner_kinect2").is_dir():
+        yield bodyscanner()
+    for name, path in (
+        ("js6450_one", "1person_lift-both-legs-separate-MIN.json"),
+        ("js6450_two", "2people_raise-both-arms-MIN.json"),
+    ):
+        if (DATA / "skeletons" / "js6450_kinect2_json" / path).exists():
+            yield js6450(name, path)
+
+
+def bodyscanner() -> Real:
+    """One moment, shown for a second."""
+    folder = DATA / "scans" / "bodyscanner_kinect2"
+    data = next(folder.glob("*.pcd")).read_bytes()
+    points = np.frombuffer(data[data.index(b"DATA binary\n") + 12 :], "<f4").reshape(-1, 4)[:, :3]
+    rows = [line.split(",") for line in next(folder.glob("2019*.csv")).read_text().split()[1:]]
+    named = {name: np.array([float(x) for x in xyz]) for name, *xyz in rows}
+    cv = np.array([1.0, -1.0, -1.0])
+    joints = np.array([named[name] * cv for name in KINECT2_NAMES])
+    depth = _splatted(points * cv, 1)
+    mount = world_from_level_camera(1.05, np.radians(named["Degree"][0]))
+    visible = np.ones(20, bool)
+    visible[_HIDDEN_FEET] = False
+    moment = Moment(np.ones(1, bool), joints[None], visible[None], np.zeros((1, 2), bool))
+    frames = [
+        DepthFrame(depth, KINECT2, n * _STEP, "body scanner", world_from_camera=mount)
+        for n in range(_STANDS_FOR)
+    ]
+    return Real("bodyscanner", frames, [moment] * len(frames))
+
+
+def js6450(name: str, file: str) -> Real:
+    """Every frame of a take, drawn from the samples around the joints."""
+    path = DATA / "skeletons" / "js6450_kinect2_json" / file
+    cleaned = [[flow_room._cleaned(s) for s in frame] for frame in flow_room._frames(path)]
+    distance = flow_room._distance([uvz for frame in cleaned for uvz, _ in frame], path)
+    people = sorted({s["trackingId"] for frame in _json(path) for s in frame})
+    people = [i for i in people if sum(i == s["trackingId"] for f in _json(path) for s in f) > 20]
+    frames, moments = [], []
+    for n, (skeletons, known) in enumerate(zip(_json(path), cleaned, strict=True)):
+        joints, visible = np.full((len(people), 20, 3), np.nan), np.zeros((len(people), 20), bool)
+        samples = []
+        for skeleton, (uvz, good) in zip(skeletons, known, strict=True):
+            if skeleton["trackingId"] not in people:
+                continue
+            p = people.index(skeleton["trackingId"])
+            joints[p], visible[p] = _camera_points(uvz, distance), good
+            pixels = [(q["x"], q["y"], q["z"]) for j in skeleton["joints"] for q in j["px"]]
+            samples.append(_near(np.array(pixels, float), float(np.median(uvz[good, 2]))))
+        points = _camera_points(np.concatenate(samples), distance) if samples else np.zeros((0, 3))
+        frames.append(DepthFrame(_splatted(points, 6), KINECT2, n * _STEP, name))
+        present = np.isfinite(joints).all((1, 2))
+        moments.append(Moment(present, joints, visible, np.zeros((len(people), 2), bool)))
+    return Real(name, frames, moments)
+
+
+def _json(path: Path) -> list:
+    return json.loads(path.read_text())
+
+
+def _near(samples: np.ndarray, middle: float) -> np.ndarray:
+    """The samples within 0.7 m of the body's depth: the rest hit the wall behind it, or nothing."""
+    return samples[(samples[:, 2] > -499) & (np.abs(samples[:, 2] - middle) < 700)]
+
+
+def _camera_points(uvz: np.ndarray, distance: float) -> np.ndarray:
+    """(N, 3) camera-frame metres. The recorded image is mirrored: left is at its left."""
+    z = distance + uvz[:, 2] * 1e-3
+    x, y = (KINECT2.cx - uvz[:, 0]) / KINECT2.fx * z, (uvz[:, 1] - KINECT2.cy) / KINECT2.fy * z
+    return np.stack([x, y, z], 1)
+
+
+def _splatted(points: np.ndarray, radius: int) -> np.ndarray:
+    """(424, 512) uint16 mm: points drawn as discs, the nearest wins."""
+    image = np.full((KINECT2.height, KINECT2.width), np.inf)
+    uv = np.rint(project(points, KINECT2)).astype(int)
+    for dv in range(-radius, radius + 1):
+        for du in range(-radius, radius + 1):
+            if du * du + dv * dv > radius * radius + 1:
+                continue
+            u, v = uv[:, 0] + du, uv[:, 1] + dv
+            inside = (u >= 0) & (u < KINECT2.width) & (v >= 0) & (v < KINECT2.height)
+            np.minimum.at(image, (v[inside], u[inside]), points[inside, 2])
+    return np.where(np.isfinite(image), np.rint(1e3 * np.minimum(image, 65.0)), 0).astype(np.uint16)
+
+
+def skeltrack() -> tuple[float, float, dict[str, list[Joint]]]:
+    """The share of marked joints within 10 cm in the image plane, their mean distance (mm), and the lost."""
+    near, apart, lost = 0, [], {}
+    for path in sorted((DATA / "depth" / "skeltrack_kinect1").glob("*.u16")):
+        depth = np.fromfile(path, "<u2").reshape(480, 640)
+        tracker = Tracker()
+        bodies = [in_camera(b, tracker) for b in _shown(tracker, depth)]
+        number = path.stem.split("-")[-1]
+        for marks in MARKS[number]:
+            away = _closest(bodies, marks, depth)
+            near += sum(d < NEAR for d in away.values())
+            apart += list(away.values())
+            lost.setdefault(number, []).extend(j for j, d in away.items() if d >= NEAR)
+    return near / len(apart), 1e3 * float(np.mean(np.minimum(apart, 1.0))), lost
+
+
+def _shown(tracker: Tracker, depth: np.ndarray) -> list[Body]:
+    """The bodies in one image, at first sight."""
+    return tracker.track(DepthFrame(depth, KINECT1, 0, "kinect1"))
+
+
+def _closest(bodies: list[Body], marks: dict, depth: np.ndarray) -> dict[Joint, float]:
+    """Metres in the image plane from each mark to the body that is nearest to all of them."""
+    if not bodies:
+        return {joint: np.inf for joint in marks}
+    found = []
+    for body in bodies:
+        away = {}
+        for joint, (u, v) in marks.items():
+            around = depth[max(v - 6, 0) : v + 7, max(u - 6, 0) : u + 7]
+            z = 1e-3 * float(np.median(around[around > 0])) if around.any() else 1.2
+            at = project(body.joints[joint], KINECT1)
+            away[joint] = float(np.linalg.norm(at - (u, v)) / KINECT1.fx * z)
+        found.append(away)
+    return min(found, key=lambda away: sum(away.values()))
+
+
+def uva() -> tuple[float, float, list[list[Body]]]:
+    """The share of upper joints on the person (15 px), and the legs' mean confidence: they are never seen."""
+    paths = find_files([DATA / "depth" / "uva_cv2_person_turn"])
+    tracker, inside, legs, bodies = Tracker(), [], [], []
+    for n, frame in enumerate(find_reader(paths).read(paths, ImportOptions())):
+        found = tracker.track(frame)
+        bodies.append(found)
+        mask_path = DATA / "depth" / "uva_cv2_person_turn" / f"{n:010d}_mask.jpg"
+        outside = ndimage.distance_transform_edt(~(np.asarray(Image.open(mask_path).convert("L")) > 128))
+        if not found:
+            inside += [False] * len(UPPER)
+            continue
+        body = in_camera(found[0], tracker)
+        uv = np.rint(project(body.joints[UPPER], frame.intrinsics)).astype(int)
+        uv = np.clip(uv, 0, [outside.shape[1] - 1, outside.shape[0] - 1])
+        inside += list(outside[uv[:, 1], uv[:, 0]] < 15)
+        legs.append(float(found[0].confidence[LEGS].mean()))
+    return float(np.mean(inside)), float(np.mean(legs or [0.0])), bodies
+
+
+if __name__ == "__main__":
+    for real in with_joints():
+        s = real.scores()
+        shares = s.hits / np.maximum(s.visible, 1)
+        joints = " ".join(f"{joint_label(j)} {shares[j]:.2f}" for j in range(20))
+        print(f"{real.name:<14} within {s.within:.3f}  mean {s.mean_mm:.0f} mm  id {s.identity}  {joints}")
+    print("skeltrack     ", skeltrack())
+    print("uva           ", uva()[:2])
