@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from PIL import Image, ImageDraw, ImageFont
 
+from enliven.health import HealthState, Severity
 from enliven_viewer.document import EdgeState
-from enliven_viewer.hud import Hud, HudState, clock, timeline_area, timeline_fraction
+from enliven_viewer.hud import Hud, HudState, clock, timeline_area, timeline_fraction, wrapped
 from enliven_viewer.render.canvas import Canvas
 from enliven_viewer.render.font import CHARACTERS, make_atlas
 
@@ -80,6 +85,54 @@ def test_everything_at_once_draws_without_an_error(gl) -> None:
     hud.rescale(2.0)
     hud.draw(target, HudState(edge=EdgeState(False, "tcp://127.0.0.1:5580")))
     assert np.abs(pixels(target) - before).max() > 50
+
+
+def ailing(*severities: Severity) -> EdgeState:
+    """An edge at which so many things are wrong."""
+    states = tuple(
+        HealthState("slow", severity, 0, "The sensor gives 5 frames a second instead of 30.", "Use USB 3.")
+        for severity in severities
+    )
+    return EdgeState(True, "tcp://127.0.0.1:5580", "tracking", health=states)
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (320, 240)])
+def test_what_is_wrong_is_shown_in_the_colour_of_its_gravity(gl, size) -> None:
+    plain, shown = canvas_of(gl, *size), canvas_of(gl, *size)
+    hud = Hud(gl)
+    hud.draw(plain, HudState(edge=ailing()))
+    hud.draw(shown, HudState(edge=ailing(Severity.ERROR)))
+    changed = np.abs(pixels(shown) - pixels(plain)).max(-1) > 20
+    rows, columns = np.nonzero(changed)
+    assert len(rows) > 500 and columns.max() < size[0] - 14 and rows.max() < size[1] - 60
+    stripe = pixels(shown)[rows.min() : rows.max(), 17]
+    assert (stripe[:, 0] > stripe[:, 2] + 90).mean() > 0.5, "the stripe of an error is red"
+
+
+def test_what_has_no_room_is_counted_and_never_drawn_over_the_timeline(gl) -> None:
+    size = (640, 300)
+    one, many = canvas_of(gl, *size), canvas_of(gl, *size)
+    hud = Hud(gl)
+    for target, count in ((one, 1), (many, 8)):
+        hud.draw(target, HudState(edge=ailing(*[Severity.WARNING] * count), length_s=3))
+    assert np.abs(pixels(one) - pixels(many))[: size[1] - 62].max() > 50
+    np.testing.assert_array_equal(pixels(one)[size[1] - 56 :], pixels(many)[size[1] - 56 :])
+
+
+def test_an_edge_that_is_not_heard_says_nothing_of_its_health(gl) -> None:
+    size = (640, 360)
+    first, second = canvas_of(gl, *size), canvas_of(gl, *size)
+    hud = Hud(gl)
+    hud.draw(first, HudState(edge=EdgeState(False, "tcp://127.0.0.1:5580")))
+    hud.draw(second, HudState(edge=replace(ailing(Severity.ERROR), connected=False, phase="")))
+    np.testing.assert_array_equal(pixels(first), pixels(second))
+
+
+@given(st.text(alphabet="ab cd ef", max_size=80), st.integers(1, 20))
+def test_wrapping_keeps_every_word_and_no_line_is_too_wide(text: str, width: int) -> None:
+    lines = wrapped(text, width, len)
+    assert " ".join(lines).split() == text.split()
+    assert all(len(line) <= width or " " not in line for line in lines)
 
 
 def test_clocks() -> None:

@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
+from enliven.body import Body
 from enliven.character import Pose
-from enliven_viewer.interpolation import blend_linear, blend_poses
+from enliven_viewer.interpolation import blend_bodies, blend_linear, blend_poses
 
 seeds = st.integers(0, 10_000)
 
@@ -59,3 +60,18 @@ def test_poses_of_different_characters_are_not_mixed() -> None:
 
     assert len(blend_poses(pose(2), pose(3), 0.4, 0).linear) == 2
     assert len(blend_poses(pose(2), pose(3), 0.6, 0).linear) == 3
+
+
+def test_bodies_are_blended_with_all_that_is_known_of_them() -> None:
+    turns = Rotation.from_rotvec([[0.0, 0.0, 0.0], [0.0, 0.8, 0.0]]).as_quat(scalar_first=True)
+    before, after = (
+        Body(1, np.full((20, 3), x), np.ones(20), np.tile(turn, (20, 1)), np.array([x, 0.0]), 1.7 + x)
+        for x, turn in zip((0.0, 1.0), turns, strict=True)
+    )
+    (made,) = blend_bodies((before,), (after,), 0.25)
+    assert made.joints[3, 1] == 0.25 and made.contacts[0] == 0.25 and made.stature == 1.7
+    angle = Rotation.from_quat(made.orientations, scalar_first=True).magnitude()
+    assert np.allclose(angle, 0.2)
+    bare = Body(1, np.ones((20, 3)), np.ones(20))
+    (mixed,) = blend_bodies((before,), (bare,), 0.75)
+    assert mixed.orientations is None and mixed.contacts is None and mixed.stature is None

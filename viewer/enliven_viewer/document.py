@@ -10,6 +10,7 @@ import numpy as np
 from enliven.arrays import Float, Float32
 from enliven.body import Body
 from enliven.character import Character, Pose
+from enliven.health import HealthState
 from enliven_viewer.timeline import Cues, Timeline
 
 
@@ -24,6 +25,7 @@ class EdgeState:
         message: one sentence for the user, or empty.
         sensor_to_pose_ms: milliseconds from the sensor's frame to its published pose, or None.
         pose_to_screen_ms: milliseconds from publishing to here, or None.
+        health: what the edge says is wrong, the gravest first.
     """
 
     connected: bool = False
@@ -32,6 +34,7 @@ class EdgeState:
     message: str = ""
     sensor_to_pose_ms: float | None = None
     pose_to_screen_ms: float | None = None
+    health: tuple[HealthState, ...] = ()
 
 
 @dataclass

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+from enliven.wire.convert import messages_to_health
 from enliven_viewer.document import Document, EdgeState
 from enliven_viewer.link import Link
 from enliven_viewer.received import ReceivedCues, ReceivedPose
@@ -97,4 +98,5 @@ class EdgeFeed:
             message=message,
             sensor_to_pose_ms=self._edge_ms,
             pose_to_screen_ms=self._way_ms,
+            health=tuple(messages_to_health(status.health)) if status is not None and connected else (),
         )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import moderngl
 
+from enliven.health import HealthState, Severity
 from enliven_viewer.document import EdgeState
 from enliven_viewer.render.canvas import Canvas, Colour
 
@@ -30,7 +32,11 @@ GLASS: Colour = (0.05, 0.06, 0.085, 0.58)
 ACCENT: Colour = (1.0, 0.69, 0.30, 1.0)
 GOOD: Colour = (0.42, 0.86, 0.56, 1.0)
 WAIT: Colour = (1.0, 0.74, 0.30, 1.0)
+BAD: Colour = (1.0, 0.36, 0.33, 1.0)
 TRACK: Colour = (1.0, 1.0, 1.0, 0.20)
+
+SEVERITY = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
+"""The colour of what is wrong."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +107,9 @@ class Hud:
     def draw(self, target: moderngl.Framebuffer, state: HudState) -> None:
         """Draw everything onto a framebuffer."""
         size = (target.width, target.height)
-        self._state_panel(state)
+        below = self._state_panel(state)
+        if state.edge is not None and state.edge.connected and state.edge.health:
+            self._health_panel(size, below, state.edge.health)
         if state.length_s > 0:
             self._timeline(size, state)
         if state.notice:
@@ -110,8 +118,8 @@ class Hud:
             self._help(size)
         self._canvas.draw(target)
 
-    def _state_panel(self, state: HudState) -> None:
-        """Top left: link, phase, pace, latency."""
+    def _state_panel(self, state: HudState) -> float:
+        """Top left: link, phase, pace, latency; where it ends, pixels from the top."""
         s, canvas = self.scale, self._canvas
         lines = _state_lines(state)
         line = canvas.line_height(self._small)
@@ -126,6 +134,33 @@ class Hud:
         for text in lines:
             canvas.text(46 * s, y, text, self._small, QUIET)
             y += line
+        return 16 * s + height
+
+    def _health_panel(self, size: tuple[int, int], top: float, states: tuple[HealthState, ...]) -> None:
+        """Under the state: what is wrong and what to do, the gravest first; what has no room is counted."""
+        s, canvas = self.scale, self._canvas
+        line, gap = canvas.line_height(self._small), 8 * s
+        width = min(430 * s, size[0] - 32 * s)
+        bottom = size[1] - 62 * s
+        y = top + gap
+        for shown, state in enumerate(states):
+            what, mend = (
+                wrapped(text, width - 42 * s, lambda t: canvas.width(t, self._small))
+                for text in (state.what, state.mend)
+            )
+            height = line * (len(what) + len(mend)) + 18 * s
+            if y + height > bottom:
+                if y + line < bottom:
+                    more = f"and {len(states) - shown} more"
+                    canvas.text(30 * s, y, more, self._small, QUIET)
+                return
+            canvas.rectangle(16 * s, y, width, height, GLASS, 10 * s)
+            colour = SEVERITY[state.severity]
+            canvas.rectangle(16 * s, y + 8 * s, 4 * s, height - 16 * s, colour, 2 * s)
+            for row, text in enumerate((*what, *mend)):
+                tint = INK if row < len(what) else QUIET
+                canvas.text(32 * s, y + 8 * s + row * line, text, self._small, tint)
+            y += height + gap
 
     def _timeline(self, size: tuple[int, int], state: HudState) -> None:
         """Along the bottom: time, track, mode."""
@@ -162,6 +197,17 @@ class Hud:
         for row, (key, meaning) in enumerate(KEYS):
             canvas.text(x + 114 * s, y + 14 * s + row * line, key, self._normal, INK, align=1.0)
             canvas.text(x + 132 * s, y + 14 * s + row * line, meaning, self._normal, QUIET)
+
+
+def wrapped(text: str, width: float, measure: Callable[[str], float]) -> list[str]:
+    """The text in lines no wider than ``width``, broken between words; a word that is wider stands alone."""
+    lines: list[str] = []
+    for word in text.split():
+        if lines and measure(f"{lines[-1]} {word}") <= width:
+            lines[-1] += f" {word}"
+        else:
+            lines.append(word)
+    return lines
 
 
 def _headline(state: HudState) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.body import Body
 from enliven.character import Pose
+from enliven.rotation import slerp
 
 
 def blend_poses(before: Pose, after: Pose, share: float, time_ns: int) -> Pose:
@@ -62,6 +63,19 @@ def _part_of_turn(turn: Float, share: float) -> Float:
     return np.asarray(np.eye(3) + sine[:, None, None] * cross + rest[:, None, None] * (cross @ cross))
 
 
+def _blend_body(before: Body, after: Body, share: float) -> Body:
+    """One person between two moments; what only one moment knows is taken from the nearer."""
+    nearer = before if share < 0.5 else after
+    turns, contacts = nearer.orientations, nearer.contacts
+    if before.orientations is not None and after.orientations is not None:
+        turns = slerp(before.orientations, after.orientations, np.array(share))
+    if before.contacts is not None and after.contacts is not None:
+        contacts = before.contacts + (after.contacts - before.contacts) * share
+    joints = before.joints + (after.joints - before.joints) * share
+    confidence = before.confidence + (after.confidence - before.confidence) * share
+    return Body(before.id, joints, confidence, turns, contacts, nearer.stature)
+
+
 def blend_bodies(before: tuple[Body, ...], after: tuple[Body, ...], share: float) -> tuple[Body, ...]:
     """The bodies between two moments: matched by id; one that is in a single moment belongs to the nearer."""
     later = {body.id: body for body in after}
@@ -69,9 +83,7 @@ def blend_bodies(before: tuple[Body, ...], after: tuple[Body, ...], share: float
     for body in before:
         other = later.pop(body.id, None)
         if other is not None:
-            joints = body.joints + (other.joints - body.joints) * share
-            confidence = body.confidence + (other.confidence - body.confidence) * share
-            blended.append(Body(body.id, joints, confidence))
+            blended.append(_blend_body(body, other, share))
         elif share < 0.5:
             blended.append(body)
     return tuple(blended) + (tuple(later.values()) if share >= 0.5 else ())
