@@ -83,6 +83,12 @@ def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Fiel
         if not isinstance(value, Mapping):
             raise InputError(f"{path} must be a table", where=where)
         return _build(hint, value, where, path + ".")
+    tables = typing.get_args(hint)[1:]
+    if typing.get_origin(hint) is dict and tables and dataclasses.is_dataclass(tables[0]):
+        if not isinstance(value, Mapping):
+            raise InputError(f"{path} must hold tables", where=where)
+        group: Any = tables[0]
+        return {key: _named(group, table, where, f"{path}.{key}") for key, table in value.items()}
     made = _converted(hint, value)
     if made is _WRONG:
         expected = getattr(hint, "__name__", str(hint))
@@ -96,11 +102,18 @@ def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Fiel
     return made
 
 
+def _named(kind: Any, table: Any, where: str, path: str) -> Any:
+    """One of several settings groups that a file names as it likes."""
+    if not isinstance(table, Mapping):
+        raise InputError(f"{path} must be a table", where=where)
+    return _build(kind, table, where, path + ".")
+
+
 _WRONG = object()
 
 
 def _converted(hint: Any, value: Any) -> Any:
-    """``value`` as ``hint`` (bool, int, float, str, Literal, tuple[...], X | None), or _WRONG."""
+    """``value`` as ``hint`` (bool, int, float, str, Literal, tuple, dict, X | None), or _WRONG."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin in (types.UnionType, typing.Union):
         made = (_converted(a, value) for a in arguments)
@@ -109,12 +122,22 @@ def _converted(hint: Any, value: Any) -> Any:
         return value if value in arguments else _WRONG
     if origin is tuple:
         return _tuple(arguments, value)
+    if origin is dict:
+        return _table(arguments, value)
     if hint is float:
         ok = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
         return float(value) if ok else _WRONG
     if hint is int:
         return value if isinstance(value, int) and not isinstance(value, bool) else _WRONG
     return value if isinstance(value, hint) else _WRONG
+
+
+def _table(arguments: tuple[Any, ...], value: Any) -> Any:
+    """A TOML table as dict[str, X], or _WRONG."""
+    if not isinstance(value, Mapping):
+        return _WRONG
+    made = {key: _converted(arguments[1], v) for key, v in value.items()}
+    return _WRONG if any(m is _WRONG for m in made.values()) else made
 
 
 def _tuple(arguments: tuple[Any, ...], value: Any) -> Any:

@@ -39,11 +39,11 @@ class Fuser:
         self._next = 1
         self._now_ns: int | None = None
 
-    def hear(self, sensor: str, bodies: list[Body], time_ns: int, *, same_picture: bool = False) -> bool:
+    def hear(self, sensor: str, bodies: list[Body], time_ns: int, *, frozen: bool = False) -> bool:
         """What a sensor sees at a time of the common clock; False for what came too late to count."""
         view = self.views[self._numbers[sensor]]
         before = view.state
-        heard = view.hear(bodies, time_ns, self.settings.silence, same_picture=same_picture)
+        heard = view.hear(bodies, time_ns, self.settings.silence, frozen=frozen)
         self._say(view, before, time_ns)
         return heard
 

@@ -11,8 +11,8 @@ from enliven.body import Body
 from enliven_edge.fusion.health import SensorState
 
 _CALM, _LIVELY, _START = 0.2, 0.7, 1.5
-"""Part of a new difference that a velocity takes over: little of what noise may be, much of a start or a stop,
-which is a change by 1.5 m/s and more."""
+"""Part of a new difference that a velocity takes over: little of noise, much of a start or a stop:
+a change by 1.5 m/s and more."""
 _FASTEST = 8.0
 """Metres a second of a trunk beyond which it is another one, whatever the sensor calls it."""
 _BACK_AGAIN = 0.5
@@ -62,19 +62,18 @@ class SensorView:
         self._same_since_ns = 0
         self._bound: dict[int, tuple[int, int]] = {}
 
-    def hear(self, bodies: list[Body], time_ns: int, silence: float, *, same_picture: bool = False) -> bool:
+    def hear(self, bodies: list[Body], time_ns: int, silence: float, *, frozen: bool = False) -> bool:
         """Takes in what the sensor says now; False for what comes late and says nothing new.
 
         Args:
             silence: seconds of unchanging bodies after which the sensor counts as frozen.
-            same_picture: the image was the last one again, bit by bit.
+            frozen: its images are known to repeat.
         """
         if self.last_ns is not None and time_ns <= self.last_ns:
             return False
-        same = same_picture or self._repeats(bodies)
-        if not same or self.last_ns is None:
+        if not self._repeats(bodies) or self.last_ns is None:
             self._same_since_ns = time_ns
-        frozen = time_ns - self._same_since_ns > silence * 1e9
+        frozen = frozen or time_ns - self._same_since_ns > silence * 1e9
         self.last_ns = time_ns
         if frozen:
             self.state = SensorState.FROZEN

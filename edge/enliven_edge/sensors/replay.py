@@ -33,6 +33,9 @@ class ReplaySensor:
         InputError: where the file is no recording, holds no frames, or the speed is not possible.
     """
 
+    recorded = True
+    """Its frames may wait for those of another recording."""
+
     def __init__(self, path: str | Path, speed: float = 1.0, loop: bool = False) -> None:
         if not (math.isfinite(speed) and speed >= 0):
             raise InputError(

@@ -1,0 +1,147 @@
+"""One of several sensors in a thread of its own: read, track, hand on."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass
+
+from enliven.body import Body
+from enliven.errors import InputError
+from enliven.frames import BodyFrame, Frame
+from enliven.health import HealthKind, HealthState
+from enliven_edge.fusion.merge import in_world
+from enliven_edge.fusion.space import Place
+from enliven_edge.sensors.base import Sensor
+from enliven_edge.tracking.health import HealthMonitor
+from enliven_edge.tracking.tracker import Tracker
+
+log = logging.getLogger(__name__)
+
+_PATIENCE = 0.1
+"""Seconds to wait for a frame before looking whether to stop."""
+_WAITING = 2
+"""Sets of bodies that wait to be fused; the sensor is read no faster than they are taken."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What one sensor saw at one moment.
+
+    Attributes:
+        bodies: in the world.
+        time_ns: the common clock.
+        read_ns: wall clock when the frame was read.
+        frozen: whether its frames have repeated for a while, bit by bit.
+    """
+
+    sensor: str
+    bodies: list[Body]
+    time_ns: int
+    read_ns: int
+    frozen: bool
+
+
+class Watcher:
+    """Reads and tracks one sensor until it ends, fails, or is stopped.
+
+    Args:
+        name: the sensor's identity in the space.
+        place: where it stands.
+        health: says what is wrong with it.
+        changed: notified after everything that is new.
+
+    Attributes:
+        ails: what is wrong with the sensor now, the gravest first.
+        seen: what waits to be fused, the oldest first; guarded by ``changed``.
+        ended: nothing more will come.
+        failure: why not, where it was no ordinary end.
+        recorded: it is a recording, whose frames may wait for those of others.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        sensor: Sensor,
+        tracker: Tracker,
+        place: Place,
+        health: HealthMonitor,
+        changed: threading.Condition,
+    ) -> None:
+        self.name, self.sensor, self.place = name, sensor, place
+        self.recorded = bool(getattr(sensor, "recorded", False))
+        self.seen: deque[Seen] = deque()
+        self.ended, self.failure = False, ""
+        self.ails: list[HealthState] = []
+        self._tracker, self._health, self._changed = tracker, health, changed
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"sensor {name}", daemon=True)
+
+    def start(self) -> None:
+        """Begins to read."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ends the thread and lets the sensor go."""
+        self._stopped.set()
+        with self._changed:
+            self._changed.notify_all()
+        if self._thread.is_alive():
+            self._thread.join(timeout=5.0)
+        self.sensor.close()
+
+    def _run(self) -> None:
+        try:
+            self._watch()
+        except Exception as error:  # one sensor's failure is told, and stops no other
+            self.failure = str(error) or type(error).__name__
+            log.debug("sensor %s failed", self.name, exc_info=True)
+        with self._changed:
+            self.ended = True
+            self._changed.notify_all()
+
+    def _watch(self) -> None:
+        heard = time.monotonic()
+        while not self._stopped.is_set():
+            try:
+                frame = self.sensor.read(_PATIENCE)
+            except TimeoutError:
+                self._health.silent(time.monotonic() - heard)
+                self.ails = self._health.states
+                continue
+            if frame is None:
+                return
+            heard, read_ns = time.monotonic(), time.time_ns()
+            if self._health.admit(frame):
+                bodies = self._bodies(frame)
+                frozen = any(state.kind == HealthKind.FROZEN for state in self._health.states)
+                time_ns = frame.time_ns + self.place.clock_offset_ns
+                self._hand_on(Seen(self.name, bodies, time_ns, read_ns, frozen))
+            self.ails = self._health.states
+
+    def _hand_on(self, seen: Seen) -> None:
+        """Waits for room, so that a recording is not read faster than it is used."""
+        with self._changed:
+            while len(self.seen) >= _WAITING and not self._stopped.is_set():
+                self._changed.wait(_PATIENCE)
+            self.seen.append(seen)
+            self._changed.notify_all()
+
+    def _bodies(self, frame: Frame) -> list[Body]:
+        """Who is there, in the world."""
+        if isinstance(frame, BodyFrame):
+            self._health.judge(frame, frame.bodies)
+            return in_world(frame.bodies, self.place.level)
+        camera = self.place.camera
+        if camera is None:
+            raise InputError(
+                "it sends depth, but was calibrated by bodies",
+                where=f"sensor {self.name}",
+                mend="Calibrate again with this sensor: enliven calibrate.",
+            )
+        bodies = self._tracker.track(dataclasses.replace(frame, world_from_camera=camera))
+        self._health.judge(frame, bodies, camera, self._tracker.state)
+        return bodies

@@ -1,0 +1,112 @@
+"""Where frames come from, as a user says it: a sensor's name or a recording, with a name of one's own or not.
+
+One word says it on the command line, ``synthetic``, ``take.mcap``, ``left=oak``; a table of the settings file
+says more.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from enliven.errors import InputError
+from enliven.settings import setting
+from enliven_edge.sensors.base import Sensor
+from enliven_edge.sensors.registry import open_sensor, sensor_names
+from enliven_edge.tracking.settings import SceneSettings
+
+Value = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class SourceSettings:
+    """One of several sensors, in a settings file: ``[sensors.left]``."""
+
+    sensor: str = setting("replay", "The sensor's name: synthetic, replay, ...")
+    options: dict[str, Value] = field(
+        default_factory=dict, metadata={"doc": "Options of the sensor, such as path, serial or width."}
+    )
+    scene: SceneSettings = setting(SceneSettings, "What of its image may be a person.")
+
+
+@dataclass(frozen=True)
+class Source:
+    """One sensor that is to be opened.
+
+    Attributes:
+        name: what the user calls it; None for the sensor's own identity.
+        sensor: a name of :func:`enliven_edge.sensors.registry.sensor_names`.
+        options: what its class takes.
+        scene: what of its image may be a person, where the settings say it for this sensor alone.
+    """
+
+    name: str | None
+    sensor: str
+    options: Mapping[str, Any]
+    scene: SceneSettings | None = None
+
+
+def source_of(word: str, options: Mapping[str, Any], replay: Mapping[str, Any] | None = None) -> Source:
+    """The source that a word of the command line means.
+
+    Args:
+        word: a sensor's name or the path of a recording, after ``NAME=`` where it is to be called so.
+        options: of the sensor; ``NAME.KEY`` is for the source of that name alone.
+        replay: options of recordings alone.
+
+    Raises:
+        InputError: where it is neither.
+    """
+    called, equals, what = word.partition("=")
+    if not equals or Path(word).exists():
+        called, what = "", word
+    own = {
+        k.removeprefix(f"{called}."): v for k, v in options.items() if called and k.startswith(f"{called}.")
+    }
+    given = {**{k: v for k, v in options.items() if "." not in k}, **own}
+    if what in sensor_names() and what != "replay":
+        return Source(called or None, what, given)
+    if what != "replay" and not Path(what).exists():
+        raise InputError(
+            f"{what!r} is neither a sensor nor a recording",
+            where="sensor",
+            mend=f"Known sensors: {', '.join(sensor_names())}.",
+        )
+    path = {} if what == "replay" else {"path": what}
+    return Source(called or None, "replay", {**(replay or {}), **path, **given})
+
+
+def sources_of(tables: Mapping[str, SourceSettings], folder: Path | None = None) -> list[Source]:
+    """The sources of a settings file; a recording's path counts from the file's ``folder``."""
+    sources = []
+    for name, table in tables.items():
+        options = dict(table.options)
+        path = options.get("path")
+        if folder is not None and isinstance(path, str) and not Path(path).is_absolute():
+            options["path"] = str(folder / path)
+        sources.append(Source(name, table.sensor, options, table.scene))
+    return sources
+
+
+def opened(sources: Sequence[Source], stack: contextlib.ExitStack) -> dict[str, Sensor]:
+    """By identity, the sensors opened; ``stack`` closes them.
+
+    Raises:
+        InputError: where two have one identity.
+        ResourceError: where a device is missing or taken.
+    """
+    sensors: dict[str, Sensor] = {}
+    for source in sources:
+        sensor = stack.enter_context(open_sensor(source.sensor, **source.options))
+        name = source.name or sensor.name
+        if name in sensors:
+            raise InputError(
+                f"two sensors are called {name!r}",
+                where="sensors",
+                mend="Name them yourself: left=FIRST right=SECOND.",
+            )
+        sensors[name] = sensor
+    return sensors
