@@ -2,10 +2,12 @@
 
 - ``bodyscanner_kinect2``: a person's scan drawn into the depth image of its own camera (a Kinect v2, its
   tilt told), with the sensor maker's joints of the same moment. SpineBase, SpineMid and SpineShoulder stand
-  for the hip centre, the spine and the shoulder centre; the feet are cut off: ankles and feet do not count.
+  for the hip centre, the spine and the shoulder centre. The feet are cut off and one arm had moved between
+  scan and joints: what lies farther than 12 cm from every point of the scan does not count.
 - ``js6450_kinect2``: about thirty depth samples around every joint, drawn as discs of 6 px; the distance to
-  the sensor is not recorded and chosen so that people are 1.70 m tall. Joints count whose depth was measured.
-  It says whether a body is found in shreds of one, within a few centimetres of another tracker's opinion.
+  the sensor is not recorded and chosen so that people are 1.70 m tall. A joint's depth is that of the
+  surface before it, so distances are in the image plane; joints count whose depth was measured. It says
+  whether a body is found in shreds of one, within a few centimetres of another tracker's opinion.
 - ``skeltrack_kinect1``: single shots with joints marked by eye (:mod:`tracking_marks`): distances are in the
   image plane, at the depth of what is there.
 - ``uva_person_turn``: no joints; how often the upper body's lie within the person's mask.
@@ -26,7 +28,7 @@ from tracking_marks import MARKS
 from tracking_scores import NEAR, Scores, Take, joint_label, score
 from tracking_set import DATA
 
-from enliven.body import Body, Joint
+from enliven.body import ANKLE_ABOVE_SOLE, Body, Joint
 from enliven.camera import Intrinsics, project, world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven_edge.importing import flow_room
@@ -40,29 +42,42 @@ KINECT1 = Intrinsics(640, 480, 575.0, 575.0, 319.5, 239.5)
 _STEP = 33_333_333
 _STANDS_FOR = 30
 """Frames for which the one image of a scan is shown."""
-_HIDDEN_FEET = [Joint.ANKLE_LEFT, Joint.FOOT_LEFT, Joint.ANKLE_RIGHT, Joint.FOOT_RIGHT]
+_OFF_THE_SCAN = 0.12
 UPPER = [Joint.HEAD, Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.SHOULDER_RIGHT, Joint.ELBOW_RIGHT]
 LEGS = [j for j in Joint if j > Joint.HIP_LEFT and j != Joint.HIP_RIGHT]
 
 
 @dataclass(frozen=True)
 class Real:
-    """A real sequence with joints; those and the bodies are compared in the camera's frame."""
+    """A real sequence with joints; those and the bodies are compared in the camera's frame.
+
+    Attributes:
+        plane: metres; where not 0, joints are compared in the plane at this depth.
+    """
 
     name: str
     frames: list[DepthFrame]
     moments: list[Moment]
+    plane: float = 0.0
 
     def take(self, tracker: Tracker | None = None) -> Take:
         """What the tracker makes of it."""
         tracker = tracker or Tracker()
         bodies = [[in_camera(b, tracker) for b in tracker.track(frame)] for frame in self.frames]
-        times = np.array([f.time_ns * 1e-9 for f in self.frames])
-        return Take(times, self.moments, bodies, np.ones(len(times), bool), np.zeros(len(times)))
+        times, moments = np.array([f.time_ns * 1e-9 for f in self.frames]), self.moments
+        if self.plane:
+            bodies = [[replace(b, joints=_flat(b.joints, self.plane)) for b in some] for some in bodies]
+            moments = [replace(m, joints=_flat(m.joints, self.plane)) for m in moments]
+        return Take(times, moments, bodies, np.ones(len(times), bool), np.zeros(len(times)))
 
     def scores(self) -> Scores:
         """Its figures by a fresh tracker."""
         return score(self.take())
+
+
+def _flat(joints: np.ndarray, plane: float) -> np.ndarray:
+    """(..., 3) joints seen from the camera, in the plane at depth ``plane`` metres."""
+    return np.concatenate([joints[..., :2] / joints[..., 2:] * plane, np.zeros_like(joints[..., 2:])], -1)
 
 
 def in_camera(body: Body, tracker: Tracker) -> Body:
@@ -94,15 +109,22 @@ def bodyscanner() -> Real:
     cv = np.array([1.0, -1.0, -1.0])
     joints = np.array([named[name] * cv for name in KINECT2_NAMES])
     depth = _splatted(points * cv, 1)
-    mount = world_from_level_camera(1.05, np.radians(named["Degree"][0]))
-    visible = np.ones(20, bool)
-    visible[_HIDDEN_FEET] = False
+    tilt = np.radians(named["Degree"][0])  # it looks up
+    mount = world_from_level_camera(_sole_below(named, tilt), -tilt)
+    off = np.array([np.linalg.norm(points * cv - joint, axis=1).min() for joint in joints])
+    visible = off < _OFF_THE_SCAN
     moment = Moment(np.ones(1, bool), joints[None], visible[None], np.zeros((1, 2), bool))
     frames = [
         DepthFrame(depth, KINECT2, n * _STEP, "body scanner", world_from_camera=mount)
         for n in range(_STANDS_FOR)
     ]
     return Real("bodyscanner", frames, [moment] * len(frames))
+
+
+def _sole_below(named: dict[str, np.ndarray], tilt: float) -> float:
+    """Metres from the sensor down to the soles, of a sensor that looks ``tilt`` radians up."""
+    ankles = [named["AnkleLeft"], named["AnkleRight"]]
+    return ANKLE_ABOVE_SOLE - min(float(p[1] * np.cos(tilt) - p[2] * np.sin(tilt)) for p in ankles)
 
 
 def js6450(name: str, file: str) -> Real:
@@ -127,7 +149,8 @@ def js6450(name: str, file: str) -> Real:
         frames.append(DepthFrame(_splatted(points, 6), KINECT2, n * _STEP, name))
         present = np.isfinite(joints).all((1, 2))
         moments.append(Moment(present, joints, visible, np.zeros((len(people), 2), bool)))
-    return Real(name, frames, moments)
+    depths = np.concatenate([m.joints[..., 2][m.visible] for m in moments])
+    return Real(name, frames, moments, float(np.median(depths)))
 
 
 def _json(path: Path) -> list:
