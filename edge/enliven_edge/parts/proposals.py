@@ -19,6 +19,8 @@ from enliven_edge.tracking.posture import Posture, forward, rotation
 
 _TRUNK = np.array([Part.HEAD, 1, 2, 3, 4, Part.UPPER_ARM_LEFT, Part.UPPER_ARM_RIGHT, 11, 12])
 _TRUNK_TRUST = np.array([0.6, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.4, 0.4])
+_WIDTHS = (1.0, 0.35)
+"""Metres beyond which a mode is doubted, one alignment after the other."""
 _YAWS = (0.0, np.pi, 0.5 * np.pi, -0.5 * np.pi)
 
 
@@ -73,11 +75,17 @@ def proposals(seen: Seen, lengths: Float, eye: Float) -> list[tuple[float, Postu
     targets = _below_surface(modes.positions, eye)
     found = [_aligned(start, targets, modes.mass) for start in _starts(targets, modes.mass, lengths, eye)]
     found.sort(key=lambda pair: pair[0])
-    turned = _turned_about(found[0][1])
+    turned = turned_about(found[0][1])
     swapped = _aligned(turned, targets[MIRRORED], modes.mass[MIRRORED])
     best = found[0]
     others = [pair for pair in found[1:] if _differ(pair[1], best[1])]
     return [best, swapped, *others[:1]]
+
+
+def drawn(posture: Posture, seen: Seen, eye: Float) -> Posture:
+    """The posture brought from where it is to where the parts are seen, its lengths kept."""
+    targets = _below_surface(seen.modes.positions, eye)
+    return _aligned(posture, targets, seen.modes.mass)[1]
 
 
 def _below_surface(positions: Float, eye: Float) -> Float:
@@ -93,7 +101,10 @@ def trust(mass: Float) -> Float:
 
 
 def _aligned(start: Posture, targets: Float, mass: Float) -> tuple[float, Posture]:
-    posture, energy = align(start, ANCHOR_FRAMES, ANCHORS, targets, 0.03 * trust(mass))
+    """A start brought to the modes: at first wherever they are, then doubting those that do not fit."""
+    weights, posture, energy = 0.03 * trust(mass), start, 0.0
+    for width in _WIDTHS:
+        posture, energy = align(posture, ANCHOR_FRAMES, ANCHORS, targets, weights, width=width)
     return energy, posture
 
 
@@ -102,7 +113,7 @@ def _starts(targets: Float, mass: Float, lengths: Float, eye: Float) -> list[Pos
     centre = np.average(targets, axis=0, weights=mass + 1e-9)
     facing = float(np.arctan2(eye[0] - centre[0], eye[2] - centre[2]))
     turns = [rotation(y=facing + yaw) for yaw in _YAWS]
-    weights = trust(mass[_TRUNK]) * _TRUNK_TRUST
+    weights = trust(mass)[_TRUNK] * _TRUNK_TRUST
     relaxed = _anchor_points(Posture(np.zeros(3), ranges.standing(), lengths))[_TRUNK]
     if weights.sum() > 1.0:
         turns.insert(0, _turn_between(relaxed, targets[_TRUNK], weights))
@@ -133,7 +144,7 @@ def _anchor_points(posture: Posture) -> Float:
     )
 
 
-def _turned_about(posture: Posture) -> Posture:
+def turned_about(posture: Posture) -> Posture:
     """The posture turned half about its trunk's axis, the limbs of either side where the other's were."""
     made = posture.copy()
     made.rotations = ranges.mirrored(posture.rotations)

@@ -12,7 +12,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven_edge.parts.forest import PartForest
-from enliven_edge.parts.proposals import Seen, agreement, look, proposals
+from enliven_edge.parts.proposals import Seen, agreement, look, proposals, turned_about
 from enliven_edge.tracking import model
 from enliven_edge.tracking.extremities import extremities
 from enliven_edge.tracking.fit import FitReport, Fitter
@@ -50,14 +50,12 @@ def detect(
         posture, report = fitter.fit(guided, start, iterations=8, width=0.25)
         coarse.append((report.energy + _disagreement(seen, posture), posture))
     coarse.sort(key=lambda pair: pair[0])
-    best: tuple[float, Posture, FitReport] | None = None
-    for _, start in coarse[:_REFINED]:
-        posture, report = _refined(fitter, observation, seen, start)
-        cost = report.energy + _disagreement(seen, posture)
-        if best is None or cost < best[0]:
-            best = cost, posture, report
-    assert best is not None
-    return best[1], best[2]
+    refined = [_refined(fitter, observation, seen, start) for _, start in coarse[:_REFINED]]
+    best = min(refined, key=lambda found: found[0])
+    # A front is easily taken for a back: the best is tried turned about as well.
+    other = _refined(fitter, observation, seen, turned_about(best[1]))
+    _, posture, report = min(best, other, key=lambda found: found[0])
+    return posture, report
 
 
 def _starts(observation: Observation, seen: Seen | None, eye: Float, lengths: Float) -> list[Posture]:
@@ -71,11 +69,12 @@ def _starts(observation: Observation, seen: Seen | None, eye: Float, lengths: Fl
 
 def _refined(
     fitter: Fitter, observation: Observation, seen: Seen | None, start: Posture
-) -> tuple[Posture, FitReport]:
-    """A hypothesis fitted to the end, its proportions too."""
+) -> tuple[float, Posture, FitReport]:
+    """A hypothesis fitted to the end, its proportions too, and what it costs."""
     guided = observation if seen is None else replace(observation, affinity=seen.affinity(0.4 * _AFFINITY))
     posture, _ = fitter.fit(guided, start, iterations=15, width=0.12, proportions=_LOOSE)
-    return fitter.fit(observation, posture, iterations=15, proportions=_LOOSE)
+    posture, report = fitter.fit(observation, posture, iterations=15, proportions=_LOOSE)
+    return report.energy + _disagreement(seen, posture), posture, report
 
 
 def _disagreement(seen: Seen | None, posture: Posture) -> float:

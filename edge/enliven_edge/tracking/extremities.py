@@ -45,14 +45,13 @@ def extremities(
         pose: (4, 4) world_from_camera.
     """
     step = max(1, int(np.sqrt(np.count_nonzero(mask) / _NODES)))
-    thinned = mask[::step, ::step]
+    depth = np.ascontiguousarray(z[::step, ::step])
+    thinned = _solid(depth, mask[::step, ::step], step)
     if not thinned.any():
         return Extremities(np.zeros((0, 3)), np.zeros(0))
-    depth = np.ascontiguousarray(z[::step, ::step])
     points = _placed(depth, step, camera, pose)
     known = points[thinned]
     middle = np.median(known, axis=0)
-    thinned = np.ascontiguousarray(thinned)
     source = int(np.flatnonzero(thinned)[np.argmin(np.linalg.norm(known - middle, axis=1))])
     cell = np.empty(count, np.int64)
     far = np.empty(count)
@@ -76,6 +75,28 @@ def _placed(z: Float, step: int, camera: Float, pose: Float) -> Float:
     fx, fy, cx, cy = camera
     local = np.stack([(u - cx) / fx * z, (v - cy) / fy * z, z], -1)
     return np.ascontiguousarray(local @ pose[:3, :3].T + pose[:3, 3])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _jumps(here, there, step):  # type: ignore[no-untyped-def]
+    """Whether two depths, metres, ``step`` pixels apart are not of one surface."""
+    return abs(there - here) > step * (0.02 + 0.008 * here * here)
+
+
+@njit(cache=True, nogil=True)
+def _solid(z, mask, step):  # type: ignore[no-untyped-def]
+    """(h, w) the masked pixels with three neighbours on the same surface: no stray depth at an edge."""
+    height, width = mask.shape
+    out = np.zeros((height, width), np.bool_)
+    for v in range(height):
+        for u in range(width):
+            beside = -1
+            for q in range(max(0, v - 1), min(height, v + 2)):
+                for p in range(max(0, u - 1), min(width, u + 2)):
+                    if mask[q, p] and mask[v, u] and not _jumps(z[v, u], z[q, p], step):
+                        beside += 1
+            out[v, u] = beside >= 3
+    return out
 
 
 @njit(cache=True, nogil=True)
@@ -104,7 +125,7 @@ def spread(points, z, mask, step, source, distance):  # type: ignore[no-untyped-
                 for a in range(3):
                     square += (points[q, p, a] - points[v, u, a]) ** 2
                 cost = np.sqrt(square)
-                if abs(z[q, p] - z[v, u]) > step * (0.02 + 0.008 * z[v, u] * z[v, u]):
+                if _jumps(z[v, u], z[q, p], step):
                     cost += _PENALTY
                 if key + cost < distance[q, p] - 1e-9:
                     distance[q, p] = key + cost

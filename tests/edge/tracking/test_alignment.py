@@ -1,0 +1,74 @@
+"""Alignment: a posture is found again from where its parts are, whatever it starts from nearby."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven_edge.parts.anatomy import ANCHOR_FRAMES, ANCHORS
+from enliven_edge.parts.proposals import _anchor_points, _turn_between
+from enliven_edge.tracking import model, ranges
+from enliven_edge.tracking.alignment import _EASE, _LIMITS, _SKELETON, _normal_equations, align
+from enliven_edge.tracking.hypotheses import BANK
+from enliven_edge.tracking.kinematics import turn
+from enliven_edge.tracking.posture import Posture, rotation
+
+LENGTHS = model.lengths_for_height(1.7)
+
+
+def standing(yaw: float = 0.0) -> Posture:
+    return Posture(np.array([0.0, 0.9, 0.0]), ranges.standing(yaw), LENGTHS.copy())
+
+
+@pytest.mark.parametrize("number", range(len(BANK)))
+def test_every_posture_of_the_bank_is_reached_from_standing(number):
+    wanted = Posture(np.array([0.3, 0.6, -2.0]), BANK[number].copy(), LENGTHS.copy())
+    targets = _anchor_points(wanted)
+    made, _ = align(standing(), ANCHOR_FRAMES, ANCHORS, targets, np.full(17, 0.03), width=1.0, iterations=60)
+    assert np.linalg.norm(_anchor_points(made) - targets, axis=1).mean() < 0.04
+
+
+def test_an_outlier_is_doubted():
+    wanted = standing(0.4)
+    targets = _anchor_points(wanted)
+    targets[9] += [0.0, 1.5, 0.0]
+    made, _ = align(standing(), ANCHOR_FRAMES, ANCHORS, targets, np.full(17, 0.03))
+    assert np.linalg.norm(made.joints() - wanted.joints(), axis=1).max() < 0.1
+
+
+def test_the_gradient_is_that_of_the_energy():
+    dice = np.random.default_rng(0)
+    posture = Posture(np.array([0.1, 0.8, -2.0]), BANK[0].copy(), LENGTHS.copy())
+    targets = _anchor_points(posture) + dice.normal(0, 0.08, (17, 3))
+    wanted = (ANCHOR_FRAMES, ANCHORS, targets, np.full(17, 0.03))
+
+    def energy(step: np.ndarray, gradient: np.ndarray) -> float:
+        rotations = posture.rotations.copy()
+        turn(rotations, step[3:], model.DOF_FRAME, model.DOF_AXIS)
+        # Far too wide to doubt anything: iterated least squares has the energy's own gradient only then.
+        return _normal_equations(
+            np.zeros((30, 30)), gradient, posture.position + step[:3], rotations, LENGTHS, wanted, 1e3,
+            _SKELETON, _LIMITS,
+        )  # fmt: skip
+
+    gradient, unused = np.zeros(30), np.zeros(30)
+    energy(np.zeros(30), gradient)
+    for k in range(30):
+        step = np.zeros(30)
+        step[k] = 1e-5
+        slope = (energy(step, unused) - energy(-step, unused)) / 2e-5
+        # Where a joint's own turn is large, the logarithm's derivative is taken as one.
+        free = k < 3 or _EASE[model.DOF_FRAME[k - 3]] == 0.0
+        assert 2 * gradient[k] == pytest.approx(slope, rel=0.02 if free else 0.3, abs=6.0), k
+
+
+@given(st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1), st.integers(0, 99))
+@settings(max_examples=40, deadline=None)
+def test_a_turn_is_found_from_points(x, y, z, seed):
+    points = np.random.default_rng(seed).normal(size=(6, 3))
+    true = rotation(x, y, z)
+    np.testing.assert_allclose(
+        _turn_between(points, points @ true.T + [1, 2, 3], np.ones(6)), true, atol=1e-6
+    )
