@@ -1,13 +1,14 @@
 """The real recordings as the tracker gets them, with whatever joints come with them.
 
 - ``bodyscanner_kinect2``: a person's scan drawn into the depth image of its own camera (a Kinect v2, its
-  tilt told), with the sensor maker's joints of the same moment. SpineBase, SpineMid and SpineShoulder stand
-  for the hip centre, the spine and the shoulder centre. The feet are cut off and one arm had moved between
-  scan and joints: what lies farther than 12 cm from every point of the scan does not count.
+  tilt told), with the sensor maker's joints of the same moment. The feet are cut off and one arm had moved
+  between scan and joints: what lies farther than 12 cm from every point of the scan does not count.
 - ``js6450_kinect2``: about thirty depth samples around every joint, drawn as discs of 6 px; the distance to
   the sensor is not recorded and chosen so that people are 1.70 m tall. A joint's depth is that of the
   surface before it, so distances are in the image plane; joints count whose depth was measured. It says
   whether a body is found in shreds of one, within a few centimetres of another tracker's opinion.
+- Of both, SpineShoulder stands for the shoulder centre; the hip centre and the spine are put on the line from
+  SpineBase to it, where they are in this project's anatomy: the maker's lie between the hips and on the belly.
 - ``skeltrack_kinect1``: single shots with joints marked by eye (:mod:`tracking_marks`): distances are in the
   image plane, at the depth of what is there.
 - ``uva_person_turn``: no joints; how often the upper body's lie within the person's mask.
@@ -43,6 +44,8 @@ _STEP = 33_333_333
 _STANDS_FOR = 30
 """Frames for which the one image of a scan is shown."""
 _OFF_THE_SCAN = 0.12
+_HIP_CENTRE, _SPINE = 0.12, 0.46
+"""Parts of the way from between the hip joints to the shoulder centre."""
 UPPER = [Joint.HEAD, Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.SHOULDER_RIGHT, Joint.ELBOW_RIGHT]
 LEGS = [j for j in Joint if j > Joint.HIP_LEFT and j != Joint.HIP_RIGHT]
 
@@ -107,7 +110,7 @@ def bodyscanner() -> Real:
     rows = [line.split(",") for line in next(folder.glob("2019*.csv")).read_text().split()[1:]]
     named = {name: np.array([float(x) for x in xyz]) for name, *xyz in rows}
     cv = np.array([1.0, -1.0, -1.0])
-    joints = np.array([named[name] * cv for name in KINECT2_NAMES])
+    joints = as_ours(np.array([named[name] * cv for name in KINECT2_NAMES]))
     depth = _splatted(points * cv, 1)
     tilt = np.radians(named["Degree"][0])  # it looks up
     mount = world_from_level_camera(_sole_below(named, tilt), -tilt)
@@ -142,7 +145,7 @@ def js6450(name: str, file: str) -> Real:
             if skeleton["trackingId"] not in people:
                 continue
             p = people.index(skeleton["trackingId"])
-            joints[p], visible[p] = _camera_points(uvz, distance), good
+            joints[p], visible[p] = as_ours(_camera_points(uvz, distance)), good
             pixels = [(q["x"], q["y"], q["z"]) for j in skeleton["joints"] for q in j["px"]]
             samples.append(_near(np.array(pixels, float), float(np.median(uvz[good, 2]))))
         points = _camera_points(np.concatenate(samples), distance) if samples else np.zeros((0, 3))
@@ -151,6 +154,15 @@ def js6450(name: str, file: str) -> Real:
         moments.append(Moment(present, joints, visible, np.zeros((len(people), 2), bool)))
     depths = np.concatenate([m.joints[..., 2][m.visible] for m in moments])
     return Real(name, frames, moments, float(np.median(depths)))
+
+
+def as_ours(joints: np.ndarray) -> np.ndarray:
+    """(20, 3) the joints of a Kinect v2, the hip centre and the spine where this project has them."""
+    base, top = joints[Joint.HIP_CENTER].copy(), joints[Joint.SHOULDER_CENTER]
+    moved = joints.copy()
+    for joint, part in ((Joint.HIP_CENTER, _HIP_CENTRE), (Joint.SPINE, _SPINE)):
+        moved[joint] = base + part * (top - base)
+    return moved
 
 
 def _json(path: Path) -> list:
