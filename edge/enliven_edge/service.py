@@ -10,6 +10,8 @@ from enliven.body import Body
 from enliven.commands.processes import parent_is_gone
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import BodyFrame, DepthFrame, Frame
+from enliven.health import HealthState, worst_first
+from enliven_edge.fusion.fused_sensor import FusedFrame, FusedSensors
 from enliven_edge.outlet import Outlet
 from enliven_edge.pace import Pace
 from enliven_edge.sensors.base import Sensor
@@ -24,7 +26,7 @@ _PATIENCE = 0.1
 
 
 class Edge:
-    """One sensor, one tracker, one stage, one outlet.
+    """One sensor (or several, fused), one tracker, one stage, one outlet.
 
     Args:
         possess_at: seconds after the first frame at which the first performer takes hold, or None.
@@ -80,15 +82,17 @@ class Edge:
     def step(self, frame: Frame) -> None:
         """One frame's way through the edge; one that is out of order goes no further."""
         read_ns, self._heard = time.time_ns(), time.monotonic()
+        if isinstance(frame, FusedFrame):
+            read_ns = frame.read_ns
         if not self.health.admit(frame):
-            self.outlet.ail(self.health.states)
+            self.outlet.ail(self._ails())
             return
         bodies = self._bodies(frame)
         poses = self.stage.perform(bodies, frame.time_ns)
         self.outlet.publish(frame, bodies, poses, self.stage.cues(), read_ns)
         self.pace.took(read_ns, time.time_ns())
         self.frames += 1
-        self.outlet.ail(self.health.states)
+        self.outlet.ail(self._ails())
         self.outlet.report(self.pace, "tracking" if bodies else "watching", len(bodies))
         self._take_hold_when_due(frame.time_ns)
 
@@ -120,13 +124,21 @@ class Edge:
                 self.health.judge(frame, bodies, tracker.world_from_camera, tracker.state)
             case BodyFrame():
                 bodies = frame.bodies
+                if isinstance(self.sensor, FusedSensors) and self.sensor.output is not None:
+                    self.sensor.output.latency = self.pace.latency_ms(50) * 1e-3
                 self.health.judge(frame, bodies)
         return bodies
 
     def _wait(self) -> None:
         """No frame is due: says so where that lasts."""
         self.health.silent(time.monotonic() - self._heard)
-        self.outlet.ail(self.health.states)
+        self.outlet.ail(self._ails())
+
+    def _ails(self) -> list[HealthState]:
+        """What is wrong, with each of several sensors as well."""
+        if isinstance(self.sensor, FusedSensors):
+            return worst_first([*self.health.states, *self.sensor.ails])
+        return self.health.states
 
     def _take_hold_when_due(self, time_ns: int) -> None:
         """The possession that was asked for on the command line, as soon as somebody is there."""

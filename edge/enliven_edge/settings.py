@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from enliven.settings import setting
 from enliven_edge.actor import ActorSettings
+from enliven_edge.fusion.settings import CalibrationSettings, FusionSettings
+from enliven_edge.sensors.sources import SourceSettings
 from enliven_edge.tracking.health import HealthSettings
 from enliven_edge.tracking.settings import TrackerSettings
 
@@ -30,3 +32,9 @@ class EdgeSettings:
     actor: ActorSettings = setting(ActorSettings, "How characters meet and follow their performers.")
     health: HealthSettings = setting(HealthSettings, "When something is said to be wrong.")
     wire: WireSettings = setting(WireSettings, "The network.")
+    sensors: dict[str, SourceSettings] = field(
+        default_factory=dict, metadata={"doc": "The sensors by name, where the command line names none."}
+    )
+    space: str = setting("", "The file of enliven calibrate, for several sensors; beside this file.")
+    calibration: CalibrationSettings = setting(CalibrationSettings, "How sensors are found, and how well.")
+    fusion: FusionSettings = setting(FusionSettings, "How bodies of several sensors become one set.")

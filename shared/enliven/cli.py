@@ -18,7 +18,7 @@ from enliven import __version__
 from enliven.errors import EnlivenError
 from enliven.logs import start_logging
 
-_ORDER = ("run", "edge", "view", "import", "record", "replay", "synthesize", "doctor")
+_ORDER = ("run", "edge", "view", "import", "record", "replay", "calibrate", "synthesize", "doctor")
 _INTERRUPTED = 130
 
 HELP = """Step into any mesh and bring it alive.

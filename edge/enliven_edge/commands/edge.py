@@ -14,21 +14,33 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.settings import EdgeSettings, WireSettings
 
 if TYPE_CHECKING:
     from enliven_edge.actor import Actor
+    from enliven_edge.fusion.fused_sensor import FusedSensors
+    from enliven_edge.sensors.base import Sensor
+    from enliven_edge.sensors.sources import Source
 
 log = logging.getLogger(__name__)
 
 
 def edge(
-    sensor: Annotated[str | None, typer.Option(help="A sensor by name, such as synthetic.")] = None,
-    recording: Annotated[Path | None, typer.Option(help="Replay this recording instead of a sensor.")] = None,
+    sensor: Annotated[
+        list[str] | None,
+        typer.Option(help="A sensor by name, such as synthetic; several: left=oak, right=oak."),
+    ] = None,
+    recording: Annotated[
+        list[str] | None, typer.Option(help="Replay this recording instead of a sensor; several: NAME=FILE.")
+    ] = None,
+    space: Annotated[
+        Path | None, typer.Option(help="Where several sensors stand, as enliven calibrate wrote it.")
+    ] = None,
     option: Annotated[
-        list[str] | None, typer.Option("--set", help="An option of the sensor, KEY=VALUE.")
+        list[str] | None, typer.Option("--set", help="An option of the sensor, KEY=VALUE or NAME.KEY=VALUE.")
     ] = None,
     speed: Annotated[
         float, typer.Option(min=0.0, help="Pace of a replay: 1 as recorded, 0 no waiting.")
@@ -53,23 +65,29 @@ def edge(
         float | None, typer.Option(help="Stop after this long, by the sensor's clock.")
     ] = None,
 ) -> None:
-    """Track people with one sensor, let them possess a mesh, and publish the poses.
+    """Track people with one sensor or more, let them possess a mesh, and publish the poses.
 
     \b
       enliven edge --sensor synthetic
       enliven edge --recording take.mcap --mesh horse.obj --possess-at 2
       enliven edge --sensor synthetic --host 0.0.0.0 --settings edge.toml
       enliven edge --recording take.mcap --record performance.mcap --possess-at 1
+      enliven edge --sensor left=oak --sensor right=oak --space space.toml
     """
     chosen = _settings(settings, name=name, host=host, port=port, control_port=control_port)
-    source = (sensor, recording, option or [], speed, loop)
+    folder = settings.parent if settings else None
+    source = _sources(sensor or [], recording or [], option or [], speed, loop, chosen, folder)
+    if space is not None:
+        chosen = dataclasses.replace(chosen, space=str(space))
+    elif chosen.space and folder is not None:
+        chosen = dataclasses.replace(chosen, space=str(folder / chosen.space))
     run = (mesh, possess_at, parts, record, overwrite, wait_for_viewer, seconds)
     serve(chosen, source, run)
 
 
 def serve(
     chosen: EdgeSettings,
-    source: tuple[str | None, Path | None, list[str], float, bool],
+    sources: list[Source],
     run: tuple[str, float | None, str, Path | None, bool, float, float | None],
 ) -> None:
     """Opens everything, serves, and closes everything; heavy modules are imported only here."""
@@ -81,7 +99,7 @@ def serve(
 
     mesh, possess_at, parts, record, overwrite, wait, seconds = run
     with contextlib.ExitStack() as stack:
-        sensor = stack.enter_context(_opened(*source))
+        sensor = _opened(sources, chosen, stack)
         actor = _prepared(mesh, chosen)
         outlet = stack.enter_context(Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite))
         outlet.introduce(actor.character)
@@ -133,19 +151,62 @@ def _settings(path: Path | None, **overrides: str | int | None) -> EdgeSettings:
     return dataclasses.replace(loaded, wire=wire)
 
 
-def _opened(
-    sensor: str | None, recording: Path | None, options: list[str], speed: float, loop: bool
-) -> contextlib.AbstractContextManager:  # type: ignore[type-arg]
-    """The sensor that was asked for: by name, a recording, or the shipped recording."""
+def _sources(
+    sensors: list[str],
+    recordings: list[str],
+    options: list[str],
+    speed: float,
+    loop: bool,
+    chosen: EdgeSettings,
+    folder: Path | None,
+) -> list[Source]:
+    """What was asked for: on the command line, else in the settings, else the shipped recording."""
     from enliven_edge.commands.record import sensor_options
-    from enliven_edge.sensors.registry import open_sensor
+    from enliven_edge.sensors.sources import source_of, sources_of
 
-    if sensor is not None and recording is not None:
+    if len(sensors) == 1 and len(recordings) == 1:
         raise typer.BadParameter("give a sensor or a recording, not both")
-    if sensor is not None and sensor != "replay":
-        return open_sensor(sensor, **sensor_options(options))
-    path = recording or shipped_recording()
-    return open_sensor("replay", **{"path": path, "speed": speed, "loop": loop, **sensor_options(options)})
+    replay = {"speed": speed, "loop": loop}
+    words = [*sensors, *recordings]
+    if not words and chosen.sensors:
+        return sources_of(chosen.sensors, folder)
+    words = words or [str(shipped_recording())]
+    return [source_of(word, sensor_options(options), replay) for word in words]
+
+
+def _opened(sources: list[Source], chosen: EdgeSettings, stack: contextlib.ExitStack) -> Sensor:
+    """The sensor; several are watched at once, and fused into one of bodies."""
+    from enliven_edge.sensors.sources import opened
+
+    sensors = opened(sources, stack)
+    if len(sensors) == 1:
+        return next(iter(sensors.values()))
+    if not chosen.space:
+        raise InputError(
+            "several sensors need to know where they stand",
+            where="edge",
+            mend="Find it, enliven calibrate ... -o space.toml, and give --space space.toml.",
+        )
+    return stack.enter_context(_fused(sources, sensors, chosen))
+
+
+def _fused(sources: list[Source], sensors: dict[str, Sensor], chosen: EdgeSettings) -> FusedSensors:
+    """Several sensors as one."""
+    from enliven_edge.fusion.fused_sensor import FusedSensors
+    from enliven_edge.fusion.merge import untouched
+    from enliven_edge.fusion.space import load_space
+    from enliven_edge.tracking.health import HealthMonitor
+    from enliven_edge.tracking.output import Output
+    from enliven_edge.tracking.tracker import Tracker
+
+    trackers, health = {}, {}
+    for source, (name, sensor) in zip(sources, sensors.items(), strict=True):
+        scene = source.scene or chosen.tracker.scene
+        trackers[name] = Tracker(untouched(dataclasses.replace(chosen.tracker, scene=scene)))
+        fps = getattr(sensor, "fps", None)
+        health[name] = HealthMonitor(chosen.health, fps=fps, far=scene.far, name=name)
+    space, output = load_space(Path(chosen.space)), Output(chosen.tracker)
+    return FusedSensors(sensors, trackers, space, chosen.fusion, health, output)
 
 
 @contextlib.contextmanager

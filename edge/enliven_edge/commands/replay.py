@@ -31,7 +31,7 @@ def replay(
       enliven replay take.mcap --fast --record performance.mcap
     """
     edge(
-        recording=recording,
+        recording=[str(recording)],
         speed=0.0 if fast else speed,
         loop=loop,
         mesh=mesh,

@@ -20,6 +20,7 @@ from enliven_edge.fusion.space import Space
 from enliven_edge.fusion.watcher import Seen, Watcher
 from enliven_edge.sensors.base import Sensor
 from enliven_edge.tracking.health import HealthMonitor
+from enliven_edge.tracking.output import Output
 from enliven_edge.tracking.tracker import Tracker
 
 log = logging.getLogger(__name__)
@@ -57,6 +58,7 @@ class FusedSensors:
         trackers: by identity.
         space: where they stand.
         health: by identity, what says what is wrong; None makes some.
+        output: smooths, mirrors and looks ahead once all is fused; None: as fused.
 
     Raises:
         InputError: where the space does not know a sensor.
@@ -69,10 +71,13 @@ class FusedSensors:
         space: Space,
         settings: FusionSettings | None = None,
         health: Mapping[str, HealthMonitor] | None = None,
+        output: Output | None = None,
     ) -> None:
         health = health or {name: HealthMonitor(name=name) for name in sensors}
         _known(sensors, space)
         self.name = " + ".join(sensors)
+        self.output = output
+        self._mirror = next(iter(space.sensors[name].camera for name in sensors))
         self.fuser = Fuser({n: e for n, e in eyes(space).items() if n in sensors}, settings)
         self.warnings: list[SensorWarning] = []
         self._changed = threading.Condition()
@@ -178,6 +183,8 @@ class FusedSensors:
         self._now_ns = max(self._now_ns, time_ns)
         due = self._rhythm.due(seen.sensor, time_ns)
         bodies = self.fuser.bodies(time_ns) if due else []
+        if due and self.output is not None:
+            bodies = self.output(bodies, time_ns, self._mirror)
         self._tell()
         return FusedFrame(bodies, time_ns, self.name, seen.read_ns) if due else None
 

@@ -15,6 +15,7 @@ from enliven.rotation import from_matrix, multiply
 from enliven_edge.fusion.fuser import Fuser
 from enliven_edge.fusion.rigid import moved
 from enliven_edge.fusion.space import Space
+from enliven_edge.tracking.settings import TrackerSettings
 
 _MISSED = 1.7
 """Of its own steps, how late the sensor that keeps time may be until another does."""
@@ -53,6 +54,13 @@ class Rhythm:
         step = self._steps[self._lead]
         late = (time_ns - self._last[self._lead]) * 1e-9 > _MISSED * step
         return late or self._steps.get(sensor, np.inf) < _FASTER * step
+
+
+def untouched(settings: TrackerSettings) -> TrackerSettings:
+    """The settings of a tracker whose bodies are fused yet: smoothing, mirror and foresight come after."""
+    smoothing = dataclasses.replace(settings.smoothing, amount=0.0, amounts=())
+    output = dataclasses.replace(settings.output, mirror=False, predict=0.0)
+    return dataclasses.replace(settings, smoothing=smoothing, output=output)
 
 
 def in_world(bodies: list[Body], world_from_sensor: Float) -> list[Body]:

@@ -17,7 +17,7 @@ from enliven_edge.synthesis.motion import Motion, placed
 from enliven_edge.synthesis.noise import DepthNoise
 from enliven_edge.synthesis.performer import Figure, Performer
 from enliven_edge.synthesis.render import Renderer
-from enliven_edge.synthesis.rotations import on_grid
+from enliven_edge.synthesis.rotations import about_y, on_grid
 from enliven_edge.synthesis.scene import ROOM, Box, cast_room
 from enliven_edge.synthesis.visibility import seen_joints
 
@@ -91,6 +91,7 @@ class Ensemble:
         rate: frames a second, None for the profile's.
         roll: degrees the sensor is turned about its optical axis; 180 hangs upside down.
         told: whether a frame says where the sensor stands.
+        place, yaw: (x, z) metres and degrees about +Y of the sensor, for a second one in the same room.
     """
 
     def __init__(
@@ -107,12 +108,16 @@ class Ensemble:
         width: int | None = None,
         noise: bool = True,
         told: bool = True,
+        place: tuple[float, float] = (0.0, 0.0),
+        yaw: float = 0.0,
     ) -> None:
         self.profile, self.cast = profile, cast
         self.rate = rate or profile.camera.fps
         self.intrinsics = profile.intrinsics(width)
+        stand = np.eye(4)
+        stand[:3, :3], stand[:3, 3] = about_y(math.radians(yaw)), (place[0], 0.0, place[1])
         self.world_from_camera = on_grid(
-            world_from_level_camera(height, math.radians(tilt), math.radians(roll))
+            stand @ world_from_level_camera(height, math.radians(tilt), math.radians(roll))
         )
         self.camera_from_world: Float = np.asarray(np.linalg.inv(self.world_from_camera))
         self.sensor = f"synthetic {profile.name}"

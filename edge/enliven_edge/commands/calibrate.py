@@ -1,0 +1,183 @@
+"""enliven calibrate: where two or more sensors stand, from a person who walks about."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import datetime
+import logging
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from enliven.errors import InputError
+from enliven.settings import load_settings
+from enliven_edge.commands.record import sensor_options
+from enliven_edge.settings import EdgeSettings
+
+if TYPE_CHECKING:
+    from enliven_edge.fusion.calibration import Calibration, Pair
+    from enliven_edge.fusion.collecting import Collector
+
+log = logging.getLogger(__name__)
+
+_EVERY = 4.0
+"""Seconds between two looks at what live sensors have seen so far."""
+
+
+def calibrate(
+    sources: Annotated[
+        list[str] | None,
+        typer.Argument(help="Two or more: recordings or sensors, NAME=SOURCE to name one."),
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The file that says where the sensors stand.")
+    ] = Path("space.toml"),
+    option: Annotated[
+        list[str] | None, typer.Option("--set", help="An option of the sensors, KEY=VALUE or NAME.KEY=VALUE.")
+    ] = None,
+    settings: Annotated[
+        Path | None,
+        typer.Option(help="A TOML file of an edge's settings; its sensors, where none are given."),
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=1.0, help="Look for this long at most, by each sensor's clock.")
+    ] = None,
+    accept_doubt: Annotated[
+        bool, typer.Option(help="Write what was found though it is not good enough, as a comment says then.")
+    ] = False,
+) -> None:
+    """Find where sensors stand from one person who walks about where they all look. No checkerboard.
+
+    Walk in curves, all over the floor, for some twenty seconds. Live sensors are looked at until it is
+    enough; recordings must have been made at the same time. What was in the file before is kept beside it.
+
+    \b
+      enliven calibrate left.mcap right.mcap -o space.toml
+      enliven calibrate left=oak right=oak --set left.serial=1844 --set right.serial=1907
+      enliven calibrate --settings two-sensors.toml
+      enliven edge --recording left.mcap --recording right.mcap --space space.toml
+    """
+    from enliven_edge.sensors.sources import opened, source_of, sources_of
+
+    chosen = load_settings(EdgeSettings, settings) if settings else EdgeSettings()
+    options = sensor_options(option or [])
+    given = [source_of(word, options, {"speed": 0.0}) for word in sources or []]
+    if not given and settings is not None:
+        given = sources_of(chosen.sensors, settings.parent)
+    if len(given) < 2:
+        raise InputError(
+            "a calibration needs two sensors at least",
+            where="calibrate",
+            mend="Give two or more: enliven calibrate left.mcap right.mcap -o space.toml",
+        )
+    with contextlib.ExitStack() as stack:
+        sensors = opened(given, stack)
+        scenes = {name: source.scene for name, source in zip(sensors, given, strict=True)}
+        collectors = _collectors(sensors, scenes, chosen, seconds)
+        found = _found(collectors, chosen)
+    for pair in found.pairs:
+        typer.echo(_sentence(pair))
+    if len(found.sensors) > 2:
+        typer.echo(f"going round: {found.loop_cm:.1f} cm and {found.loop_deg:.1f} deg are left over")
+    _write(found, collectors, output, accept_doubt)
+
+
+def _collectors(sensors, scenes, chosen, seconds) -> list[Collector]:  # type: ignore[no-untyped-def]
+    """One for each sensor, with its own tracker."""
+    from enliven_edge.fusion.collecting import Collector
+    from enliven_edge.fusion.merge import untouched
+    from enliven_edge.tracking.tracker import Tracker
+
+    made = []
+    for name, sensor in sensors.items():
+        tracker = chosen.tracker
+        if scenes[name] is not None:
+            tracker = dataclasses.replace(tracker, scene=scenes[name])
+        made.append(Collector(name, sensor, Tracker(untouched(tracker)), seconds))
+    return made
+
+
+def _found(collectors: list[Collector], chosen: EdgeSettings) -> Calibration:
+    """Looks until the recordings end, or live sensors have seen enough, or Ctrl-C."""
+    from enliven_edge.fusion.calibration import calibrate as calibrated
+    from enliven_edge.warmup import warm_up_tracking
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress, _interrupted() as stop:
+        task = progress.add_task("Compiling the tracker (kept for the next start)", total=None)
+        warm_up_tracking(chosen.tracker)
+        for collector in collectors:
+            collector.start()
+        live, looked = any(not c.recorded for c in collectors), time.monotonic()
+        advice = "walk about, in curves"
+        while not stop.is_set() and not all(c.ended for c in collectors):
+            stop.wait(0.2)
+            count = ", ".join(f"{c.name} {c.frames}" for c in collectors)
+            progress.update(task, description=f"{count} frames; {advice if live else 'tracking'}")
+            if live and time.monotonic() - looked > _EVERY:
+                so_far = calibrated([c.stream() for c in collectors], chosen.calibration)
+                looked = time.monotonic()
+                if so_far.good:
+                    break
+                advice = so_far.advice[0] if so_far.advice else advice
+        for collector in collectors:
+            collector.stop()
+            if collector.failure:
+                typer.echo(f"{collector.name}: {collector.failure}", err=True)
+        progress.update(task, description="Comparing what the sensors saw")
+        return calibrated([c.stream() for c in collectors], chosen.calibration)
+
+
+@contextlib.contextmanager
+def _interrupted() -> Iterator[threading.Event]:
+    """An event that Ctrl-C sets: what was seen until then is still compared."""
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: stop.set())
+    try:
+        yield stop
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _sentence(pair: Pair) -> str:
+    """What two sensors told of each other."""
+    q = pair.quality
+    if pair.fit is None:
+        return f"{pair.a} - {pair.b}: {q.verdict}"
+    swapped = f", sides named differently {100 * q.swapped:.0f}% of the time" if q.swapped > 0.02 else ""
+    return (
+        f"{pair.a} - {pair.b}: {q.verdict}; joints {100 * q.rms:.1f} cm apart over {q.seconds:.0f} s, "
+        f"{q.length:.1f} x {q.breadth:.1f} m walked{swapped}; place known to {q.doubt_cm:.1f} cm, "
+        f"direction to {q.doubt_deg:.1f} deg, clocks to {q.doubt_ms:.0f} ms"
+    )
+
+
+def _write(found: Calibration, collectors: list[Collector], output: Path, accept_doubt: bool) -> None:
+    """Writes the file where the result is good; otherwise says why not and leaves the file as it was."""
+    from enliven_edge.fusion.space import save_space
+
+    doubt = [] if found.good else ["NOT GOOD ENOUGH: " + "; ".join(found.advice)]
+    missing = [name for name in found.sensors if name not in found.world_from_sensor]
+    if missing or (doubt and not accept_doubt):
+        kept = f"; {output} is as it was" if output.exists() else ""
+        raise InputError(
+            f"the sensors cannot be placed yet{kept}", where="calibrate", mend="; ".join(found.advice) + "."
+        )
+    mounts = {c.name: c.level_from_camera for c in collectors}
+    space = found.space({name: mount for name, mount in mounts.items() if mount is not None})
+    today = datetime.date.today().isoformat()
+    remarks = [f"Where the sensors stand: enliven calibrate, {today}.", *doubt, *map(_sentence, found.pairs)]
+    old = save_space(output, space, remarks)
+    kept = f" (what was there is now {old})" if old else ""
+    typer.echo(f"{output} says where {len(space.sensors)} sensors stand{kept}")

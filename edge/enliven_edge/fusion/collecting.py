@@ -1,0 +1,105 @@
+"""Bodies for a calibration: what each sensor sees of people, in one level frame from its first frame on."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import threading
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.frames import BodyFrame, DepthFrame
+from enliven_edge.fusion.merge import in_world
+from enliven_edge.fusion.rigid import inverse
+from enliven_edge.fusion.tracks import BodyStream, stream_of
+from enliven_edge.sensors.base import Sensor
+from enliven_edge.tracking.tracker import Tracker
+
+log = logging.getLogger(__name__)
+
+_PATIENCE = 0.1
+
+
+class Collector:
+    """Tracks one sensor in a thread and keeps what it saw.
+
+    Args:
+        name: the sensor's identity.
+        seconds: of the sensor's clock after which it is enough; None for as long as frames come.
+
+    Attributes:
+        frames: how many were tracked.
+        ended: nothing more will come.
+        failure: why not, where it was no ordinary end.
+    """
+
+    def __init__(self, name: str, sensor: Sensor, tracker: Tracker, seconds: float | None = None) -> None:
+        self.name, self.sensor = name, sensor
+        self.frames, self.ended, self.failure = 0, False, ""
+        self.recorded = bool(getattr(sensor, "recorded", False))
+        self._tracker, self._seconds = tracker, seconds
+        self._kept: list[tuple[BodyFrame, Float | None]] = []
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"sensor {name}", daemon=True)
+
+    def start(self) -> None:
+        """Begins to read."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ends the thread."""
+        self._stopped.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=5.0)
+
+    @property
+    def level_from_camera(self) -> Float | None:
+        """(4, 4) where a depth sensor's camera stands in its own level frame; None for a sensor of bodies."""
+        return next((mount for _, mount in reversed(self._kept) if mount is not None), None)
+
+    def stream(self) -> BodyStream:
+        """Everybody so far, in the level frame as it is known now.
+
+        A sensor may find its floor only after some frames, or know it better later; what it said before is
+        put right.
+        """
+        kept = list(self._kept)
+        final = self.level_from_camera
+        return stream_of(self.name, (_put_right(frame, mount, final) for frame, mount in kept))
+
+    def _run(self) -> None:
+        try:
+            self._collect()
+        except Exception as error:  # told to the user, who still has the other sensors
+            self.failure = str(error) or type(error).__name__
+            log.debug("sensor %s failed", self.name, exc_info=True)
+        self.ended = True
+
+    def _collect(self) -> None:
+        first: int | None = None
+        while not self._stopped.is_set():
+            try:
+                frame = self.sensor.read(_PATIENCE)
+            except TimeoutError:
+                continue
+            if frame is None:
+                return
+            first = frame.time_ns if first is None else first
+            if self._seconds is not None and frame.time_ns - first > self._seconds * 1e9:
+                return
+            if isinstance(frame, DepthFrame):
+                bodies = self._tracker.track(frame)
+                mount = self._tracker.world_from_camera
+                told = BodyFrame(bodies, frame.time_ns, self.name)
+                self._kept.append((told, None if mount is None else mount.copy()))
+            else:
+                self._kept.append((frame, None))
+            self.frames += 1
+
+
+def _put_right(frame: BodyFrame, mount: Float | None, final: Float | None) -> BodyFrame:
+    """The bodies as they would be had the sensor known from the start how it stands."""
+    if mount is None or final is None or not frame.bodies or np.array_equal(mount, final):
+        return frame
+    return dataclasses.replace(frame, bodies=in_world(frame.bodies, final @ inverse(mount)))

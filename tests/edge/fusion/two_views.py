@@ -1,0 +1,62 @@
+"""One space before two depth cameras that do not know where they stand: rendered, with its truth."""
+
+import dataclasses
+
+import numpy as np
+
+from enliven.frames import DepthFrame
+from enliven_edge.fusion.rigid import inverse
+from enliven_edge.sensors.profile import load_profile
+from enliven_edge.synthesis.choreography import HOME_Z
+from enliven_edge.synthesis.ensemble import Appearance, Ensemble
+from enliven_edge.synthesis.motion import Danced
+from enliven_edge.synthesis.performer import Performer, Proportions
+from enliven_edge.synthesis.wander import wander
+
+WIDTH, RATE = 320, 30.0
+PLACES = {"left": ((0.0, 0.0), 0.0), "right": ((2.3, -1.2), 55.0)}
+CLOCKS = {"left": 50.0, "right": 57.0}
+"""Seconds that each sensor's clock is ahead of the room's."""
+PHASE = 0.4
+"""Of a frame, by which the second sensor exposes later."""
+
+
+def walker(duration: float = 16.0, height: float = 1.78, start: float = 0.0, **way) -> Appearance:
+    """Somebody who walks about."""
+    performer = Performer(Proportions(height=height))
+    motion = Danced(performer, wander(duration, **way), repeat=True)
+    return Appearance(performer, motion, (0.0, HOME_Z), start=start)
+
+
+class View:
+    """What one of the two sensors delivers."""
+
+    def __init__(self, name: str, cast: tuple[Appearance, ...], seed: int = 0, noise: bool = True) -> None:
+        place, yaw = PLACES[name]
+        self.name = name
+        self._later = PHASE / RATE if name == "right" else 0.0
+        shifted = tuple(dataclasses.replace(a, start=a.start - self._later) for a in cast)
+        profile = load_profile("kinect1")
+        self.ensemble = Ensemble(
+            profile, shifted, rate=RATE, width=WIDTH, told=False, place=place, yaw=yaw, seed=seed, noise=noise
+        )
+        self.ensemble.sensor = name
+
+    def frame(self, index: int) -> DepthFrame:
+        """A frame on the sensor's own clock."""
+        frame, _ = self.ensemble.frame(index)
+        return dataclasses.replace(frame, time_ns=round((self.room_time(index) + CLOCKS[self.name]) * 1e9))
+
+    def room_time(self, index: int) -> float:
+        """Seconds of the room at a frame."""
+        return index / RATE + self._later
+
+    @property
+    def world_from_camera(self) -> np.ndarray:
+        return self.ensemble.world_from_camera
+
+
+def left_from_right_camera() -> np.ndarray:
+    """(4, 4) what a calibration is to find: right's camera in left's camera frame."""
+    left, right = (View(name, ()) for name in PLACES)
+    return inverse(left.world_from_camera) @ right.world_from_camera
