@@ -7,8 +7,8 @@
   the sensor is not recorded and chosen so that people are 1.70 m tall. A joint's depth is that of the
   surface before it, so distances are in the image plane; joints count whose depth was measured. It says
   whether a body is found in shreds of one, within a few centimetres of another tracker's opinion.
-- Of both, SpineShoulder stands for the shoulder centre; the hip centre and the spine are put on the line from
-  SpineBase to it, where they are in this project's anatomy: the maker's lie between the hips and on the belly.
+- Of both, SpineShoulder stands for the shoulder centre; the hip centre and the spine are put on the line
+  from SpineBase to it, where this project has them: the maker's lie between the hips and on the belly.
 - ``skeltrack_kinect1``: single shots with joints marked by eye (:mod:`tracking_marks`): distances are in the
   image plane, at the depth of what is there.
 - ``uva_person_turn``: no joints; how often the upper body's lie within the person's mask.
