@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-_REMEMBERED_NS = 2_000_000_000
+_REMEMBERED_NS = 1_500_000_000
 _ENOUGH = 6
 _LONGEST_LATE_NS = 1_000_000_000
 _NEW_CLOCK = 3
@@ -50,7 +50,7 @@ class Rhythm:
 
     @property
     def rate(self) -> float | None:
-        """Frames a second by the sensor's own clock, the median; None before there are enough."""
+        """Frames a second by the sensor's own clock, over the last 1.5 s; None before there are enough."""
         return self._rate
 
     @property
@@ -74,7 +74,7 @@ class Rhythm:
             self._rate, self._lost = None, 0.0
             return
         ordered = sorted(self._steps)
-        self._rate = 1e9 / ordered[count // 2]
+        self._rate = 1e9 * count / sum(ordered)
         # What comes on time is the shortest step, but for a sensor whose clock trembles.
         period = ordered[count // 8]
         due = sum(round(step / period) for step in self._steps)

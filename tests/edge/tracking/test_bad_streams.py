@@ -1,0 +1,137 @@
+"""Bad input from end to end: a real stream put through a fault between good parts.
+
+Nothing may be raised, the monitor must say what it is, and afterwards the person is tracked as before.
+"""
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from enliven.frames import DepthFrame
+from enliven.health import HealthKind
+from enliven_edge.sensors.synthetic import SyntheticSensor
+from enliven_edge.tracking.health import HealthMonitor
+from enliven_edge.tracking.tracker import Tracker
+
+GOOD, BAD, AFTER = 45, 60, 90
+
+
+def stream() -> Iterator[tuple[DepthFrame, np.ndarray]]:
+    """A walking person, the sensor's place left to be found; with the true joints."""
+    with SyntheticSensor(choreography="walk", width=320, realtime=False) as sensor:
+        for _ in range(GOOD + BAD + AFTER):
+            frame = sensor.read()
+            truth = sensor.truth(frame.time_ns).joints
+            yield dataclasses.replace(frame, world_from_camera=None), truth
+
+
+@pytest.fixture(scope="module")
+def frames() -> list[tuple[DepthFrame, np.ndarray]]:
+    return list(stream())
+
+
+def run(faulty) -> tuple[list[set[str]], list[float], Tracker]:
+    """What is said after each frame, and the mean error in metres of the body in it (NaN: nobody)."""
+    monitor, tracker = HealthMonitor(fps=30.0), Tracker()
+    said, errors = [], []
+    for frame, truth in faulty:
+        if monitor.admit(frame):
+            bodies = tracker.track(frame)
+            monitor.judge(frame, bodies, tracker.world_from_camera, tracker.state)
+            for body in bodies:
+                assert np.isfinite(body.joints).all() and np.isfinite(body.orientations).all()
+            error = np.linalg.norm(bodies[0].joints - truth, axis=1).mean() if bodies else np.nan
+            errors.append(float(error))
+        said.append({state.kind for state in monitor.states})
+    return said, errors, tracker
+
+
+def faulty(frames, fault):
+    """The stream with the fault in its middle; a fault gives frames in place of one."""
+    for i, (frame, truth) in enumerate(frames):
+        if GOOD <= i < GOOD + BAD:
+            for each in fault(i - GOOD, frame):
+                yield each, truth
+        else:
+            yield frame, truth
+
+
+def without(frame: DepthFrame, share: float, seed: int) -> DepthFrame:
+    holes = np.random.default_rng(seed).random(frame.depth.shape) < share
+    return dataclasses.replace(frame, depth=np.where(holes, 0, frame.depth).astype(np.uint16))
+
+
+def dark(frame: DepthFrame) -> DepthFrame:
+    return dataclasses.replace(frame, depth=np.zeros_like(frame.depth))
+
+
+FAULTS = {
+    HealthKind.DROPPED: lambda i, frame: [] if i % 3 == 0 else [frame],
+    HealthKind.SLOW: lambda i, frame: [frame] if i % 6 == 0 else [],
+    HealthKind.OUT_OF_ORDER: lambda i, frame: [
+        dataclasses.replace(frame, time_ns=frame.time_ns - (200_000_000 if i % 4 == 2 else 0))
+    ],
+    HealthKind.MISSING_DEPTH: lambda i, frame: [without(frame, 0.4, i)],
+    HealthKind.COVERED: lambda i, frame: [dark(frame)],
+}
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_a_fault_is_said_and_the_person_is_tracked_again(frames, kind):
+    said, errors, _ = run(faulty(frames, FAULTS[kind]))
+    assert kind not in said[GOOD - 1]
+    assert kind in set().union(*said[GOOD:-AFTER])
+    assert kind not in said[-1]
+    last = errors[-20:]
+    assert not np.isnan(last).any(), "the person was not found again"
+    assert np.mean(last) < 0.07
+
+
+def test_a_frozen_sensor_is_said_and_its_last_picture_does_no_harm(frames):
+    still = frames[GOOD - 1][0].depth
+    frozen = lambda i, frame: [dataclasses.replace(frame, depth=still)]  # noqa: E731
+    said, errors, _ = run(faulty(frames, frozen))
+    assert HealthKind.FROZEN in said[GOOD + BAD - 1] and HealthKind.FROZEN not in said[-1]
+    assert np.mean(errors[-20:]) < 0.07
+
+
+def test_a_clock_that_stands_still_is_said_and_nothing_is_tracked_twice(frames):
+    stuck = frames[GOOD - 1][0].time_ns
+    said, errors, _ = run(faulty(frames, lambda i, frame: [dataclasses.replace(frame, time_ns=stuck)]))
+    assert HealthKind.FROZEN in said[GOOD + BAD - 1] and HealthKind.FROZEN not in said[-1]
+    assert len(errors) == GOOD + AFTER
+    assert np.mean(errors[-20:]) < 0.07
+
+
+def test_frames_out_of_order_change_nothing_of_what_is_reported(frames):
+    """The late ones are left out: the bodies are those of the stream without them."""
+
+    def late(i, frame):
+        return [frame, dataclasses.replace(frames[GOOD + i - 3][0])] if i % 5 == 4 else [frame]
+
+    _, mixed, tracker = run(faulty(frames, late))
+    _, plain, other = run(iter(frames))
+    assert mixed == plain
+    assert [p.id for p in tracker.performers] == [p.id for p in other.performers]
+
+
+def test_a_stream_with_every_fault_at_once_raises_nothing(frames):
+    random = np.random.default_rng(0)
+
+    def worst(i, frame):
+        choice = random.integers(6)
+        if choice == 0:
+            return []
+        if choice == 1:
+            return [dark(frame)]
+        if choice == 2:
+            return [dataclasses.replace(frame, time_ns=int(random.integers(0, 2**62)))]
+        if choice == 3:
+            noise = random.integers(0, 65536, frame.depth.shape).astype(np.uint16)
+            return [dataclasses.replace(frame, depth=noise)]
+        return [without(frame, float(random.random()), i), frame]
+
+    _, errors, _ = run(faulty(frames, worst))
+    assert np.mean(errors[-20:]) < 0.07

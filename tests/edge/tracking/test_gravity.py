@@ -1,0 +1,48 @@
+"""However the sensor is mounted, down is where the floor says it is: tilted to 40 degrees, or upside down."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from enliven.body import Joint
+from enliven.frames import DepthFrame
+from enliven_edge.sensors.synthetic import SyntheticSensor
+from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
+from enliven_edge.tracking.tracker import Tracker
+
+
+def turned(frame: DepthFrame) -> DepthFrame:
+    """What the same sensor sees when it hangs upside down: the image turned by half a turn."""
+    camera = frame.intrinsics
+    turned_camera = dataclasses.replace(
+        camera, cx=camera.width - 1 - camera.cx, cy=camera.height - 1 - camera.cy
+    )
+    depth = np.ascontiguousarray(frame.depth[::-1, ::-1])
+    return dataclasses.replace(frame, depth=depth, intrinsics=turned_camera)
+
+
+@pytest.mark.parametrize("upside_down", [False, True])
+@pytest.mark.parametrize(
+    ("tilt", "height", "choreography"),
+    [(0.0, 1.2, "idle"), (10.0, 1.5, "walk"), (20.0, 1.9, "idle"), (30.0, 2.5, "idle"), (40.0, 2.9, "walk")],
+)
+def test_gravity_comes_from_the_floor(tilt, height, choreography, upside_down):
+    tracker = Tracker(TrackerSettings(scene=SceneSettings(upside_down=upside_down)))
+    with SyntheticSensor(
+        choreography=choreography, width=320, realtime=False, camera_tilt=tilt, camera_height=height
+    ) as sensor:
+        for _ in range(12):
+            frame = sensor.read()
+            truth, mount = sensor.truth(frame.time_ns), frame.world_from_camera
+            frame = dataclasses.replace(frame, world_from_camera=None)
+            bodies = tracker.track(turned(frame) if upside_down else frame)
+    found = tracker.world_from_camera
+    up = mount[1, :3] * (np.array([-1.0, -1.0, 1.0]) if upside_down else 1.0)
+    assert np.rad2deg(np.arccos(np.clip(found[1, :3] @ up, -1, 1))) < 3.0
+    assert found[1, 3] == pytest.approx(height, abs=0.08)
+    (body,) = bodies
+    assert body.joints[Joint.HEAD, 1] > body.joints[Joint.HIP_CENTER, 1] + 0.4
+    assert body.joints[Joint.HEAD, 1] == pytest.approx(truth.joints[Joint.HEAD, 1], abs=0.15)
+    away = body.joints[:, [0, 2]] - truth.joints[:, [0, 2]]
+    assert np.linalg.norm(away[Joint.HIP_CENTER]) < 0.2
