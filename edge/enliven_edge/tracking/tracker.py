@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from enliven.arrays import Float
+from enliven.arrays import Float, Int
 from enliven.body import Body
 from enliven.frames import DepthFrame
 from enliven_edge.tracking.crowd import Crowd
@@ -31,6 +31,7 @@ class Tracker:
         self._mounting = Mounting(self.settings.scene)
         self._crowd = Crowd(self.settings, Fitter(self.settings.fit))
         self._room: Room | None = None
+        self._owner: Int | None = None
         self.output = Output(self.settings)
 
     @property
@@ -54,6 +55,11 @@ class Tracker:
         age = self._room.age if self._room is not None else 0.0
         moved = self._mounting.new_place and not self._mounting.new_camera
         return TrackerState(self._mounting.floor_known, age, moved)
+
+    @property
+    def owner(self) -> Int | None:
+        """(h, w) whose each pixel of the reduced image was in the last frame: 0, 1, ...; -1 nobody's."""
+        return self._owner
 
     @property
     def posture(self) -> Posture | None:
@@ -82,6 +88,7 @@ class Tracker:
         kind = room.classify(view, scene.near, scene.far, scene.floor_band)
         segments = self._crowd.follow(view, kind)
         hold = self._crowd.look(view, kind, segments, room)
+        self._owner = segments.owner
         room.guard(segments.owner, self._crowd.owners(), view.z)
         room.learn(view.z, segments.owner >= 0, view.time_ns, hold)
         return self._bodies(frame.time_ns)
