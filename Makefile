@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint bench setup setup-dev record-references clean
+.PHONY: help run test lint bench films setup setup-dev record-references clean
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -19,6 +19,9 @@ lint: setup-dev  ## linters and types only
 bench: setup-dev ## measure: make bench, or make bench ONLY=road
 	@.venv/bin/python -m pip install -q -c constraints.txt -r tests/benchmarks/requirements.txt
 	@.venv/bin/python tests/benchmarks/run.py $(ONLY)
+
+films: setup-dev ## film what the tracker makes of the real recordings, into out/tracking: make films ONLY="uva four"
+	@.venv/bin/python tests/benchmarks/tracking_films.py $(ONLY)
 
 record-references: setup-dev ## record the stored poses and picture of tests/system again, on purpose
 	@.venv/bin/python -m pytest tests/system --record-references

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import is_dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -89,10 +89,14 @@ def _keyed(name: str, dice: _Dice, *keys: tuple[float, Posture]) -> Choreography
 
 def _mixed(a: T, b: T, part: float) -> T:
     """Every number of two dataclasses of a kind, ``part`` of the way from one to the other."""
-    if not is_dataclass(a) or not is_dataclass(b):
-        return (1.0 - part) * a + part * b  # type: ignore[operator,return-value]
-    mixed = {f.name: _mixed(getattr(a, f.name), getattr(b, f.name), part) for f in fields(a)}
-    return type(a)(**mixed)  # type: ignore[return-value]
+    ours, theirs = vars(a), vars(b)
+    mixed = {
+        name: _mixed(value, theirs[name], part)
+        if is_dataclass(value)
+        else (1.0 - part) * value + part * theirs[name]
+        for name, value in ours.items()
+    }
+    return type(a)(**mixed)
 
 
 def _arms(left: Arm, right: Arm | None = None, **changes: Any) -> Posture:
@@ -152,7 +156,7 @@ def _floor(dice: _Dice) -> Choreography:
 
 
 def _one_leg(dice: _Dice) -> Choreography:
-    over = {"x": -0.11, "roll": -0.04}
+    over: dict[str, Any] = {"x": -0.11, "roll": -0.04}
     knee = _arms(_OUT, left_foot=Foot(0.10, HOME_Z + 0.10, lift=dice.near(0.42, 0.08), pitch=-0.5), **over)
     kick = _arms(_ON_HIP, left_foot=Foot(0.12, HOME_Z + 0.55, lift=0.45, pitch=0.2), pitch=-0.1, **over)
     side = _arms(_HANGING, left_foot=Foot(0.62, HOME_Z, lift=0.28, yaw=0.3), roll=-0.2, x=-0.12)

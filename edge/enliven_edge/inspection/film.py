@@ -1,0 +1,90 @@
+"""Pictures to an MP4 file by PyAV, which is an extra: a sensor's computer needs no films."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from enliven.arrays import UInt8
+from enliven.errors import ResourceError
+
+_CODECS = ("libx264", "libopenh264", "mpeg4")
+
+
+class Film:
+    """A film that grows picture by picture; ``with`` completes it.
+
+    Args:
+        path: of the .mp4 file; its folder is made.
+        rate: pictures a second.
+
+    Raises:
+        ResourceError: where PyAV is missing, has no encoder, or the file cannot be written.
+    """
+
+    def __init__(self, path: Path, rate: float) -> None:
+        av = _pyav()
+        self.path, self._rate = path, Fraction(rate).limit_denominator(1001)
+        self._av = av
+        self._stream: Any = None
+        known = [name for name in _CODECS if name in av.codecs_available]
+        if not known:
+            raise ResourceError(
+                "PyAV has no film encoder", where="film", mend="Install it again: pip install av"
+            )
+        self._codec = known[0]
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = av.open(str(path), "w", format="mp4")
+        except OSError as error:
+            raise ResourceError(
+                f"the film cannot be written ({error.strerror})",
+                where=str(path),
+                mend="Choose another place.",
+            ) from None
+
+    def add(self, picture: UInt8) -> None:
+        """Append one (H, W, 3) sRGB picture; all have the size of the first (an odd row or column is cut)."""
+        height, width = picture.shape[0] // 2 * 2, picture.shape[1] // 2 * 2
+        if self._stream is None:
+            self._stream = self._begin(width, height)
+        frame = self._av.VideoFrame.from_ndarray(picture[:height, :width].copy(), format="rgb24")
+        for packet in self._stream.encode(frame):
+            self._file.mux(packet)
+
+    def _begin(self, width: int, height: int) -> Any:
+        options = {"preset": "veryfast", "crf": "22"} if self._codec == "libx264" else {}
+        stream = self._file.add_stream(self._codec, rate=self._rate, options=options)
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        return stream
+
+    def close(self) -> None:
+        """Write what is held back, and the index."""
+        if self._stream is not None:
+            for packet in self._stream.encode():
+                self._file.mux(packet)
+        self._file.close()
+
+    def __enter__(self) -> Film:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+        if self._stream is None:
+            self.path.unlink(missing_ok=True)
+
+
+def _pyav() -> Any:
+    try:
+        import av
+    except ImportError:
+        raise ResourceError(
+            "films need PyAV, which is not installed",
+            where="film",
+            mend='Install the extra: pip install "enliven-edge[film]"',
+        ) from None
+    return av

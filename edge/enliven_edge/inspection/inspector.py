@@ -1,0 +1,73 @@
+"""A recording through the tracker, frame by frame, as pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from PIL import Image
+
+from enliven.arrays import UInt8
+from enliven.body import Body
+from enliven.frames import DepthFrame, Frame
+from enliven_edge.inspection.picture import captioned, depth_picture, depth_span, draw_bodies, tinted
+from enliven_edge.tracking.health import HealthMonitor
+from enliven_edge.tracking.tracker import Tracker
+
+_SPAN_KEEPS = 0.97
+"""How slowly the span of grey follows the depth, so that pictures do not flicker."""
+
+
+class Inspector:
+    """Tracks, and draws what it sees and says.
+
+    Args:
+        width: of the pictures, pixels.
+        fps: frames a second that the sensor promises.
+
+    Attributes:
+        bodies: of the last frame that was tracked.
+    """
+
+    def __init__(self, tracker: Tracker, width: int = 640, fps: float = 30.0) -> None:
+        self._tracker, self._width = tracker, width
+        self._health = HealthMonitor(fps=fps, far=tracker.settings.scene.far)
+        self._span: tuple[float, float] | None = None
+        self._first_ns: int | None = None
+        self.bodies: list[Body] = []
+
+    def pictures(self, frames: Iterable[Frame]) -> Iterator[UInt8]:
+        """(H, W, 3) a picture for every depth frame; bodies that a sensor tracked itself are passed over."""
+        for frame in frames:
+            if isinstance(frame, DepthFrame):
+                yield self.picture(frame)
+
+    def picture(self, frame: DepthFrame) -> UInt8:
+        """Track one frame and draw it."""
+        if self._health.admit(frame):
+            self.bodies = self._tracker.track(frame)
+            self._health.judge(frame, self.bodies, self._tracker.world_from_camera, self._tracker.state)
+        scale = self._width / frame.intrinsics.width
+        picture = depth_picture(frame.depth, *self._settled_span(frame))
+        if self._tracker.owner is not None and self.bodies:
+            picture = tinted(picture, self._tracker.owner, frame.depth)
+        height = round(picture.shape[0] * scale)
+        picture = np.asarray(Image.fromarray(picture).resize((self._width, height)))
+        mount = self._tracker.world_from_camera
+        if mount is not None:
+            picture = draw_bodies(picture, self.bodies, frame.intrinsics, mount, scale)
+        return captioned(picture, self._caption(frame))
+
+    def _settled_span(self, frame: DepthFrame) -> tuple[float, float]:
+        now = depth_span(frame.depth)
+        before = self._span or now
+        k = _SPAN_KEEPS
+        self._span = k * before[0] + (1 - k) * now[0], k * before[1] + (1 - k) * now[1]
+        return self._span
+
+    def _caption(self, frame: DepthFrame) -> list[str]:
+        """What is wrong, the gravest first; then time and people."""
+        first = self._first_ns = frame.time_ns if self._first_ns is None else self._first_ns
+        people = ", ".join(f"{b.id} ({b.confidence.mean():.2f})" for b in self.bodies) or "nobody"
+        states = [str(state)[:110] for state in self._health.states[:3]]
+        return [*states, f"{(frame.time_ns - first) * 1e-9:6.2f} s   {people}"]

@@ -1,0 +1,122 @@
+"""One frame as a picture: depth in grey, each person's pixels tinted, skeletons coloured by confidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from enliven.arrays import AnyArray, Float, Int, UInt8, UInt16
+from enliven.body import BONES, Body
+from enliven.camera import Intrinsics, project
+
+_TINTS = np.array(
+    [(70, 130, 255), (255, 140, 60), (90, 220, 120), (230, 90, 210), (240, 220, 70), (90, 220, 230)], float
+)
+_NEAREST, _HOLE = 0.12, 12
+"""Metres from the camera before which a joint is not drawn; the grey of what is not known."""
+_UNSURE = 0.05
+"""A bone whose ends are both less sure than this is not drawn."""
+
+
+def depth_picture(depth: UInt16, near: float, far: float) -> UInt8:
+    """(H, W, 3) grey: bright is near, ``far`` metres and beyond dark; unknown nearly black."""
+    z = depth.astype(np.float64) * 1e-3
+    grey = 235.0 - 190.0 * np.clip((z - near) / max(far - near, 1e-6), 0.0, 1.0)
+    grey[depth == 0] = _HOLE
+    return np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)
+
+
+def depth_span(depth: UInt16) -> tuple[float, float]:
+    """Metres between which most of an image lies; what :func:`depth_picture` takes."""
+    known = depth[(depth > 0) & (depth < 65535)]
+    if known.size == 0:
+        return 0.5, 4.0
+    near, far = np.percentile(known[:: max(1, known.size // 20000)], [1.0, 97.0]) * 1e-3
+    return float(near), float(max(far, near + 0.3))
+
+
+def tinted(picture: UInt8, owner: Int, depth: UInt16) -> UInt8:
+    """The picture with each person's known pixels coloured.
+
+    Args:
+        owner: (h, w) of a reduced image: 0, 1, ... whose a pixel is, -1 nobody's.
+        depth: (H, W) of the picture.
+    """
+    height, width = picture.shape[:2]
+    rows = np.minimum(np.arange(height) * owner.shape[0] // height, owner.shape[0] - 1)
+    columns = np.minimum(np.arange(width) * owner.shape[1] // width, owner.shape[1] - 1)
+    whose = np.where(depth > 0, owner[rows[:, None], columns[None]], -1)
+    out = picture.astype(np.float64)
+    mine = whose >= 0
+    out[mine] = 0.62 * out[mine] + 0.38 * _TINTS[whose[mine] % len(_TINTS)]
+    return np.asarray(out.astype(np.uint8))
+
+
+def confidence_colour(confidence: float) -> tuple[int, int, int]:
+    """Red where nothing is sure, through yellow, to green."""
+    c = min(max(confidence, 0.0), 1.0)
+    return (255, round(510 * c), 40) if c < 0.5 else (round(510 * (1.0 - c)), 255, 40)
+
+
+def draw_bodies(
+    picture: UInt8,
+    bodies: Sequence[Body],
+    intrinsics: Intrinsics,
+    world_from_camera: Float,
+    scale: float = 1.0,
+) -> UInt8:
+    """The picture (of ``scale`` times the camera's size) with the skeletons and their ids."""
+    image = Image.fromarray(picture)
+    draw = ImageDraw.Draw(image)
+    rotation, origin = world_from_camera[:3, :3], world_from_camera[:3, 3]
+    for body in bodies:
+        local = (body.joints - origin) @ rotation
+        ahead = local[:, 2] > _NEAREST
+        uv = np.zeros((len(local), 2))
+        uv[ahead] = (project(local[ahead], intrinsics) + 0.5) * scale
+        for a, b in BONES:
+            sure = float(min(body.confidence[a], body.confidence[b]))
+            if ahead[a] and ahead[b] and max(body.confidence[a], body.confidence[b]) >= _UNSURE:
+                draw.line([*uv[a], *uv[b]], fill=confidence_colour(sure), width=max(1, round(2 * scale)))
+        for j in np.flatnonzero(ahead):
+            _dot(draw, uv[j], 3.0 * scale, float(body.confidence[j]))
+        if ahead[3]:
+            draw.text((uv[3, 0] + 8 * scale, uv[3, 1] - 18 * scale), str(body.id), fill=(255, 255, 255))
+    return np.asarray(image)
+
+
+def _dot(draw: ImageDraw.ImageDraw, at: AnyArray, radius: float, confidence: float) -> None:
+    """A joint: filled where it is vouched for, a ring where it is a guess."""
+    box = [at[0] - radius, at[1] - radius, at[0] + radius, at[1] + radius]
+    if confidence >= _UNSURE:
+        draw.ellipse(box, fill=confidence_colour(confidence), outline=(0, 0, 0))
+    else:
+        draw.ellipse(box, outline=(150, 40, 40))
+
+
+def captioned(picture: UInt8, lines: Sequence[str], colour: tuple[int, int, int] = (255, 230, 90)) -> UInt8:
+    """The picture with lines of text in its lower left corner."""
+    image = Image.fromarray(picture)
+    draw = ImageDraw.Draw(image)
+    for n, line in enumerate(reversed(lines)):
+        at = (6, image.height - 14 * (n + 1) - 4)
+        draw.text((at[0] + 1, at[1] + 1), line, fill=(0, 0, 0))
+        draw.text(at, line, fill=colour)
+    return np.asarray(image)
+
+
+def contact_sheet(pictures: Sequence[UInt8], columns: int, width: int) -> UInt8:
+    """One picture of many, ``columns`` in a row, each ``width`` pixels wide."""
+    small = []
+    for picture in pictures:
+        height = max(1, round(picture.shape[0] * width / picture.shape[1]))
+        small.append(np.asarray(Image.fromarray(picture).resize((width, height))))
+    tall = max(s.shape[0] for s in small)
+    rows = -(-len(small) // columns)
+    sheet = np.zeros((rows * tall, columns * width, 3), np.uint8)
+    for n, picture in enumerate(small):
+        top, left = n // columns * tall, n % columns * width
+        sheet[top : top + picture.shape[0], left : left + width] = picture
+    return sheet
