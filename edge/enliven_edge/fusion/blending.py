@@ -43,21 +43,21 @@ def blend(x, w, predicted, known, before, d, share, out):  # type: ignore[no-unt
                 before[s, j] = False
             continue
         for k in range(width):
-            base = 0.0
+            mean, base = 0.0, 0.0
+            for s in range(count):
+                mean += w[s, j] * x[s, j, k]
+                if before[s, j]:
+                    base += w[s, j] * (x[s, j, k] - d[s, j, k])
+            mean /= total
             if old > 0.0:
-                for s in range(count):
-                    if before[s, j]:
-                        base += w[s, j] * (x[s, j, k] - d[s, j, k])
                 base /= old
             else:
-                base = predicted[j, k]
-            mean, told = 0.0, 0.0
+                base = predicted[j, k] if known else mean
+            told = 0.0
             for s in range(count):
                 if w[s, j] > 0.0 and not before[s, j]:
-                    d[s, j, k] = x[s, j, k] - base if known or old > 0.0 else 0.0
-                mean += w[s, j] * x[s, j, k]
+                    d[s, j, k] = x[s, j, k] - base
                 told += w[s, j] * (x[s, j, k] - d[s, j, k])
-            mean /= total
             out[j, k] = told / total
             for s in range(count):
                 if w[s, j] > 0.0:

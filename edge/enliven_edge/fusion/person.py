@@ -24,6 +24,8 @@ _UNSURE = 0.12
 """Metres of disagreement between sensors that halves a joint's confidence."""
 _MOVED = 0.02
 """What a sensor counts that was moved, against one that was not."""
+_CONVINCING = 3.0
+"""Confidence that may be gained a second."""
 _GUESS = 1e-3
 """The weight of a joint that nobody sees: it stays somewhere."""
 
@@ -47,6 +49,7 @@ class FusedPerson:
         self._crossed: Bool = np.zeros(sensors, bool)
         self._doubted_sides = 0.0
         self._spoke = np.zeros((sensors, 20), bool)
+        self._sure = np.zeros((sensors, 20))
         self._turn_spoke = np.zeros((sensors, 20), bool)
         self._habit, self._turn_habit = np.zeros((sensors, 20, 3)), np.zeros((sensors, 20, 4))
 
@@ -68,7 +71,7 @@ class FusedPerson:
         bodies = self._named(group, expected)
         self._vote(bodies, views, group, 0.0 if not known else seconds)
         bodies = {s: exchanged(b) if self._crossed[s] else b for s, b in group_bodies(group).items()}
-        x, w = self._words(bodies, views)
+        x, w = self._words(bodies, views, seconds if known else np.inf)
         if known:
             doubt_outliers(x, w, expected)
         step = 1.0 - np.exp(-max(seconds, 0.0) / self.settings.hand_over) if self.settings.hand_over else 1.0
@@ -131,6 +134,7 @@ class FusedPerson:
         self._doubted_sides = 0.0
         self.joints, self.velocity = self.joints[OTHER_SIDE], self.velocity[OTHER_SIDE]
         self._spoke, self._habit = self._spoke[:, OTHER_SIDE], self._habit[:, OTHER_SIDE]
+        self._sure = self._sure[:, OTHER_SIDE]
         self._turn_spoke[:] = False
         self._turned_known = False
 
@@ -144,14 +148,20 @@ class FusedPerson:
             return 0.0
         return float(-np.sign(forward @ velocity))
 
-    def _words(self, bodies: dict[int, Body], views: list[SensorView]) -> tuple[Float, Float]:
-        """(S, 20, 3) joints and (S, 20) weights: sure, near and new words count most."""
+    def _words(self, bodies: dict[int, Body], views: list[SensorView], seconds: float) -> tuple[Float, Float]:
+        """(S, 20, 3) joints and (S, 20) weights: sure and near words count most.
+
+        Who has only just become sure of a joint, and was not of where it was before, counts little yet.
+        """
         x, w = np.zeros(self._habit.shape), np.zeros(self._spoke.shape)
+        sure = np.zeros(self._sure.shape)
         for sensor, body in bodies.items():
+            sure[sensor] = np.minimum(body.confidence, self._sure[sensor] + _CONVINCING * seconds)
             x[sensor] = body.joints
-            w[sensor] = (body.confidence + _GUESS) / _noise(body, views[sensor], self.settings) ** 2
+            w[sensor] = (sure[sensor] + _GUESS) / _noise(body, views[sensor], self.settings) ** 2
             if views[sensor].state is SensorState.MOVED:
                 w[sensor] *= _MOVED
+        self._sure = sure
         return x, w
 
     def _oriented(self, bodies: dict[int, Body], w: Float, known: bool, share: float) -> Float | None:

@@ -60,6 +60,7 @@ class SensorView:
         self.last_ns: int | None = None
         self.astray = np.zeros(3)
         self._same_since_ns = 0
+        self._before: list[Body] = []
         self._bound: dict[int, tuple[int, int]] = {}
 
     def hear(self, bodies: list[Body], time_ns: int, silence: float, *, frozen: bool = False) -> bool:
@@ -71,7 +72,7 @@ class SensorView:
         """
         if self.last_ns is not None and time_ns <= self.last_ns:
             return False
-        if not self._repeats(bodies) or self.last_ns is None:
+        if not self._repeats(bodies):
             self._same_since_ns = time_ns
         frozen = frozen or time_ns - self._same_since_ns > silence * 1e9
         self.last_ns = time_ns
@@ -98,11 +99,14 @@ class SensorView:
 
     def _repeats(self, bodies: list[Body]) -> bool:
         """Whether somebody is there, and nobody has moved by a bit."""
-        if not bodies or len(bodies) != len(self.sightings):
-            return False
-        return all(
-            b.id in self.sightings and np.array_equal(b.joints, self.sightings[b.id].body.joints)
-            for b in bodies
+        before, self._before = self._before, bodies
+        return (
+            bool(bodies)
+            and len(bodies) == len(before)
+            and all(
+                b.id == o.id and np.array_equal(b.joints, o.joints)
+                for b, o in zip(bodies, before, strict=True)
+            )
         )
 
     def _sighted(self, body: Body, time_ns: int) -> Sighting:
