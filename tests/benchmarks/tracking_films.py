@@ -9,7 +9,7 @@ Each film has a contact sheet of twelve of its frames beside it. Single shots ar
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -78,15 +78,15 @@ def _shots_of_vcl3d() -> list[list[DepthFrame]]:
     return [_held(frame) for frame in _imported(DATA / "depth" / "vcl3d_realsense_d415")]
 
 
-def make(name: str, takes: Iterator[list[DepthFrame]]) -> None:
-    """One film and its contact sheet."""
+def make(name: str, takes: list[list[DepthFrame]]) -> None:
+    """One film and its contact sheet: frames evenly spread, or the last of each take where there are many."""
     pictures = [p for frames in takes for p in Inspector(Tracker()).pictures(frames)]
     with Film(OUT / f"{name}.mp4", 30.0) as film:
         for picture in pictures:
             film.add(picture)
     chosen = np.linspace(len(pictures) / 24, len(pictures) - 1 - len(pictures) / 24, 12).round().astype(int)
-    if len(pictures) % _HELD == 0 and 1 < len(pictures) // _HELD <= 12:
-        chosen = np.arange(1, len(pictures) // _HELD + 1) * _HELD - 1
+    if len(takes) > 1:
+        chosen = np.cumsum([len(frames) for frames in takes]) - 1
     Image.fromarray(contact_sheet([pictures[n] for n in chosen], 4, 480)).save(OUT / f"{name}.png")
     print(f"{OUT / name}.mp4: {len(pictures)} frames", flush=True)
 
@@ -94,7 +94,7 @@ def make(name: str, takes: Iterator[list[DepthFrame]]) -> None:
 def main(words: list[str]) -> int:
     for name, takes in films().items():
         if not words or any(word in name for word in words):
-            make(name, iter(takes()))
+            make(name, takes())
     return 0
 
 

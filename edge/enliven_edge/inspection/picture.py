@@ -50,7 +50,7 @@ def tinted(picture: UInt8, owner: Int, depth: UInt16) -> UInt8:
     whose = np.where(depth > 0, owner[rows[:, None], columns[None]], -1)
     out = picture.astype(np.float64)
     mine = whose >= 0
-    out[mine] = 0.62 * out[mine] + 0.38 * _TINTS[whose[mine] % len(_TINTS)]
+    out[mine] = out[mine] * (0.25 + 0.6 * _TINTS[whose[mine] % len(_TINTS)] / 255.0)
     return np.asarray(out.astype(np.uint8))
 
 

@@ -1,0 +1,180 @@
+"""BVH: whatever the order of channels, forward kinematics is what the file says; errors name the line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.errors import InputError
+from enliven.formats.bvh import parse_bvh, read_bvh
+from enliven.formats.capture import UNITS, guess_unit
+
+ORDERS = ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"]
+
+
+def turned(axis: str, degrees: float) -> np.ndarray:
+    """(4, 4) a rotation, written out."""
+    a = np.radians(degrees)
+    c, s = np.cos(a), np.sin(a)
+    m = np.eye(4)
+    i, j = {"X": (1, 2), "Y": (2, 0), "Z": (0, 1)}[axis]
+    m[i, i], m[j, j], m[i, j], m[j, i] = c, c, -s, s
+    return m
+
+
+@st.composite
+def skeletons(draw):
+    """A tree as (parent, offset, channels) a joint, and frames of its channels."""
+    count = draw(st.integers(1, 6))
+    number = st.floats(-50, 50).map(lambda x: round(x, 3))
+    joints = []
+    for n in range(count):
+        parent = -1 if n == 0 else draw(st.integers(0, n - 1))
+        order = draw(st.sampled_from(ORDERS))
+        moves = n == 0 or draw(st.booleans())
+        channels = ([f"{a}position" for a in "XYZ"] if moves else []) + [f"{a}rotation" for a in order]
+        joints.append((parent, [draw(number) for _ in range(3)], channels))
+    width = sum(len(c) for _, _, c in joints)
+    rows = [[draw(st.floats(-180, 180).map(lambda x: round(x, 3))) for _ in range(width)] for _ in range(2)]
+    return joints, rows
+
+
+def written(joints, rows) -> tuple[str, list[int]]:
+    """The text of a BVH file, and the joints in the order in which it has them."""
+    order: list[int] = []
+
+    def block(n: int, depth: int) -> str:
+        order.append(n)
+        _, offset, channels = joints[n]
+        pad, word = "\t" * depth, "ROOT" if n == 0 else "JOINT"
+        text = f"{pad}{word} joint{n}\n{pad}{{\n{pad}\tOFFSET {' '.join(map(str, offset))}\n"
+        text += f"{pad}\tCHANNELS {len(channels)} {' '.join(channels)}\n"
+        below = [k for k, (parent, _, _) in enumerate(joints) if parent == n]
+        for k in below:
+            text += block(k, depth + 1)
+        if not below:
+            text += f"{pad}\tEnd Site\n{pad}\t{{\n{pad}\t\tOFFSET 0 1.5 0\n{pad}\t}}\n"
+        return text + f"{pad}}}\n"
+
+    tree = block(0, 0)
+    starts = np.cumsum([0, *(len(c) for _, _, c in joints)])
+    lines = [" ".join(str(v) for n in order for v in row[starts[n] : starts[n + 1]]) for row in rows]
+    return (
+        f"HIERARCHY\n{tree}MOTION\nFrames:\t{len(rows)}\nFrame Time: .0083333\n" + "\n".join(lines) + "\n",
+        order,
+    )
+
+
+def slow_world(joints, row) -> list[np.ndarray]:
+    """(4, 4) of every joint, one joint and one channel at a time."""
+    world: list[np.ndarray] = []
+    column = 0
+    for parent, offset, channels in joints:
+        move, turn = np.eye(4), np.eye(4)
+        move[:3, 3] = offset
+        for channel in channels:
+            if channel.endswith("position"):
+                move["XYZ".index(channel[0]), 3] = row[column]
+            else:
+                turn = turn @ turned(channel[0], row[column])
+            column += 1
+        local = move @ turn
+        world.append(local if parent < 0 else world[parent] @ local)
+    return world
+
+
+@settings(max_examples=60, deadline=None)
+@given(skeletons())
+def test_a_file_is_posed_as_it_says(made) -> None:
+    joints, rows = made
+    text, order = written(joints, rows)
+    capture = parse_bvh(text)
+    real = [n for n, name in enumerate(capture.names) if not name.endswith(" end")]
+    assert [capture.names[n] for n in real] == [f"joint{n}" for n in order]
+    for f, row in enumerate(rows):
+        world = slow_world(joints, row)
+        for at, n in zip(real, order, strict=True):
+            np.testing.assert_allclose(capture.positions[f, at], world[n][:3, 3], atol=1e-9)
+            np.testing.assert_allclose(capture.rotations[f, at], world[n][:3, :3], atol=1e-12)
+    for at, name in enumerate(capture.names):
+        if name.endswith(" end"):
+            parent = capture.parents[at]
+            apart = capture.positions[:, at] - capture.positions[:, parent]
+            np.testing.assert_allclose(apart, capture.rotations[:, parent] @ [0.0, 1.5, 0.0], atol=1e-9)
+
+
+SIMPLE = """HIERARCHY
+ROOT Hips
+{
+  OFFSET 0 90 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  End Site
+  {
+    OFFSET 0 10 0
+  }
+}
+MOTION
+Frames: 2
+Frame Time: 0.04
+0 90 0 0 0 0
+1 90 0 90 0 0
+"""
+
+
+def test_a_simple_file() -> None:
+    capture = parse_bvh(SIMPLE)
+    assert capture.names == ("Hips", "Hips end")
+    assert (capture.frames, capture.seconds, capture.notes) == (2, 0.04, ())
+    np.testing.assert_allclose(capture.positions[1], [[1, 90, 0], [-9, 90, 0]], atol=1e-12)
+    assert capture.clipped(0.04, 0.04).frames == 1
+
+
+def test_windows_line_ends_and_a_byte_order_mark_do_not_matter(tmp_path) -> None:
+    path = tmp_path / "a.bvh"
+    path.write_bytes(b"\xef\xbb\xbf" + SIMPLE.replace("\n", "\r\n").encode())
+    assert read_bvh(path).frames == 2
+
+
+def test_a_row_too_many_is_read_and_noted() -> None:
+    capture = parse_bvh(SIMPLE + "2 90 0 0 0 0\n")
+    assert capture.frames == 3
+    assert capture.notes == ("2 frames are promised, 3 are there",)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "words"),
+    [
+        ("HIERARCHY", "solid cube", 1, "not HIERARCHY"),
+        ("OFFSET 0 90 0", "OFFSET 0 90", 4, "2 numbers, expected 3"),
+        ("OFFSET 0 90 0", "OFFSET 0 tall 0", 4, "no number"),
+        ("Zrotation", "Wrotation", 5, "no channel Wrotation"),
+        ("CHANNELS 6", "CHANNELS 5", 5, "says 5 and names 6"),
+        ("}\nMOTION", "MOTION", 10, "before the hierarchy is complete"),
+        ("Frames: 2", "Frames: two", 12, "expected 'Frames:'"),
+        ("0.04", "0", 13, "lasts 0.0 s"),
+        ("1 90 0 90 0 0", "1 90 0 90 0", 15, "frame 2 has 5 numbers"),
+        ("1 90 0 90 0 0", "1 90 nan 90 0 0", 15, "not finite"),
+        ("ROOT Hips", "JOINT Hips", 2, "does not belong here"),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_line(old: str, new: str, line: int, words: str) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        parse_bvh(SIMPLE.replace(old, new, 1))
+    assert f"line {line}" in caught.value.where
+
+
+def test_a_file_that_ends_early_or_has_no_frames() -> None:
+    with pytest.raises(InputError, match="ends where"):
+        parse_bvh(SIMPLE[: SIMPLE.index("Frame Time")])
+    with pytest.raises(InputError, match="no frames"):
+        parse_bvh(SIMPLE[: SIMPLE.index("0 90 0 0 0 0")])
+    with pytest.raises(InputError, match="cannot be read"):
+        read_bvh("there/is/no.bvh")
+
+
+@pytest.mark.parametrize("unit", list(UNITS))
+def test_the_unit_is_guessed_by_the_legs(unit: str) -> None:
+    for leg in (0.72, 0.82, 0.92):
+        assert guess_unit(leg / UNITS[unit]) == unit
