@@ -141,7 +141,8 @@ def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) 
         if final is not None:
             finals.append((_score(a, b, *final, settings), *final))
     if not finals:
-        return Pair(a.sensor, b.sensor, None, nothing(b.sensor))
+        blind = next((s.sensor for s in (a, b) if not s.tracks), None)
+        return Pair(a.sensor, b.sensor, None, nothing(a.sensor, b.sensor, blind))
     finals.sort(key=lambda entry: entry[0])
     score, fit, matches = finals[0]
     rivals = [other for cost, other, _ in finals[1:] if cost < _AS_GOOD * score + 1e-4 and differ(fit, other)]

@@ -99,10 +99,16 @@ def judged(
     )  # fmt: skip
 
 
-def nothing(name: str) -> Quality:
-    """The quality where no person was seen by both."""
+def nothing(a: str, b: str, blind: str | None) -> Quality:
+    """The quality where the same person was never seen by both.
+
+    Args:
+        blind: the sensor that saw nobody at all, if one did.
+    """
     nan = float("nan")
-    advice = f"no person was seen by {name} and the other at one time: walk where both see you"
+    advice = f"{a} and {b} saw nobody at one time: walk where both see you, for longer"
+    if blind is not None:
+        advice = f"{blind} saw nobody: walk where it sees you from head to foot"
     return Quality(Verdict.NO_MATCH, nan, nan, nan, nan, 0.0, 0.0, 0.0, 0, 0.0, advice)
 
 

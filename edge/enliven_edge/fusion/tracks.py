@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
 from enliven.frames import BodyFrame
+
+_SLOWEST = 0.35
+"""Seconds over which nobody's way is a straight line any more."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +35,9 @@ class BodyTrack:
         """Joints (N, 20, 3), velocities (N, 20, 3) m/s and confidence (N, 20) at times (N,).
 
         Linear between neighbouring frames; confidence 0 where they are farther apart than ``longest_gap``
-        seconds, or where there is none on one side.
+        seconds (or what is usual for a slow sensor), or where there is none on one side.
         """
+        longest_gap = max(longest_gap, min(1.6 * self.step, _SLOWEST))
         if len(self.times) < 2:
             zeros = np.zeros((len(times), 20, 3))
             return zeros, zeros, zeros[..., 0]
@@ -45,6 +50,11 @@ class BodyTrack:
         start, change = self.joints[before], self.joints[after] - self.joints[before]
         seen = np.minimum(self.confidence[before], self.confidence[after]) * inside[:, None]
         return start + share * change, self._velocity(before, after), seen
+
+    @cached_property
+    def step(self) -> float:
+        """Seconds between two frames, usually."""
+        return float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
 
     def _velocity(self, before: AnyArray, after: AnyArray) -> Float:
         """(N, 20, 3) m/s from the frames around the two that were interpolated.

@@ -21,7 +21,7 @@ class SyntheticSensor:
 
     Args:
         profile: the camera, by name or by the path of its TOML file (see ``firmware_configs/sensors``).
-        choreography: "chair", "walk", "wave" or "idle".
+        choreography: "chair", "walk", "wave", "idle" or "wander".
         seed: fixes everything random.
         width: pixels across, None for the profile's own.
         realtime: deliver at the profile's frame rate.

@@ -248,9 +248,16 @@ def _walk() -> Choreography:
     return Choreography("walk", 5.6, posture, feet.planted)
 
 
+def _wander() -> Choreography:
+    from enliven_edge.synthesis.wander import wander  # it is made of this module's parts
+
+    return wander()
+
+
 _MAKERS: dict[str, Callable[[], Choreography]] = {
     "chair": _chair,
     "walk": _walk,
     "wave": _wave,
     "idle": _idle,
+    "wander": _wander,
 }

@@ -19,7 +19,7 @@ from enliven_edge.synthesis.flesh import Anatomy
 from enliven_edge.synthesis.noise import DepthNoise
 from enliven_edge.synthesis.performer import Figure, Performer, Proportions
 from enliven_edge.synthesis.render import Renderer
-from enliven_edge.synthesis.rotations import on_grid
+from enliven_edge.synthesis.rotations import about_y, on_grid
 from enliven_edge.synthesis.scene import cast_room
 
 
@@ -31,6 +31,9 @@ class StudioSettings:
     performer: Proportions = setting(Proportions, "The performer's build.")
     camera_height: float = setting(1.15, "The sensor above the floor.", unit="m", low=0.1, high=3.0)
     camera_tilt: float = setting(5.0, "How far the sensor looks down.", unit="deg", low=-45, high=60)
+    camera_x: float = setting(0.0, "The sensor beside the world's origin.", unit="m", low=-20, high=20)
+    camera_z: float = setting(0.0, "The sensor behind the world's origin.", unit="m", low=-20, high=20)
+    camera_yaw: float = setting(0.0, "Turn to the left; 0 looks along -Z.", unit="deg", low=-180, high=180)
     noise: bool = setting(True, "Whether the sensor has the faults of its profile, or none.")
     seed: int = setting(0, "Another seed, another sensor of the same make.", low=0, high=2**31)
     width: int = setting(0, "Width of the images; 0 for the profile's own.", unit="px", low=0, high=4096)
@@ -52,8 +55,10 @@ class Studio:
         s = self.settings
         self.intrinsics = profile.intrinsics(_checked_width(profile, s.width))
         self.choreography = choreography(s.choreography)
+        stand = np.eye(4)
+        stand[:3, :3], stand[:3, 3] = about_y(math.radians(s.camera_yaw)), (s.camera_x, 0.0, s.camera_z)
         self.world_from_camera = on_grid(
-            world_from_level_camera(s.camera_height, math.radians(s.camera_tilt))
+            stand @ world_from_level_camera(s.camera_height, math.radians(s.camera_tilt))
         )
         self._camera_from_world = _inverse(self.world_from_camera)
         self._performer = Performer(s.performer)

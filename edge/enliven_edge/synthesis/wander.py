@@ -15,8 +15,8 @@ from enliven_edge.synthesis.choreography import HOME_Z, Choreography
 from enliven_edge.synthesis.posture import Arm, Foot, Posture
 from enliven_edge.synthesis.tracks import ease
 
-_HALF = 0.5
-"""Of one stride's time each foot is in the air a little less than half."""
+_HALF = 0.56
+"""Part of a stride for which a foot stands."""
 _APART = 0.09
 """Metres of a foot beside the way."""
 

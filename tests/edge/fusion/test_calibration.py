@@ -196,5 +196,14 @@ def test_nobody_in_view_says_so():
     a, _ = seen_by_both()
     made = calibrate([a, stream_of("b", [])])
     assert made.pairs[0].fit is None and not made.good
-    assert "no person was seen" in made.advice[0]
+    assert "b saw nobody" in made.advice[0]
     assert "b" not in made.world_from_sensor
+
+
+def test_a_slow_sensor_is_placed_too():
+    """Five frames a second against thirty."""
+    a = stream_of("a", told([Walker()], A, TIMES, sensor="a"))
+    b = stream_of("b", told([Walker()], B, np.arange(0.02, 16.0, 0.2), sensor="b"))
+    made = calibrate([a, b])
+    assert made.good
+    assert errors(made, [A, B])[1, 0] < 0.03

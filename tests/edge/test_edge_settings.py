@@ -1,0 +1,96 @@
+"""The settings files of edges: every shipped one is loaded, its sensors can be opened and stand somewhere."""
+
+import contextlib
+from pathlib import Path
+
+import pytest
+
+from enliven.errors import InputError
+from enliven.settings import load_settings
+from enliven_edge.fusion.fused_sensor import FusedSensors
+from enliven_edge.fusion.space import load_space
+from enliven_edge.sensors.sources import Source, SourceSettings, opened, source_of, sources_of
+from enliven_edge.settings import EdgeSettings
+from enliven_edge.tracking.settings import SceneSettings
+from enliven_edge.tracking.tracker import Tracker
+
+EDGES = Path(__file__).resolve().parents[2] / "firmware_configs" / "edges"
+FILES = sorted(path for path in EDGES.glob("*.toml") if not path.stem.endswith("-space"))
+
+
+def test_there_are_some():
+    assert {"laptop", "ceiling", "two-sensors"} <= {path.stem for path in FILES}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_a_shipped_file_is_loaded(path):
+    loaded = load_settings(EdgeSettings, path)
+    assert loaded != EdgeSettings()
+    assert bool(loaded.space) == (len(loaded.sensors) > 1)
+
+
+def test_two_sensors_are_one():
+    path = EDGES / "two-sensors.toml"
+    loaded = load_settings(EdgeSettings, path)
+    space = load_space(path.parent / loaded.space)
+    sources = sources_of(loaded.sensors, path.parent)
+    assert [source.name for source in sources] == ["left", "right"]
+    assert sources[1].scene == SceneSettings(far=4.0)
+    with contextlib.ExitStack() as stack:
+        sensors = opened(sources, stack)
+        trackers = {name: Tracker(loaded.tracker) for name in sensors}
+        fused = stack.enter_context(FusedSensors(sensors, trackers, space, loaded.fusion))
+        assert fused.name == "left + right"
+        frame = fused.read(30.0)
+    assert frame is not None and frame.read_ns > 0
+
+
+def test_a_sensor_that_the_space_does_not_know_is_refused():
+    loaded = load_settings(EdgeSettings, EDGES / "two-sensors.toml")
+    space = load_space(EDGES / loaded.space)
+    with contextlib.ExitStack() as stack:
+        sensors = opened([Source("middle", "synthetic", {})], stack)
+        with pytest.raises(InputError, match="does not know the sensor 'middle'.*left, right"):
+            FusedSensors(sensors, {"middle": Tracker()}, space)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[sensors]\nleft = 3", "sensors.left must be a table"),
+        ("sensors = 3", "sensors must hold tables"),
+        ('[sensors.left]\nsensr = "oak"', "Did you mean sensors.left.sensor"),
+        ("[sensors.left.scene]\nfar = 99.0", "sensors.left.scene.far is 99.0, outside"),
+        ("[sensors.left]\noptions = { path = [1] }", "sensors.left.options"),
+    ],
+)
+def test_a_wrong_file_is_refused(tmp_path, text, message):
+    path = tmp_path / "edge.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message.replace("[", r"\[")):
+        load_settings(EdgeSettings, path)
+
+
+def test_a_word_says_a_source(tmp_path):
+    take = tmp_path / "a=b.mcap"
+    take.touch()
+    options = {"seed": 3, "left.width": 320, "right.width": 160}
+    assert source_of("synthetic", options) == Source(None, "synthetic", {"seed": 3})
+    assert source_of("left=synthetic", options) == Source("left", "synthetic", {"seed": 3, "width": 320})
+    assert source_of(str(take), {}, {"speed": 0.0}) == Source(
+        None, "replay", {"speed": 0.0, "path": str(take)}
+    )
+    assert source_of(f"left={take}", {}).name == "left"
+    with pytest.raises(InputError, match="neither a sensor nor a recording"):
+        source_of("sinthetic", {})
+
+
+def test_two_of_one_name_are_refused():
+    with contextlib.ExitStack() as stack, pytest.raises(InputError, match="Name them yourself"):
+        opened([Source(None, "synthetic", {})] * 2, stack)
+
+
+def test_a_recordings_path_counts_from_the_file(tmp_path):
+    tables = {"a": SourceSettings(options={"path": "a.mcap"})}
+    assert sources_of(tables, tmp_path)[0].options["path"] == str(tmp_path / "a.mcap")
+    assert sources_of(tables)[0].options["path"] == "a.mcap"
