@@ -10,7 +10,18 @@ from enliven.arrays import Float
 from enliven.joints import BONES, MIRROR, PARENTS, J, Joint
 from enliven.parts import PARTS, parts_named
 
-__all__ = ["BONES", "MIRROR", "PARENTS", "PARTS", "Body", "J", "Joint", "parts_named"]
+__all__ = [
+    "ANKLE_ABOVE_SOLE",
+    "BONES",
+    "HEAD_ABOVE_JOINT",
+    "MIRROR",
+    "PARENTS",
+    "PARTS",
+    "Body",
+    "J",
+    "Joint",
+    "parts_named",
+]
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ ENTRY_POINTS = "enliven.sensors"
 _BUILT_IN = {
     "replay": "enliven_edge.sensors.replay:ReplaySensor",
     "synthetic": "enliven_edge.sensors.synthetic:SyntheticSensor",
+    "webcam": "enliven_edge.sensors.webcam:WebcamSensor",
 }
 
 

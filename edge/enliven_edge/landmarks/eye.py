@@ -1,0 +1,67 @@
+"""A camera's colour, from image to bodies: find, lift, number, and join with what depth says."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from enliven.arrays import Float, UInt8
+from enliven.body import Body, Joint
+from enliven.camera import Intrinsics
+from enliven.frames import DepthFrame
+from enliven_edge.landmarks.joining import join_people
+from enliven_edge.landmarks.lifting import Lifter, LiftSettings
+from enliven_edge.landmarks.source import LandmarkSource
+
+_STEP = 0.6
+"""Metres between two frames, at most, that one person goes."""
+_FORGOTTEN_NS = 2_000_000_000
+
+
+class ColourEye:
+    """One colour camera and the source that looks through it.
+
+    Args:
+        source: finds the landmarks; closed by whoever made it.
+    """
+
+    def __init__(self, source: LandmarkSource, settings: LiftSettings | None = None) -> None:
+        self._source, self._lifter = source, Lifter(settings)
+        self._known: dict[int, tuple[Float, int]] = {}
+        self._next = 1
+
+    def improve(self, bodies: list[Body], frame: DepthFrame, world_from_camera: Float) -> list[Body]:
+        """The bodies that depth found in a frame, joined with what its colour shows; as they are without."""
+        if frame.colour is None or not bodies:
+            return bodies
+        found = self._source.find(frame.colour, frame.time_ns)
+        lifted = [self._lifter.lift(each, frame, world_from_camera, -1) for each in found]
+        return join_people(bodies, lifted)
+
+    def bodies(self, colour: UInt8, camera: Intrinsics, world_from_camera: Float, time_ns: int) -> list[Body]:
+        """The 2.5-D bodies of a camera that has no depth, each with an identity that stays."""
+        found = self._source.find(colour, time_ns)
+        guesses = [self._lifter.guess(each, camera, world_from_camera, -1) for each in found]
+        return self._numbered(guesses, time_ns)
+
+    def _numbered(self, bodies: list[Body], time_ns: int) -> list[Body]:
+        """The bodies with the numbers of who was nearest in the frame before; new numbers for the others."""
+        self._known = {
+            i: known for i, known in self._known.items() if 0 <= time_ns - known[1] < _FORGOTTEN_NS
+        }
+        places = [body.joints[Joint.SHOULDER_CENTER] for body in bodies]
+        pairs = sorted(
+            (float(np.linalg.norm(place - known[0])), k, i)
+            for k, place in enumerate(places)
+            for i, known in self._known.items()
+        )
+        numbers: dict[int, int] = {}
+        for distance, k, i in pairs:
+            if distance < _STEP and k not in numbers and i not in numbers.values():
+                numbers[k] = i
+        for k, place in enumerate(places):
+            if k not in numbers:
+                numbers[k], self._next = self._next, self._next + 1
+            self._known[numbers[k]] = (place, time_ns)
+        return [dataclasses.replace(body, id=numbers[k]) for k, body in enumerate(bodies)]

@@ -1,0 +1,147 @@
+"""From landmarks in an image to a body in the world: by measured depth, or by a guessed size alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.body import ANKLE_ABOVE_SOLE, HEAD_ABOVE_JOINT, Body
+from enliven.camera import Intrinsics, rays
+from enliven.errors import InputError
+from enliven.frames import DepthFrame
+from enliven.settings import setting
+from enliven_edge.landmarks.anatomy import SURFACE, joints_of, visibility_of
+from enliven_edge.landmarks.source import Landmarks
+
+_PATCH = 0.03
+"""Metres to each side of a landmark within which depth is looked at."""
+_FEWEST = 3
+_BEYOND_BONES = HEAD_ABOVE_JOINT + ANKLE_ABOVE_SOLE
+"""Metres of a height that no bone shows."""
+
+
+@dataclass(frozen=True)
+class LiftSettings:
+    """How landmarks become bodies."""
+
+    visible: float = setting(
+        0.5, "A landmark less likely to be seen than this has no say.", low=0.0, high=1.0
+    )
+    depth_margin: float = setting(
+        0.22, "Depth farther than this from where the joint must be is of something else.", unit="m", low=0.01
+    )
+    without_depth: float = setting(
+        0.35, "Confidence of a joint that is seen in colour alone.", low=0.0, high=1.0
+    )
+    body_height: float = setting(
+        1.72, "Height of a person whose distance no depth tells.", unit="m", low=0.5, high=2.5
+    )
+
+
+class Lifter:
+    """Lifts the landmarks of one camera; the colour image must show what the depth image shows.
+
+    The person's place is first found so that the source's own idea of the posture projects onto its
+    landmarks; that leaves one number, the size, which is the distance's too: measured depth gives it.
+    """
+
+    def __init__(self, settings: LiftSettings | None = None) -> None:
+        self.settings = settings or LiftSettings()
+        self._camera: Intrinsics | None = None
+        self._rays: Float = np.empty((0, 0, 2))
+
+    def lift(self, found: Landmarks, frame: DepthFrame, world_from_camera: Float, person: int) -> Body:
+        """The body of landmarks that were found in ``frame.colour``.
+
+        A joint is where depth confirms it; where something stands before it, or nothing is measured, it is
+        where the posture puts it, and not sure. What is out of the image has confidence 0.
+
+        Raises:
+            InputError: for a frame without a colour image.
+        """
+        if frame.colour is None:
+            raise InputError("it has no colour image", where=f"frame of {frame.sensor}")
+        camera = frame.intrinsics
+        pixels = joints_of(_to_depth(found.points, frame.colour.shape, camera))
+        seen = visibility_of(found.visibility)
+        posture = self._placed(found, _to_depth(found.points, frame.colour.shape, camera), camera)
+        ray, inside = self._ray(pixels, camera)
+        first = self._measured(frame, pixels, posture[:, 2], inside, np.inf)
+        usable = np.isfinite(first) & (seen >= self.settings.visible)
+        if usable.sum() >= _FEWEST:
+            posture = posture * float(np.median((first + SURFACE)[usable] / posture[usable, 2]))
+        depth = self._measured(frame, pixels, posture[:, 2], inside, self.settings.depth_margin) + SURFACE
+        measured = np.isfinite(depth) & inside
+        local = np.where(
+            measured[:, None], np.concatenate([ray, np.ones((20, 1))], 1) * depth[:, None], posture
+        )
+        off = np.abs(np.where(measured, depth, posture[:, 2]) - posture[:, 2]) / self.settings.depth_margin
+        agreed = 1.0 - 0.5 * np.minimum(off, 1.0)
+        sure = np.where(measured, agreed, self.settings.without_depth) * seen
+        sure[~inside | (seen < self.settings.visible)] = 0.0
+        return Body(person, _to_world(local, world_from_camera), sure)
+
+    def guess(self, found: Landmarks, camera: Intrinsics, world_from_camera: Float, person: int) -> Body:
+        """The 2.5-D body of a camera without depth: as far away as somebody of the set height would be."""
+        posture = self._placed(found, found.points, camera)
+        bones = Body(person, posture, np.ones(20)).height - _BEYOND_BONES
+        posture = posture * ((self.settings.body_height - _BEYOND_BONES) / max(bones, 0.1))
+        _, inside = self._ray(joints_of(found.points), camera)
+        seen = visibility_of(found.visibility)
+        sure = np.where(inside & (seen >= self.settings.visible), seen * self.settings.without_depth, 0.0)
+        return Body(person, _to_world(posture, world_from_camera), sure)
+
+    def _placed(self, found: Landmarks, points: Float, camera: Intrinsics) -> Float:
+        """(20, 3) joints in the camera frame that project onto the landmarks; their scale is the source's."""
+        ray, inside = self._ray(points, camera)
+        weight = found.visibility * np.where(inside, 1.0, 0.2)
+        x, y, z = found.offsets.T
+        # (X + tx) = u (Z + tz) and (Y + ty) = v (Z + tz), linear in t.
+        rows = np.zeros((2 * len(points), 3))
+        rows[: len(points), 0] = rows[len(points) :, 1] = 1.0
+        rows[: len(points), 2], rows[len(points) :, 2] = -ray[:, 0], -ray[:, 1]
+        right = np.concatenate([ray[:, 0] * z - x, ray[:, 1] * z - y])
+        weights = np.concatenate([weight, weight]) + 1e-3
+        place = np.linalg.lstsq(rows * weights[:, None], right * weights, rcond=None)[0]
+        place[2] = max(place[2], 0.3 - float(z.min()))
+        return joints_of(found.offsets) + place
+
+    def _ray(self, pixels: Float, camera: Intrinsics) -> tuple[Float, Bool]:
+        """(N, 2) x/z and y/z of pixels, and which are in the image."""
+        if camera != self._camera:
+            self._camera, self._rays = camera, rays(camera)
+        size = np.array([camera.width, camera.height])
+        inside = np.asarray(((pixels > -0.5) & (pixels < size - 0.5)).all(1))
+        pinhole = (pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
+        if not any(camera.distortion):
+            return pinhole, inside
+        u, v = np.rint(np.clip(pixels, 0, size - 1)).astype(int).T
+        return np.where(inside[:, None], self._rays[v, u], pinhole), inside
+
+    def _measured(
+        self, frame: DepthFrame, pixels: Float, expected: Float, inside: Bool, margin: float
+    ) -> Float:
+        """(20,) metres of the surface around each joint's pixel; NaN where none is within ``margin``."""
+        depth, camera = frame.depth, frame.intrinsics
+        made = np.full(len(pixels), np.nan)
+        for joint in np.flatnonzero(inside):
+            u, v = np.rint(pixels[joint]).astype(int)
+            reach = int(np.clip(round(_PATCH * camera.fx / max(expected[joint], 0.3)), 1, 12))
+            patch = depth[max(v - reach, 0) : v + reach + 1, max(u - reach, 0) : u + reach + 1]
+            metres = patch[(patch > 0) & (patch < 65535)] * 1e-3
+            metres = metres[np.abs(metres + SURFACE[joint] - expected[joint]) <= margin]
+            if len(metres) >= _FEWEST:
+                made[joint] = np.median(metres)
+        return made
+
+
+def _to_depth(points: Float, shape: tuple[int, ...], camera: Intrinsics) -> Float:
+    """(N, 2) pixels of the colour image in the depth image, which shows the same."""
+    scale = np.array([camera.width / shape[1], camera.height / shape[0]])
+    return np.asarray((points + 0.5) * scale - 0.5)
+
+
+def _to_world(local: Float, world_from_camera: Float) -> Float:
+    return np.asarray(local @ world_from_camera[:3, :3].T + world_from_camera[:3, 3])

@@ -1,0 +1,95 @@
+"""A program of its own around MediaPipe: images on its input, landmarks on its output.
+
+It runs beside the edge because MediaPipe is large, may stop the process that it runs in, and in the version
+that brings its model (0.10.21) needs another NumPy than the edge. It imports nothing of enliven, so that the
+Python of another environment can run it:
+
+    python worker.py            MediaPipe 0.10.21 or older, with the model inside its wheel
+    python worker.py FILE.task  MediaPipe 1 or newer, with a pose landmarker's model bundle
+
+Input: for each image, height and width (uint32) and a time in milliseconds (int64), then h*w*3 bytes sRGB.
+Output: the word "ready" on a line, then for each image the number of people (uint32) and for each of them
+33 x 6 float32: x and y in pixels, visibility, and X, Y, Z in metres from the hips. All little-endian.
+"""
+
+import os
+import struct
+import sys
+
+import numpy as np
+
+HEAD = struct.Struct("<IIq")
+
+
+def _by_solutions():
+    """The finder of MediaPipe up to 0.10.21: one person."""
+    import mediapipe  # type: ignore[import-not-found]
+
+    pose = mediapipe.solutions.pose.Pose(static_image_mode=False, model_complexity=1)
+
+    def find(image, milliseconds):
+        result = pose.process(image)
+        if result.pose_landmarks is None:
+            return []
+        return [(result.pose_landmarks.landmark, result.pose_world_landmarks.landmark)]
+
+    return find
+
+
+def _by_tasks(model):
+    """The finder of MediaPipe 1: several people."""
+    import mediapipe  # type: ignore[import-not-found]
+    from mediapipe.tasks.python import BaseOptions, vision  # type: ignore[import-not-found]
+
+    options = vision.PoseLandmarkerOptions(
+        base_options=BaseOptions(model_asset_path=model),
+        running_mode=vision.RunningMode.VIDEO,
+        num_poses=4,
+    )
+    landmarker = vision.PoseLandmarker.create_from_options(options)
+
+    def find(image, milliseconds):
+        wrapped = mediapipe.Image(image_format=mediapipe.ImageFormat.SRGB, data=image)
+        result = landmarker.detect_for_video(wrapped, milliseconds)
+        return list(zip(result.pose_landmarks, result.pose_world_landmarks, strict=True))
+
+    return find
+
+
+def _packed(people, width, height):
+    """The bytes of the people that were found."""
+    rows = [
+        [
+            (point.x * width, point.y * height, point.visibility or 0.0, there.x, there.y, there.z)
+            for point, there in zip(points, places, strict=True)
+        ]
+        for points, places in people
+    ]
+    return struct.pack("<I", len(rows)) + np.array(rows, "<f4").tobytes()
+
+
+def _exactly(stream, count):
+    """So many bytes, or none at the end of the stream."""
+    data = stream.read(count)
+    return data if data is not None and len(data) == count else b""
+
+
+def main():
+    # What MediaPipe's libraries print must not get between the landmarks.
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    find = _by_tasks(sys.argv[1]) if len(sys.argv) > 1 else _by_solutions()
+    out.write(b"ready\n")
+    out.flush()
+    while head := _exactly(sys.stdin.buffer, HEAD.size):
+        height, width, milliseconds = HEAD.unpack(head)
+        data = _exactly(sys.stdin.buffer, height * width * 3)
+        if not data:
+            return
+        image = np.frombuffer(data, np.uint8).reshape(height, width, 3)
+        out.write(_packed(find(image, milliseconds), width, height))
+        out.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,152 @@
+"""A plain webcam, or a film: bodies from colour alone, as far away as their height makes them."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from types import TracebackType
+from typing import Any
+
+from enliven.camera import Intrinsics, world_from_level_camera
+from enliven.errors import InputError, ResourceError
+from enliven.frames import BodyFrame
+from enliven_edge.landmarks.eye import ColourEye
+from enliven_edge.landmarks.lifting import LiftSettings
+from enliven_edge.landmarks.mediapipe_source import MediaPipeSettings, MediaPipeSource
+from enliven_edge.landmarks.source import LandmarkSource
+
+_FORMATS = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
+
+
+class WebcamSensor:
+    """Delivers the bodies that a :class:`~enliven_edge.landmarks.source.LandmarkSource` sees in a video.
+
+    Distances are those of people of ``body_height``; who is shorter seems farther away.
+
+    Args:
+        device: a camera such as "/dev/video0", or the path of a film, which is played once at its own pace.
+        python: the Python that has mediapipe; empty: this one.
+        model: a pose landmarker's .task file, where mediapipe brings none.
+        view: degrees that the camera sees from left to right.
+        height: metres of the camera above the floor.
+        tilt: degrees that it looks down.
+        body_height: metres of the performers.
+        source: finds the landmarks, in place of MediaPipe.
+
+    Raises:
+        InputError: for a film that cannot be read.
+        ResourceError: for a camera that cannot be opened, or where PyAV or MediaPipe are missing.
+    """
+
+    def __init__(
+        self,
+        device: str = "/dev/video0",
+        python: str = "",
+        model: str = "",
+        view: float = 65.0,
+        height: float = 1.2,
+        tilt: float = 0.0,
+        body_height: float = 1.72,
+        source: LandmarkSource | None = None,
+    ) -> None:
+        if not 10.0 <= view <= 170.0:
+            raise InputError(f"the view is {view} degrees", where="webcam", mend="Give 10 to 170.")
+        self.name = f"webcam {device}"
+        self._live = device.startswith("/dev/") or "=" in device
+        self._container = _opened(device, self._live)
+        self._view, self._mount = math.radians(view), world_from_level_camera(height, math.radians(tilt))
+        try:
+            self._source = source or MediaPipeSource(MediaPipeSettings(python=python, model=model))
+        except BaseException:
+            self._container.close()
+            raise
+        self._eye = ColourEye(self._source, LiftSettings(body_height=body_height))
+        self._images = self._container.decode(video=0)
+        self._first: tuple[float, float] | None = None
+        self._waiting: Any = None
+        self._closed = False
+
+    def read(self, timeout: float | None = None) -> BodyFrame | None:
+        """The bodies of the next image, as soon as it is due; None at the end of a film."""
+        if self._closed:
+            return None
+        image = self._waiting or self._next_image()
+        self._waiting = None
+        if image is None:
+            return None
+        wait = 0.0 if self._live else self._due(float(image.time or 0.0)) - time.monotonic()
+        if timeout is not None and wait > timeout:
+            self._waiting = image
+            time.sleep(max(timeout, 0.0))
+            raise TimeoutError(f"the next image of {self.name} is due in {wait - timeout:.3f} s")
+        if wait > 0:
+            time.sleep(wait)
+        time_ns = time.monotonic_ns() if self._live else round(float(image.time or 0.0) * 1e9)
+        colour = image.to_ndarray(format="rgb24")
+        camera = _camera(colour.shape[1], colour.shape[0], self._view)
+        return BodyFrame(self._eye.bodies(colour, camera, self._mount, time_ns), time_ns, self.name)
+
+    def close(self) -> None:
+        """Lets the camera and the source go."""
+        if not self._closed:
+            self._closed = True
+            self._container.close()
+            self._source.close()
+
+    def __enter__(self) -> WebcamSensor:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _next_image(self) -> Any:
+        """The next image, None at the end.
+
+        Raises:
+            ResourceError: where the camera was lost.
+        """
+        import av
+
+        try:
+            return next(self._images, None)
+        except av.error.FFmpegError as error:
+            if self._live:
+                raise ResourceError(f"the camera was lost ({error})", where=self.name) from None
+            raise InputError(f"the film is damaged ({error})", where=self.name) from None
+
+    def _due(self, seconds: float) -> float:
+        """The monotonic second at which a film's image is to be delivered."""
+        if self._first is None:
+            self._first = (time.monotonic(), seconds)
+        return self._first[0] + seconds - self._first[1]
+
+
+def _opened(device: str, live: bool) -> Any:
+    """The video, opened by PyAV."""
+    try:
+        import av
+    except ImportError:
+        raise ResourceError(
+            "PyAV is not installed", where="webcam", mend="Install the extra 'film': enliven-edge[film]."
+        ) from None
+    try:
+        container = av.open(device, format=_FORMATS.get(sys.platform) if live else None)
+    except (av.error.FFmpegError, OSError) as error:
+        if live:
+            raise ResourceError(
+                f"it cannot be opened ({error})", where=device, mend="Check that no other program uses it."
+            ) from None
+        raise InputError(f"it is no film that can be read ({error})", where=device) from None
+    if not container.streams.video:
+        container.close()
+        raise InputError("it has no video", where=device)
+    return container
+
+
+def _camera(width: int, height: int, view: float) -> Intrinsics:
+    """A pinhole camera that sees ``view`` radians from left to right."""
+    focal = 0.5 * width / math.tan(0.5 * view)
+    return Intrinsics(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))

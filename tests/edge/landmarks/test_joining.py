@@ -1,0 +1,75 @@
+"""Depth and colour joined: the laws of it."""
+
+import dataclasses
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.body import Body, Joint
+from enliven_edge.landmarks.joining import join, join_people
+
+ASIDE = np.array([1.0, 0.0, 0.0])
+
+
+def body(seed: int, identity: int = 1, spread: float = 0.02) -> Body:
+    random = np.random.default_rng(seed)
+    base = np.random.default_rng(99).normal(size=(20, 3))
+    return Body(identity, base + random.normal(0, spread, (20, 3)), random.random(20))
+
+
+seeds = st.integers(0, 1000)
+
+
+@given(seeds, seeds)
+@settings(max_examples=50)
+def test_colour_that_knows_nothing_changes_nothing(a, b):
+    depth, colour = body(a), dataclasses.replace(body(b, spread=1.0), confidence=np.zeros(20))
+    made = join(depth, colour)
+    np.testing.assert_array_equal(made.joints, depth.joints)
+    assert (made.confidence <= depth.confidence + 1e-12).all()
+
+
+@given(seeds)
+@settings(max_examples=50)
+def test_what_both_see_alike_stays_and_is_surer(a):
+    depth = body(a)
+    made = join(depth, dataclasses.replace(depth, id=5))
+    np.testing.assert_allclose(made.joints, depth.joints)
+    assert (made.confidence >= depth.confidence - 1e-12).all() and made.id == depth.id
+
+
+@given(seeds, seeds, st.floats(0.0, 2.0))
+@settings(max_examples=50)
+def test_a_joint_is_between_both_and_its_confidence_a_probability(a, b, spread):
+    depth, colour = body(a), body(b, spread=spread)
+    made = join(depth, colour)
+    whole = np.linalg.norm(colour.joints - depth.joints, axis=1)
+    parts = [np.linalg.norm(made.joints - each.joints, axis=1) for each in (depth, colour)]
+    np.testing.assert_allclose(parts[0] + parts[1], whole, atol=1e-9)
+    assert made.confidence.min() >= 0.0 and made.confidence.max() <= 1.0
+
+
+def test_where_they_contradict_the_surer_one_is_believed_and_less_sure():
+    depth = body(0)
+    far = depth.joints + 0.6 * ASIDE
+    sure, unsure = np.full(20, 0.9), np.full(20, 0.3)
+    by_depth = join(dataclasses.replace(depth, confidence=sure), Body(2, far, unsure))
+    by_colour = join(dataclasses.replace(depth, confidence=unsure), Body(2, far, sure))
+    np.testing.assert_allclose(by_depth.joints, depth.joints, atol=1e-3)
+    np.testing.assert_allclose(by_colour.joints, far, atol=1e-3)
+    assert by_depth.confidence.max() < 0.9 and by_colour.confidence.max() < 0.9
+
+
+def test_people_are_joined_with_themselves_and_nobody_is_added():
+    ada, bob = body(0, 1), dataclasses.replace(body(1, 2), joints=body(1).joints + 2.0 * ASIDE)
+    for each in (ada, bob):
+        each.confidence[[Joint.HIP_CENTER, Joint.HEAD]] = 0.8
+    stranger = dataclasses.replace(bob, joints=bob.joints + 3.0 * ASIDE)
+    made = join_people([ada, bob], [stranger, bob, ada])
+    assert [b.id for b in made] == [1, 2]
+    for joined, own in zip(made, (ada, bob), strict=True):
+        np.testing.assert_allclose(joined.joints, own.joints)
+        assert joined.confidence.mean() > own.confidence.mean()
+    assert join_people([], [ada]) == []
+    assert join_people([ada], []) == [ada]

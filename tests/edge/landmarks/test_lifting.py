@@ -1,0 +1,114 @@
+"""Landmarks lifted by depth, or by a height alone; the landmarks are the truth's, the depth a sensor's."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from enliven.body import Joint
+from enliven.errors import InputError
+from enliven_edge.landmarks.anatomy import WEIGHTS, visibility_of
+from enliven_edge.landmarks.lifting import Lifter, LiftSettings
+from enliven_edge.sensors.synthetic import SyntheticSensor
+
+LIMBS = [j for j in Joint if j not in (Joint.HIP_CENTER, Joint.SPINE)]
+
+
+def seen(choreography="walk", frames=20, every=5):
+    """Frames with a colour image of twice the size, and the true bodies."""
+    with SyntheticSensor(choreography=choreography, width=320, realtime=False) as sensor:
+        for i in range(frames):
+            frame = sensor.read()
+            if i % every == 0:
+                colour = np.zeros((480, 640, 3), np.uint8)
+                yield dataclasses.replace(frame, colour=colour), sensor.truth(frame.time_ns)
+
+
+def test_a_joint_s_shares_of_the_landmarks_are_one():
+    np.testing.assert_allclose(WEIGHTS.sum(1), 1.0)
+    assert visibility_of(np.ones(33)).min() == 1.0
+
+
+@pytest.mark.parametrize("choreography", ["walk", "wave"])
+@pytest.mark.parametrize("scale", [0.8, 1.0, 1.25])
+def test_joints_are_where_they_truly_are_whatever_size_the_source_believes(landmarks_of, choreography, scale):
+    lifter = Lifter()
+    for frame, truth in seen(choreography):
+        found = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera, scale)
+        found = dataclasses.replace(found, points=2 * found.points + 0.5)
+        body = lifter.lift(found, frame, frame.world_from_camera, 7)
+        away = np.linalg.norm(body.joints - truth.joints, axis=1)
+        assert body.id == 7
+        assert np.mean(away[LIMBS]) < 0.05 and np.max(away[LIMBS]) < 0.15
+        assert np.max(away[[Joint.HIP_CENTER, Joint.SPINE]]) < 0.15
+        assert body.confidence.mean() > 0.7
+
+
+def test_something_before_a_limb_does_not_carry_it_away(landmarks_of):
+    """A board before the left hand: the hand stays with the body, and is not sure."""
+    for frame, truth in seen("idle", 1):
+        found = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera)
+        found = dataclasses.replace(found, points=2 * found.points + 0.5)
+        u, v = np.rint(found.points[15] / 2).astype(int)
+        depth = frame.depth.copy()
+        depth[v - 20 : v + 30, u - 12 : u + 12] = 1000
+        body = Lifter().lift(found, dataclasses.replace(frame, depth=depth), frame.world_from_camera, 1)
+    away = np.linalg.norm(body.joints - truth.joints, axis=1)
+    assert away[[Joint.WRIST_LEFT, Joint.HAND_LEFT]].max() < 0.15
+    assert body.confidence[Joint.HAND_LEFT] < 0.4 < body.confidence[Joint.HAND_RIGHT]
+
+
+def test_holes_leave_the_posture_and_little_confidence(landmarks_of):
+    for frame, truth in seen("idle", 1):
+        found = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera)
+        found = dataclasses.replace(found, points=2 * found.points + 0.5)
+        depth = frame.depth.copy()
+        depth[140:] = 0
+        body = Lifter().lift(found, dataclasses.replace(frame, depth=depth), frame.world_from_camera, 1)
+    away = np.linalg.norm(body.joints - truth.joints, axis=1)
+    assert away[Joint.FOOT_LEFT] < 0.2
+    assert body.confidence[Joint.FOOT_LEFT] == pytest.approx(LiftSettings().without_depth)
+    assert body.confidence[Joint.HEAD] > 0.8
+
+
+def test_what_is_out_of_the_image_is_not_invented(landmarks_of):
+    for frame, truth in seen("idle", 1):
+        low = truth.joints - [0.0, 1.0, 0.0]
+        found = landmarks_of(low, frame.intrinsics, frame.world_from_camera)
+        found = dataclasses.replace(found, points=2 * found.points + 0.5)
+        body = Lifter().lift(found, frame, frame.world_from_camera, 1)
+    assert body.confidence[[Joint.FOOT_LEFT, Joint.FOOT_RIGHT]].max() == 0.0
+    assert np.isfinite(body.joints).all()
+
+
+def test_without_depth_the_height_gives_the_distance(landmarks_of):
+    for frame, truth in seen():
+        lifter = Lifter(LiftSettings(body_height=truth.height))
+        found = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera, 0.7)
+        body = lifter.guess(found, frame.intrinsics, frame.world_from_camera, 1)
+        assert np.linalg.norm(body.joints - truth.joints, axis=1).mean() < 0.12
+        assert 0.0 < body.confidence.max() <= LiftSettings().without_depth
+
+
+def test_noise_instead_of_landmarks_gives_finite_joints(landmarks_of):
+    random = np.random.default_rng(0)
+    for frame, truth in seen("idle", 1):
+        good = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera)
+        for _ in range(20):
+            found = dataclasses.replace(
+                good, points=random.normal(200, 400, (33, 2)), offsets=random.normal(size=(33, 3)),
+                visibility=random.random(33),
+            )  # fmt: skip
+            for body in (
+                Lifter().lift(found, frame, frame.world_from_camera, 1),
+                Lifter().guess(found, frame.intrinsics, frame.world_from_camera, 1),
+            ):
+                assert np.isfinite(body.joints).all()
+                assert body.confidence.min() >= 0.0 and body.confidence.max() <= 1.0
+
+
+def test_a_frame_without_colour_is_refused(landmarks_of):
+    for frame, truth in seen("idle", 1):
+        found = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera)
+        with pytest.raises(InputError, match="colour"):
+            Lifter().lift(found, dataclasses.replace(frame, colour=None), frame.world_from_camera, 1)

@@ -1,0 +1,53 @@
+"""MediaPipe in its process: what is said where it cannot run; with it, see tests/real."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from enliven.errors import InputError, ResourceError
+from enliven_edge.landmarks import mediapipe_source, worker
+from enliven_edge.landmarks.mediapipe_source import MediaPipeSettings, MediaPipeSource
+
+
+def has_mediapipe() -> bool:
+    import importlib.util
+
+    return importlib.util.find_spec("mediapipe") is not None
+
+
+@pytest.mark.skipif(has_mediapipe(), reason="mediapipe is here")
+def test_where_mediapipe_is_missing_it_is_said_with_what_to_do():
+    with pytest.raises(ResourceError, match=r"No module named 'mediapipe'.*extra 'colour'.*0\.10\.21"):
+        MediaPipeSource()
+
+
+def test_a_python_that_is_not_there_is_named():
+    with pytest.raises(ResourceError, match="no-such-python"):
+        MediaPipeSource(MediaPipeSettings(python="/no-such-python"))
+
+
+def test_a_model_that_is_not_there_is_named():
+    with pytest.raises(InputError, match=r"no-model\.task"):
+        MediaPipeSource(MediaPipeSettings(model="no-model.task"))
+
+
+def test_the_worker_needs_nothing_of_this_program():
+    """Another environment's Python runs it: it may import the standard library, NumPy and MediaPipe."""
+    import ast
+
+    tree = ast.parse(Path(worker.__file__).read_text())
+    names = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names.add((node.module or ".").split(".")[0])
+    assert names <= {*sys.stdlib_module_names, "numpy", "mediapipe"}
+    siblings = {path.stem for path in Path(worker.__file__).parent.glob("*.py")}
+    assert not siblings & {*sys.stdlib_module_names, "numpy", "mediapipe"}, "it runs from this folder"
+
+
+def test_both_sides_agree_on_the_layout():
+    assert worker.HEAD.format == mediapipe_source._HEAD.format
+    assert len(worker._packed([([], [])], 1, 1)) == 4
