@@ -12,6 +12,7 @@ from enliven.body import Joint
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.identity import Absent, Looks, Register
+from enliven_edge.tracking.model import height_of
 from enliven_edge.tracking.newcomers import Newcomer, Newcomers
 from enliven_edge.tracking.person import UNDECIDED, Person, sight
 from enliven_edge.tracking.room import Room
@@ -25,9 +26,15 @@ _HANDICAP = 0.06
 """Metres: pixels that somebody in sight may have are not taken by somebody hidden."""
 _SAME_PLACE = 0.2
 _DOUBT_FRAMES = 6
-_DECIDE_NS = 500_000_000
-_LEAD = 3.0
+_DECIDE_NS = 1_500_000_000
+_DOUBT_NS = 4_000_000_000
+_WHOLE = 0.12
+_CLEARLY = 0.05
+"""How much better a less likely group of pixels must be explained to be taken for a person."""
 _TRIES = 3
+_ABOUT, _TALLER = 1.5, 0.12
+_WELL_KNOWN = 10
+"""Frames after which somebody's proportions are known."""
 
 
 class Crowd:
@@ -118,9 +125,11 @@ class Crowd:
         if behind or (person.hidden_ns is not None and few):
             person.hide(view.time_ns)
         elif fit or person.hidden_ns is not None:
-            person.follow(view, pixels)
+            person.follow(view, pixels, whole=covered < _WHOLE and outside < _WHOLE)
             if person.follower.lost:
                 self._leave(person, view.time_ns)
+            elif person.doubted and not 0 <= view.time_ns - person.found_ns < _DOUBT_NS:
+                self._refuse(person, view.time_ns)
         else:
             person.coast(view, pixels)
         waited = 0 if person.hidden_ns is None else view.time_ns - person.hidden_ns
@@ -130,85 +139,109 @@ class Crowd:
     def _leave(self, person: Person, time_ns: int) -> None:
         """Somebody is no longer followed, but remembered."""
         self.people.remove(person)
-        if person.id != UNDECIDED:
+        if person.id != UNDECIDED and not person.doubted:
             self.register.leave(person.id, person.looks, person.place.copy(), time_ns)
+
+    def _refuse(self, person: Person, time_ns: int) -> None:
+        """Somebody never moved and does not look like a person: a thing."""
+        self.people.remove(person)
+        self._newcomers.refuse(person.place, time_ns)
 
     # --- newcomers -----------------------------------------------------------------------------------------
 
     def look(self, view: View, kind: UInt8, segments: Segments, room: Room) -> Bool:
         """Finds people among the pixels that are nobody's; the (h, w) pixels that may become somebody."""
-        newcomers = self._newcomers.update(view, kind, segments, room, self._admits)
+        newcomers = self._newcomers.update(view, kind, segments, self._admits, self._awaits)
         hold = np.zeros(view.z.shape, bool)
         for newcomer in newcomers:
             hold |= newcomer.pixels
-        tries = 1 if self.people else _TRIES
-        found: list[tuple[float, Newcomer, Follower]] = []
-        for newcomer in newcomers:
-            if tries == 0 or len(self.people) + len(found) >= self.settings.people.most:
-                break
-            if newcomer.bystander or not newcomer.due(view.time_ns, room.age, alone=not self.people):
-                continue
-            tries -= 1
-            made = Follower.found(view, newcomer.pixels, self._expecting(newcomer), self._fitter)
-            if made is None:
-                newcomer.failed(view.time_ns)
-            else:
-                found.append((made[1], newcomer, made[0]))
-        for _, newcomer, follower in found:
+        alone = not self.people
+        due = [n for n in newcomers if not n.bystander and n.due(view.time_ns, room.age, alone=alone)]
+        sure = [n for n in due if n.convincing or n.proven]
+        room_for = self.settings.people.most - len(self.people)
+        found = self._found(view, sure[: min(room_for, _TRIES if alone else 1)])
+        if alone and not found:
+            # In any posture somebody is better than nobody: the likeliest, or one explained clearly better.
+            doubtful = self._found(view, [n for n in due if n not in sure][:_TRIES])
+            for made in doubtful:
+                if not found or made[2] > found[0][2] + _CLEARLY:
+                    found = [made]
+        for newcomer, follower, _ in found:
             self._welcome(newcomer, follower, view, segments)
         return hold
+
+    def _found(self, view: View, newcomers: list[Newcomer]) -> list[tuple[Newcomer, Follower, float]]:
+        """Those of the newcomers in whom a body is found, and how well it explains them."""
+        made = []
+        for newcomer in newcomers:
+            expecting = self._expecting(newcomer, view.time_ns)
+            found = Follower.found(view, newcomer.pixels, expecting, self._fitter)
+            if found is None:
+                newcomer.failed(view.time_ns)
+            else:
+                made.append((newcomer, *found))
+        return made
 
     def _admits(self, place: Float) -> bool:
         """Whether somebody new at a place may be a performer."""
         if not self.zone.holds(place):
             return False
-        awaited = {a.id for a in self.register.absent} | {
-            p.id for p in self.people if p.hidden_ns is not None
-        }
+        awaited = {a.id for a in self.register.absent}
+        awaited |= {p.id for p in self.people if p.hidden_ns is not None}
         return self.lock.ids is None or bool(self.lock.ids & awaited)
 
-    def _expecting(self, newcomer: Newcomer) -> TrackerSettings:
+    def _awaits(self, place: Float) -> bool:
+        """Whether somebody was lost about there."""
+        lost = [a.place for a in self.register.absent]
+        return any(at is None or float(np.linalg.norm((place - at)[[0, 2]])) < _ABOUT for at in lost)
+
+    def _expecting(self, newcomer: Newcomer, time_ns: int) -> TrackerSettings:
         """The settings with the height of the one person who may come back, where there is one."""
-        awaited = [a.looks.stature for a in self.register.absent]
-        awaited += [p.looks.stature for p in self.people if p.hidden_ns is not None]
-        if len(awaited) != 1 or awaited[0] is None:
+        hidden = self._hidden_near(newcomer, time_ns)
+        awaited = [a.looks for a in self.register.absent] if hidden is None else [hidden.looks]
+        if len(awaited) != 1 or awaited[0].weight < _WELL_KNOWN:
             return self.settings
-        return dataclasses.replace(self.settings, body_height=min(2.5, max(0.5, awaited[0])))
+        height = min(2.5, max(0.5, height_of(awaited[0].lengths)))
+        return dataclasses.replace(self.settings, body_height=height)
 
     def _welcome(self, newcomer: Newcomer, follower: Follower, view: View, segments: Segments) -> None:
         """Somebody was found: who is it?"""
-        looks = Looks()
-        looks.see(follower.posture.lengths, None)
-        for crown in newcomer.crowns:
-            looks.see(follower.posture.lengths, crown)
-        person = self._hidden_near(follower, looks, view.time_ns)
+        person = self._hidden_near(newcomer, view.time_ns)
         if person is not None:
             person.replaced(follower, view.time_ns)
         else:
+            looks = Looks()
+            if newcomer.shape.whole:
+                looks.see(follower.posture.lengths, newcomer.shape.crown)
             person = Person(UNDECIDED, follower, looks, view.time_ns)
+            person.doubted = not (newcomer.convincing or newcomer.awaited)
             self.people.append(person)
             self._decide(view.time_ns)
         self._newcomers.drop(newcomer)
         segments.owner[newcomer.pixels & (segments.owner < 0)] = len(self._indexed)
         self._indexed.append(person)
 
-    def _hidden_near(self, follower: Follower, looks: Looks, time_ns: int) -> Person | None:
-        """Who was hidden and may have come out here."""
-        best, least = None, 9.0
+    def _hidden_near(self, newcomer: Newcomer, time_ns: int) -> Person | None:
+        """Who was hidden and may have come out here, the nearest; not who is much shorter."""
+        best, least = None, np.inf
         for person in self.people:
             if person.hidden_ns is None:
                 continue
-            away = float(np.linalg.norm((person.place - follower.posture.position)[[0, 2]]))
-            cost = looks.mismatch(person.looks) + 4.0 * (away / (2 * person.uncertainty(time_ns))) ** 2
-            if cost < least:
-                best, least = person, cost
+            away = float(np.linalg.norm((person.place - newcomer.centre)[[0, 2]]))
+            stature = person.looks.stature
+            taller = stature is not None and newcomer.shape.crown > stature + _TALLER
+            if away < min(least, person.uncertainty(time_ns)) and not taller:
+                best, least = person, away
         return best
 
     def _decide(self, time_ns: int) -> None:
         """Gives numbers to who was found: that of who has come back, at once or when it is clear who."""
-        for person in [p for p in self.people if p.id == UNDECIDED]:
-            absent, lead = self.register.likeliest(person.looks, person.place, time_ns)
-            if absent is not None and lead < _LEAD and 0 <= time_ns - person.found_ns < _DECIDE_NS:
+        undecided = [p for p in self.people if p.id == UNDECIDED]
+        if not undecided:
+            return
+        match = self.register.matched([(p.looks, p.place) for p in undecided], time_ns)
+        for person, (absent, sure) in zip(undecided, match, strict=True):
+            if not sure and 0 <= time_ns - person.found_ns < _DECIDE_NS:
                 continue
             if absent is not None:
                 self._is(person, absent)
@@ -221,7 +254,6 @@ class Crowd:
         """Somebody who left is back."""
         self.register.take(absent)
         person.id = absent.id
-        absent.looks.see(person.follower.posture.lengths, None)
         person.looks = absent.looks
 
     # --- doubts --------------------------------------------------------------------------------------------

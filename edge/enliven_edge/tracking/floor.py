@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
-from enliven.arrays import Float
+from enliven.arrays import Bool, Float
 
-_STEEPEST = np.cos(np.deg2rad(40.0))
+_WITHIN = np.deg2rad(40.0)
 _LOWEST, _HIGHEST = 0.2, 4.0
+_LYING_LOWEST = 0.03
+"""Metres: a sensor that was knocked over may lie on the floor."""
+_TRIALS = 400
+_FEWEST = 200
 
 
-def world_from_floor(points: Float, upside_down: bool = False, *, seed: int = 0) -> Float | None:
+def world_from_floor(
+    points: Float,
+    upside_down: bool = False,
+    *,
+    up: Float | None = None,
+    within: float = _WITHIN,
+    seed: int = 0,
+) -> Float | None:
     """(4, 4) world_from_camera whose floor is the lowest large plane, or None where no floor is seen.
 
     The world's origin lies on the floor under the sensor, which looks along -Z.
@@ -18,43 +30,55 @@ def world_from_floor(points: Float, upside_down: bool = False, *, seed: int = 0)
     Args:
         points: (M, 3) camera-frame points, metres.
         upside_down: the sensor hangs upside down, so that the camera's -Y points to the floor.
+        up: (3,) about which way is up in the camera's frame, where that is known better.
+        within: radians that the floor's normal may lie off.
     """
-    up = np.array([0.0, 1.0 if upside_down else -1.0, 0.0])
+    lowest = _LOWEST if up is None else _LYING_LOWEST
+    up = np.array([0.0, 1.0 if upside_down else -1.0, 0.0]) if up is None else up
     points = points[np.isfinite(points).all(1) & (points[:, 2] > 0.3)]
-    if len(points) < 200:
+    if len(points) < _FEWEST:
         return None
-    points = points[:: max(1, len(points) // 6000)]
+    points = np.ascontiguousarray(points[:: max(1, len(points) // 6000)])
     tolerance = 0.015 + 0.004 * points[:, 2] ** 2
-    normal, height = _best_plane(points, tolerance, up, np.random.default_rng(seed))
-    if normal is None:
+    trials = np.random.default_rng(seed).integers(0, len(points), (_TRIALS, 3))
+    plane = _best_plane(points, tolerance, up, np.cos(within), lowest, _HIGHEST, trials)
+    if not plane.any():
         return None
+    normal, height = plane[:3], float(plane[3])
     for _ in range(3):
         inliers = np.abs(points @ normal + height) < tolerance
         normal, height = _least_squares(points[inliers], up)
     return _pose(normal, height)
 
 
-def _best_plane(
-    points: Float, tolerance: Float, up: Float, random: np.random.Generator
-) -> tuple[Float | None, float]:
-    """The upward plane n.x + h = 0 with most inliers and next to nothing below it."""
-    best, best_normal, best_height = 0.04 * len(points), None, 0.0
-    for _ in range(400):
-        a, b, c = points[random.choice(len(points), 3, replace=False)]
-        normal = np.cross(b - a, c - a)
-        length = float(np.linalg.norm(normal))
+@njit(cache=True, nogil=True)
+def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):  # type: ignore[no-untyped-def]
+    """(4,) the upward plane n.x + h = 0 with most inliers and next to nothing below it; zeros for none."""
+    best, found = 0.04 * len(points), np.zeros(4)
+    normal = np.empty(3)
+    for trial in range(len(trials)):
+        a, b, c = points[trials[trial, 0]], points[trials[trial, 1]], points[trials[trial, 2]]
+        normal[0] = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
+        normal[1] = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])
+        normal[2] = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        length = np.sqrt((normal**2).sum())
         if length < 1e-4:
             continue
-        normal = normal / length * np.sign(normal @ up or 1.0)
-        height = -float(normal @ a)
-        if normal @ up < _STEEPEST or not _LOWEST < height < _HIGHEST:
+        upward = (normal * up).sum()
+        normal *= (1.0 if upward >= 0.0 else -1.0) / length
+        height = -(normal * a).sum()
+        if abs(upward) / length < steepest or not lowest < height < highest:
             continue
-        distance = points @ normal + height
-        below = np.count_nonzero(distance < -3 * tolerance)
-        score = float(np.count_nonzero(np.abs(distance) < tolerance) - 3 * below)
-        if score > best:
-            best, best_normal, best_height = score, normal, height
-    return best_normal, best_height
+        on, below = 0, 0
+        for i in range(len(points)):
+            p = points[i]
+            distance = p[0] * normal[0] + p[1] * normal[1] + p[2] * normal[2] + height
+            on += abs(distance) < tolerance[i]
+            below += distance < -3.0 * tolerance[i]
+        if on - 3 * below > best:
+            best = on - 3 * below
+            found[:3], found[3] = normal, height
+    return found
 
 
 def _least_squares(points: Float, up: Float) -> tuple[Float, float]:
@@ -68,6 +92,8 @@ def _least_squares(points: Float, up: Float) -> tuple[Float, float]:
 def _pose(normal: Float, height: float) -> Float:
     """world_from_camera for a floor with this upward normal, ``height`` metres under the sensor."""
     backward = np.array([0.0, 0.0, -1.0])
+    if abs(normal[2]) > 0.98:  # looking straight down or up: the image's own up is away
+        backward = np.array([0.0, 1.0, 0.0])
     z = backward - (backward @ normal) * normal
     z /= np.linalg.norm(z)
     x = np.cross(normal, z)
@@ -75,3 +101,41 @@ def _pose(normal: Float, height: float) -> Float:
     world_from_camera[:3, :3] = np.stack([x, normal, z])
     world_from_camera[1, 3] = height
     return world_from_camera
+
+
+_NEAR_FLOOR, _STEADY = 0.12, np.deg2rad(6.0)
+
+
+def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float) -> Float:
+    """The mounting, a little nearer to what the floor shows now; itself where too little floor is seen.
+
+    Args:
+        points: (h, w, 3) a frame, world frame.
+        usable: (h, w) pixels that are nobody's and known.
+        gain: share of the correction that is made, in (0, 1].
+    """
+    floor = points[usable & (np.abs(points[..., 1]) < _NEAR_FLOOR)]
+    for width in (0.08, 0.05, 0.04):
+        if len(floor) < _FEWEST:
+            return world_from_camera
+        flat = np.column_stack([floor[:, 0], floor[:, 2], np.ones(len(floor))])
+        plane = np.linalg.lstsq(flat, floor[:, 1], rcond=None)[0]
+        away = np.abs(floor[:, 1] - flat @ plane)
+        floor = floor[away < width]
+    spread = floor[:, [0, 2]].std(0).min()
+    if spread < 0.15 or np.hypot(plane[0], plane[1]) > np.tan(_STEADY):
+        return world_from_camera
+    normal = np.array([-plane[0] * gain, 1.0, -plane[1] * gain])
+    normal /= np.linalg.norm(normal)
+    axis = np.cross(normal, [0.0, 1.0, 0.0])
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    turn = np.eye(3) + cross + cross @ cross / (1.0 + normal[1])
+    # The turn is about the point of the floor under the sensor, so that nothing shifts sideways.
+    foot = np.array([world_from_camera[0, 3], 0.0, world_from_camera[2, 3]])
+    made = world_from_camera.copy()
+    made[:3, :3] = turn @ world_from_camera[:3, :3]
+    made[:3, 3] = turn @ (world_from_camera[:3, 3] - foot) + foot
+    made[0, 3], made[2, 3] = foot[0], foot[2]
+    height = float(plane[0] * foot[0] + plane[1] * foot[2] + plane[2])
+    made[1, 3] -= gain * height
+    return made

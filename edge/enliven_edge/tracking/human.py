@@ -1,4 +1,4 @@
-"""Whether a group of points may be a person, by size and shape alone; and people who touch, parted."""
+"""Whether a group of pixels may be a person, by size and shape alone; and people who touch, parted."""
 
 from __future__ import annotations
 
@@ -13,47 +13,77 @@ from enliven_edge.tracking.view import View
 SMALLEST_AREA, LARGEST_AREA = 0.06, 1.6
 _SHORTEST, _WIDEST, _DEEPEST = 0.3, 2.4, 1.6
 _TALLEST = 2.6
-_FLAT, _BROAD = 0.022, 0.45
-_TOP, _BIN, _WIDEST_TOP = 0.15, 0.05, 0.62
+_FLAT, _BROAD = 0.022, 0.35
+_BIN, _GRID = 0.04, 0.06
+_HEAD = 0.14
+_SHOULDERS = ((0.25, 0.35), (0.35, 0.45), (0.45, 0.55))
+"""Metres below the crown."""
+_HEADLIKE, _HEAD_WIDTH, _SOLID = 0.75, (0.09, 0.45), 0.45
+_SPARSE, _ROUND = 0.8, 0.035
 _FREE = 0.6
+_HIDDEN, _BORDER, _CUT = 0.2, 0.03, 0.08
 _SAMPLES = 1500
 
 
 @dataclass(frozen=True)
 class Shape:
-    """What a group of points looks like.
+    """What a group of pixels looks like.
 
     Attributes:
         likeness: how much it is like a person by its size alone; 0 where it cannot be one.
-        top: metres above the floor of its highest points.
+        crown: metres above the floor of its top.
         thickness: metres, the standard deviation from its best plane.
         wide: metres across, the larger of its two horizontal extents.
-        top_width: metres that its uppermost hand's breadth fills across.
+        head: how wide the head's height is filled against the shoulders'; about 1 for a panel.
+        head_width: metres that are filled at the head's height.
+        fill: the share of its upright box that it fills.
         free: the share of its outline, sideways and above, beyond which the sensor sees farther: a person
             stands before something, a piece of a wall ends at the next thing or at the image's border.
+        behind: the share of its outline at which something nearer begins, that may hide more of it.
+        border: the share of its outline that is the image's border.
         cut: whether it runs out of the image below.
     """
 
     likeness: float
-    top: float
+    crown: float
     thickness: float
     wide: float
-    top_width: float
+    head: float
+    head_width: float
+    fill: float
     free: float
+    behind: float
+    border: float
     cut: bool
 
     @property
-    def human(self) -> bool:
-        """Whether it may be a person: of a person's size, no panel, and no broader at the top than a head."""
+    def possible(self) -> bool:
+        """Whether it may be a person in any posture: of a person's size, no panel, and free on its sides."""
         panel = self.thickness < _FLAT and self.wide > _BROAD
-        if self.likeness == 0 or panel or self.top > _TALLEST:
-            return False
-        return self.free > _FREE and (self.cut or self.top_width < _WIDEST_TOP)
+        return self.likeness > 0 and not panel and self.crown < _TALLEST and self.free > _FREE
+
+    @property
+    def upright(self) -> bool:
+        """Whether it is shaped as somebody who stands or sits: a head above shoulders."""
+        low, high = _HEAD_WIDTH
+        head = self.head < _HEADLIKE and low < self.head_width < high
+        return self.possible and head and self.fill > _SOLID
+
+    @property
+    def human(self) -> bool:
+        """Whether it is shaped as a person mostly is: upright, cut by the image, or with limbs that part."""
+        limbs = self.fill < _SPARSE and self.thickness > _ROUND
+        return self.upright or (self.possible and (self.cut or limbs or self.border > _CUT))
+
+    @property
+    def whole(self) -> bool:
+        """Whether all of its upper end is seen, so that its height is its own."""
+        return self.behind < _HIDDEN and self.border < _BORDER
 
 
 def shape_of(view: View, mask: Bool, area: float) -> Shape:
     """The shape of the (h, w) masked pixels, which cover ``area`` square metres towards the sensor."""
-    free, cut = outline(view.z, mask)
+    free, behind, border, cut = outline(view.z, mask)
     points = view.points[mask]
     points = points[:: max(1, len(points) // _SAMPLES)]
     low, high = np.percentile(points, [3, 97], axis=0)
@@ -61,19 +91,41 @@ def shape_of(view: View, mask: Bool, area: float) -> Shape:
     fits = SMALLEST_AREA < area < LARGEST_AREA and tall >= _SHORTEST and wide <= _WIDEST and deep <= _DEEPEST
     likeness = float(min(area, 0.7) * min(tall, 1.8)) if fits else 0.0
     centred = points - points.mean(0)
-    values = np.linalg.eigvalsh(centred.T @ centred / len(points))
-    thickness = float(np.sqrt(max(0.0, values[0])))
-    return Shape(likeness, float(high[1]), thickness, float(max(wide, deep)), _top(points), free, cut)
+    covariance = centred.T @ centred / len(points)
+    thickness = float(np.sqrt(max(0.0, np.linalg.eigvalsh(covariance)[0])))
+    along = centred[:, [0, 2]] @ np.linalg.eigh(covariance[np.ix_([0, 2], [0, 2])])[1][:, 1]
+    crown, head, shoulders = _head(along, points[:, 1])
+    fill, wide = _fill(along, points[:, 1]), float(max(wide, deep))
+    return Shape(likeness, crown, thickness, wide, head / shoulders, head, fill, free, behind, border, cut)
+
+
+def _head(along: Float, height: Float) -> tuple[float, float, float]:
+    """Metres: the crown above the floor, the width filled at the head's height and that at the shoulders'."""
+    crown = float(np.percentile(height, 99))
+
+    def width(top: float, bottom: float) -> float:
+        part = along[(height <= crown - top) & (height > crown - bottom)]
+        return len(np.unique(np.floor(part / _BIN))) * _BIN
+
+    shoulders = max(width(top, bottom) for top, bottom in _SHOULDERS)
+    return crown, width(-1.0, _HEAD), max(shoulders, _BIN)
+
+
+def _fill(along: Float, height: Float) -> float:
+    """The share of the upright box around the points that they fill, cell by cell."""
+    cells = np.unique(np.floor(along / _GRID) * 1000 + np.floor(height / _GRID))
+    wide, tall = np.ptp(np.percentile(along, [1, 99])), np.ptp(np.percentile(height, [1, 99]))
+    return float(len(cells) * _GRID**2 / max(1e-6, wide * tall))
 
 
 @njit(cache=True, nogil=True)
 def outline(z, mask):  # type: ignore[no-untyped-def]
-    """The share of the mask's outline, sideways and above, with farther depth beyond; if it is cut below.
+    """Of the mask's outline, sideways and above: the shares before farther, nearer and nothing; cut below.
 
     Beyond two pixels, because the first may lie on the edge itself; unknown depth says nothing.
     """
     height, width = z.shape
-    farther, other, below = 0, 0, 0
+    farther, nearer, other, border, below = 0, 0, 0, 0, 0
     for v in range(height):
         for u in range(width):
             if not mask[v, u]:
@@ -81,22 +133,14 @@ def outline(z, mask):  # type: ignore[no-untyped-def]
             below += v >= height - 2
             for q, p, y, x in ((v, u - 1, v, u - 3), (v, u + 1, v, u + 3), (v - 1, u, v - 3, u)):
                 if q < 0 or p < 0 or p >= width:
-                    other += 1
-                elif not mask[q, p] and y >= 0 and 0 <= x < width and not mask[y, x]:
-                    if z[y, x] > z[v, u] + 0.05 + 0.012 * z[v, u] * z[v, u]:
-                        farther += 1
-                    elif z[y, x] > 0.0:
-                        other += 1
-    return farther / max(1.0, farther + other), below > 0.05 * width
-
-
-def _top(points: Float) -> float:
-    """Metres across that the uppermost points fill, whatever is between them."""
-    highest = np.percentile(points[:, 1], 99)
-    top = points[points[:, 1] > highest - _TOP][:, [0, 2]]
-    centred = top - top.mean(0)
-    along = centred @ np.linalg.eigh(centred.T @ centred)[1][:, 1]
-    return float(len(np.unique(np.floor(along / _BIN))) * _BIN)
+                    border += 1
+                elif not mask[q, p] and y >= 0 and 0 <= x < width and not mask[y, x] and z[y, x] > 0.0:
+                    step = 0.05 + 0.012 * z[v, u] * z[v, u]
+                    farther += z[y, x] > z[v, u] + step
+                    nearer += z[y, x] < z[v, u] - step
+                    other += abs(z[y, x] - z[v, u]) <= step
+    total = max(1.0, farther + nearer + other + border)
+    return farther / total, nearer / total, border / total, below > 0.05 * width
 
 
 def parted(points: Float, mask: Bool) -> list[Bool]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from enliven.arrays import Float
 from enliven_edge.tracking import model
@@ -16,6 +17,8 @@ _STRIDE, _ELSEWHERE = 2.0, 0.8
 _TELLING = [model.SHOULDER, model.ARM, model.FORE, model.THIGH, model.SHIN]
 _COMPATIBLE = 9.0
 """A mismatch, in squared standard deviations, beyond which two people are not the same."""
+_KNOWN_FRAMES, _LEAD = 6, 3.0
+"""Frames after which somebody's looks can be told from another's, and by how much they must differ."""
 
 
 @dataclass
@@ -42,7 +45,7 @@ class Looks:
     @property
     def stature(self) -> float | None:
         """Metres from the floor to the crown when upright; None where it was never seen."""
-        return float(np.percentile(self._crowns, 85)) if len(self._crowns) >= 3 else None
+        return float(np.percentile(self._crowns, 85)) if self._crowns else None
 
     def mismatch(self, other: Looks) -> float:
         """How unlike two people look, in squared standard deviations."""
@@ -91,15 +94,30 @@ class Register:
         for absent in self.absent:
             absent.place = None
 
-    def likeliest(self, looks: Looks, place: Float, time_ns: int) -> tuple[Absent | None, float]:
-        """Who of the absent this is, None where it is nobody of them; and the lead over the next likely."""
-        costs = sorted(
-            ((looks.mismatch(a.looks) + _far(a, place, time_ns), i) for i, a in enumerate(self.absent)),
+    def matched(self, found: list[tuple[Looks, Float]], time_ns: int) -> list[tuple[Absent | None, bool]]:
+        """By looks and (3,) place: who of the absent it is, None for nobody; and whether that is sure.
+
+        All are matched together, at the least sum of mismatches, so that two who come back are not mistaken
+        for each other while either fits better.
+        """
+        if not self.absent:
+            return [(None, True)] * len(found)
+        cost = np.array(
+            [[looks.mismatch(a.looks) + _far(a, at, time_ns) for a in self.absent] for looks, at in found]
         )
-        if not costs or costs[0][0] > _COMPATIBLE:
-            return None, np.inf
-        lead = costs[1][0] - costs[0][0] if len(costs) > 1 else np.inf
-        return self.absent[costs[0][1]], float(lead)
+        # Being somebody new costs as much as being incompatible, for each.
+        padded = np.concatenate([cost, np.full((len(found), len(found)), _COMPATIBLE)], 1)
+        rows, columns = linear_sum_assignment(padded)
+        made: list[tuple[Absent | None, bool]] = []
+        for row, column in zip(rows, columns, strict=True):
+            absent = self.absent[column] if column < len(self.absent) else None
+            others = np.delete(padded[row, : len(self.absent) + 1], column if absent else -1)
+            lead = float(others.min() - padded[row, column])
+            known = found[row][0].weight >= _KNOWN_FRAMES
+            back = absent is not None and found[row][0].weight > 0
+            sure = lead > _LEAD and (known or (back and len(self.absent) == 1 and len(found) == 1))
+            made.append((absent, sure))
+        return made
 
     def take(self, absent: Absent) -> None:
         """Somebody is back."""

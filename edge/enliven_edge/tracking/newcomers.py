@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, UInt8
 from enliven_edge.tracking.human import SMALLEST_AREA, Shape, parted, shape_of
-from enliven_edge.tracking.room import BEFORE, Room, widened
+from enliven_edge.tracking.room import BEFORE, widened
 from enliven_edge.tracking.segmentation import Loose, Segments
 from enliven_edge.tracking.view import View
 
@@ -16,7 +16,10 @@ _SAME, _FORGET_NS = 0.45, 400_000_000
 _MOST = 8
 _YOUNG = 1.0
 """Seconds: in so young a room nobody can prove to have come in."""
-_MOVED, _TALL, _FRAMES = 0.25, 1.15, 3
+_TALL, _FRAMES, _LONG = 1.05, 3, 10
+_STEADY, _LARGE = 0.15, 0.33
+_REFUSED, _REFUSED_NS = 0.4, 20_000_000_000
+_BEHIND, _PATIENCE_NS = 0.25, 800_000_000
 _BACK_OFF_NS, _LONGEST_NS = 150_000_000, 2_000_000_000
 _PARTED_AREA = 0.45
 
@@ -28,42 +31,67 @@ class Newcomer:
         pixels: (h, w).
         centre: (3,) metres, world frame.
         shape: what it looks like.
+        area: square metres that are seen.
         crowns: metres above the floor of its top, frame by frame.
         bystander: whether it is out of the zone, or locked out.
+        awaited: whether somebody was lost about here, who may be in any posture.
     """
 
     def __init__(self, centre: Float, time_ns: int) -> None:
-        self.centre, self.first = centre, centre
+        self.centre = centre
         self.crowns: list[float] = []
-        self.frames = 0
-        self.bystander = False
-        self.seen_ns = time_ns
-        self.moved = 0.0
+        self.frames, self.area = 0, 0.0
+        self.bystander = self.awaited = self.refused = False
+        self.seen_ns = self.first_ns = time_ns
         self.before = 0.0
-        self.touching = False
         self.shape: Shape
         self.pixels: Bool
         self._next_ns, self._wait_ns = time_ns, _BACK_OFF_NS
 
-    def update(self, pixels: Bool, centre: Float, shape: Shape, before: float, time_ns: int) -> None:
+    def update(
+        self, pixels: Bool, centre: Float, shape: Shape, area: float, before: float, time_ns: int
+    ) -> None:
         """The group in another frame; ``before`` is the share that stands before the known room."""
+        self.area = area
         self.pixels, self.centre, self.shape, self.before = pixels, centre, shape, before
         self.frames, self.seen_ns = self.frames + 1, time_ns
-        self.moved = max(self.moved, float(np.linalg.norm((centre - self.first)[[0, 2]])))
-        self.crowns = [*self.crowns[-30:], shape.top]
+        self.crowns = [*self.crowns[-_LONG:], shape.crown]
 
     @property
     def proven(self) -> bool:
-        """Whether it came into a room that was known, as a person does."""
-        tall = self.shape.top > _TALL
-        if self.touching and not tall:
+        """Whether it came into a room that was known, with a person's shape; or may be who was lost here."""
+        steady = self.frames >= _FRAMES and float(np.ptp(self.crowns[-_FRAMES:])) < _STEADY
+        if not steady or self.before < 0.5 or self.refused:
             return False
-        return self.frames >= _FRAMES and self.before > 0.5 and (tall or self.moved > _MOVED)
+        if self.awaited and self.shape.possible:
+            return True
+        tall = self.shape.crown > _TALL or self.shape.cut
+        return tall and (self.shape.upright or (self.shape.human and self.frames >= _LONG))
+
+    @property
+    def convincing(self) -> bool:
+        """Whether it is so much like somebody who stands there that it need not come in to be believed."""
+        tall = self.shape.crown > _TALL or self.shape.cut
+        return self.shape.upright and tall and not self.refused
+
+    @property
+    def imaginable(self) -> bool:
+        """Whether it may be somebody in any posture, bent or on the knees say, where nobody else is."""
+        large = self.shape.crown > _TALL or self.shape.cut or self.area > _LARGE
+        return self.shape.human and large and not self.refused
 
     def due(self, time_ns: int, room_age: float, *, alone: bool) -> bool:
-        """Whether a body should be looked for in it now."""
-        there = room_age < _YOUNG and (self.shape.cut or self.shape.top > _TALL)
-        if not self.shape.human or not (self.proven or there or self.moved > 2 * _MOVED):
+        """Whether a body should be looked for in it now.
+
+        Args:
+            room_age: seconds since the room is learnt; in a new one nobody can prove to have come in.
+            alone: nobody else is followed, so that what may be a person in any posture is better than nobody.
+        """
+        there = self.convincing or ((alone or self.awaited) and self.imaginable)
+        if not (self.proven or (room_age < _YOUNG and there)):
+            return False
+        # Who comes out from behind something is waited for until most of them is out.
+        if self.shape.behind > _BEHIND and 0 <= time_ns - self.first_ns < _PATIENCE_NS:
             return False
         return not 0 < self._next_ns - time_ns < 2 * _LONGEST_NS
 
@@ -77,9 +105,15 @@ class Newcomers:
 
     def __init__(self) -> None:
         self._known: list[Newcomer] = []
+        self._refused: list[tuple[Float, int]] = []
 
     def clear(self) -> None:
         self._known.clear()
+        self._refused.clear()
+
+    def refuse(self, place: Float, time_ns: int) -> None:
+        """What is at a place was taken for somebody and is a thing."""
+        self._refused.append((place.copy(), time_ns))
 
     def drop(self, newcomer: Newcomer) -> None:
         """It is somebody now."""
@@ -95,8 +129,8 @@ class Newcomers:
         view: View,
         kind: UInt8,
         segments: Segments,
-        room: Room,
         admits: Callable[[Float], bool],
+        awaits: Callable[[Float], bool],
     ) -> list[Newcomer]:
         """Those that are in this frame, the likeliest first."""
         groups = [g for g in segments.loose if g.area > SMALLEST_AREA and g.tall > 0.3][:_MOST]
@@ -105,14 +139,15 @@ class Newcomers:
             mask = _with_fragments(segments, group, view)
             parts = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
             for part in parts:
-                found = self._one(view, kind, group, part, group.area * part.sum() / max(1, mask.sum()))
+                found = self._one(view, kind, part, group.area * part.sum() / max(1, mask.sum()))
                 if found is not None and found not in present:
                     found.bystander = not admits(found.centre)
+                    found.awaited = awaits(found.centre)
                     present.append(found)
         self._known = [n for n in self._known if n in present or 0 <= view.time_ns - n.seen_ns < _FORGET_NS]
         return sorted(present, key=lambda n: -n.shape.likeness)
 
-    def _one(self, view: View, kind: UInt8, group: Loose, part: Bool, area: float) -> Newcomer | None:
+    def _one(self, view: View, kind: UInt8, part: Bool, area: float) -> Newcomer | None:
         """The newcomer that a group of pixels is, None where it has not a person's size."""
         points = view.points[part]
         if len(points) < 30:
@@ -126,9 +161,14 @@ class Newcomers:
         if near is None or np.linalg.norm(near.centre - centre) > _SAME:
             near = Newcomer(centre, view.time_ns)
             self._known.append(near)
-        near.touching = bool(group.contact.any())
-        near.update(part, centre, shape, float(np.mean(kind[part] == BEFORE)), view.time_ns)
+        near.refused = self._is_refused(centre, view.time_ns)
+        near.update(part, centre, shape, area, float(np.mean(kind[part] == BEFORE)), view.time_ns)
         return near
+
+    def _is_refused(self, centre: Float, time_ns: int) -> bool:
+        """Whether a thing is there that was taken for somebody."""
+        self._refused = [(at, t) for at, t in self._refused if 0 <= time_ns - t < _REFUSED_NS]
+        return any(float(np.linalg.norm((at - centre)[[0, 2]])) < _REFUSED for at, _ in self._refused)
 
 
 def _with_fragments(segments: Segments, main: Loose, view: View) -> Bool:

@@ -11,8 +11,8 @@ from enliven_edge.tracking.identity import Looks
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.view import View
 
-_LOOK_EVERY = 5
-_TRAVELLED = 0.15
+_LOOK_EVERY, _LOOK_OFTEN = 5, 10
+_TRAVELLED, _MOVED = 0.15, 0.1
 _FASTEST, _SLOWING = 2.0, 0.5
 _UNSURE, _SPREADING = 0.35, 0.7
 UNDECIDED = 0
@@ -29,13 +29,15 @@ class Person:
         found_ns: when they were found.
         hidden_ns: since when something stands before them, or None.
         travelled: whether they have moved as no thing does.
+        doubted: whether they have yet to move to be believed.
     """
 
     def __init__(self, identity: int, follower: Follower, looks: Looks, time_ns: int) -> None:
         self.id, self.follower, self.looks = identity, follower, looks
         self.seen_ns = self.found_ns = time_ns
         self.hidden_ns: int | None = None
-        self.travelled = False
+        self.travelled = self.doubted = False
+        self._first_joints: Float | None = None
         self._start = follower.posture.position.copy()
         self._centre: Float | None = None
         self._velocity = np.zeros(3)
@@ -55,12 +57,16 @@ class Person:
         """Metres within which they must be; it grows while they are not seen."""
         return _UNSURE + _SPREADING * max(0.0, (time_ns - self.seen_ns) * 1e-9)
 
-    def follow(self, view: View, pixels: Bool) -> bool:
-        """Fits the frame; whether it shows them well."""
+    def follow(self, view: View, pixels: Bool, *, whole: bool) -> bool:
+        """Fits the frame; whether it shows them well.
+
+        Args:
+            whole: nothing stands before them, and the image does not end at them.
+        """
         before = self.place.copy()
         good = self.follower.follow(view, pixels)
         if good:
-            self._seen(view, pixels, self.place - before)
+            self._seen(view, pixels, self.place - before, whole=whole)
         return good
 
     def coast(self, view: View, pixels: Bool) -> None:
@@ -86,10 +92,12 @@ class Person:
     def replaced(self, follower: Follower, time_ns: int) -> None:
         """Was found again by a new fit."""
         self.follower, self.hidden_ns = follower, None
+        if self.looks.weight > _LOOK_OFTEN:
+            follower.posture.lengths = self.looks.lengths.copy()
         self._velocity, self._centre = np.zeros(3), None
         self.seen_ns = self._time_ns = time_ns
 
-    def _seen(self, view: View, pixels: Bool, step: Float) -> None:
+    def _seen(self, view: View, pixels: Bool, step: Float, *, whole: bool) -> None:
         """Remembers what a good frame shows."""
         seconds = (view.time_ns - self._time_ns) * 1e-9
         if 0.0 < seconds < 0.5:
@@ -101,11 +109,23 @@ class Person:
         self.hidden_ns = None
         self.travelled = self.travelled or float(np.linalg.norm(self.place - self._start)) > _TRAVELLED
         self._turn += 1
-        if self._turn % _LOOK_EVERY == 1:
-            self._centre = _centre(view, pixels)
+        self._centre = None
+        if self._turn % _LOOK_EVERY != 1 and self.looks.weight > _LOOK_OFTEN:
+            return
+        self._centre = _centre(view, pixels)
+        if whole:
             self.looks.see(self.follower.posture.lengths, self._crown(view, pixels))
-        else:
-            self._centre = None
+        if self.doubted:
+            self._watch_limbs()
+
+    def _watch_limbs(self) -> None:
+        """Believes who moves: a limb that is seen goes farther than noise carries it."""
+        joints, sure = self.follower.posture.joints(), self.follower.confidence > 0.5
+        if self._first_joints is None:
+            self._first_joints = joints
+        away = np.linalg.norm(joints - self._first_joints, axis=1)
+        if self.travelled or np.count_nonzero(sure & (away > _MOVED)) >= 2:
+            self.doubted = False
 
     def _crown(self, view: View, pixels: Bool) -> float | None:
         """Metres above the floor of the top of the head, where they stand with the hands below it."""

@@ -15,7 +15,7 @@ ROOM, BEFORE, UNSEEN, UNLIKELY = 0, 1, 2, 3
 """What a pixel is: the room (or nothing); before the room; before where the room was never seen, but nearer
 than it is around there; or about as near as it is around there."""
 _FLICKERS = 6.0
-"""A pixel that has come this often to the same nearer depth and gone is an edge: the nearer one is the room."""
+"""A pixel that has come to the same nearer depth and gone so often is an edge: the nearer is the room."""
 _FILL_EVERY_NS = 300_000_000
 _LONGEST_STEP = 0.5
 """Seconds: a gap in the stream ages nothing by more."""
@@ -129,7 +129,9 @@ def _classify(z, points, room, guess, near, far, floor_band):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True)
-def _learn(room, z, person, hold, nearer, waited, away, guarded, guard_z, flips, step, absorb_after, clear_after):  # type: ignore[no-untyped-def]
+def _learn(
+    room, z, person, hold, nearer, waited, away, guarded, guard_z, flips, step, absorb_after, clear_after
+):  # type: ignore[no-untyped-def]
     """One frame into the room; the numbers of pixels compared, plainly nearer and plainly farther."""
     height, width = z.shape
     compared, count_nearer, count_farther = 0, 0, 0

@@ -28,7 +28,7 @@ class Tracker:
 
     def __init__(self, settings: TrackerSettings | None = None) -> None:
         self.settings = settings or TrackerSettings()
-        self._mounting = Mounting(self.settings.scene)
+        self._mounting = Mounting(self.settings.scene, self.settings.room.moved)
         self._crowd = Crowd(self.settings, Fitter(self.settings.fit))
         self._room: Room | None = None
         self._owner: Int | None = None
@@ -53,7 +53,7 @@ class Tracker:
     def state(self) -> TrackerState:
         """What the tracker knows of the last frame, for the monitor of its health."""
         age = self._room.age if self._room is not None else 0.0
-        moved = self._mounting.new_place and not self._mounting.new_camera
+        moved = self._mounting.falling or (self._mounting.new_place and not self._mounting.new_camera)
         return TrackerState(self._mounting.floor_known, age, moved)
 
     @property
@@ -84,13 +84,16 @@ class Tracker:
         """The bodies in a frame, world frame; empty where nobody is seen."""
         view = self._mounting.view(frame, nobody=not self._crowd.people)
         room = self._room_of(view)
+        if self._mounting.falling:
+            return []
         scene = self.settings.scene
         kind = room.classify(view, scene.near, scene.far, scene.floor_band)
         segments = self._crowd.follow(view, kind)
         hold = self._crowd.look(view, kind, segments, room)
         self._owner = segments.owner
         room.guard(segments.owner, self._crowd.owners(), view.z)
-        room.learn(view.z, segments.owner >= 0, view.time_ns, hold)
+        agreement = room.learn(view.z, segments.owner >= 0, view.time_ns, hold)
+        self._mounting.watch(view, agreement, segments.owner < 0)
         return self._bodies(frame.time_ns)
 
     def _room_of(self, view: View) -> Room:
