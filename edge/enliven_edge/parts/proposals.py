@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -12,6 +13,7 @@ from enliven_edge.parts.anatomy import ANCHOR_FRAMES, ANCHORS, BELOW, CARRIES, U
 from enliven_edge.parts.forest import PartForest
 from enliven_edge.parts.labels import MIRRORED, Part
 from enliven_edge.parts.modes import Modes, part_modes
+from enliven_edge.parts.sideless import merged
 from enliven_edge.tracking import model, ranges
 from enliven_edge.tracking.alignment import align
 from enliven_edge.tracking.observation import Observation
@@ -21,6 +23,8 @@ _TRUNK = np.array([Part.HEAD, 1, 2, 3, 4, Part.UPPER_ARM_LEFT, Part.UPPER_ARM_RI
 _TRUNK_TRUST = np.array([0.6, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.4, 0.4])
 _WIDTHS = (1.0, 0.35)
 """Metres beyond which a mode is doubted, one alignment after the other."""
+_CARRY = CARRIES.T.astype(np.float32)
+_CARRY_EITHER = np.maximum(_CARRY, _CARRY[MIRRORED])
 _YAWS = (0.0, np.pi, 0.5 * np.pi, -0.5 * np.pi)
 
 
@@ -31,21 +35,36 @@ class Seen:
     Attributes:
         points: (M, 3) metres, world frame: the observation's.
         probabilities: (M, 17) float32 of the parts at the observation's points.
-        modes: where the parts are.
+        area: (M,) square metres that each point stands for.
     """
 
     points: Float32
     probabilities: Float32
-    modes: Modes
+    area: Float
 
-    @property
+    @cached_property
+    def modes(self) -> Modes:
+        """Where the 17 parts are."""
+        return part_modes(self.points, self.probabilities, self.area)
+
+    @cached_property
+    def kinds(self) -> Modes:
+        """Where the 9 kinds of parts are, left or right."""
+        return part_modes(self.points, merged(self.probabilities), self.area)
+
+    @cached_property
     def likelihood(self) -> Float32:
         """(M, 20) how likely each point is on each capsule of the model."""
-        return np.asarray(self.probabilities @ CARRIES.T.astype(np.float32))
+        return np.asarray(self.probabilities @ _CARRY)
 
     def affinity(self, metres: float) -> Float32:
         """(M, 20) metres by which a point is farther from a capsule than it seems, at most ``metres``."""
         return np.asarray((metres * (1.0 - self.likelihood)).astype(np.float32))
+
+    def sideless_affinity(self, metres: float) -> Float32:
+        """The same where a left part is as good as a right one."""
+        either = np.minimum(1.0, self.probabilities @ _CARRY_EITHER)
+        return np.asarray((metres * (1.0 - either)).astype(np.float32))
 
 
 def look(forest: PartForest, observation: Observation) -> Seen:
@@ -58,7 +77,7 @@ def look(forest: PartForest, observation: Observation) -> Seen:
     depth = z[rows, columns]
     share = np.count_nonzero(mask) / max(1, len(rows))
     area = share * depth * depth / (camera[0] * camera[1])
-    return Seen(observation.points, found, part_modes(observation.points, found, area))
+    return Seen(observation.points, found, area)
 
 
 def proposals(seen: Seen, lengths: Float, eye: Float) -> list[tuple[float, Posture]]:
@@ -71,12 +90,11 @@ def proposals(seen: Seen, lengths: Float, eye: Float) -> list[tuple[float, Postu
         lengths: (12,) the person's, or an average person's.
         eye: (3,) the sensor, world frame.
     """
-    modes = seen.modes
-    targets = _below_surface(modes.positions, eye)
-    found = [_aligned(start, targets, modes.mass) for start in _starts(targets, modes.mass, lengths, eye)]
+    mass = seen.modes.mass[:, 0]
+    targets = _below_surface(seen.modes.positions[:, 0], eye)
+    found = [_aligned(start, targets, mass) for start in _starts(targets, mass, lengths, eye)]
     found.sort(key=lambda pair: pair[0])
-    turned = turned_about(found[0][1])
-    swapped = _aligned(turned, targets[MIRRORED], modes.mass[MIRRORED])
+    swapped = _aligned(turned_about(found[0][1]), targets[MIRRORED], mass[MIRRORED])
     best = found[0]
     others = [pair for pair in found[1:] if _differ(pair[1], best[1])]
     return [best, swapped, *others[:1]]
@@ -84,8 +102,8 @@ def proposals(seen: Seen, lengths: Float, eye: Float) -> list[tuple[float, Postu
 
 def drawn(posture: Posture, seen: Seen, eye: Float) -> Posture:
     """The posture brought from where it is to where the parts are seen, its lengths kept."""
-    targets = _below_surface(seen.modes.positions, eye)
-    return _aligned(posture, targets, seen.modes.mass)[1]
+    targets = _below_surface(seen.modes.positions[:, 0], eye)
+    return _aligned(posture, targets, seen.modes.mass[:, 0])[1]
 
 
 def _below_surface(positions: Float, eye: Float) -> Float:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from enliven.arrays import Bool, Float
+from enliven_edge.parts.proposals import look, turned_about
+from enliven_edge.parts.shipped import shipped_forest
 from enliven_edge.tracking import model
 from enliven_edge.tracking.confidence import confidence
 from enliven_edge.tracking.detection import detect, quality
 from enliven_edge.tracking.evidence import NAMES, evidence
+from enliven_edge.tracking.facing import Facing
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.observation import Observation, observe
 from enliven_edge.tracking.posture import Posture, continued
@@ -47,6 +52,7 @@ class Follower:
         self.lost = False
         self._fitter = fitter
         self._second_thoughts = SecondThoughts(fitter)
+        self._facing = Facing()
         self._before: Posture | None = None
         self._fitted = 0
         self._bad = 0
@@ -60,7 +66,8 @@ class Follower:
         if np.count_nonzero(pixels) < FEWEST_PIXELS:
             return None
         observation = _observed(view, pixels, settings)
-        posture, report = detect(fitter, observation, view.eye, settings.body_height)
+        forest = shipped_forest() if settings.parts else None
+        posture, report = detect(fitter, observation, view.eye, settings.body_height, forest)
         if quality(report) < _GOOD:
             return None
         follower = cls(settings, fitter, posture)
@@ -84,10 +91,15 @@ class Follower:
             return self._missed()
         predicted = self.predicted()
         observation = _observed(view, pixels, self.settings)
-        proportions = self._proportions()
-        posture, report = self._fitted_to(observation, predicted, proportions)
+        seen = look(shipped_forest(), observation) if self.settings.parts else None
+        if seen is not None:
+            observation = replace(observation, affinity=seen.affinity(self.settings.fit.affinity))
+        posture, report = self._fitted_to(observation, predicted, self._proportions())
         certain = _capsule_confidence(report, observation, posture)
-        posture, report = self._second_thoughts.reconsider(observation, posture, report, certain)
+        posture, report = self._second_thoughts.reconsider(observation, posture, report, certain, seen)
+        if seen is not None and self._facing.is_wrong(seen, posture, view.eye):
+            posture, report = self._fitter.fit(observation, turned_about(posture))
+            self._before = None
         if quality(report) <= _ACCEPTABLE and not self._missed() and self.lost:
             return False
         self._before, self.posture = self.posture, posture

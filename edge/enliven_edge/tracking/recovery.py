@@ -8,10 +8,12 @@ starts elsewhere can; it is taken where it explains the frame better.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from enliven.arrays import Float
+from enliven_edge.parts.proposals import Seen, agreement, drawn, proposals, turned_about
 from enliven_edge.tracking import model
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.observation import Observation
@@ -41,12 +43,18 @@ _LEGS = (
     (model.THIGH_R, model.SHIN_R, model.FOOT_R),
 )
 _DOUBTFUL, _SURE = 0.5, 0.9
-_BETTER = 0.985
+_BETTER, _MUCH_BETTER = 0.985, 0.8
+"""Share of the energy that a limb, and a whole body, must fall below to be moved elsewhere."""
 _STEPS = 6
 _WIDE_STEPS, _WIDE = 6, 0.25
+_AFFINITY = 0.1
+"""Metres: how far what a point looks like outweighs where it is, while a posture is drawn to the parts."""
+_DISAGREEMENT = 4.0
+_ROUTINE = 4
+"""Frames between two looks at whether the parts are elsewhere, when there is no reason to doubt."""
 _BADLY = 0.9
 """Share of the points explained (less what was seen through) below which the whole body is doubted."""
-_YAWS = (np.pi, 0.8, -0.8, 1.6, -1.6)
+_YAWS = (0.8, -0.8)
 
 
 class SecondThoughts:
@@ -59,13 +67,39 @@ class SecondThoughts:
         self._ideas: Iterator[Posture] = iter(())
 
     def reconsider(
-        self, observation: Observation, posture: Posture, report: FitReport, confidence: Float
+        self,
+        observation: Observation,
+        posture: Posture,
+        report: FitReport,
+        confidence: Float,
+        seen: Seen | None = None,
     ) -> tuple[Posture, FitReport]:
         """The posture, or one with a doubtful part elsewhere where that explains the frame better.
 
         Args:
             confidence: (C,) of every capsule, in [0, 1].
+            seen: what the forest of body parts says of the frame; None without one.
         """
+        doubtful = self._doubtful(posture, confidence)
+        badly = report.explained - report.violated.mean() < _BADLY
+        self._turn += 1
+        routine = seen is not None and self._turn % _ROUTINE == 0
+        if not (badly or doubtful or routine):
+            return posture, report
+        better = _BETTER
+        if seen is not None and (routine or self._turn % 2):
+            tried = self._drawn_to_parts(observation, posture, seen)
+        elif badly and (not doubtful or self._turn % 4 < 2):
+            tried, better = self._elsewhere(observation, posture, seen), _MUCH_BETTER
+        else:
+            start = self._limb_elsewhere(posture, doubtful) if doubtful else posture
+            tried = self._fitter.fit(observation, start, iterations=_STEPS)
+        _, same = self._fitter.fit(observation, posture, iterations=1)
+        before, after = cost(same, posture, seen), cost(tried[1], tried[0], seen)
+        return tried if after < better * before else (posture, report)
+
+    def _doubtful(self, posture: Posture, confidence: Float) -> list[tuple[int, ...]]:
+        """The limbs that explain little of the picture; those that explain much are remembered."""
         doubtful: list[tuple[int, ...]] = []
         for limb in (*_ARMS, *_LEGS):
             sure = float(np.min(confidence[np.isin(model.CAPSULES.frame, limb[1:])]))
@@ -73,22 +107,24 @@ class SecondThoughts:
                 self._remembered[limb] = posture.rotations[list(limb)].copy()
             elif sure < _DOUBTFUL:
                 doubtful.append(limb)
-        badly = report.explained - report.violated.mean() < _BADLY
-        self._turn += 1
-        if badly and (not doubtful or self._turn % 2):
-            tried = self._elsewhere(observation, posture)
-        elif doubtful:
-            tried = self._fitter.fit(observation, self._limb_elsewhere(posture, doubtful), iterations=_STEPS)
-        else:
-            return posture, report
-        _, same = self._fitter.fit(observation, posture, iterations=1)
-        return tried if tried[1].energy < _BETTER * same.energy else (posture, report)
+        return doubtful
 
-    def _elsewhere(self, observation: Observation, posture: Posture) -> tuple[Posture, FitReport]:
+    def _drawn_to_parts(
+        self, observation: Observation, posture: Posture, seen: Seen
+    ) -> tuple[Posture, FitReport]:
+        """The posture brought to where the forest sees the parts, then fitted."""
+        guided = replace(observation, affinity=seen.affinity(_AFFINITY))
+        eye = observation.view[4][:3, 3]
+        wide, _ = self._fitter.fit(guided, drawn(posture, seen, eye), iterations=_STEPS, width=_WIDE)
+        return self._fitter.fit(observation, wide, iterations=_STEPS)
+
+    def _elsewhere(
+        self, observation: Observation, posture: Posture, seen: Seen | None
+    ) -> tuple[Posture, FitReport]:
         """The next idea of how the whole body may be, fitted widely, then closely."""
         idea = next(self._ideas, None)
         if idea is None:
-            self._ideas = whole_bodies(observation, posture)
+            self._ideas = whole_bodies(observation, posture, seen)
             idea = next(self._ideas)
         wide, _ = self._fitter.fit(observation, idea, iterations=_WIDE_STEPS, width=_WIDE)
         return self._fitter.fit(observation, wide, iterations=_STEPS)
@@ -107,31 +143,32 @@ class SecondThoughts:
         return start
 
 
-def whole_bodies(observation: Observation, posture: Posture) -> Iterator[Posture]:
-    """Ideas of where the whole body may be: turned, seen from the other side, standing anew."""
+def cost(report: FitReport, posture: Posture, seen: Seen | None) -> float:
+    """Square centimetres a point: the fit's energy, and what it costs to be of other parts than are seen."""
+    return report.energy + (0.0 if seen is None else _DISAGREEMENT * (1.0 - agreement(seen, posture)))
+
+
+def whole_bodies(observation: Observation, posture: Posture, seen: Seen | None) -> Iterator[Posture]:
+    """Ideas of where the whole body may be: as the parts say, turned a little, or standing anew.
+
+    Never half a turn: a body looks nearly the same from the back, and nobody turns that far in a frame.
+    """
+    if seen is not None:
+        for _, proposed in proposals(seen, posture.lengths, observation.view[4][:3, 3]):
+            yield proposed if _same_way(proposed, posture) else turned_about(proposed)
     for yaw in _YAWS:
-        yield _turned(posture, yaw)
+        turned = posture.copy()
+        turned.rotations[model.PELVIS] = rotation(y=yaw) @ posture.rotations[model.PELVIS]
+        yield turned
     ahead = posture.rotations[model.PELVIS][:, 2]
     facing = float(np.arctan2(ahead[0], ahead[2]))
-    for yaw in (0.0, np.pi, 1.57, -1.57):
+    for yaw in (0.0, *_YAWS):
         yield _standing_at(observation, posture, facing + yaw)
 
 
-def _turned(posture: Posture, yaw: float) -> Posture:
-    """The body turned about the vertical, its limbs where they are where it is seen from behind."""
-    made = posture.copy()
-    if abs(yaw) > 3.0:
-        # Half a turn looks the same with left and right exchanged: each limb takes the other's place.
-        made.rotations = mirrored(posture.rotations)
-        made.rotations[model.PELVIS] = _flipped(posture.rotations[model.PELVIS])
-        return made
-    made.rotations[model.PELVIS] = rotation(y=yaw) @ posture.rotations[model.PELVIS]
-    return made
-
-
-def _flipped(pelvis: Float) -> Float:
-    """(3, 3) the pelvis with front and back exchanged, its vertical kept."""
-    return np.asarray(pelvis @ rotation(y=np.pi))
+def _same_way(one: Posture, other: Posture) -> bool:
+    """Whether two postures face within a right angle of each other."""
+    return bool(one.rotations[model.PELVIS][:, 2] @ other.rotations[model.PELVIS][:, 2] > 0)
 
 
 def _standing_at(observation: Observation, posture: Posture, facing: float) -> Posture:

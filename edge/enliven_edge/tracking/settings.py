@@ -62,6 +62,9 @@ class FitSettings:
     points: int = setting(900, "Observed points used a frame.", low=100, high=20000)
     iterations: int = setting(8, "Gauss-Newton steps a frame.", low=1, high=100)
     width: float = setting(0.07, "Residuals beyond this are doubted.", unit="m", low=0.005, high=1.0)
+    affinity: float = setting(
+        0.05, "How far what a point looks like outweighs where it is.", unit="m", low=0.0, high=1.0
+    )
     free_space: float = setting(3.0, "Weight of 'no limb where the camera saw through'.", low=0.0, high=100.0)
     floor: float = setting(0.05, "Weight of 'no limb below the floor'.", low=0.0, high=100.0)
     temporal: float = setting(1.2, "Weight of staying near the predicted posture.", unit="1/rad^2", low=0.0)
@@ -136,6 +139,7 @@ class TrackerSettings:
     fit: FitSettings = setting(FitSettings, "The fit.")
     smoothing: SmoothingSettings = setting(SmoothingSettings, "The smoothing.")
     output: OutputSettings = setting(OutputSettings, "What is done to the fit before it leaves.")
+    parts: bool = setting(True, "Whether the learnt forest of body parts is asked.")
     body_height: float = setting(
         1.72, "Height of the person before it is measured.", unit="m", low=0.5, high=2.5
     )
