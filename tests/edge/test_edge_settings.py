@@ -50,7 +50,7 @@ def test_a_sensor_that_the_space_does_not_know_is_refused():
     space = load_space(EDGES / loaded.space)
     with contextlib.ExitStack() as stack:
         sensors = opened([Source("middle", "synthetic", {})], stack)
-        with pytest.raises(InputError, match="does not know the sensor 'middle'.*left, right"):
+        with pytest.raises(InputError, match=r"does not know the sensor .middle.*left, right"):
             FusedSensors(sensors, {"middle": Tracker()}, space)
 
 

@@ -64,9 +64,13 @@ class Collector:
         A sensor may find its floor only after some frames, or know it better later; what it said before is
         put right.
         """
+        return stream_of(self.name, self.frames_in_level())
+
+    def frames_in_level(self) -> list[BodyFrame]:
+        """The same as frames."""
         kept = list(self._kept)
         final = self.level_from_camera
-        return stream_of(self.name, (_put_right(frame, mount, final) for frame, mount in kept))
+        return [_put_right(frame, mount, final) for frame, mount in kept]
 
     def _run(self) -> None:
         try:

@@ -1,0 +1,144 @@
+"""Two Kinects that saw the same people: calibrated by those people, and fused.
+
+The gate, the loyalty and the plausible bones were looked at on Study_24; Study_1 was used for the low-pass of
+velocities. Nobody measured where the Kinects stood: the files hold skeletons that their authors had moved into
+one world already, so that the placement that is found must be nearly none."""
+
+import dataclasses
+import os
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from enliven.frames import BodyFrame
+from enliven_edge.fusion.calibration import calibrate
+from enliven_edge.fusion.fuser import Fuser
+from enliven_edge.fusion.measures import agreement, jitter_mm
+from enliven_edge.fusion.merge import eyes, fused, in_world
+from enliven_edge.fusion.quality import Verdict
+from enliven_edge.fusion.rigid import angle_between, inverse, rigid, turn
+from enliven_edge.fusion.settings import CalibrationSettings
+from enliven_edge.fusion.tracks import stream_of
+from enliven_edge.importing.base import ImportOptions
+from enliven_edge.importing.multitrack import MultiTrackReader
+
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+FOLDER = DATA / "skeletons" / "kinect_multitrack"
+pytestmark = [
+    pytest.mark.real,
+    pytest.mark.skipif(not FOLDER.is_dir(), reason="the real recordings (ENLIVEN_DATA) are not here"),
+]
+KINECTS = ("138.251.207.136", "138.251.213.82")
+
+
+@cache
+def seen(study: int) -> dict[str, list[BodyFrame]]:
+    """What each Kinect saw, by its own clock."""
+    (path,) = FOLDER.glob(f"Study_{study}_*.csv")
+    reader = MultiTrackReader(own_clock=True)
+    return {name: list(reader.read([path], ImportOptions(device=name))) for name in KINECTS}
+
+
+def placed(frames: dict[str, list[BodyFrame]], overlap: float = 4.0):
+    streams = [stream_of(name, told) for name, told in frames.items()]
+    return calibrate(streams, CalibrationSettings(overlap=overlap))
+
+
+@cache
+def performed(study: int):
+    """The calibration, the fused frames, and each Kinect's frames in the same world and clock."""
+    made = placed(seen(study))
+    space = made.space()
+    both = list(fused(seen(study), space, Fuser(eyes(space))))
+    alone = {
+        name: [
+            BodyFrame(in_world(f.bodies, place.level), f.time_ns + place.clock_offset_ns, name)
+            for f in seen(study)[name]
+        ]
+        for name, place in space.sensors.items()
+    }
+    return made, both, alone
+
+
+def test_two_people_who_occlude_each_other_place_two_kinects():
+    """Study_24: good, 4 cm between the two Kinects' joints, and nearly the authors' own placement."""
+    made, _, _ = performed(24)
+    (pair,) = made.pairs
+    assert made.good
+    assert pair.quality.rms < 0.05
+    assert pair.quality.swapped < 0.02
+    assert pair.quality.seconds > 15
+    found = made.world_from_sensor[KINECTS[1]]
+    assert np.linalg.norm(found[:3, 3]) < 0.08
+    assert np.degrees(angle_between(np.eye(4), found)) < 3.5
+
+
+@pytest.mark.parametrize("degrees", [75.0, -150.0])
+def test_a_kinect_that_is_put_elsewhere_is_found_there(degrees):
+    """The second Kinect's skeletons moved as if it stood elsewhere, its clock 1000 s ahead: as before."""
+    before = made_of(24)
+    there = rigid(turn(np.deg2rad(degrees) * np.array([0.0, 1.0, 0.0])), np.array([1.0, 0.0, -2.5]))
+    frames = dict(seen(24))
+    frames[KINECTS[1]] = [
+        dataclasses.replace(f, bodies=in_world(f.bodies, there), time_ns=f.time_ns + 1000 * 10**9)
+        for f in frames[KINECTS[1]]
+    ]
+    after = placed(frames)
+    assert after.good
+    expected = before.world_from_sensor[KINECTS[1]] @ inverse(there)
+    found = after.world_from_sensor[KINECTS[1]]
+    centre = np.array([0.0, 1.0, -2.4])
+    assert np.linalg.norm((inverse(expected) - inverse(found))[:3] @ [*centre, 1.0]) < 0.02
+    assert np.degrees(angle_between(expected, found)) < 0.5
+    assert after.clock_offset_ns[KINECTS[1]] + 1000 * 10**9 == pytest.approx(
+        before.clock_offset_ns[KINECTS[1]], abs=10e6
+    )
+
+
+def made_of(study: int):
+    return performed(study)[0]
+
+
+def test_two_people_keep_their_identities():
+    """37 s with occlusion, skeletons that collapse, and gaps of nine seconds: two people, no exchange."""
+    _, both, alone = performed(24)
+    assert {body.id for frame in both for body in frame.bodies} == {1, 2}
+    for frames in alone.values():
+        apart, changes = agreement(both, frames)
+        assert changes == 0
+        assert apart < 45.0
+
+
+def test_what_one_kinect_loses_the_other_holds():
+    """The second person is seen for longer than by either Kinect alone."""
+    _, both, alone = performed(24)
+
+    def share(frames):
+        return np.mean([len(frame.bodies) > 1 for frame in frames])
+
+    assert share(both) > max(share(frames) for frames in alone.values()) + 0.02
+
+
+@pytest.mark.parametrize("study", [1, 24])
+def test_fusion_adds_little_jitter(study):
+    """The Kinects' own skeletons are smooth; bringing two clocks together must not shake them."""
+    _, both, alone = performed(study)
+    assert jitter_mm(both) < 1.35 * max(jitter_mm(frames) for frames in alone.values())
+
+
+def test_somebody_who_stands_is_not_enough_to_place_a_sensor():
+    """Study_1, 12 s nearly on the spot, and Study_14, less than a second, are never accepted."""
+    for study, overlap in ((1, 4.0), (14, 0.5)):
+        made = placed(seen(study), overlap)
+        assert not made.good
+        assert made.pairs[0].quality.verdict is Verdict.WALK_ON
+        assert "walk on" in made.advice[0]
+
+
+def test_one_person_before_two_kinects_is_one():
+    _, both, _ = performed(1)
+    counts = [len(frame.bodies) for frame in both]
+    assert counts[5:] == [1] * (len(counts) - 5)
+    assert {body.id for frame in both for body in frame.bodies} == {1}
