@@ -14,7 +14,7 @@ from enliven.settings import load_settings
 
 def train_parts(
     output: Annotated[Path, typer.Option("--output", "-o", help="The forest to make, a .npz file.")],
-    pictures: Annotated[int, typer.Option(help="Rendered pictures to learn from.")] = 20000,
+    pictures: Annotated[int, typer.Option(help="Rendered pictures to learn from.")] = 35000,
     trees: Annotated[int, typer.Option(help="Trees of the forest.")] = 3,
     depth: Annotated[int, typer.Option(help="Questions from a root to a leaf, at most.")] = 18,
     seed: Annotated[int, typer.Option(help="Fixes everything random.")] = 0,

@@ -1,4 +1,4 @@
-"""Where each part of somebody is: the densest place of its probability over the surface, by mean shift."""
+"""Where each part of somebody is: the densest places of its probability over the surface, by mean shift."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from enliven.arrays import AnyArray, Float
 _RADIUS = 0.14
 """Metres within which points belong to one mode (Epanechnikov kernel)."""
 _SEEDS, _SHIFTS = 3, 8
+KEPT = 2
+"""Modes that are kept of a part: there are two hands."""
 
 
 @dataclass(frozen=True)
@@ -19,8 +21,9 @@ class Modes:
     """The parts' places.
 
     Attributes:
-        positions: (17, 3) metres, world frame, on the surface; meaningless where there is no mass.
-        mass: (17,) square metres of visible surface that are expected to be this part there.
+        positions: (P, 2, 3) metres, world frame, on the surface; meaningless where there is no mass.
+        mass: (P, 2) square metres of visible surface that are expected to be this part there; the heavier
+            of the two modes comes first.
     """
 
     positions: Float
@@ -28,21 +31,22 @@ class Modes:
 
 
 def part_modes(points: AnyArray, probabilities: AnyArray, area: Float) -> Modes:
-    """The mode of every part.
+    """The two heaviest modes of every part.
 
     Args:
         points: (M, 3) metres on the person's surface.
-        probabilities: (M, 17) of the parts at these points.
+        probabilities: (M, P) of the parts at these points.
         area: (M,) square metres that each point stands for.
     """
-    positions, mass = np.zeros((probabilities.shape[1], 3)), np.zeros(probabilities.shape[1])
+    count = probabilities.shape[1]
+    positions, mass = np.zeros((count, KEPT, 3)), np.zeros((count, KEPT))
     _modes(points, probabilities, area, positions, mass)
     return Modes(positions, mass)
 
 
 @njit(cache=True, nogil=True)
 def _modes(points, probabilities, area, positions, mass):  # type: ignore[no-untyped-def]
-    """Mean shift from the surest points of every part; the heaviest end wins."""
+    """Mean shift from the surest points of every part; the heaviest ends are kept."""
     count = len(points)
     weight, place = np.empty(count), np.empty(3)
     sure = np.empty(count)
@@ -68,9 +72,23 @@ def _modes(points, probabilities, area, positions, mass):  # type: ignore[no-unt
                 if square < 2.0 * _RADIUS**2:
                     sure[i] = 0.0
             sure[seed] = 0.0
-            if heavy > mass[part]:
-                mass[part] = heavy
-                positions[part] = place
+            _keep(positions[part], mass[part], place, heavy)
+
+
+@njit(cache=True, nogil=True)
+def _keep(positions, mass, place, heavy):  # type: ignore[no-untyped-def]
+    """Takes a mode in among the kept ones, the heaviest first, unless it is one of them."""
+    for k in range(len(mass)):
+        apart = 0.0
+        for a in range(3):
+            apart += (positions[k, a] - place[a]) ** 2
+        if mass[k] > 0.0 and apart < _RADIUS**2:
+            return
+        if heavy > mass[k]:
+            for n in range(len(mass) - 1, k, -1):
+                mass[n], positions[n] = mass[n - 1], positions[n - 1]
+            mass[k], positions[k] = heavy, place
+            return
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -77,9 +77,8 @@ class Studio:
 
     def _try(self, dice: Dice, family: str | None, arms: str | None) -> Picture:
         performer = Performer(random_build(dice))
-        # Performers look at the sensor more often than away from it.
-        yaw = dice.normal(0.0, 0.7) if dice.random() < 0.35 else dice.uniform(-np.pi, np.pi)
-        figure = random_figure(performer, dice, yaw, family, arms)
+        # As often from behind as from before: what cannot be told apart must not be called a front.
+        figure = random_figure(performer, dice, dice.uniform(-np.pi, np.pi), family, arms)
         sensor = int(dice.integers(len(SENSORS)))
         intrinsics, _, _, _, limits = self._cameras[sensor]
         pose = _camera_pose(figure, intrinsics, max(limits.near, 0.5), min(limits.far, 4.5), dice)

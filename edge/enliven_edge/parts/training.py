@@ -22,8 +22,8 @@ from enliven_edge.parts.samples import Album, collect
 class TrainingSettings:
     """How much is rendered and how far the trees grow."""
 
-    pictures: int = setting(20000, "Rendered pictures.", low=1, high=1_000_000)
-    pixels: int = setting(25, "Pixels of every part drawn from a picture, anew for every tree.", low=1)
+    pictures: int = setting(35000, "Rendered pictures.", low=1, high=1_000_000)
+    pixels: int = setting(20, "Pixels of every part drawn from a picture, anew for every tree.", low=1)
     trees: int = setting(3, "Trees of the forest.", low=1, high=20)
     depth: int = setting(18, "Questions from a root to a leaf, at most.", low=1, high=30)
     fewest: int = setting(40, "Pixels below which a node is not split.", low=2)

@@ -13,6 +13,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven_edge.parts.forest import PartForest
 from enliven_edge.parts.proposals import Seen, agreement, look, proposals, turned_about
+from enliven_edge.parts.sideless import facing_proposals
 from enliven_edge.tracking import model
 from enliven_edge.tracking.extremities import extremities
 from enliven_edge.tracking.fit import FitReport, Fitter
@@ -21,6 +22,10 @@ from enliven_edge.tracking.observation import Observation
 from enliven_edge.tracking.posture import Posture
 
 _REFINED = 3
+_SAME = 0.12
+"""Metres: hypotheses all of whose joints are this near to each other's are one."""
+_FACINGS = (0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, np.pi)
+"""Radians from facing the sensor."""
 _LOOSE = np.full(len(model.LENGTHS), 30.0)
 _AFFINITY = 0.15
 """Metres: how far, at first, what a point looks like outweighs where it is."""
@@ -46,11 +51,9 @@ def detect(
     seen = None if forest is None else look(forest, observation)
     coarse = []
     for start in _starts(observation, seen, eye, lengths):
-        guided = observation if seen is None else replace(observation, affinity=seen.affinity(_AFFINITY))
-        posture, report = fitter.fit(guided, start, iterations=8, width=0.25)
+        posture, report = fitter.fit(_guided(observation, seen, _AFFINITY), start, iterations=8, width=0.25)
         coarse.append((report.energy + _disagreement(seen, posture), posture))
-    coarse.sort(key=lambda pair: pair[0])
-    refined = [_refined(fitter, observation, seen, start) for _, start in coarse[:_REFINED]]
+    refined = [_refined(fitter, observation, seen, start) for start in _best_distinct(coarse, _REFINED)]
     best = min(refined, key=lambda found: found[0])
     # A front is easily taken for a back: the best is tried turned about as well.
     other = _refined(fitter, observation, seen, turned_about(best[1]))
@@ -58,10 +61,25 @@ def detect(
     return posture, report
 
 
+def _best_distinct(ranked: list[tuple[float, Posture]], most: int) -> list[Posture]:
+    """The cheapest postures, leaving out those that are much like a cheaper one."""
+    kept: list[tuple[Float, Posture]] = []
+    for _, posture in sorted(ranked, key=lambda pair: pair[0]):
+        joints = posture.joints()
+        if all(np.linalg.norm(joints - other, axis=1).max() > _SAME for other, _ in kept):
+            kept.append((joints, posture))
+        if len(kept) == most:
+            break
+    return [posture for _, posture in kept]
+
+
 def _starts(observation: Observation, seen: Seen | None, eye: Float, lengths: Float) -> list[Posture]:
     """Where to begin."""
     z, mask, _, camera, pose = observation.view
-    by_parts = [] if seen is None else [posture for _, posture in proposals(seen, lengths, eye)]
+    by_parts = []
+    if seen is not None:
+        by_parts = [posture for _, posture in proposals(seen, lengths, eye)]
+        by_parts += facing_proposals(seen.kinds, lengths, eye, _FACINGS)
     ends = extremities(z, mask, camera, pose)
     banked = banked_starts(observation, ends, eye, lengths, _BANKED if seen is None else _BANKED_BESIDES)
     return [*by_parts, *standing_starts(observation, eye, lengths), *banked]
@@ -71,10 +89,15 @@ def _refined(
     fitter: Fitter, observation: Observation, seen: Seen | None, start: Posture
 ) -> tuple[float, Posture, FitReport]:
     """A hypothesis fitted to the end, its proportions too, and what it costs."""
-    guided = observation if seen is None else replace(observation, affinity=seen.affinity(0.4 * _AFFINITY))
+    guided = _guided(observation, seen, 0.4 * _AFFINITY)
     posture, _ = fitter.fit(guided, start, iterations=15, width=0.12, proportions=_LOOSE)
     posture, report = fitter.fit(observation, posture, iterations=15, proportions=_LOOSE)
     return report.energy + _disagreement(seen, posture), posture, report
+
+
+def _guided(observation: Observation, seen: Seen | None, metres: float) -> Observation:
+    """The observation whose points prefer the limbs that they look like, left or right."""
+    return observation if seen is None else replace(observation, affinity=seen.sideless_affinity(metres))
 
 
 def _disagreement(seen: Seen | None, posture: Posture) -> float:
