@@ -122,10 +122,14 @@ class Edge:
                 tracker.output.latency = self.pace.latency_ms(50) * 1e-3
                 bodies = tracker.track(frame)
                 self.health.judge(frame, bodies, tracker.world_from_camera, tracker.state)
-            case BodyFrame():
+            case BodyFrame() if isinstance(self.sensor, FusedSensors):
                 bodies = frame.bodies
-                if isinstance(self.sensor, FusedSensors) and self.sensor.output is not None:
+                if self.sensor.output is not None:
                     self.sensor.output.latency = self.pace.latency_ms(50) * 1e-3
+                self.health.judge(frame, bodies)
+            case BodyFrame():
+                self.tracker.output.latency = self.pace.latency_ms(50) * 1e-3
+                bodies = self.tracker.output(frame.bodies, frame.time_ns)
                 self.health.judge(frame, bodies)
         return bodies
 

@@ -144,10 +144,12 @@ class HealthMonitor:
         now = frame.time_ns
         if tracker is not None:
             self._judge_tracker(tracker, now)
-        for body in bodies:
-            self._judge_body(body, now)
-            if isinstance(frame, DepthFrame) and world_from_camera is not None:
-                self._judge_place(body, frame.intrinsics, world_from_camera, now)
+        # What sensors that track people themselves, or fused ones, are sure of is not for this one to judge.
+        if isinstance(frame, DepthFrame):
+            for body in bodies:
+                self._judge_body(body, now)
+                if world_from_camera is not None:
+                    self._judge_place(body, frame.intrinsics, world_from_camera, now)
         self._alarms.keep({body.id for body in bodies})
         self._alarms.tell()
 

@@ -1,0 +1,136 @@
+"""The edge's loop: what a frame leads to, what is wrong is on the wire, what is late goes no further."""
+
+import dataclasses
+import uuid
+
+import msgspec
+import numpy as np
+import pytest
+
+from enliven.body import Body, Joint
+from enliven.frames import BodyFrame, Frame
+from enliven.health import HealthKind
+from enliven.recording import Recording
+from enliven.wire.convert import message_to_bodies
+from enliven.wire.messages import BodiesMessage
+from enliven_edge.outlet import Outlet
+from enliven_edge.sensors.synthetic import SyntheticSensor
+from enliven_edge.service import Edge
+from enliven_edge.settings import WireSettings
+from enliven_edge.stage import Stage
+from enliven_edge.tracking.health import HealthMonitor, HealthSettings
+from enliven_edge.tracking.settings import OutputSettings, SmoothingSettings, TrackerSettings
+from enliven_edge.tracking.tracker import Tracker
+
+STEP = 33_333_333
+
+
+class Frames:
+    """A sensor that delivers what it is given: a frame, or None where none is due."""
+
+    name = "given"
+
+    def __init__(self, frames: list[Frame | None]) -> None:
+        self._frames = list(frames)
+
+    def read(self, timeout: float | None = None) -> Frame | None:
+        if not self._frames:
+            return None
+        frame = self._frames.pop(0)
+        if frame is None:
+            raise TimeoutError
+        return frame
+
+    def close(self) -> None:
+        self._frames.clear()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+
+@pytest.fixture
+def outlet(tmp_path):
+    wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
+    with Outlet(wire, "given", record=tmp_path / "take.mcap") as made:
+        yield made
+
+
+def serve(frames, outlet, tracker=None, **health) -> list[set[str]]:
+    """Runs an edge on the frames; what its heartbeat says is wrong after each."""
+    monitor = HealthMonitor(HealthSettings(**health), fps=30.0)
+    edge = Edge(Frames(frames), Tracker(tracker), Stage([]), outlet, health=monitor)
+    said: list[set[str]] = []
+    listen = edge._listen
+
+    def heard() -> None:
+        said.append({state.kind for state in outlet.publisher.status.health})
+        listen()
+
+    edge._listen = heard
+    edge.run()
+    return said
+
+
+def published(outlet, tmp_path) -> list[tuple[int, list[Body]]]:
+    """(time, bodies) of the take."""
+    outlet.close()
+    return [
+        (time_ns, message_to_bodies(msgspec.msgpack.decode(data, type=BodiesMessage)))
+        for time_ns, data in Recording(tmp_path / "take.mcap").messages("bodies")
+    ]
+
+
+def test_what_is_wrong_is_in_the_heartbeat_and_what_is_late_is_not_published(outlet, tmp_path):
+    with SyntheticSensor(choreography="idle", width=320, realtime=False) as sensor:
+        frames = [sensor.read() for _ in range(90)]
+    for i in range(30, 45):
+        frames[i] = dataclasses.replace(frames[i], depth=np.zeros_like(frames[i].depth))
+    late = [*frames[:60], frames[50], *frames[60:]]
+    said = serve(late, outlet)
+    assert said[29] <= {HealthKind.LEARNING_ROOM}
+    assert HealthKind.COVERED in said[44]
+    assert HealthKind.OUT_OF_ORDER in said[60] and HealthKind.COVERED not in said[60]
+    told = published(outlet, tmp_path)
+    assert [time_ns for time_ns, _ in told] == [frame.time_ns for frame in frames]
+    (body,) = told[-1][1]
+    assert body.orientations.shape == (20, 4) and body.contacts.min() > 0.5
+    assert body.height == pytest.approx(1.75, abs=0.25)
+
+
+def test_a_sensor_that_is_silent_is_said_to_be_while_it_is(outlet):
+    with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
+        frames = [sensor.read() for _ in range(3)]
+    said = serve([*frames[:2], *[None] * 3, frames[2]], outlet, silent=0.05)
+    assert HealthKind.NO_FRAMES not in said[1]
+    assert HealthKind.NO_FRAMES not in said[-1]
+    import time
+
+    class Slow(Frames):
+        def read(self, timeout=None):
+            time.sleep(0.04)
+            return super().read(timeout)
+
+    edge = Edge(
+        Slow([None] * 4), Tracker(), Stage([]), outlet, health=HealthMonitor(HealthSettings(silent=0.05))
+    )
+    edge.run()
+    (state,) = outlet.publisher.status.health
+    assert state.kind == HealthKind.NO_FRAMES and state.severity == 2
+
+
+def test_bodies_of_a_sensor_that_tracks_people_itself_are_smoothed_and_mirrored_too(outlet, tmp_path):
+    random = np.random.default_rng(0)
+    base = random.normal(size=(20, 3))
+    frames = [
+        BodyFrame([Body(1, base + random.normal(0, 0.01, (20, 3)), np.ones(20))], i * STEP, "given")
+        for i in range(30)
+    ]
+    settings = TrackerSettings(smoothing=SmoothingSettings(amount=8.0), output=OutputSettings(mirror=True))
+    serve(frames, outlet, settings)
+    hands = np.array([bodies[0].joints[Joint.HAND_LEFT] for _, bodies in published(outlet, tmp_path)])
+    raw = np.array([frame.bodies[0].joints[Joint.HAND_RIGHT] * [-1, 1, 1] for frame in frames])
+    assert hands[10:].std(0).max() < 0.6 * raw[10:].std(0).min()
+    np.testing.assert_allclose(hands[-1], raw.mean(0), atol=0.02)
