@@ -1,0 +1,183 @@
+"""The scores count what they say: each on made takes whose answer is known."""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.body import Body
+from enliven_edge.synthesis.exercises import exercise
+from enliven_edge.synthesis.performer import Performer
+
+sys.path.insert(0, str(Path(__file__).parent))
+from tracking_cache import Moment
+from tracking_scores import Take, score
+
+RATE = 30.0
+PERFORMER = Performer()
+SIDES = [0, 1, 2, 3, 8, 9, 10, 11, 4, 5, 6, 7, 16, 17, 18, 19, 12, 13, 14, 15]
+
+
+@cache
+def joints_of(count: int, aside: float = 0.0, name: str = "overhead") -> np.ndarray:
+    """(F, 20, 3) a performer's true joints."""
+    moves = exercise(name)
+    return np.stack([PERFORMER.pose(moves.posture(n / RATE)).joints for n in range(count)]) + np.array(
+        [aside, 0, 0]
+    )
+
+
+def take_of(truth: list[np.ndarray], found: list[np.ndarray | None], ids=None, confidence=0.95) -> Take:
+    """A take of people; ``found`` (F, 20, 3) each, or None where the tracker has nobody."""
+    count = len(truth[0])
+    moments = [
+        Moment(
+            np.ones(len(truth), bool), np.stack([t[f] for t in truth]), np.ones((len(truth), 20), bool),
+            np.ones((len(truth), 2), bool),
+        )
+        for f in range(count)
+    ]  # fmt: skip
+    bodies = []
+    for f in range(count):
+        here = [(k, person[f]) for k, person in enumerate(found) if person is not None]
+        bodies.append(
+            [
+                Body(ids[k][f] if ids else k + 1, joints, np.full(20, confidence))
+                for k, joints in here
+                if np.isfinite(joints).all()
+            ]
+        )
+    return Take(np.arange(count) / RATE, moments, bodies, np.ones(count, bool), np.zeros(count))
+
+
+def test_a_perfect_tracker_is_perfect() -> None:
+    truth = [joints_of(90), joints_of(90, 1.2)]
+    s = score(take_of(truth, truth[::-1]))
+    assert s.within == 1.0 and s.mean_mm == 0.0 and s.missed == 0
+    assert (s.identity, s.mirrored, s.false) == (0, 0, 0)
+    assert s.trusted(0.9) == 1.0
+
+
+def test_nobody_is_due_in_the_first_half_second() -> None:
+    truth = [joints_of(60)]
+    s = score(take_of(truth, truth))
+    assert s.visible.sum() == (60 - 15) * 20
+    assert np.isnan(s.per_frame[:15]).all() and (s.per_frame[15:] == 1.0).all()
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.sets(st.integers(0, 19), max_size=8), st.floats(0.11, 0.3))
+def test_wrong_joints_are_counted_each(wrong: set[int], by: float) -> None:
+    truth = joints_of(40)
+    found = truth.copy()
+    found[:, sorted(wrong)] += [0.0, 0.0, by]
+    s = score(take_of([truth], [found]))
+    assert s.within == pytest.approx(1 - len(wrong) / 20)
+    assert all((s.hits[j] == 0) == (j in wrong) for j in range(20))
+    assert s.mean_mm == pytest.approx(1e3 * by * len(wrong) / 20)
+
+
+def test_hidden_joints_do_not_count_but_what_was_said_of_them_does() -> None:
+    truth = joints_of(40)
+    found = truth.copy()
+    found[:, 7] += 1.0
+    take = take_of([truth], [found])
+    for moment in take.moments:
+        moment.visible[0, 7] = False
+    s = score(take)
+    assert s.within == 1.0 and s.visible[7] == 0
+    assert s.trusted(0.9) == pytest.approx(0.95)
+
+
+def test_who_is_not_tracked_is_missed() -> None:
+    truth = [joints_of(60), joints_of(60, 1.5)]
+    s = score(take_of(truth, [truth[0], None]))
+    assert s.within == pytest.approx(0.5)
+    assert s.missed == 45 * 20
+
+
+def test_a_body_far_from_everybody_is_false_and_a_bad_fit_is_not() -> None:
+    truth = joints_of(60)
+    ghost = take_of([truth], [truth, truth - np.array([0, 0, 1.5])])
+    assert score(ghost).false == 1
+    assert score(take_of([truth], [truth, truth + np.array([0.1, 0, 0])])).false == 1  # two for one person
+    folded = truth.copy()
+    folded[:, 1:] = truth[:, :1] + 1.0
+    assert score(take_of([truth], [folded])).false == 0
+
+
+def test_exchanged_identities_are_swaps_and_flicker_is_not() -> None:
+    truth = [joints_of(90), joints_of(90, 1.2)]
+    ids = [np.array([1] * 45 + [2] * 45), np.array([2] * 45 + [1] * 45)]
+    assert score(take_of(truth, truth, ids)).identity == 2
+    ids = [np.array([1] * 45 + [9] + [1] * 44), np.full(90, 2)]
+    assert score(take_of(truth, truth, ids)).identity == 0
+    gone = truth[0].copy()
+    gone[30:60] = np.nan
+    back = [np.array([1] * 45 + [5] * 45), np.full(90, 2)]
+    assert score(take_of(truth, [gone, truth[1]], back)).identity == 1  # came back as somebody else
+
+
+def test_left_for_right_is_counted_once_a_limb_pair_and_time() -> None:
+    truth = joints_of(120)
+    found = truth.copy()
+    found[40:60] = found[40:60][:, SIDES]
+    found[90:110] = found[90:110][:, SIDES]
+    s = score(take_of([truth], [found]))
+    assert 2 <= s.mirrored <= 4  # the arms twice, the legs where they are apart enough
+    found = truth.copy()
+    found[50] = found[50][SIDES]
+    assert score(take_of([truth], [found])).mirrored == 0  # one frame
+
+
+@pytest.mark.parametrize("deviation", [0.002, 0.01])
+def test_jitter_is_what_shakes_not_what_is_off_or_drifts(deviation: float) -> None:
+    truth = joints_of(240, name="still")
+    random = np.random.default_rng(2)
+    drift = np.linspace(0, 0.05, 240)[:, None, None]
+    found = truth + 0.03 + drift + random.normal(0, deviation, truth.shape)
+    s = score(take_of([truth], [found]), still=True)
+    assert np.mean(s.jitter) == pytest.approx(1e3 * deviation * np.sqrt(3), rel=0.1)
+
+
+@pytest.mark.parametrize("after", [0, 4, 11])
+def test_recovery_is_timed_from_when_the_lens_is_free(after: int) -> None:
+    truth = joints_of(90)
+    found = truth.copy()
+    found[30 : 60 + after] = np.nan
+    take = take_of([truth], [found])
+    take.observed[30:60] = False
+    s = score(take, covered=(1.0, 2.0))
+    assert s.recovery == [pytest.approx(1e3 * after / RATE, abs=1)]
+    assert s.visible.sum() == 15 * 20
+
+
+def test_never_recovered_is_never() -> None:
+    truth = joints_of(90)
+    lost = truth.copy()
+    lost[30:] = np.nan
+    assert score(take_of([truth], [lost]), covered=(1.0, 2.0)).recovery == [float("inf")]
+    lost[30:] = truth[30:] + 0.2
+    assert score(take_of([truth], [lost]), covered=(1.0, 2.0)).recovery == [float("inf")]
+
+
+def test_confidence_is_held_to_its_word() -> None:
+    truth = joints_of(60)
+    found = truth.copy()
+    found[:, :10] += 0.4
+    s = score(take_of([truth], [found], confidence=0.55))
+    assert s.sure[5] == 60 * 20 and s.sure_hits[5] == 60 * 10
+    assert np.isnan(s.trusted(0.9))
+
+
+def test_sums_of_sequences_are_sums() -> None:
+    truth = joints_of(60)
+    good, bad = score(take_of([truth], [truth])), score(take_of([truth], [None]))
+    good.add(bad)
+    assert good.within == pytest.approx(0.5) and good.missed == 45 * 20

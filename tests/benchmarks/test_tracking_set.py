@@ -1,0 +1,78 @@
+"""The set of sequences: covers what it must, splits cleanly, and can be made without any recorded motion."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import tracking_cache
+import tracking_set
+from tracking_set import HELD_OUT, TUNING, Sequence, sequences
+
+from enliven.camera import world_from_level_camera
+from enliven_edge.sensors.profile import load_profile
+
+
+def test_names_are_given_once_and_splits_share_no_scene() -> None:
+    names = [s.name for s in sequences()]
+    assert len(set(names)) == len(names)
+    moves = {
+        split: {move for s in sequences(split) for p in s.people for _, move, _, _ in p.moves}
+        for split in (TUNING, HELD_OUT)
+    }
+    shared = moves[TUNING] & moves[HELD_OUT]
+    assert not shared, shared
+    builds = {split: {p.build for s in sequences(split) for p in s.people} for split in (TUNING, HELD_OUT)}
+    assert not builds[TUNING] & builds[HELD_OUT]
+
+
+@pytest.mark.parametrize("split", [TUNING, HELD_OUT])
+def test_every_difficulty_is_there_without_recorded_motions(split: str, monkeypatch, tmp_path) -> None:
+    monkeypatch.setattr(tracking_set, "DATA", tmp_path)
+    made = sequences(split)
+    words = " ".join(s.name for s in made)
+    for needed in (
+        "still", "overhead", "crouch", "kneel", "floor", "turn", "one leg", "side", "cross", "touch",
+        "recover", "dropped", "slowed", "out of order", "frozen", "holed", "knocked", "joined",
+    ):  # fmt: skip
+        assert needed in words, needed
+    assert {s.kind for s in made} == {"accuracy", "still", "recovery", "trouble"}
+    assert max(len(s.people) for s in made) >= 3
+
+
+def test_everybody_comes_into_view_and_stays_on_the_floor() -> None:
+    for sequence in sequences():
+        if sequence.kind == "recovery" or sequence.trouble not in ("", "knocked"):
+            continue  # others' scenes again, and postures of theirs
+        profile = load_profile(sequence.profile)
+        mount = world_from_level_camera(sequence.height, np.radians(sequence.tilt))
+        camera_from_world, camera_width = np.linalg.inv(mount), profile.camera.width / profile.camera.fx
+        for p, person in enumerate(q.appearance() for q in sequence.people):
+            times = np.linspace(0, sequence.seconds, 8)
+            figures = [f for f in (person.figure(t) for t in times) if f is not None]
+            joints = np.stack([f.joints for f in figures])
+            camera = joints @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
+            wide = np.abs(camera[..., 0] / camera[..., 2]) < 0.6 * camera_width
+            assert (wide & (camera[..., 2] > 0.5)).mean() > 0.3, (sequence.name, p)
+            assert joints[..., 1].min() > -0.12, (sequence.name, p)
+
+
+def test_frames_and_truth_are_kept_and_read_back(monkeypatch, tmp_path) -> None:
+    monkeypatch.setattr(tracking_cache, "CACHE", tmp_path)
+    one = sequences(TUNING, "still")[0]
+    short = Sequence("short", TUNING, one.people, 0.2, "tof", covered=(0.05, 0.12))
+    first = tracking_cache.rendered(short)
+    again = tracking_cache.rendered(short)
+    assert len(first) == 6 and len(list(tmp_path.glob("*.mcap"))) == 1
+    for (a, m), (b, n) in zip(first, again, strict=True):
+        np.testing.assert_array_equal(a.depth, b.depth)
+        np.testing.assert_array_equal(m.joints, n.joints)
+    frame, truth = short.ensemble().frame(3)
+    np.testing.assert_array_equal(first[3][0].depth, frame.depth)
+    np.testing.assert_array_equal(first[3][1].visible, truth.visible)
+    dark = [not f.depth.any() for f, _ in tracking_cache.delivered(short)]
+    assert dark == [False, False, True, True, False, False]
