@@ -19,6 +19,9 @@ _SPEED = 1.5
 _ASTRAY, _ASTRAY_TIME = 0.2, 3.0
 """Metres and seconds for which a sensor must see people elsewhere to count as moved."""
 
+_SHADOW = 0.35
+"""Metres beside somebody within which a body that only some of the sensors see is no second person."""
+
 
 class Fuser:
     """Everybody in a space that several sensors watch.
@@ -59,10 +62,13 @@ class Fuser:
         self._look_after_sensors(time_ns)
         groups = grouped(self.views, time_ns, s.patience, s.gate, s.loyalty)
         told = []
-        for group, person in self._recognised(groups, time_ns):
+        seen = self._recognised(groups, time_ns)
+        for group, person in seen:
             self._compare(group, person, time_ns)
             body = person.see(group, self.views, time_ns)
-            person.hits += len(group.sightings)
+            known = person.hits >= s.sure_after
+            shadow = not known and _is_shadow(group, [other for other, _ in seen])
+            person.hits = 1 if shadow else person.hits + len(group.sightings)
             if person.hits >= s.sure_after:
                 told.append(body)
         self._forget(time_ns)
@@ -160,3 +166,17 @@ class Fuser:
             return
         what = f"{view.name} {SENTENCE[view.state]}"
         self.warnings.append(SensorWarning(view.name, view.state, what, time_ns))
+
+
+def _is_shadow(group: Group, others: list[Group]) -> bool:
+    """Whether one sensor sees two where others, who see that place as well, see one: half a body, a ghost.
+
+    Somebody who is known already is not doubted for it: people do stand close, and hide each other.
+    """
+    hips = group.mean[0]
+    for other in others:
+        if other is not group and set(group.sightings) < set(other.sightings):
+            apart = (other.mean[0] - hips)[[0, 2]]
+            if float(np.hypot(apart[0], apart[1])) < _SHADOW:
+                return True
+    return False

@@ -274,6 +274,29 @@ def test_a_heap_of_joints_is_nobody():
     assert {b.id for _, bodies, _ in run(told, 2.0) for b in bodies} == {1}
 
 
+def test_half_a_body_beside_a_whole_one_is_nobody():
+    """Sensor a takes the legs for a second person; sensor b, who looks there too, sees one."""
+    half = STANDING * [1.0, 0.6, 1.0] + [0.1, 0.0, 0.1]
+
+    def told(name, time):
+        return [body(STANDING, 1), *([body(half, 2)] if name == "a" else [])]
+
+    assert {b.id for _, bodies, _ in run(told, 3.0) for b in bodies} == {1}
+
+
+def test_two_who_stand_close_and_hide_each_other_stay_two():
+    """30 cm apart: both are known, then sensor b sees only one of them for two seconds."""
+    close = shifted(0.3)
+
+    def told(name, time):
+        apart = shifted(1.2 - min(time, 1.0) * 0.9)
+        hidden = name == "b" and 1.5 < time < 3.5
+        return [body(STANDING, 1), *([] if hidden else [body(apart if time < 1 else close, 2)])]
+
+    counts = [sorted(b.id for b in bodies) for time, bodies, _ in run(told, 5.0) if time > 0.3]
+    assert counts == [[1, 2]] * len(counts)
+
+
 def test_a_sensor_that_dies_is_told_of_and_missed_by_nobody():
     def told(name, time):
         return None if name == "a" and time >= 1.0 else [body(STANDING, 3)]
