@@ -108,7 +108,7 @@ class ContactSettings:
     hysteresis: float = setting(
         1.25, "A standing foot must exceed this many times the above to leave.", low=1.0, high=10.0
     )
-    floor: float = setting(0.12, "A foot joint is never higher than this while it stands.", unit="m", low=0.0)
+    floor: float = setting(0.16, "A foot joint is never higher than this while it stands.", unit="m", low=0.0)
 
 
 @dataclass(frozen=True)
