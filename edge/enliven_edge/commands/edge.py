@@ -195,6 +195,7 @@ def _fused(sources: list[Source], sensors: dict[str, Sensor], chosen: EdgeSettin
     from enliven_edge.fusion.fused_sensor import FusedSensors
     from enliven_edge.fusion.merge import untouched
     from enliven_edge.fusion.space import load_space
+    from enliven_edge.fusion.warmup import warm_up_fusion
     from enliven_edge.tracking.health import HealthMonitor
     from enliven_edge.tracking.output import Output
     from enliven_edge.tracking.tracker import Tracker
@@ -205,6 +206,7 @@ def _fused(sources: list[Source], sensors: dict[str, Sensor], chosen: EdgeSettin
         trackers[name] = Tracker(untouched(dataclasses.replace(chosen.tracker, scene=scene)))
         fps = getattr(sensor, "fps", None)
         health[name] = HealthMonitor(chosen.health, fps=fps, far=scene.far, name=name)
+    warm_up_fusion()
     space, output = load_space(Path(chosen.space)), Output(chosen.tracker)
     return FusedSensors(sensors, trackers, space, chosen.fusion, health, output)
 

@@ -16,6 +16,10 @@ from numba import njit
 
 _DOUBT = 0.1
 """Metres from where a joint was expected at which a sensor that is alone in saying so is doubted."""
+_UNSURE = 0.12
+"""Metres of disagreement between sensors that halves a joint's confidence."""
+_HEARD = 0.3
+"""Part of the weight from which on a sensor's own confidence stands."""
 
 
 @njit(cache=True, nogil=True)
@@ -82,6 +86,39 @@ def doubt_outliers(x, w, predicted):  # type: ignore[no-untyped-def]
             if w[s, j] > 0.0:
                 own = _apart(x[s, j], predicted[j])
                 w[s, j] *= (least + _DOUBT**2) / (own + _DOUBT**2)
+
+
+@njit(cache=True, nogil=True)
+def fuse_confidence(x, w, told, joints, out):  # type: ignore[no-untyped-def]
+    """Kernel: (20,) confidence of fused joints (20, 3) that S sensors put at ``x`` (S, 20, 3).
+
+    Args:
+        w: (S, 20) weights, 0 for who says nothing; told: (S, 20) each one's own confidence.
+    """
+    for j in range(len(out)):
+        total, mean, best, spread = 0.0, 0.0, 0.0, 0.0
+        for s in range(len(x)):
+            total += w[s, j]
+        if total <= 0.0:
+            out[j] = 0.0
+            continue
+        for s in range(len(x)):
+            share = w[s, j] / total
+            mean += share * told[s, j]
+            spread += share * _apart(x[s, j], joints[j])
+            if share > _HEARD:
+                best = max(best, told[s, j])
+        out[j] = max(mean, best) / (1.0 + spread / _UNSURE**2)
+
+
+@njit(cache=True, nogil=True)
+def bones_within(joints, bones, shortest, longest):  # type: ignore[no-untyped-def]
+    """Kernel: whether every one of the bones (B, 2) is longer and shorter than (B,) metres."""
+    for b in range(len(bones)):
+        squared = _apart(joints[bones[b, 0]], joints[bones[b, 1]])
+        if not shortest[b] ** 2 < squared < longest[b] ** 2:
+            return False
+    return True
 
 
 @njit(cache=True, nogil=True)

@@ -143,17 +143,16 @@ class Fuser:
             return
         seconds = max(0.0, (time_ns - self._now_ns) * 1e-9)
         share = 1.0 - float(np.exp(-seconds / _ASTRAY_TIME))
-        trunks = {n: joints[:4].mean(0) for n, joints in group.joints.items()}
+        trunks = {n: 0.25 * (j[0] + j[1] + j[2] + j[3]) for n, j in group.joints.items()}
+        middle = np.median(list(trunks.values()), axis=0) if len(trunks) > 2 else None
         for number, trunk in trunks.items():
             # With three or more the middle one is right, whoever was moved.
-            others = (
-                list(trunks.values()) if len(trunks) > 2 else [t for n, t in trunks.items() if n != number]
-            )
-            apart = trunk - np.median(others, axis=0)
+            other = middle if middle is not None else next(t for n, t in trunks.items() if n != number)
+            apart = trunk - other
             view = self.views[number]
             view.astray = view.astray + share * (apart - view.astray)
             before = view.state
-            far = float(np.linalg.norm(view.astray))
+            far = float(view.astray @ view.astray) ** 0.5
             if before is SensorState.LIVE and far > _ASTRAY:
                 view.state = SensorState.MOVED
             elif before is SensorState.MOVED and far < 0.5 * _ASTRAY:

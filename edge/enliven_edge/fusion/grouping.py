@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from enliven.arrays import Float
 from enliven.body import Body
-from enliven_edge.fusion.blending import trunk_distances
+from enliven_edge.fusion.blending import bones_within, trunk_distances
 from enliven_edge.fusion.sensor_view import SensorView, Sighting
 from enliven_edge.fusion.sides import MIDDLES
 
@@ -53,8 +53,7 @@ class Group:
 
 def plausible(body: Body) -> bool:
     """Whether a body may be a person's: a tracker that lost somebody may tell a heap of joints."""
-    bones = np.linalg.norm(body.joints[_BONES[:, 0]] - body.joints[_BONES[:, 1]], axis=1)
-    return bool(((bones > _SHORTEST) & (bones < _LONGEST)).all())
+    return bool(bones_within(body.joints, _BONES, _SHORTEST, _LONGEST))
 
 
 def distances(a: Float, a_sure: Float, b: Float, b_sure: Float) -> Float:

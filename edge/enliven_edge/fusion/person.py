@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.body import Body, Joint
 from enliven.rotation import normalized
-from enliven_edge.fusion.blending import blend, doubt_outliers, side_costs
+from enliven_edge.fusion.blending import blend, doubt_outliers, fuse_confidence, side_costs
 from enliven_edge.fusion.grouping import Group
 from enliven_edge.fusion.health import SensorState
 from enliven_edge.fusion.sensor_view import SensorView
@@ -20,8 +20,6 @@ _CLEARLY = 0.06
 """Metres a joint by which the sides must fit better exchanged to be taken so."""
 _WALKING = 0.4
 """Metres a second of the hips that say which way somebody faces."""
-_UNSURE = 0.12
-"""Metres of disagreement between sensors that halves a joint's confidence."""
 _MOVED = 0.02
 """What a sensor counts that was moved, against one that was not."""
 _CONVINCING = 3.0
@@ -210,14 +208,11 @@ def _noise(body: Body, view: SensorView, settings: FusionSettings) -> float:
 
 def _confidence(x: Float, w: Float, bodies: dict[int, Body], joints: Float) -> Float:
     """(20,) that of the sensor that is trusted most, lower where sensors contradict each other."""
-    sensors = list(bodies)
-    told = np.array([bodies[s].confidence for s in sensors])
-    if len(sensors) == 1:
-        return told[0].copy()
-    weights = w[sensors] / np.maximum(w[sensors].sum(0), 1e-12)
-    spread = (weights[..., None] * (x[sensors] - joints) ** 2).sum((0, 2))
-    sure = np.maximum((weights * told).sum(0), np.where(weights > 0.3, told, 0.0).max(0))
-    return np.asarray(sure / (1.0 + spread / _UNSURE**2))
+    told, made = np.zeros(w.shape), np.empty(len(joints))
+    for sensor, body in bodies.items():
+        told[sensor] = body.confidence
+    fuse_confidence(x, w, told, joints, made)
+    return made
 
 
 def _contacts(bodies: dict[int, Body], w: Float) -> Float | None:

@@ -4,7 +4,14 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.fusion.blending import blend, doubt_outliers, side_costs, trunk_distances
+from enliven_edge.fusion.blending import (
+    blend,
+    bones_within,
+    doubt_outliers,
+    fuse_confidence,
+    side_costs,
+    trunk_distances,
+)
 from enliven_edge.fusion.sides import LATERAL, MIDDLES, OTHER_SIDE, middle_weights, middles
 
 
@@ -112,3 +119,32 @@ def test_distances_and_sides_are_their_slow_twins():
     for made, x in zip(side_costs(a[0], sa[0], b[0], OTHER_SIDE), (a[0], a[0][OTHER_SIDE]), strict=True):
         apart = np.minimum(np.linalg.norm(x - b[0], axis=1), 0.5)[LATERAL]
         assert np.isclose(made, (weights * apart).sum() / weights.sum())
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 10_000))
+def test_confidence_is_its_slow_twin(seed):
+    random = np.random.default_rng(seed)
+    x, joints = 0.1 * random.normal(size=(3, 20, 3)), 0.1 * random.normal(size=(20, 3))
+    w = random.uniform(size=(3, 20)) * (random.uniform(size=(3, 20)) > 0.4)
+    told, out = random.uniform(size=(3, 20)), np.empty(20)
+    fuse_confidence(x, w, told, joints, out)
+    for j in range(20):
+        if not w[:, j].any():
+            assert out[j] == 0.0
+            continue
+        share = w[:, j] / w[:, j].sum()
+        spread = (share * ((x[:, j] - joints[j]) ** 2).sum(1)).sum()
+        sure = max([(share * told[:, j]).sum(), *told[share > 0.3, j]])
+        assert np.isclose(out[j], sure / (1 + spread / 0.12**2))
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 10_000))
+def test_bones_are_measured_as_their_slow_twin_does(seed):
+    random = np.random.default_rng(seed)
+    joints, bones = random.uniform(size=(20, 3)), random.integers(0, 20, (2, 2))
+    shortest, longest = random.uniform(0, 0.5, 2), random.uniform(0.4, 1.2, 2)
+    lengths = np.linalg.norm(joints[bones[:, 0]] - joints[bones[:, 1]], axis=1)
+    expected = bool(((lengths > shortest) & (lengths < longest)).all())
+    assert bones_within(joints, bones, shortest, longest) == expected

@@ -10,10 +10,13 @@ from walkers import Walker
 
 from enliven.body import Body
 from enliven.rotation import from_rotation_vector, multiply, rotate
+from enliven_edge.fusion import blending
 from enliven_edge.fusion.fuser import Fuser
+from enliven_edge.fusion.grouping import plausible
 from enliven_edge.fusion.health import SensorState
 from enliven_edge.fusion.settings import FusionSettings
 from enliven_edge.fusion.sides import exchanged
+from enliven_edge.fusion.warmup import somebody, warm_up_fusion
 from enliven_edge.synthesis.wander import Way
 
 EYES = {"a": np.array([0.0, 1.2, 0.0]), "b": np.array([2.5, 1.2, -2.0]), "c": np.array([-2.5, 1.2, -2.0])}
@@ -414,6 +417,16 @@ def test_many_people_before_two_sensors_keep_apart():
     for time, bodies, _ in run(told, 10.0):
         if time > 0.3:
             assert [b.id for b in bodies] == [1, 2, 3, 4, 5, 6]
+
+
+def test_after_the_warm_up_nothing_is_left_to_compile():
+    assert plausible(body(somebody()))
+    warm_up_fusion()
+    kernels = (blending.blend, blending.doubt_outliers, blending.fuse_confidence, blending.side_costs)
+    before = [len(kernel.signatures) for kernel in kernels]
+    turns = from_rotation_vector(np.zeros((20, 3)))
+    last(run(lambda n, t: [body(STANDING, orientations=turns), body(STANDING + OTHERS, 2)], 0.5))
+    assert [len(kernel.signatures) for kernel in kernels] == before
 
 
 def test_settings_have_their_say():
