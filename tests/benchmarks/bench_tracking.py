@@ -50,6 +50,13 @@ def _accuracy(split: str, prefix: str) -> Iterator[Figure]:
     yield Figure(f"{prefix}.false_bodies_per_minute", total.false / minutes, "1/min")
     yield Figure(f"{prefix}.within_when_sure", total.trusted(0.9), "of joints with confidence 0.9 or more")
     yield Figure(f"{prefix}.trouble.within_10cm", rough.within, "of visible joints, bad input")
+    told = rough.told + total.told
+    yield Figure(f"{prefix}.trouble.told", float(np.mean(told)), "of troubles with the input were said")
+    for part, degrees in total.turned.items():
+        if degrees:
+            yield Figure(f"{prefix}.turned_wrong.{part}", float(np.median(degrees)), "degrees, median")
+    if total.standing:
+        yield Figure(f"{prefix}.contacts", float(np.mean(total.standing)), "of feet in view told rightly")
     for joint in range(20):
         share = float(total.hits[joint] / max(total.visible[joint], 1))
         yield Figure(f"{prefix}.within_10cm.{joint_label(joint)}", share, "of visible joints")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -11,13 +12,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.body import Body
+from enliven.body import Body, Joint
+from enliven.rotation import from_matrix, from_rotation_vector, multiply
 from enliven_edge.synthesis.exercises import exercise
-from enliven_edge.synthesis.performer import Performer
+from enliven_edge.synthesis.performer import Limb, Performer
 
 sys.path.insert(0, str(Path(__file__).parent))
 from tracking_cache import Moment
-from tracking_scores import Take, score
+from tracking_scores import TURNS, Take, score
 
 RATE = 30.0
 PERFORMER = Performer()
@@ -181,3 +183,31 @@ def test_sums_of_sequences_are_sums() -> None:
     good, bad = score(take_of([truth], [truth])), score(take_of([truth], [None]))
     good.add(bad)
     assert good.within == pytest.approx(0.5) and good.missed == 45 * 20
+
+
+@pytest.mark.parametrize("by", [0.0, 0.4, -1.2])
+def test_turns_are_measured_about_the_right_axis(by: float) -> None:
+    """A head that looks aside, a hand that is twisted: degrees; a hand that points elsewhere is not."""
+    figure = PERFORMER.pose(exercise("still").posture(1.0))
+    turns = figure.frames[:, :, :3]
+    said = np.tile([1.0, 0.0, 0.0, 0.0], (20, 1))
+    for parts in TURNS.values():
+        for joint, limb in parts:
+            said[joint] = from_matrix(turns[limb])
+    about_own_length = from_rotation_vector(turns[:, :, 1] * by)
+    said[Joint.HEAD] = multiply(about_own_length[Limb.SKULL], said[Joint.HEAD])
+    said[Joint.HAND_LEFT] = multiply(about_own_length[Limb.HAND_LEFT], said[Joint.HAND_LEFT])
+    aside = from_rotation_vector(turns[Limb.HAND_RIGHT, :, 2] * by)
+    said[Joint.HAND_RIGHT] = multiply(aside, said[Joint.HAND_RIGHT])
+    truth = np.stack([figure.joints] * 30)
+    take = take_of([truth], [truth])
+    said_of = {"orientations": said, "contacts": np.array([1.0, 0.0])}
+    take.bodies = [[replace(b, **said_of) for b in some] for some in take.bodies]
+    take.moments = [replace(m, turns=turns[None]) for m in take.moments]
+    s = score(take)
+    degrees = np.degrees(abs(by))
+    assert np.allclose(s.turned["head"], degrees, atol=0.02)
+    assert np.allclose(s.turned["hand"][::2], degrees, atol=0.02)
+    assert np.allclose(s.turned["hand"][1::2], 0.0, atol=0.02)
+    assert np.allclose(s.turned["chest"], 0.0, atol=0.02)
+    assert np.mean(s.standing) == 0.5  # both stand, one is said to

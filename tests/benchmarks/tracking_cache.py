@@ -17,6 +17,7 @@ from enliven.body import Body
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.recording import Recorder, Recording
 from enliven_edge.synthesis import trouble
+from enliven_edge.synthesis.ensemble import Appearance
 
 CACHE = Path(__file__).parents[2] / "out" / "tracking" / "cache"
 
@@ -30,12 +31,14 @@ class Moment:
         joints: (P, 20, 3) metres; NaN for those away.
         visible: (P, 20) in the image, in range, hidden by nothing but their own flesh.
         contacts: (P, 2) whether the left and the right foot stand.
+        turns: (P, 16, 3, 3) world_from_limb of each limb, or None where that is not known.
     """
 
     present: np.ndarray
     joints: np.ndarray
     visible: np.ndarray
     contacts: np.ndarray
+    turns: np.ndarray | None = None
 
 
 def rendered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
@@ -46,7 +49,18 @@ def rendered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
     truth = np.load(path.with_suffix(".npz"))
     moments = zip(*(truth[name] for name in ("present", "joints", "visible", "contacts")), strict=True)
     frames = [frame for frame in Recording(path).frames() if isinstance(frame, DepthFrame)]
-    return [(frame, Moment(*moment)) for frame, moment in zip(frames, moments, strict=True)]
+    cast = [person.appearance() for person in sequence.people]
+    return [
+        (frame, Moment(*moment, _turns(cast, frame.time_ns)))
+        for frame, moment in zip(frames, moments, strict=True)
+    ]
+
+
+def _turns(cast: list[Appearance], time_ns: int) -> np.ndarray:
+    """(P, 16, 3, 3) how the limbs are turned at a time; the identity for those away."""
+    figures = [a.figure(time_ns * 1e-9) for a in cast]
+    still = np.broadcast_to(np.eye(3), (16, 3, 3))
+    return np.stack([still if f is None else f.frames[:, :, :3] for f in figures])
 
 
 def delivered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
@@ -60,7 +74,7 @@ def delivered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
         case "out_of_order":
             frames = trouble.out_of_order(frames)
         case "frozen":
-            frames = trouble.frozen(frames, 1.5, 2.2)
+            frames = trouble.frozen(frames, 1.3, 2.4)
         case "holed":
             frames = trouble.holed(frames, 0.4)
     return trouble.covered(frames, *sequence.covered) if sequence.covered else frames

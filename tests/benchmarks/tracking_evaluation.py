@@ -25,6 +25,8 @@ from tracking_cache import delivered
 from tracking_scores import BINS, Scores, Take, joint_label, score
 from tracking_set import HELD_OUT, TUNING, Sequence, sequences
 
+from enliven_edge.sensors.profile import load_profile
+from enliven_edge.tracking.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
 
 HEAD = (
@@ -33,26 +35,51 @@ HEAD = (
 )
 
 
-def perform(sequence: Sequence, tracker: Tracker | None = None) -> Take:
-    """The tracker on one sequence."""
+def perform(sequence: Sequence, tracker: Tracker | None = None) -> tuple[Take, set[str]]:
+    """The tracker on one sequence as the edge runs it, and what was said to be wrong meanwhile."""
     tracker = tracker or Tracker()
     frames = delivered(sequence)
-    bodies, cost, observed = [], [], []
-    newest, before = -1, None
+    rate = load_profile(sequence.profile).camera.fps
+    health = HealthMonitor(fps=rate, far=tracker.settings.scene.far)
+    bodies, cost, observed, said = [], [], [], set()
+    before = None
     for frame, _ in frames:
-        start = time.perf_counter()
-        bodies.append(tracker.track(frame))
-        cost.append(time.perf_counter() - start)
+        admitted = health.admit(frame)
+        if admitted:
+            start = time.perf_counter()
+            found = tracker.track(frame)
+            cost.append(time.perf_counter() - start)
+            health.judge(frame, found, tracker.world_from_camera, tracker.state)
+        bodies.append(found)
         fresh = before is None or not np.array_equal(frame.depth, before)
-        observed.append(frame.time_ns > newest and fresh and bool(frame.depth.any()))
-        newest, before = max(newest, frame.time_ns), frame.depth
+        observed.append(admitted and fresh and bool(frame.depth.any()))
+        said |= {str(state.kind) for state in health.states}
+        before = frame.depth
     times = np.array([frame.time_ns * 1e-9 for frame, _ in frames])
-    return Take(times, [moment for _, moment in frames], bodies, np.array(observed), np.array(cost))
+    moments = [moment for _, moment in frames]
+    return Take(times, moments, bodies, np.array(observed), np.array(cost)), said
+
+
+TOLD = {
+    "dropped": "frames dropped",
+    "slowed": "low frame rate",
+    "out_of_order": "frames out of order",
+    "frozen": "sensor frozen",
+    "holed": "missing depth",
+    "knocked": "sensor moved",
+}
+"""What should be said of each trouble."""
 
 
 def evaluated(sequence: Sequence, make: Callable[[], Tracker] = Tracker) -> Scores:
     """The figures of one sequence by a fresh tracker."""
-    return score(perform(sequence, make()), still=sequence.kind == "still", covered=sequence.covered)
+    take, said = perform(sequence, make())
+    scores = score(take, still=sequence.kind == "still", covered=sequence.covered)
+    if sequence.covered is not None:
+        scores.told.append("lens covered" in said)
+    elif sequence.trouble in TOLD:
+        scores.told.append(TOLD[sequence.trouble] in said)
+    return scores
 
 
 def line(name: str, frames: int, s: Scores) -> str:
@@ -77,6 +104,8 @@ def worst(s: Scores) -> str:
         share = np.where(s.visible > 0, s.hits / s.visible, np.nan)
     order = [j for j in np.argsort(share) if share[j] < 0.999][:3]
     joints = " ".join(f"{joint_label(j)} {100 * share[j]:.0f}" for j in order)
+    if s.told and not all(s.told):
+        joints = f"NOT TOLD WHAT IS WRONG; {joints}"
     if np.isnan(s.per_frame).all():
         return joints
     frame = int(np.nanargmin(s.per_frame))
@@ -111,6 +140,7 @@ def main() -> int:
     if roughs:
         print(line("ALL trouble", roughs, rough))
     print_calibration(total if count else rough)
+    print_turns(total if count else rough)
     if args.per_joint:
         print_joints(total if count else rough)
     return 0
@@ -127,6 +157,17 @@ def print_calibration(s: Scores) -> None:
         + "".join(f"{100 * v:>7.1f}" if n else f"{'-':>7}" for v, n in zip(share, s.sure, strict=True))
     )
     print("joints       " + "".join(f"{int(n):>7}" for n in s.sure))
+
+
+def print_turns(s: Scores) -> None:
+    """How far the visible parts are turned wrong, and how often the feet's contacts are told rightly."""
+    shown = [
+        f"{name} {np.median(off):.0f} / {np.percentile(off, 90):.0f}" for name, off in s.turned.items() if off
+    ]
+    if shown:
+        print("turned wrong (median / 90 %, degrees): " + ", ".join(shown))
+    if s.standing:
+        print(f"foot contacts told rightly: {100 * np.mean(s.standing):.1f} %")
 
 
 def print_joints(s: Scores) -> None:

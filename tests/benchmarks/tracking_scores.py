@@ -13,6 +13,8 @@ from scipy.optimize import linear_sum_assignment
 from tracking_cache import Moment
 
 from enliven.body import Body, Joint
+from enliven.rotation import swing, to_matrix
+from enliven_edge.synthesis.performer import Limb
 
 NEAR = 0.10
 """Metres within which a joint counts as found."""
@@ -31,6 +33,13 @@ _HIGH_PASS = 0.5
 _ARMS = ((5, 6, 7), (9, 10, 11))
 _LEGS = ((13, 14, 15), (17, 18, 19))
 BINS = 10
+TURNS: dict[str, tuple[tuple[Joint, Limb], ...]] = {
+    "chest": ((Joint.SHOULDER_CENTER, Limb.CHEST),),
+    "head": ((Joint.HEAD, Limb.SKULL),),
+    "forearm": ((Joint.WRIST_LEFT, Limb.FOREARM_LEFT), (Joint.WRIST_RIGHT, Limb.FOREARM_RIGHT)),
+    "hand": ((Joint.HAND_LEFT, Limb.HAND_LEFT), (Joint.HAND_RIGHT, Limb.HAND_RIGHT)),
+}
+"""How far off is turned: the chest and the head by where they face, forearms and hands about their length."""
 
 
 @dataclass
@@ -65,6 +74,9 @@ class Scores:
             was there without a person.
         seconds: of the sequence.
         jitter: mm of each joint that stood still; recovery: ms of each forced loss, inf where never.
+        turned: degrees by which the visible parts of :data:`TURNS` are turned wrong.
+        standing: for each foot in view whether its contact with the floor was told rightly.
+        told: for each trouble with the input whether it was said.
         per_frame: (F,) the share found in each frame; NaN where nothing counts.
     """
 
@@ -81,6 +93,9 @@ class Scores:
     seconds: float = 0.0
     jitter: list[float] = field(default_factory=list)
     recovery: list[float] = field(default_factory=list)
+    turned: dict[str, list[float]] = field(default_factory=lambda: {name: [] for name in TURNS})
+    standing: list[bool] = field(default_factory=list)
+    told: list[bool] = field(default_factory=list)
     cost: list[float] = field(default_factory=list)
     per_frame: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
@@ -108,8 +123,10 @@ class Scores:
             setattr(self, name, getattr(self, name) + getattr(other, name))
         for name in ("error", "matched", "missed", "identity", "mirrored", "false", "seconds"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
-        for name in ("jitter", "recovery", "cost"):
+        for name in ("jitter", "recovery", "cost", "standing", "told"):
             getattr(self, name).extend(getattr(other, name))
+        for name, degrees in other.turned.items():
+            self.turned[name].extend(degrees)
 
 
 def score(take: Take, *, still: bool = False, covered: tuple[float, float] | None = None) -> Scores:
@@ -189,6 +206,8 @@ def _add_frame(
         found += int(near.sum())
         out.error += float(apart[visible].sum())
         out.matched += int(visible.sum())
+        _add_turns(out, bodies[pair[p]], moment, p)
+        _add_contacts(out, bodies[pair[p]], moment, p)
     out.per_frame[f] = found / total if total else np.nan
     whose = {b: p for p, b in pair.items()}
     for b, body in enumerate(bodies):
@@ -198,6 +217,41 @@ def _add_frame(
         tenth = np.clip((body.confidence * BINS).astype(int), 0, BINS - 1)
         np.add.at(out.sure, tenth, 1)
         np.add.at(out.sure_hits, tenth, right)
+
+
+def _add_turns(out: Scores, body: Body, moment: Moment, p: int) -> None:
+    """How far the body's visible parts are turned from the truth."""
+    if body.orientations is None or moment.turns is None:
+        return
+    found = to_matrix(body.orientations)
+    for name, parts in TURNS.items():
+        for joint, limb in parts:
+            if moment.visible[p, joint]:
+                true = moment.turns[p, limb]
+                facing = name in ("chest", "head")
+                off = _apart(found[joint], true, 2) if facing else twist_between(found[joint], true)
+                out.turned[name].append(off)
+
+
+def _apart(a: np.ndarray, b: np.ndarray, axis: int) -> float:
+    """Degrees between an axis of two frames."""
+    return float(np.degrees(np.arccos(np.clip(a[:, axis] @ b[:, axis], -1.0, 1.0))))
+
+
+def twist_between(a: np.ndarray, b: np.ndarray) -> float:
+    """Degrees from frame ``a`` to ``b`` about their +Y, once those are brought together."""
+    brought = to_matrix(swing(a[:, 1], b[:, 1])) @ a
+    return _apart(brought, b, 2)
+
+
+def _add_contacts(out: Scores, body: Body, moment: Moment, p: int) -> None:
+    """Whether the feet that are seen are said to stand where they do."""
+    contacts = getattr(body, "contacts", None)
+    if contacts is None:
+        return
+    for side, foot in enumerate((Joint.FOOT_LEFT, Joint.FOOT_RIGHT)):
+        if moment.visible[p, foot]:
+            out.standing.append(bool(contacts[side] > 0.5) == bool(moment.contacts[p, side]))
 
 
 def _identity_changes(take: Take, pairs: list[dict[int, int]], p: int) -> int:
