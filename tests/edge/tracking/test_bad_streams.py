@@ -135,3 +135,23 @@ def test_a_stream_with_every_fault_at_once_raises_nothing(frames):
 
     _, errors, _ = run(faulty(frames, worst))
     assert np.mean(errors[-20:]) < 0.07
+
+
+def test_a_sensor_that_is_moved_is_said_to_be_and_finds_its_place_and_the_person_again(frames):
+    """From one frame to the next it stands elsewhere: the room is another, the person is not."""
+    with SyntheticSensor(
+        choreography="walk", width=320, realtime=False, camera_tilt=30, camera_height=2.2
+    ) as sensor:
+        knocked = []
+        for _ in range(GOOD + BAD + AFTER):
+            frame = sensor.read()
+            mount = frame.world_from_camera
+            truth = sensor.truth(frame.time_ns).joints
+            knocked.append((dataclasses.replace(frame, world_from_camera=None), truth))
+    said, errors, tracker = run(iter([*frames[:GOOD], *knocked[GOOD:]]))
+    assert HealthKind.MOVED not in set().union(*said[:GOOD])
+    assert HealthKind.MOVED in set().union(*said[GOOD:])
+    assert HealthKind.MOVED not in said[-1]
+    assert tracker.world_from_camera[1, 3] == pytest.approx(mount[1, 3], abs=0.08)
+    assert np.rad2deg(np.arccos(min(1.0, tracker.world_from_camera[1, :3] @ mount[1, :3]))) < 3.0
+    assert np.mean(errors[-20:]) < 0.09
