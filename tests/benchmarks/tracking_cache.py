@@ -17,6 +17,7 @@ from enliven.body import Body
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.recording import Recorder, Recording
 from enliven_edge.synthesis import trouble
+from enliven_edge.synthesis.choreography import HOME_Z
 from enliven_edge.synthesis.ensemble import Appearance
 
 CACHE = Path(__file__).parents[2] / "out" / "tracking" / "cache"
@@ -82,8 +83,7 @@ def delivered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
 
 def _render(sequence: Sequence, path: Path) -> None:
     CACHE.mkdir(parents=True, exist_ok=True)
-    for old in CACHE.glob(f"{path.name.rsplit('-', 1)[0]}-????????????.*"):
-        old.unlink()
+    _forget_old(path)
     print(f"rendering {sequence.scene} ({sequence.frames} frames)", file=sys.stderr, flush=True)
     scene = sequence.ensemble()
     knocked = sequence.ensemble(knocked=True) if sequence.trouble == "knocked" else scene
@@ -101,6 +101,14 @@ def _render(sequence: Sequence, path: Path) -> None:
     unfinished.rename(path)
 
 
+def _forget_old(path: Path) -> None:
+    """Removes all but the newest of a scene's earlier renderings: two checkouts may be in use at a time."""
+    earlier = CACHE.glob(f"{path.name.rsplit('-', 1)[0]}-????????????.mcap")
+    for old in sorted(earlier, key=lambda p: p.stat().st_mtime)[:-1]:
+        old.unlink(missing_ok=True)
+        old.with_suffix(".npz").unlink(missing_ok=True)
+
+
 def _key(sequence: Sequence) -> str:
     """Changes with the sequence and with whatever makes its pictures."""
     scene = {
@@ -112,7 +120,8 @@ def _key(sequence: Sequence) -> str:
 
 @cache
 def _source() -> str:
-    """The text of the synthesis, but for what only chooses or delays."""
+    """The text of what makes the pictures; not of what only chooses motions, delays or loses them."""
     folder = Path(enliven_edge.synthesis.__file__).parent
-    skipped = ("studio.py", "trouble.py")
-    return "".join(p.read_text() for p in sorted(folder.glob("*.py")) if p.name not in skipped)
+    others = ("studio.py", "trouble.py", "wander.py", "choreography.py")
+    texts = [p.read_text() for p in sorted(folder.glob("*.py")) if p.name not in others]
+    return repr(HOME_Z) + "".join(texts)

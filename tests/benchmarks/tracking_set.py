@@ -17,7 +17,6 @@ from enliven.formats.bvh import read_bvh
 from enliven.formats.capture import Capture
 from enliven.formats.expmap import read_expmap
 from enliven_edge.sensors.profile import load_profile
-from enliven_edge.synthesis.choreography import choreography
 from enliven_edge.synthesis.ensemble import Appearance, Ensemble
 from enliven_edge.synthesis.exercises import exercise
 from enliven_edge.synthesis.mocap import Captured
@@ -43,8 +42,8 @@ class Move:
     """A motion by name.
 
     Attributes:
-        source: "exercise", "choreography", or the path of a motion capture below the data folder.
-        name: of the exercise or choreography.
+        source: "exercise", or the path of a motion capture below the data folder.
+        name: of the exercise.
         seed: of the exercise.
         start, stop: seconds of the capture.
         held: the second of an exercise at which the performer stays, or None.
@@ -59,14 +58,12 @@ class Move:
 
     @property
     def available(self) -> bool:
-        return self.source in ("exercise", "choreography") or (DATA / self.source).exists()
+        return self.source == "exercise" or (DATA / self.source).exists()
 
     def made_for(self, performer: Performer) -> Motion:
         if self.source == "exercise":
             danced = Danced(performer, exercise(self.name, self.seed))
             return danced if self.held is None else Held(danced, self.held)
-        if self.source == "choreography":
-            return Danced(performer, choreography(self.name), repeat=True)
         return Captured(performer, _capture(self.source), self.start, self.stop)
 
 
