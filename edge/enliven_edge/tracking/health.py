@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from enliven.arrays import Float
-from enliven.body import Body, Joint
+from enliven.body import Body
 from enliven.camera import Intrinsics
 from enliven.frames import DepthFrame, Frame
 from enliven.health import HealthKind, HealthState
 from enliven.settings import setting
 from enliven_edge.tracking.alarm import Alarms
 from enliven_edge.tracking.rhythm import Rhythm
+from enliven_edge.tracking.stances import WATCHED, cut_off, touching
 from enliven_edge.tracking.survey import Survey, survey
 
 _FROZEN_FRAMES, _REPEATED = 4, 8
@@ -144,6 +143,9 @@ class HealthMonitor:
         now = frame.time_ns
         if tracker is not None:
             self._judge_tracker(tracker, now)
+        together = (tracker.joined if tracker is not None else ()) or touching(bodies)
+        names = " and ".join(str(i) for i in sorted(together))
+        self._alarms.note(HealthKind.JOINED, len(together) > 1, now, names=names)
         # What sensors that track people themselves, or fused ones, are sure of is not for this one to judge.
         if isinstance(frame, DepthFrame):
             for body in bodies:
@@ -197,8 +199,6 @@ class HealthMonitor:
         self._alarms.note(HealthKind.MOVED, moved, now)
         self._alarms.note(HealthKind.NO_FLOOR, not tracker.floor_known, now)
         self._alarms.note(HealthKind.LEARNING_ROOM, tracker.room_age < self.settings.learning, now)
-        names = " and ".join(str(i) for i in sorted(tracker.joined))
-        self._alarms.note(HealthKind.JOINED, len(tracker.joined) > 1, now, names=names)
 
     def _judge_body(self, body: Body, now: int) -> None:
         sure = float(body.confidence.mean())
@@ -208,14 +208,14 @@ class HealthMonitor:
 
     def _judge_place(self, body: Body, camera: Intrinsics, world_from_camera: Float, now: int) -> None:
         """Too near, too far, or cut off by the image's border."""
-        local = (body.joints[_WATCHED] - world_from_camera[:3, 3]) @ world_from_camera[:3, :3]
+        local = (body.joints[WATCHED] - world_from_camera[:3, 3]) @ world_from_camera[:3, :3]
         distance = float(local[0, 2])
         near, far = self.settings.near, self._far - self.settings.far_margin
         close = self._alarms.between(HealthKind.TOO_NEAR, distance, near + 0.1, near, body.id)
         self._alarms.note(HealthKind.TOO_NEAR, close, now, body.id, metres=distance)
         away = self._alarms.between(HealthKind.TOO_FAR, -distance, 0.1 - far, -far, body.id)
         self._alarms.note(HealthKind.TOO_FAR, away, now, body.id, metres=distance)
-        what, side = _cut_off(local, camera)
+        what, side = cut_off(local, camera)
         self._alarms.note(HealthKind.CUT_OFF, bool(what), now, body.id, what=what, side=side)
 
     def _forget_times(self) -> None:
@@ -223,21 +223,3 @@ class HealthMonitor:
         self._alarms.clear()
         self._late_ns = self._moved_ns = None
         self._same = 0
-
-
-_WATCHED = np.array([Joint.HIP_CENTER, Joint.HEAD, Joint.FOOT_LEFT, Joint.FOOT_RIGHT])
-_NAMES = ("hips", "head", "feet", "feet")
-
-
-def _cut_off(local: Float, camera: Intrinsics) -> tuple[str, str]:
-    """What of hips, head and feet (4, 3), camera frame, is out of the image, and beyond which border."""
-    z = np.maximum(local[:, 2], 0.05)
-    u = camera.fx * local[:, 0] / z + camera.cx
-    v = camera.fy * local[:, 1] / z + camera.cy
-    borders = (
-        ("left", u < 0), ("right", u > camera.width - 1), ("upper", v < 0), ("lower", v > camera.height - 1),
-    )  # fmt: skip
-    for side, out in borders:
-        if out.any():
-            return _NAMES[int(np.argmax(out))], side
-    return "", ""

@@ -226,7 +226,7 @@ def test_a_sensor_that_is_silent_is_said_to_be():
     ],
 )
 def test_where_a_performer_should_not_be_is_said_with_who_it_is(kind, body):
-    monitor, good = HealthMonitor(), standing(identity=2)
+    monitor, good = HealthMonitor(), standing(identity=2, aside=-0.7)
     for i in range(60):
         monitor.admit(frame(i))
         monitor.judge(frame(i), [body, good], MOUNT, TrackerState())
@@ -257,6 +257,20 @@ def test_what_the_tracker_knows_of_itself_is_passed_on(kind, state):
     for i in range(60, 180):
         monitor.admit(frame(i))
         monitor.judge(frame(i), [], MOUNT, TrackerState())
+    assert monitor.states == []
+
+
+def test_people_who_hold_hands_are_said_to_be_joined():
+    monitor, ada, bob = HealthMonitor(), standing(aside=-0.5), standing(aside=0.5, identity=4)
+    for i in range(90):
+        hand = np.array([0.0, 0.9, -3.0 if i < 45 else -2.5])
+        ada.joints[Joint.HAND_LEFT] = hand
+        bob.joints[Joint.HAND_RIGHT] = [0.05, 0.9, -3.0]
+        monitor.admit(frame(i))
+        monitor.judge(frame(i), [ada, bob], MOUNT, TrackerState())
+        if i == 44:
+            (said,) = monitor.states
+            assert said.kind == HealthKind.JOINED and "1 and 4" in said.what
     assert monitor.states == []
 
 
