@@ -18,6 +18,8 @@ from enliven.settings import setting
 from enliven_edge.placement import AS_MODELLED, Placement, meeting
 
 State = Literal["free", "possessed"]
+_AWAY = 0.2
+"""Seconds; a performer who was away for longer is not where they were."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,12 @@ class ActorSettings:
     )
     height_ratio: float = setting(1.0, "The mesh's height over the performer's.", low=0.05, high=20.0)
     fade: float = setting(0.5, "Time to ease between free and possessed.", unit="s", low=0.0, high=10.0)
+    hand_over: float = setting(
+        60.0,
+        "Another performer, alone in view, goes on after this; 0: only who takes hold.",
+        unit="s",
+        low=0.0,
+    )
     enough: float = setting(
         0.5, "Share of the bones that must take hold before the reach stops growing.", low=0.0
     )
@@ -77,6 +85,7 @@ class Actor:
         self._shown: Pose = character.rest_pose()
         self._fade_from: Pose | None = None
         self._fade_start_ns = 0
+        self._held_ns: int | None = None
 
     def possess(self, body: Body, parts: str = "all") -> None:
         """The body takes hold of the mesh where both are now; a hold that was there is let go.
@@ -99,7 +108,7 @@ class Actor:
         self._placement, self._attachment, self._parts = placement, held, parts
         self._solver = EmbeddedSolver(self.graph, held, self.settings.embedded)
         self._pulls = None
-        self._met, self.state, self.body_id = True, "possessed", body.id
+        self._met, self.state, self.body_id, self._held_ns = True, "possessed", body.id, None
 
     def release(self) -> None:
         """The body lets go; the mesh eases back to its rest shape where it is."""
@@ -114,7 +123,7 @@ class Actor:
 
     def perform(self, bodies: list[Body], time_ns: int) -> Pose:
         """The pose at a moment: of the possession, or of the mesh waiting where it stands."""
-        body = self._performer(bodies)
+        body = self._performer(bodies, time_ns)
         if self.state == "free":
             self._meet(bodies)
         linear, positions = self._solved(body)
@@ -159,18 +168,21 @@ class Actor:
             self._placement = meeting(bodies[0], self._height, self.settings.height_ratio)
             self._met = True
 
-    def _performer(self, bodies: list[Body]) -> Body | None:
-        """The body that holds the mesh; where it was lost and one other is there alone, that one goes on."""
+    def _performer(self, bodies: list[Body], time_ns: int) -> Body | None:
+        """The body that holds the mesh, and nobody else's; but long after it left, who is there alone."""
         if self.state == "free":
             return None
-        for body in bodies:
-            if body.id == self.body_id:
-                return body
-        if len(bodies) == 1:
-            self._begin_fade()
-            self.body_id = bodies[0].id
-            return bodies[0]
-        return None
+        found = next((body for body in bodies if body.id == self.body_id), None)
+        left = 0.0 if self._held_ns is None else (time_ns - self._held_ns) * 1e-9
+        patience = self.settings.hand_over
+        if found is None and len(bodies) == 1 and patience > 0 and not 0.0 <= left <= patience:
+            found = bodies[0]
+            self.body_id = found.id
+        if self._held_ns is None or found is not None:
+            if left > _AWAY:
+                self._begin_fade()
+            self._held_ns = time_ns
+        return found
 
     def _solved(self, body: Body | None) -> tuple[Float, Float]:
         """The graph's linear parts and positions in the rest space; as they were where the body is lost."""

@@ -116,10 +116,49 @@ def test_a_performer_who_is_lost_leaves_the_mesh_as_it_is_and_takes_it_up_again(
     house.possess("chair")
     held = house.perform([person(lift=0.3)], FRAME)[0]
     assert farthest(house.perform([], 2 * FRAME)[0], held) < 1e-4
-    again = house.perform([person(x=0.3, id=7)], 3 * FRAME)[0]
-    for i in range(4, 30):
-        again = house.perform([person(x=0.3, id=7)], i * FRAME)[0]
+    for i in range(3, 30):
+        again = house.perform([person(x=0.3)], i * FRAME)[0]
     assert again.positions[:, 0].mean() > held.positions[:, 0].mean() + 0.2
+
+
+def test_another_never_steals_a_character(chair):
+    """Not while the performer is there, nor when they are away, nor when they come back."""
+    house = stage(chair, fade=0.0, hand_over=0.0)
+    house.perform([person()], 0)
+    house.possess("chair")
+    held = house.perform([person(lift=0.3)], FRAME)[0]
+    for i in range(2, 300):
+        alone = house.perform([person(x=1.0, id=7)], i * FRAME)[0]
+    assert farthest(alone, held) < 1e-4
+    assert house.cues()["chair"].body == 1
+    for i in range(300, 330):
+        again = house.perform([person(x=1.0, id=7), person(x=-0.5)], i * FRAME)[0]
+    assert again.positions[:, 0].mean() < held.positions[:, 0].mean() - 0.3
+
+
+def test_after_the_stated_time_who_is_alone_goes_on_without_a_jump(chair):
+    house = stage(chair, hand_over=2.0)
+    house.perform([person()], 0)
+    house.possess("chair")
+    before = house.perform([person()], FRAME)[0]
+    taken = []
+    for i in range(2, 120):
+        pose = house.perform([person(x=0.4, id=7)], i * FRAME)[0]
+        assert farthest(pose, before) < 0.06
+        before = pose
+        taken.append(house.cues()["chair"].body == 7)
+    assert 59 <= taken.index(True) <= 63
+    assert all(taken[taken.index(True) :])
+
+
+def test_possession_takes_a_character_over_at_once(chair):
+    house = stage(chair)
+    house.perform([person(), person(x=0.8, id=2)], 0)
+    house.possess("chair", body=1)
+    house.perform([person(), person(x=0.8, id=2)], FRAME)
+    house.possess("chair", body=2)
+    house.perform([person(), person(x=0.8, id=2)], 2 * FRAME)
+    assert house.cues()["chair"].body == 2
 
 
 def test_nan_joints_leave_the_pose_finite(chair):

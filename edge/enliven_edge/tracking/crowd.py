@@ -29,6 +29,8 @@ _DOUBT_FRAMES = 6
 _DECIDE_NS = 1_500_000_000
 _DOUBT_NS = 4_000_000_000
 _WHOLE = 0.12
+_ZONE_MARGIN = 0.15
+"""Metres outside the zone at which a performer has left it."""
 _CLEARLY = 0.05
 """How much better a less likely group of pixels must be explained to be taken for a person."""
 _TRIES = 3
@@ -54,6 +56,7 @@ class Crowd:
         self._fitter = fitter
         self._newcomers = Newcomers()
         self._turn = 0
+        self._dropped: list[Float] = []
         self._indexed: list[Person] = []
         self._doubts: dict[tuple[int, int], int] = {}
 
@@ -81,7 +84,8 @@ class Crowd:
         self.lock.ids = None
 
     def forget(self) -> None:
-        """Drops everybody who is followed; who comes next is somebody new."""
+        """Drops everybody who is followed; who comes next, or is still there, is somebody new."""
+        self._dropped = [p.place.copy() for p in self.people]
         self.people.clear()
         self.register.absent.clear()
         self._newcomers.clear()
@@ -126,7 +130,7 @@ class Crowd:
             person.hide(view.time_ns)
         elif fit or person.hidden_ns is not None:
             person.follow(view, pixels, whole=covered < _WHOLE and outside < _WHOLE)
-            if person.follower.lost:
+            if person.follower.lost or not self.zone.holds(person.place, _ZONE_MARGIN):
                 self._leave(person, view.time_ns)
             elif person.doubted and not 0 <= view.time_ns - person.found_ns < _DOUBT_NS:
                 self._refuse(person, view.time_ns)
@@ -156,7 +160,12 @@ class Crowd:
         for newcomer in newcomers:
             hold |= newcomer.pixels
         alone = not self.people
-        due = [n for n in newcomers if not n.bystander and n.due(view.time_ns, room.age, alone=alone)]
+        missing = bool(self.register.absent) or any(p.hidden_ns is not None for p in self.people)
+        due = [
+            n
+            for n in newcomers
+            if not n.bystander and n.due(view.time_ns, room.age, alone=alone, missing=missing)
+        ]
         sure = [n for n in due if n.convincing or n.proven]
         room_for = self.settings.people.most - len(self.people)
         found = self._found(view, sure[: min(room_for, _TRIES if alone else 1)])
@@ -192,6 +201,10 @@ class Crowd:
 
     def _awaits(self, place: Float) -> bool:
         """Whether somebody was lost about there."""
+        if any(float(np.linalg.norm((place - at)[[0, 2]])) < _ABOUT for at in self._dropped):
+            return True
+        if len(self.register.absent) <= sum(1 for p in self.people if p.id == UNDECIDED):
+            return False
         lost = [a.place for a in self.register.absent]
         return any(at is None or float(np.linalg.norm((place - at)[[0, 2]])) < _ABOUT for at in lost)
 
@@ -218,6 +231,7 @@ class Crowd:
             self.people.append(person)
             self._decide(view.time_ns)
         self._newcomers.drop(newcomer)
+        self._dropped = [at for at in self._dropped if np.linalg.norm((person.place - at)[[0, 2]]) > _ABOUT]
         segments.owner[newcomer.pixels & (segments.owner < 0)] = len(self._indexed)
         self._indexed.append(person)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, UInt8
 from enliven_edge.tracking.human import SMALLEST_AREA, Shape, parted, shape_of
-from enliven_edge.tracking.room import BEFORE, widened
+from enliven_edge.tracking.room import BEFORE, UNLIKELY, widened
 from enliven_edge.tracking.segmentation import Loose, Segments
 from enliven_edge.tracking.view import View
 
@@ -17,7 +17,7 @@ _MOST = 8
 _YOUNG = 1.0
 """Seconds: in so young a room nobody can prove to have come in."""
 _TALL, _FRAMES, _LONG = 1.05, 3, 10
-_STEADY, _LARGE = 0.15, 0.33
+_STEADY, _LARGE, _LEAST = 0.15, 0.33, 0.14
 _REFUSED, _REFUSED_NS = 0.4, 20_000_000_000
 _BEHIND, _PATIENCE_NS = 0.25, 800_000_000
 _BACK_OFF_NS, _LONGEST_NS = 150_000_000, 2_000_000_000
@@ -43,17 +43,23 @@ class Newcomer:
         self.frames, self.area = 0, 0.0
         self.bystander = self.awaited = self.refused = False
         self.seen_ns = self.first_ns = time_ns
-        self.before = 0.0
+        self.before = self.plain = 0.0
         self.shape: Shape
         self.pixels: Bool
         self._next_ns, self._wait_ns = time_ns, _BACK_OFF_NS
 
     def update(
-        self, pixels: Bool, centre: Float, shape: Shape, area: float, before: float, time_ns: int
+        self,
+        pixels: Bool,
+        centre: Float,
+        shape: Shape,
+        area: float,
+        shares: tuple[float, float],
+        time_ns: int,
     ) -> None:
-        """The group in another frame; ``before`` is the share that stands before the known room."""
-        self.area = area
-        self.pixels, self.centre, self.shape, self.before = pixels, centre, shape, before
+        """The group in another frame; the shares of it that stand before the known room, and before any."""
+        self.area, (self.before, self.plain) = area, shares
+        self.pixels, self.centre, self.shape = pixels, centre, shape
         self.frames, self.seen_ns = self.frames + 1, time_ns
         self.crowns = [*self.crowns[-_LONG:], shape.crown]
 
@@ -61,18 +67,20 @@ class Newcomer:
     def proven(self) -> bool:
         """Whether it came into a room that was known, with a person's shape; or may be who was lost here."""
         steady = self.frames >= _FRAMES and float(np.ptp(self.crowns[-_FRAMES:])) < _STEADY
-        if not steady or self.before < 0.5 or self.refused:
+        if not steady or self.refused:
             return False
-        if self.awaited and self.shape.possible:
+        if self.awaited and self.shape.possible and self.area > _LEAST and self.plain > 0.5:
             return True
-        tall = self.shape.crown > _TALL or self.shape.cut
-        return tall and (self.shape.upright or (self.shape.human and self.frames >= _LONG))
+        tall = (self.shape.crown > _TALL or self.shape.cut) and self.area > _LEAST
+        return (
+            tall and self.before > 0.5 and (self.shape.upright or (self.shape.human and self.frames >= _LONG))
+        )
 
     @property
     def convincing(self) -> bool:
         """Whether it is so much like somebody who stands there that it need not come in to be believed."""
         tall = self.shape.crown > _TALL or self.shape.cut
-        return self.shape.upright and tall and not self.refused
+        return self.shape.upright and tall and self.area > _LEAST and not self.refused
 
     @property
     def imaginable(self) -> bool:
@@ -80,18 +88,19 @@ class Newcomer:
         large = self.shape.crown > _TALL or self.shape.cut or self.area > _LARGE
         return self.shape.human and large and not self.refused
 
-    def due(self, time_ns: int, room_age: float, *, alone: bool) -> bool:
+    def due(self, time_ns: int, room_age: float, *, alone: bool, missing: bool) -> bool:
         """Whether a body should be looked for in it now.
 
         Args:
             room_age: seconds since the room is learnt; in a new one nobody can prove to have come in.
             alone: nobody else is followed, so that what may be a person in any posture is better than nobody.
+            missing: somebody is hidden or away, who it may be.
         """
         there = self.convincing or ((alone or self.awaited) and self.imaginable)
         if not (self.proven or (room_age < _YOUNG and there)):
             return False
-        # Who comes out from behind something is waited for until most of them is out.
-        if self.shape.behind > _BEHIND and 0 <= time_ns - self.first_ns < _PATIENCE_NS:
+        # Who comes out from behind something is waited for until it can be told who it is.
+        if missing and self.shape.behind > _BEHIND and 0 <= time_ns - self.first_ns < _PATIENCE_NS:
             return False
         return not 0 < self._next_ns - time_ns < 2 * _LONGEST_NS
 
@@ -136,7 +145,7 @@ class Newcomers:
         groups = [g for g in segments.loose if g.area > SMALLEST_AREA and g.tall > 0.3][:_MOST]
         present = []
         for group in groups:
-            mask = _with_fragments(segments, group, view)
+            mask = _all_of(segments, group, view)
             parts = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
             for part in parts:
                 found = self._one(view, kind, part, group.area * part.sum() / max(1, mask.sum()))
@@ -162,13 +171,26 @@ class Newcomers:
             near = Newcomer(centre, view.time_ns)
             self._known.append(near)
         near.refused = self._is_refused(centre, view.time_ns)
-        near.update(part, centre, shape, area, float(np.mean(kind[part] == BEFORE)), view.time_ns)
+        near.update(part, centre, shape, area, _shares(kind[part]), view.time_ns)
         return near
 
     def _is_refused(self, centre: Float, time_ns: int) -> bool:
         """Whether a thing is there that was taken for somebody."""
         self._refused = [(at, t) for at, t in self._refused if 0 <= time_ns - t < _REFUSED_NS]
         return any(float(np.linalg.norm((at - centre)[[0, 2]])) < _REFUSED for at, _ in self._refused)
+
+
+def _shares(kind: UInt8) -> tuple[float, float]:
+    """Of (M,) pixels: how many stand before the known room, and before what is known or guessed."""
+    return float(np.mean(kind == BEFORE)), float(np.mean(kind != UNLIKELY))
+
+
+def _all_of(segments: Segments, main: Loose, view: View) -> Bool:
+    """The main group with the fragments that seem to be its own, unless it is more like a person without."""
+    bare, mask = segments.group(main), _with_fragments(segments, main, view)
+    if mask.sum() == bare.sum() or shape_of(view, mask, main.area).upright:
+        return mask
+    return bare if shape_of(view, bare, main.area).upright else mask
 
 
 def _with_fragments(segments: Segments, main: Loose, view: View) -> Bool:

@@ -37,7 +37,7 @@ class RoomSettings:
         0.6, "What was taken out of the room is forgotten after this.", unit="s", low=0.0, high=60.0
     )
     moved: float = setting(
-        0.5, "Share of the known room that no longer matches when the sensor was moved.", low=0.1, high=1.0
+        0.3, "Share of the known room that no longer matches when the sensor was moved.", low=0.1, high=1.0
     )
 
 
