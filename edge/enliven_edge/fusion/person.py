@@ -24,6 +24,8 @@ _MOVED = 0.02
 """What a sensor counts that was moved, against one that was not."""
 _CONVINCING = 3.0
 """Confidence that may be gained a second."""
+_SETTLED = 3.0
+"""Seconds after which it is known which side is which."""
 _GUESS = 1e-3
 """The weight of a joint that nobody sees: it stays somewhere."""
 
@@ -45,7 +47,7 @@ class FusedPerson:
         self._turns = np.zeros((20, 4))
         self._turned_known = False
         self._crossed: Bool = np.zeros(sensors, bool)
-        self._doubted_sides = 0.0
+        self._doubted_sides = self._watched = 0.0
         self._spoke = np.zeros((sensors, 20), bool)
         self._sure = np.zeros((sensors, 20))
         self._turn_spoke = np.zeros((sensors, 20), bool)
@@ -68,7 +70,7 @@ class FusedPerson:
             self._forget_habits()
         bodies = self._named(group, expected)
         self._vote(bodies, views, group, 0.0 if not known else seconds)
-        bodies = {s: exchanged(b) if self._crossed[s] else b for s, b in group_bodies(group).items()}
+        bodies = {s: self._as_named(s, b) for s, b in bodies.items()}
         x, w = self._words(bodies, views, seconds if known else np.inf)
         if known:
             doubt_outliers(x, w, expected)
@@ -98,16 +100,34 @@ class FusedPerson:
         self.joints, self.last_ns = joints, time_ns
 
     def _named(self, group: Group, expected: Float) -> dict[int, Body]:
-        """Decides for every sensor whether it has exchanged the sides, by where they are expected."""
+        """Decides for every sensor whether it has exchanged the sides, by where they are expected.
+
+        Where two sensors contradict each other after that, the one follows whose word was the closer call.
+        """
         bodies = group_bodies(group)
         reference = expected if self.hits else next(iter(bodies.values())).joints
+        margins = {}
         for sensor, body in bodies.items():
-            plain, crossed = side_costs(body.joints, body.confidence, reference, OTHER_SIDE)
-            gain = crossed - plain if self._crossed[sensor] else plain - crossed
-            margin = _CLEARLY if self._spoke[sensor].any() else 0.0
-            if gain > margin:
+            margin = self._margin(sensor, body, reference)
+            if margin < (-_CLEARLY if self._spoke[sensor].any() else 0.0):
                 self._crossed[sensor] ^= True
+                margin = -margin
+            margins[sensor] = margin
+        if len(bodies) > 1 and self.hits:
+            least = min(margins, key=lambda s: margins[s])
+            others = [self._as_named(s, body).joints for s, body in bodies.items() if s != least]
+            if self._margin(least, bodies[least], np.mean(others, axis=0)) < -_CLEARLY:
+                self._crossed[least] ^= True
         return bodies
+
+    def _margin(self, sensor: int, body: Body, reference: Float) -> float:
+        """Metres a joint by which the sides as they are named now fit better than exchanged."""
+        plain, crossed = side_costs(body.joints, body.confidence, reference, OTHER_SIDE)
+        return plain - crossed if self._crossed[sensor] else crossed - plain
+
+    def _as_named(self, sensor: int, body: Body) -> Body:
+        """The body with the sides that were decided on."""
+        return exchanged(body) if self._crossed[sensor] else body
 
     def _vote(self, bodies: dict[int, Body], views: list[SensorView], group: Group, seconds: float) -> None:
         """Exchanges everybody's sides once most of the sensors have said so for long enough.
@@ -124,7 +144,10 @@ class FusedPerson:
             vote += self._walks_backward()
         self._doubted_sides = float(np.clip(self._doubted_sides + vote * seconds, 0.0, 10.0))
         alone = not self.hits and crossed > 0.5
-        if self._doubted_sides > self.settings.turn_over or alone:
+        # Who has just come in is not known yet: a first look errs more often than a long one.
+        self._watched += seconds
+        settled = min(max(self._watched / _SETTLED, 0.1), 1.0)
+        if self._doubted_sides > settled * self.settings.turn_over or alone:
             self._turn_over()
 
     def _turn_over(self) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Float, Int
+from enliven.joints import Joint
 from enliven_edge.fusion.matching import Match
 from enliven_edge.fusion.refinement import Fit, refine
 from enliven_edge.fusion.rigid import angle_between, inverse, moved
@@ -17,6 +17,7 @@ from enliven_edge.fusion.settings import CalibrationSettings
 _BLOCKS = 8
 _CELL = 0.5
 """Metres: the walked floor is counted in squares of this side."""
+_LEFTS, _RIGHTS = [Joint.SHOULDER_LEFT, Joint.HIP_LEFT], [Joint.SHOULDER_RIGHT, Joint.HIP_RIGHT]
 _COMFORTABLE = 2.5
 """Metres from a sensor at which people are seen well."""
 
@@ -115,27 +116,53 @@ def nothing(a: str, b: str, blind: str | None) -> Quality:
 def _doubt(fit: Fit, matches: tuple[Match, ...], settings: CalibrationSettings) -> tuple[float, float, float]:
     """Centimetres, degrees and milliseconds of one standard deviation.
 
-    The larger of two answers: what the equations say, and how much the result changes where an eighth of
-    the walk is left out (a jackknife over stretches of time, which sees errors that come and go slowly).
+    The largest of three answers: what the equations say, how much the result changes where an eighth of the
+    walk is left out, and how much where one of eight directions that the people faced is left out. A
+    tracker errs slowly, and by the side from which it sees somebody: no equation knows that.
     """
     covariance = np.linalg.pinv(fit.precision + 1e-9 * np.eye(7))
     formal = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     radius = float(np.sqrt(((fit.feet - fit.feet.mean(0))[:, [0, 2]] ** 2).sum(1).mean()))
-    edges = np.quantile(fit.times, np.linspace(0.0, 1.0, _BLOCKS + 1))
-    edges[-1] += 1.0
-    changes = []
-    for start, stop in itertools.pairwise(edges):
-        kept = tuple(Match(m.a, m.b, m.times[(m.times < start) | (m.times >= stop)]) for m in matches)
-        other = refine(kept, fit.a_from_b, fit.lag, settings, steps=4, frames=300)
-        if other is not None:
-            at = moved(inverse(fit.a_from_b), fit.centre)
-            shift = np.linalg.norm(moved(other.a_from_b, at) - fit.centre)
-            changes.append((shift, angle_between(fit.a_from_b, other.a_from_b), other.lag - fit.lag))
-    share = (len(changes) - 1) / max(len(changes), 1)
-    spread = np.sqrt(share * (np.array(changes) ** 2).sum(0)) if changes else np.full(3, np.inf)
+    edges = np.quantile(fit.times, np.linspace(0.0, 1.0, _BLOCKS + 1))[1:-1]
+    spread = np.maximum(
+        _jackknife(fit, matches, [np.digitize(m.times, edges) for m in matches], settings),
+        _jackknife(fit, matches, [_facing(m, settings) for m in matches], settings),
+    )
     direction = max(float(np.linalg.norm(formal[:3])), float(spread[1]))
     place = float(np.hypot(max(float(np.linalg.norm(formal[3:6])), float(spread[0])), direction * radius))
     return 100 * place, float(np.degrees(direction)), 1e3 * max(float(formal[6]), float(spread[2]))
+
+
+def _jackknife(
+    fit: Fit, matches: tuple[Match, ...], blocks: list[Int], settings: CalibrationSettings
+) -> Float:
+    """(3,) metres, radians and seconds of one standard deviation, by leaving out one block after another.
+
+    Args:
+        blocks: by match, (N,) the block of each of its moments, from 0.
+    """
+    at = moved(inverse(fit.a_from_b), fit.centre)
+    changes = []
+    for block in range(_BLOCKS):
+        if not any((b == block).any() for b in blocks):
+            continue
+        kept = tuple(Match(m.a, m.b, m.times[b != block]) for m, b in zip(matches, blocks, strict=True))
+        other = refine(kept, fit.a_from_b, fit.lag, settings, steps=4, frames=300)
+        if other is not None:
+            shift = np.linalg.norm(moved(other.a_from_b, at) - fit.centre)
+            changes.append((shift, angle_between(fit.a_from_b, other.a_from_b), other.lag - fit.lag))
+    if len(changes) < 2:
+        return np.zeros(3)
+    share = (len(changes) - 1) / len(changes)
+    return np.asarray(np.sqrt(share * (np.array(changes) ** 2).sum(0)))
+
+
+def _facing(match: Match, settings: CalibrationSettings) -> Int:
+    """(N,) which of eight directions the person faces, as the first sensor says."""
+    joints, _, _ = match.a.at(match.times, settings.longest_gap)
+    across = joints[:, _LEFTS].mean(1) - joints[:, _RIGHTS].mean(1)
+    turns = np.arctan2(across[:, 2], across[:, 0]) / (2 * np.pi)
+    return np.asarray(np.floor(_BLOCKS * (turns % 1.0)).clip(0, _BLOCKS - 1), np.int64)
 
 
 def _walked(feet: Float) -> tuple[float, float, Float]:
