@@ -7,8 +7,11 @@ kinect_multitrack are joints without depth, and belong to the fusion of sensors.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import tracking_real
@@ -23,6 +26,9 @@ from enliven_edge.warmup import warm_up_tracking
 
 _TAKEN_UP = 20
 """Frames before speed is measured: finding people costs more than following them."""
+_LAPS = 18
+"""How often the dancer dances, forward and back, while the memory is watched."""
+_STEP = 33_333_333
 
 
 def figures() -> Iterator[Figure]:
@@ -32,6 +38,7 @@ def figures() -> Iterator[Figure]:
     yield from _accuracy(HELD_OUT, "tracking")
     yield from _accuracy(TUNING, "tracking.tuning")
     yield from _real()
+    yield from _memory()
 
 
 def _accuracy(split: str, prefix: str) -> Iterator[Figure]:
@@ -75,6 +82,24 @@ def _speed() -> Iterator[Figure]:
         followed = np.array(people[_TAKEN_UP:]) == max(people[_TAKEN_UP:])
         seconds = float(np.mean(np.array(cost[_TAKEN_UP:])[followed]))
         yield Figure(f"tracking.{name}", 1.0 / seconds, f"frames/s with {max(people[_TAKEN_UP:])} tracked")
+
+
+def _memory() -> Iterator[Figure]:
+    """How the process grows while one performer dances on and on, in an hour at 30 frames a second."""
+    page = Path("/proc/self/statm")
+    if not page.exists():
+        return
+    frames = [frame for frame, _ in rendered(sequences(HELD_OUT, "h one leg")[0])]
+    tracker, sizes = Tracker(), []
+    for lap in range(_LAPS):
+        there = frames if lap % 2 == 0 else frames[::-1]
+        for n, frame in enumerate(there):
+            tracker.track(replace(frame, time_ns=(lap * len(frames) + n) * _STEP))
+        sizes.append(int(page.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6)
+    settled = sizes[_LAPS // 3 :]
+    hours = len(settled) * len(frames) * _STEP * 1e-9 / 3600
+    growth = float(np.polyfit(np.linspace(0.0, hours, len(settled)), settled, 1)[0])
+    yield Figure("tracking.memory_growth", growth, "MB/hour")
 
 
 def _real() -> Iterator[Figure]:
