@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import zmq
 
 from enliven.wire.envelope import Malformed, OtherVersion, Rejects, pack_control, unpack_control
-from enliven.wire.messages import Answer, Ask, Done, Hello, Ping, Possess, Refused, Release, Reply, Request
+from enliven.wire.messages import Answer, Ask, Done, Hello, Order, Ping, Refused, Reply, Request
 from enliven.wire.topics import REQUEST
 
 _MOST_PER_POLL = 256
@@ -23,11 +23,11 @@ class Command:
     """Something that a viewer asks for and only the stage can do; answer it once.
 
     Attributes:
-        request: :class:`Possess` or :class:`Release`.
+        request: an order such as :class:`~enliven.wire.messages.Possess`.
         viewer: the name of the viewer that asks.
     """
 
-    request: Possess | Release
+    request: Order
     viewer: str
     _reply: Callable[[Answer], None] = field(repr=False)
 
@@ -93,7 +93,7 @@ class Control:
         body = request.body
         if isinstance(body, Hello | Ping):
             self._viewers[sender] = _Viewer(body.viewer, body.listening, time.monotonic())
-        if not isinstance(body, Possess | Release):
+        if not isinstance(body, Order):
             self._send(sender, Reply(request.id, self._answer(body)))
             return None
         known = self._viewers.get(sender)

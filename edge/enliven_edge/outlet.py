@@ -22,7 +22,7 @@ from enliven.wire.convert import (
     cues_to_message,
     health_to_messages,
 )
-from enliven.wire.messages import Possess
+from enliven.wire.messages import Possess, Smooth
 from enliven_edge.actor import Cues
 from enliven_edge.control import Command
 from enliven_edge.pace import Pace
@@ -114,17 +114,25 @@ class Outlet:
         if [(h.kind, h.performer) for h in health] != [(h.kind, h.performer) for h in told]:
             self._publisher.beat()
 
-    def hear(self, possess: Callable[[str, int | None, str], str], release: Callable[[str], str]) -> None:
+    def hear(
+        self,
+        possess: Callable[[str, int | None, str], str],
+        release: Callable[[str], str],
+        smooth: Callable[[int, float | None], str],
+    ) -> None:
         """Answers what viewers asked, and keeps the heart beating.
 
         Args:
             possess: (character, body, parts) to the reason why not, or an empty string.
             release: (character) likewise.
+            smooth: (body, amount) likewise.
         """
         for command in self._publisher.poll():
             asked = command.request
             if isinstance(asked, Possess):
                 _reply(command, possess(asked.character, asked.body, asked.parts))
+            elif isinstance(asked, Smooth):
+                _reply(command, smooth(asked.body, asked.amount))
             else:
                 _reply(command, release(asked.character))
 
@@ -133,7 +141,7 @@ class Outlet:
         self.report(pace, "ended", 0)
         for _ in range(_FAREWELLS):
             self._publisher.beat()
-            self.hear(lambda *_: "the stream has ended", lambda *_: "the stream has ended")
+            self.hear(*[lambda *_: "the stream has ended"] * 3)
             time.sleep(0.05)
 
     def close(self) -> None:

@@ -17,6 +17,7 @@ from enliven_edge.pace import Pace
 from enliven_edge.sensors.base import Sensor
 from enliven_edge.stage import Stage
 from enliven_edge.tracking.health import HealthMonitor
+from enliven_edge.tracking.output import Output
 from enliven_edge.tracking.tracker import Tracker
 
 log = logging.getLogger(__name__)
@@ -116,20 +117,15 @@ class Edge:
 
     def _bodies(self, frame: Frame) -> list[Body]:
         """Who is in the frame: tracked in depth, or as the sensor saw them itself."""
+        self._output.latency = self.pace.latency_ms(50) * 1e-3
         match frame:
             case DepthFrame():
                 tracker = self.tracker
-                tracker.output.latency = self.pace.latency_ms(50) * 1e-3
                 bodies = tracker.track(frame)
                 self.health.judge(frame, bodies, tracker.world_from_camera, tracker.state)
-            case BodyFrame() if isinstance(self.sensor, FusedSensors):
-                bodies = frame.bodies
-                if self.sensor.output is not None:
-                    self.sensor.output.latency = self.pace.latency_ms(50) * 1e-3
-                self.health.judge(frame, bodies)
             case BodyFrame():
-                self.tracker.output.latency = self.pace.latency_ms(50) * 1e-3
-                bodies = self.tracker.output(frame.bodies, frame.time_ns)
+                fused = isinstance(self.sensor, FusedSensors)
+                bodies = frame.bodies if fused else self._output(frame.bodies, frame.time_ns)
                 self.health.judge(frame, bodies)
         return bodies
 
@@ -167,7 +163,15 @@ class Edge:
                 lambda: self.stage.possess(character, body, parts)
             ),
             release=lambda character: self._attempt(lambda: self.stage.release(character)),
+            smooth=lambda body, amount: self._attempt(lambda: self._output.smooth(body, amount)),
         )
+
+    @property
+    def _output(self) -> Output:
+        """What smooths the bodies that are published."""
+        if isinstance(self.sensor, FusedSensors) and self.sensor.output is not None:
+            return self.sensor.output
+        return self.tracker.output
 
     @staticmethod
     def _attempt(action: Callable[[], None]) -> str:

@@ -1,6 +1,8 @@
 """The edge's loop: what a frame leads to, what is wrong is on the wire, what is late goes no further."""
 
+import contextlib
 import dataclasses
+import time
 import uuid
 
 import msgspec
@@ -12,7 +14,7 @@ from enliven.frames import BodyFrame, Frame
 from enliven.health import HealthKind
 from enliven.recording import Recording
 from enliven.wire.convert import message_to_bodies
-from enliven.wire.messages import BodiesMessage
+from enliven.wire.messages import BodiesMessage, Done
 from enliven_edge.outlet import Outlet
 from enliven_edge.sensors.synthetic import SyntheticSensor
 from enliven_edge.service import Edge
@@ -21,6 +23,7 @@ from enliven_edge.stage import Stage
 from enliven_edge.tracking.health import HealthMonitor, HealthSettings
 from enliven_edge.tracking.settings import OutputSettings, SmoothingSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
+from enliven_viewer.link import Link
 
 STEP = 33_333_333
 
@@ -106,7 +109,6 @@ def test_a_sensor_that_is_silent_is_said_to_be_while_it_is(outlet):
     said = serve([*frames[:2], *[None] * 3, frames[2]], outlet, silent=0.05)
     assert HealthKind.NO_FRAMES not in said[1]
     assert HealthKind.NO_FRAMES not in said[-1]
-    import time
 
     class Slow(Frames):
         def read(self, timeout=None):
@@ -134,3 +136,42 @@ def test_bodies_of_a_sensor_that_tracks_people_itself_are_smoothed_and_mirrored_
     raw = np.array([frame.bodies[0].joints[Joint.HAND_RIGHT] * [-1, 1, 1] for frame in frames])
     assert hands[10:].std(0).max() < 0.6 * raw[10:].std(0).min()
     np.testing.assert_allclose(hands[-1], raw.mean(0), atol=0.02)
+
+
+def test_a_viewer_may_turn_a_performer_s_smoothing_off(outlet, tmp_path):
+    """The command goes over the real sockets; from then on what leaves is what the sensor said."""
+    random = np.random.default_rng(1)
+    base = random.normal(size=(20, 3))
+    frames = [
+        BodyFrame([Body(1, base + random.normal(0, 0.02, (20, 3)), np.ones(20))], i * STEP, "given")
+        for i in range(40)
+    ]
+    answers = []
+    with contextlib.closing(Link([outlet.publisher.endpoint])) as link:
+        deadline = time.monotonic() + 10.0
+        while link.status is None and time.monotonic() < deadline:
+            link.poll()
+            outlet.publisher.poll()
+
+        class Asking(Frames):
+            """Asks before the 21st frame, and waits for the answer."""
+
+            def read(self, timeout=None):
+                if len(self._frames) == 20 and not answers and time.monotonic() < deadline:
+                    if not self.asked:
+                        link.smooth(1, 0.0, answers.append)
+                        self.asked = True
+                    link.poll()
+                    raise TimeoutError
+                return super().read(timeout)
+
+        sensor = Asking(frames)
+        sensor.asked = False
+        settings = TrackerSettings(smoothing=SmoothingSettings(amount=8.0))
+        Edge(sensor, Tracker(settings), Stage([]), outlet).run()
+    assert answers == [Done()]
+    away = [
+        np.linalg.norm(bodies[0].joints - frame.bodies[0].joints, axis=1).max()
+        for (_, bodies), frame in zip(published(outlet, tmp_path), frames, strict=True)
+    ]
+    assert min(away[5:20]) > 0.01 and max(away[21:]) < 0.001

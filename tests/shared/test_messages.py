@@ -49,6 +49,8 @@ ASKS = [
     messages.Possess("chair", None),
     messages.Possess("chair", 3, "legs"),
     messages.Release("chair"),
+    messages.Smooth(3, 0.0),
+    messages.Smooth(3),
     messages.Ping("v", 1),
 ]
 ANSWERS = [

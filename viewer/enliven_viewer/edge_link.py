@@ -22,12 +22,11 @@ from enliven.wire.messages import (
     CuesMessage,
     GetState,
     Hello,
+    Order,
     Ping,
     Pong,
     PoseMessage,
-    Possess,
     Refused,
-    Release,
     StatusMessage,
     Welcome,
 )
@@ -124,7 +123,7 @@ class EdgeLink:
         state, text = self._state(now, rate)
         return Health(state, text, rate, self._rejects.total, self._lost)
 
-    def command(self, request: Possess | Release, on_reply: Callable[[Answer], None] | None) -> None:
+    def command(self, request: Order, on_reply: Callable[[Answer], None] | None) -> None:
         """Ask the edge to do something; whatever comes of it is a notice, and ``on_reply`` gets the reply."""
 
         def replied(answer: Answer | None) -> None:

@@ -11,7 +11,7 @@ import zmq
 
 from enliven.character import Character
 from enliven.errors import InputError
-from enliven.wire.messages import Answer, Possess, Refused, Release, StatusMessage
+from enliven.wire.messages import Answer, Possess, Refused, Release, Smooth, StatusMessage
 from enliven.wire.posecode import warm_up
 from enliven.wire.sockets import Endpoint, parse_endpoint
 from enliven_viewer.edge_link import EdgeLink
@@ -138,6 +138,13 @@ class Link:
     def release(self, character: str, on_reply: Callable[[Answer], None] | None = None) -> None:
         """Ask that a character be let go; see :meth:`possess`."""
         self._command(character, Release, on_reply)
+
+    def smooth(
+        self, body: int, amount: float | None = None, on_reply: Callable[[Answer], None] | None = None
+    ) -> None:
+        """Ask that a performer be smoothed by another amount: 0 not at all, None as the settings say."""
+        for edge in self.edges:
+            edge.command(Smooth(body, amount), on_reply)
 
     def close(self) -> None:
         """Let the sockets go."""

@@ -238,6 +238,13 @@ class Release(Struct, tag=True, frozen=True):
     character: Name
 
 
+class Smooth(Struct, tag=True, frozen=True):
+    """A performer's joints are smoothed so much from now on: 0 not at all; None: as the settings say."""
+
+    body: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)]
+    amount: Annotated[float, Meta(ge=0.0, le=20.0)] | None = None
+
+
 class Ping(Struct, tag=True, frozen=True):
     """Asks for the edge's clock, and says that the viewer is still there; ``sent_ns`` is its wall clock."""
 
@@ -280,7 +287,9 @@ class Pong(Struct, tag=True, frozen=True):
     edge_ns: Nanoseconds
 
 
-Ask = Hello | GetState | Possess | Release | Ping
+Order = Possess | Release | Smooth
+"""What only the edge's loop can carry out."""
+Ask = Hello | GetState | Order | Ping
 Answer = Welcome | CharacterMessage | Done | Refused | Pong
 
 
