@@ -32,7 +32,7 @@ def cut_off(local: Float, camera: Intrinsics) -> tuple[str, str]:
     u = camera.fx * local[:, 0] / z + camera.cx
     v = camera.fy * local[:, 1] / z + camera.cy
     borders = (
-        ("left", u < 0), ("right", u > camera.width - 1), ("upper", v < 0), ("lower", v > camera.height - 1),
+        ("lower", v > camera.height - 1), ("upper", v < 0), ("left", u < 0), ("right", u > camera.width - 1),
     )  # fmt: skip
     for side, out in borders:
         if out.any():
