@@ -27,6 +27,8 @@ _EXPLAINED = 0.97
 """Share of the points; a frame that is explained less is looked at twice."""
 _WIDE = 0.25
 """Metres: the robust width of the second look, about what a fast hand moves in a frame."""
+_SPEED_MEMORY = 0.4
+"""Seconds over which the speed of walking is averaged."""
 _SOME_POINTS = np.log1p(4)
 FEWEST_PIXELS = 60
 """Of the working image; fewer show nobody."""
@@ -57,6 +59,7 @@ class Follower:
         self._fitted = 0
         self._bad = 0
         self._unsupported = np.zeros(20)
+        self._velocity, self._time_ns = np.zeros(3), 0
 
     @classmethod
     def found(
@@ -97,12 +100,13 @@ class Follower:
         posture, report = self._fitted_to(observation, predicted, self._proportions())
         certain = _capsule_confidence(report, observation, posture)
         posture, report = self._second_thoughts.reconsider(observation, posture, report, certain, seen)
-        if seen is not None and self._facing.is_wrong(seen, posture, view.eye):
+        velocity = self._moving(posture.position, view.time_ns)
+        flipped = seen is not None and self._facing.is_wrong(seen, posture, view.eye, velocity)
+        if flipped:
             posture, report = self._fitter.fit(observation, turned_about(posture))
-            self._before = None
         if quality(report) <= _ACCEPTABLE and not self._missed() and self.lost:
             return False
-        self._before, self.posture = self.posture, posture
+        self._before, self.posture = (None if flipped else self.posture), posture
         self._vouch(report, observation)
         if quality(report) <= _ACCEPTABLE:
             return False
@@ -120,6 +124,17 @@ class Follower:
         wide, _ = fit(observation, self.posture, predicted=predicted, iterations=5, width=_WIDE)
         other = fit(observation, wide, predicted=predicted, proportions=proportions)
         return other if other[1].energy < best[1].energy else best
+
+    def _moving(self, position: Float, time_ns: int) -> Float:
+        """(3,) metres a second at which the hip centre has been going of late."""
+        seconds = (time_ns - self._time_ns) * 1e-9
+        if 0.0 < seconds < 0.5:
+            share = min(1.0, seconds / _SPEED_MEMORY)
+            self._velocity = self._velocity + share * (
+                (position - self.posture.position) / seconds - self._velocity
+            )
+        self._time_ns = time_ns
+        return self._velocity
 
     def _missed(self) -> bool:
         """Counts a bad frame."""
