@@ -24,6 +24,8 @@ _MOVED = 0.02
 """What a sensor counts that was moved, against one that was not."""
 _CONVINCING = 3.0
 """Confidence that may be gained a second."""
+_SHAKEN, _CALM = 0.7, 0.05**2
+"""Seconds for which a surprising sensor is doubted, and square metres of surprise that are usual."""
 _SETTLED = 3.0
 """Seconds after which it is known which side is which."""
 _GUESS = 1e-3
@@ -50,6 +52,7 @@ class FusedPerson:
         self._doubted_sides = self._watched = 0.0
         self._spoke = np.zeros((sensors, 20), bool)
         self._sure = np.zeros((sensors, 20))
+        self._surprise = np.zeros(sensors)
         self._turn_spoke = np.zeros((sensors, 20), bool)
         self._habit, self._turn_habit = np.zeros((sensors, 20, 3)), np.zeros((sensors, 20, 4))
 
@@ -74,6 +77,7 @@ class FusedPerson:
         x, w = self._words(bodies, views, seconds if known else np.inf)
         if known:
             doubt_outliers(x, w, expected)
+            self._trust_the_steady(x, w, expected, seconds)
         step = 1.0 - np.exp(-max(seconds, 0.0) / self.settings.hand_over) if self.settings.hand_over else 1.0
         share = float(step) if known else 1.0
         joints = np.empty((20, 3))
@@ -85,6 +89,19 @@ class FusedPerson:
         for sensor, sighting in group.sightings.items():
             views[sensor].bind(sighting, self.id, self.settings.believe_ids)
         return Body(self.id, joints, confidence, turns, _contacts(bodies, w), _stature(bodies, w))
+
+    def _trust_the_steady(self, x: Float, w: Float, expected: Float, seconds: float) -> None:
+        """Lowers the weights (S, 20) of a sensor that has been surprising for a while, against the others.
+
+        What it always says differently is no surprise.
+        """
+        sensors = np.flatnonzero(w.any(1) & self._spoke.any(1))
+        surprise = ((x[sensors] - self._habit[sensors] - expected) ** 2).sum(2).mean(1)
+        share = 1.0 - np.exp(-seconds / _SHAKEN)
+        self._surprise[sensors] += share * (surprise - self._surprise[sensors])
+        if len(sensors) > 1:
+            least = self._surprise[sensors].min()
+            w[sensors] *= ((least + _CALM) / (self._surprise[sensors] + _CALM))[:, None]
 
     def _forget_habits(self) -> None:
         self._spoke[:], self._turn_spoke[:] = False, False
