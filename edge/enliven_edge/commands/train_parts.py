@@ -31,7 +31,7 @@ def train_parts(
       enliven train-parts -o small.npz --pictures 2000 --depth 14     a lesser one, in three minutes
     """
     from enliven_edge.parts.accuracy import measure
-    from enliven_edge.parts.training import TrainingSettings, render_album, train
+    from enliven_edge.parts.training import TrainingSettings, render_album, train, with_facing
 
     if output.suffix != ".npz":
         raise InputError("a forest is a .npz file", where=str(output), mend="Give a name that ends in .npz.")
@@ -46,6 +46,8 @@ def train_parts(
         album = render_album(settings, lambda _: progress.advance(rendering))
         growing = progress.add_task("Growing trees", total=settings.trees)
         forest = train(album, settings, lambda _number, _seconds: progress.advance(growing))
+        watching = progress.add_task("Learning which way people face", total=settings.facing)
+        forest = with_facing(forest, settings, lambda _: progress.advance(watching))
     forest.save(output)
     leaves = len(forest.trees.posterior)
     typer.echo(f"{output}: {settings.trees} trees, {leaves} leaves, {output.stat().st_size / 1e6:.2f} MB")

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
+from enliven_edge.parts.facing import facing_number
 from enliven_edge.parts.forest import PartForest
-from enliven_edge.parts.labels import MIRRORED, PARTS, Part
+from enliven_edge.parts.labels import FACINGS, MIRRORED, PARTS, Part
 from enliven_edge.parts.pictures import Studio
 
 _FRESH = 7919
@@ -21,9 +22,11 @@ class Accuracy:
 
     Attributes:
         confusion: (17, 17) pixels by true part and likeliest part.
+        facing: (8, 8) pictures by the true way to face and the likeliest one.
     """
 
     confusion: Float
+    facing: Float
 
     @property
     def pixels(self) -> float:
@@ -50,16 +53,21 @@ class Accuracy:
             lines.append(f"{name:20s} {self.parts[part]:6.2f} {self.sideless[part]:12.2f}")
         lines.append(f"{'mean of the parts':20s} {self.parts.mean():6.2f} {self.sideless.mean():12.2f}")
         lines.append(f"{'all pixels':20s} {self.pixels:6.2f}")
+        turned = np.abs((np.arange(FACINGS)[:, None] - np.arange(FACINGS) + 4) % FACINGS - 4)
+        near = float(self.facing[turned <= 1].sum() / self.facing.sum())
+        lines.append(f"{'faces, within 67 deg':20s} {near:6.2f}")
         return "\n".join(lines)
 
 
 def measure(forest: PartForest, pictures: int, seed: int, family: str | None = None) -> Accuracy:
     """The accuracy on so many fresh pictures."""
     studio, dice = Studio(), np.random.default_rng([seed, _FRESH])
-    confusion = np.zeros((PARTS, PARTS))
+    confusion, facing = np.zeros((PARTS, PARTS)), np.zeros((FACINGS, FACINGS))
     for _ in range(pictures):
         picture = studio.picture(dice, family)
         rows, columns = np.nonzero(picture.z > 0)
-        found = forest.probabilities(picture.z.astype(np.float64), picture.camera, rows, columns)
-        np.add.at(confusion, (picture.label[rows, columns], found.argmax(1)), 1)
-    return Accuracy(confusion)
+        leaves = forest.leaves(picture.z.astype(np.float64), picture.camera, rows, columns)
+        found = forest.parts_of(leaves).argmax(1)
+        np.add.at(confusion, (picture.label[rows, columns], found), 1)
+        facing[facing_number(picture), forest.facing_of(leaves).argmax()] += 1
+    return Accuracy(confusion, facing)

@@ -56,39 +56,45 @@ def response(pixels, start, height, width, row, column, z, x, y, feature):  # ty
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def walk(  # type: ignore[no-untyped-def]
-    pixels, height, width, rows, columns, across, down, features, roots, feature, threshold, child,
-    posterior, out,
-):  # fmt: skip
-    """Adds the posteriors of the leaves that every pixel reaches in every tree, and divides to one.
+def find_leaves(  # type: ignore[no-untyped-def]
+    pixels, height, width, rows, columns, across, down, features, roots, feature, threshold, child, out
+):
+    """The leaf that every pixel reaches in every tree.
 
     Args:
         roots: (T,) the first node of every tree; feature, threshold, child: (n,) of all nodes. ``child`` is
             the node where f < threshold, the next node is the other; or -1 - leaf.
-        posterior: (leaves, P) uint8.
-        out: (M, P) float32 receives the probabilities.
+        out: (M, T) int32 receives the leaves, -1 where a pixel is off the person.
     """
-    parts = posterior.shape[1]
     for i in range(len(rows)):
-        out[i] = 0.0
         row, column = rows[i], columns[i]
         if pixels[row * width + column] == 0:
+            out[i] = -1
             continue
         z = np.float32(pixels[row * width + column]) * np.float32(1e-3)
         x, y = np.float32(across) / z, np.float32(down) / z
-        for root in roots:
-            node = root
+        for t in range(len(roots)):
+            node = roots[t]
             while child[node] >= 0:
                 value = response(pixels, 0, height, width, row, column, z, x, y, features[feature[node]])
                 node = child[node] + (value >= threshold[node])
-            leaf = -1 - child[node]
-            for p in range(parts):
-                out[i, p] += posterior[leaf, p]
+            out[i, t] = -1 - child[node]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def mean_shares(shares, leaves, out):  # type: ignore[no-untyped-def]
+    """(M, K) the mean, over trees, of the (leaves, K) uint8 shares, to a sum of one; 0 off the person."""
+    for i in range(len(leaves)):
+        out[i] = 0.0
+        if leaves[i, 0] < 0:
+            continue
         total = np.float32(0.0)
-        for p in range(parts):
-            total += out[i, p]
-        for p in range(parts):
-            out[i, p] /= total
+        for t in range(leaves.shape[1]):
+            for k in range(shares.shape[1]):
+                out[i, k] += shares[leaves[i, t], k]
+                total += np.float32(shares[leaves[i, t], k])
+        for k in range(shares.shape[1]):
+            out[i, k] /= total
 
 
 def random_features(count: int, dice: np.random.Generator) -> Float32:

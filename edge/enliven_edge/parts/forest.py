@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import zipfile
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
 
-from enliven.arrays import AnyArray, Float, Float32, Int, UInt8, UInt16
+from enliven.arrays import AnyArray, Float, Float32, Int, Int32, UInt8, UInt16
 from enliven.errors import InputError
-from enliven_edge.parts.features import millimetres, walk
-from enliven_edge.parts.labels import PARTS
+from enliven_edge.parts.features import find_leaves, mean_shares, millimetres
+from enliven_edge.parts.labels import FACINGS, PARTS
 
-FORMAT = 1
+FORMAT = 2
 """The version of the file, which an older program refuses."""
+_DOUBT = 0.02
+"""Added to shares before their logarithm: no single pixel decides."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,8 @@ class Trees:
         child: (n,) int32 the node where the response is below the threshold, the next node is the other; or
             -1 - leaf.
         posterior: (leaves, 17) uint8 the shares of the parts, 255 the whole.
+        facing: (leaves, 8) uint8 the shares of the ways that the person faces, see
+            :func:`enliven_edge.parts.labels.facing_of`.
     """
 
     roots: AnyArray
@@ -36,6 +40,7 @@ class Trees:
     threshold: Float32
     child: AnyArray
     posterior: UInt8
+    facing: UInt8
 
     @classmethod
     def joined(cls, trees: list[Trees]) -> Trees:
@@ -51,6 +56,7 @@ class Trees:
             np.concatenate([tree.threshold for tree in trees]),
             np.concatenate(child).astype(np.int32),
             np.concatenate([tree.posterior for tree in trees]),
+            np.concatenate([tree.facing for tree in trees]),
         )
 
 
@@ -70,6 +76,25 @@ class PartForest:
     ) -> Float32:
         """(M, 17) float32 the probability of every part at M pixels; all 0 where a pixel is off the person.
 
+        The arguments are those of :meth:`leaves`.
+        """
+        return self.parts_of(self.leaves(z, camera, rows, columns, roll=roll))
+
+    def parts_of(self, leaves: Int32) -> Float32:
+        """(M, 17) the probability of every part at pixels that reached these (M, T) leaves."""
+        out = np.empty((len(leaves), PARTS), np.float32)
+        mean_shares(self.trees.posterior, leaves, out)
+        return out
+
+    def facing_of(self, leaves: Int32) -> Float:
+        """(8,) the mean log likelihood, over pixels, of every way that the person may face."""
+        out = np.empty((len(leaves), FACINGS), np.float32)
+        mean_shares(self.trees.facing, leaves, out)
+        return np.asarray(np.log(out[leaves[:, 0] >= 0] + _DOUBT).mean(0), np.float64)
+
+    def leaves(self, z: Float, camera: Float, rows: Int, columns: Int, *, roll: float = 0.0) -> Int32:
+        """(M, T) int32 the leaf that each of M pixels reaches in each tree; -1 where it is off the person.
+
         Args:
             z: (h, w) metres along the optical axis of the person's pixels, 0 elsewhere.
             camera: (4,) fx, fy, cx, cy in pixels of this image.
@@ -82,12 +107,12 @@ class PartForest:
             c, s = np.cos(roll), np.sin(roll)
             turn = np.array([[c, s], [-s, c]])
             features = (features.reshape(-1, 2) @ turn).reshape(-1, 4).astype(np.float32)
-        out = np.empty((len(rows), PARTS), np.float32)
+        out = np.empty((len(rows), len(self.trees.roots)), np.int32)
         bordered = millimetres(z)
         t = self.trees
-        walk(
+        find_leaves(
             bordered.ravel(), *bordered.shape, rows + 1, columns + 1, camera[0], camera[1], features,
-            t.roots, t.feature, t.threshold, t.child, t.posterior, out,
+            t.roots, t.feature, t.threshold, t.child, out,
         )  # fmt: skip
         return out
 
@@ -96,7 +121,7 @@ class PartForest:
         t = self.trees
         np.savez_compressed(
             path, format=np.array([FORMAT, PARTS]), features=self.features, roots=t.roots, feature=t.feature,
-            threshold=t.threshold.astype(np.float32), child=t.child, posterior=t.posterior,
+            threshold=t.threshold.astype(np.float32), child=t.child, posterior=t.posterior, facing=t.facing,
         )  # fmt: skip
 
     @classmethod
@@ -112,11 +137,11 @@ class PartForest:
             found = values["format"].tolist()
             if found != [FORMAT, PARTS]:
                 raise _bad(path, f"it is of another version ({found}, not {[FORMAT, PARTS]})")
-            trees = Trees(*(values[name] for name in ("roots", "feature", "threshold", "child", "posterior")))
+            trees = Trees(*(values[field.name] for field in fields(Trees)))
             forest = cls(values["features"], trees)
         except FileNotFoundError:
             raise InputError("there is no such file", where=str(path), mend=_MEND) from None
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        except (*_DAMAGED, zipfile.BadZipFile, zlib.error) as error:
             raise _bad(path, f"it is damaged ({error})") from None
         problem = forest._problem()
         if problem:
@@ -132,6 +157,12 @@ class PartForest:
             return "its tables do not belong together"
         if t.posterior.ndim != 2 or t.posterior.shape[1] != PARTS or not np.isfinite(t.threshold).all():
             return "its posteriors are not of the parts"
+        if (
+            t.facing.shape != (len(t.posterior), FACINGS)
+            or not t.posterior.any(1).all()
+            or not t.facing.any(1).all()
+        ):
+            return "its leaves say nothing"
         inner = t.child >= 0
         if nodes == 0 or len(t.roots) == 0 or t.roots.min() < 0 or t.roots.max() >= nodes:
             return "it has no trees"
@@ -142,6 +173,8 @@ class PartForest:
         return ""
 
 
+_DAMAGED = (OSError, ValueError, KeyError, EOFError, RuntimeError)
+"""What reading a damaged archive raises, besides its own errors."""
 _MEND = "Make it again with: enliven train-parts -o FILE"
 
 

@@ -36,6 +36,8 @@ class Part(IntEnum):
 PARTS = len(Part)
 NOBODY = 255
 """The label of a pixel that shows no part."""
+FACINGS = 8
+"""Ways to face that are told apart, every 45 degrees."""
 MIRRORED = np.array([0, *(p + 1 if p % 2 else p - 1 for p in range(1, PARTS))])
 """(17,) the part on the other side of the body."""
 
@@ -72,3 +74,14 @@ def label_pixels(pieces: UInt8, points: Float, figure: Figure, scale: float) -> 
     right = local[:, 0] < 0.0
     labels[trunk] = np.where(belly, Part.BELLY_LEFT, Part.CHEST_LEFT) + right
     return labels.astype(np.uint8)
+
+
+def facing_of(left: Float, place: Float, eye: Float) -> float:
+    """Radians in plan from facing the sensor to the way somebody faces, anticlockwise from above.
+
+    Args:
+        left: (3,) towards their left side, world frame: unlike the front it stays level when they bend.
+        place, eye: (3,) where they and the sensor are.
+    """
+    way = eye - place
+    return float(np.arctan2(-left[2], left[0]) - np.arctan2(way[0], way[2]))

@@ -11,7 +11,7 @@ from numba import njit
 from enliven.arrays import Float, Float32
 from enliven_edge.parts.anatomy import ANCHOR_FRAMES, ANCHORS, BELOW, CARRIES, USUAL_AREA
 from enliven_edge.parts.forest import PartForest
-from enliven_edge.parts.labels import MIRRORED, Part
+from enliven_edge.parts.labels import FACINGS, MIRRORED, Part, facing_of
 from enliven_edge.parts.modes import Modes, part_modes
 from enliven_edge.parts.sideless import merged
 from enliven_edge.tracking import model, ranges
@@ -36,11 +36,14 @@ class Seen:
         points: (M, 3) metres, world frame: the observation's.
         probabilities: (M, 17) float32 of the parts at the observation's points.
         area: (M,) square metres that each point stands for.
+        facing: (8,) mean log likelihood, over the points, of every way to face, see
+            :func:`enliven_edge.parts.labels.facing_of`.
     """
 
     points: Float32
     probabilities: Float32
     area: Float
+    facing: Float
 
     @cached_property
     def modes(self) -> Modes:
@@ -73,11 +76,11 @@ def look(forest: PartForest, observation: Observation) -> Seen:
     rows, columns = observation.pixels[:, 0], observation.pixels[:, 1]
     # Upright in the image: the way that the world's up goes in it.
     roll = float(np.arctan2(pose[1, 0], -pose[1, 1]))
-    found = forest.probabilities(np.where(mask, z, 0.0), camera, rows, columns, roll=roll)
+    leaves = forest.leaves(np.where(mask, z, 0.0), camera, rows, columns, roll=roll)
     depth = z[rows, columns]
     share = np.count_nonzero(mask) / max(1, len(rows))
     area = share * depth * depth / (camera[0] * camera[1])
-    return Seen(observation.points, found, area)
+    return Seen(observation.points, forest.parts_of(leaves), area, forest.facing_of(leaves))
 
 
 def proposals(seen: Seen, lengths: Float, eye: Float) -> list[tuple[float, Posture]]:
@@ -181,6 +184,19 @@ def agreement(seen: Seen, posture: Posture) -> float:
     The agreement of a posture and of one turned about tells front from back, and left from right.
     """
     return float(_agreement(seen.points, *posture.capsules(), seen.likelihood))
+
+
+def facing_score(seen: Seen, posture: Posture, eye: Float) -> float:
+    """How likely it is that somebody seen so faces as the posture does: 0 for the likeliest way, else less.
+
+    The unit is that of a mean log likelihood; interpolated between the eight ways that the forest tells.
+    """
+    chest = posture.rotations[model.PELVIS] @ posture.rotations[model.CHEST]
+    turns = facing_of(chest[:, 0], posture.position, eye) * FACINGS / (2.0 * np.pi)
+    before = int(np.floor(turns))
+    share = turns - before
+    ways = seen.facing - seen.facing.max()
+    return float((1.0 - share) * ways[before % FACINGS] + share * ways[(before + 1) % FACINGS])
 
 
 @njit(cache=True, nogil=True)

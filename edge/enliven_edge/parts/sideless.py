@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Float, Float32, Int
 from enliven_edge.parts.anatomy import ANCHOR_FRAMES, ANCHORS, BELOW, USUAL_AREA
 from enliven_edge.parts.labels import PARTS, Part
 from enliven_edge.parts.modes import Modes
@@ -37,9 +37,9 @@ _TRUNK = _trunk_anchors()
 _TRUNK_FRAMES = ANCHOR_FRAMES[_CENTRES]
 
 
-def merged(probabilities: Float) -> Float:
+def merged(probabilities: Float32) -> Float32:
     """(M, 9) the probabilities of the kinds from (M, 17) of the parts."""
-    out = np.zeros((len(probabilities), 9), probabilities.dtype)
+    out = np.zeros((len(probabilities), 9), np.float32)
     for part in range(PARTS):
         out[:, KIND[part]] += probabilities[:, part]
     return out
@@ -113,7 +113,7 @@ def _upright(targets: Float, mass: Float, yaw: float) -> Float:
     return rotations
 
 
-def _points(posture: Posture, frames: Float, local: Float) -> Float:
+def _points(posture: Posture, frames: Int, local: Float) -> Float:
     """(A, 3) where a posture has its anchors, world frame."""
     world, pivots, _ = forward(posture.position, posture.rotations, posture.lengths)
     return np.asarray(pivots[frames] + np.einsum("aij,aj->ai", world[frames], local @ posture.lengths))

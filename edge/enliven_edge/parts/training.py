@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
 
 from enliven.arrays import AnyArray, Float32
 from enliven.settings import setting
+from enliven_edge.parts.facing import tabulate_facing
 from enliven_edge.parts.features import random_features, response
 from enliven_edge.parts.forest import PartForest, Trees
-from enliven_edge.parts.labels import PARTS
+from enliven_edge.parts.labels import FACINGS, PARTS
 from enliven_edge.parts.pictures import Picture, Studio
 from enliven_edge.parts.samples import Album, collect
 
@@ -25,6 +26,7 @@ class TrainingSettings:
     pictures: int = setting(35000, "Rendered pictures.", low=1, high=1_000_000)
     pixels: int = setting(20, "Pixels of every part drawn from a picture, anew for every tree.", low=1)
     trees: int = setting(3, "Trees of the forest.", low=1, high=20)
+    facing: int = setting(12000, "Pictures from which each leaf learns how people face.", low=0)
     depth: int = setting(18, "Questions from a root to a leaf, at most.", low=1, high=30)
     fewest: int = setting(40, "Pixels below which a node is not split.", low=2)
     pool: int = setting(2000, "Random features that every node draws from.", low=1, high=65535)
@@ -63,6 +65,14 @@ def train(album: Album, settings: TrainingSettings, grown: Callable[[int, float]
     return PartForest(features, Trees.joined(trees))
 
 
+def with_facing(
+    forest: PartForest, settings: TrainingSettings, seen: Callable[[Picture], object] = lambda _: None
+) -> PartForest:
+    """The forest whose leaves also know how people face."""
+    table = tabulate_facing(forest, settings.facing, settings.seed, seen)
+    return PartForest(forest.features, replace(forest.trees, facing=table))
+
+
 def grow(
     album: Album, places: AnyArray, parts: AnyArray, features: Float32, settings: TrainingSettings, seed: int
 ) -> Trees:
@@ -87,6 +97,7 @@ def grow(
         threshold[:used],
         numbered,
         np.rint(share * 255).astype(np.uint8),
+        np.full((len(share), FACINGS), 32, np.uint8),
     )
 
 

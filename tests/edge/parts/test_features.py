@@ -87,7 +87,7 @@ def stump(features: np.ndarray, threshold: float) -> PartForest:
     posterior[0, 0], posterior[1, 9] = 255, 255
     trees = Trees(
         np.zeros(1, np.int32), np.zeros(3, np.uint16), np.full(3, threshold, np.float32),
-        np.array([1, -1, -2], np.int32), posterior,
+        np.array([1, -1, -2], np.int32), posterior, np.full((2, 8), 32, np.uint8),
     )  # fmt: skip
     return PartForest(features, trees)
 

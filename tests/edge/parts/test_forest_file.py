@@ -16,6 +16,7 @@ def small(**changes) -> PartForest:
     values = dict(
         roots=np.zeros(1, np.int32), feature=np.zeros(3, np.uint16), threshold=np.zeros(3, np.float32),
         child=np.array([1, -1, -2], np.int32), posterior=np.full((2, PARTS), 15, np.uint8),
+        facing=np.full((2, 8), 32, np.uint8),
     )  # fmt: skip
     return PartForest(random_features(4, np.random.default_rng(0)), Trees(**{**values, **changes}))
 
@@ -25,7 +26,7 @@ def test_it_comes_back_as_it_was(tmp_path):
     forest.save(tmp_path / "f.npz")
     back = PartForest.load(tmp_path / "f.npz")
     assert np.array_equal(back.features, forest.features)
-    for name in ("roots", "feature", "threshold", "child", "posterior"):
+    for name in ("roots", "feature", "threshold", "child", "posterior", "facing"):
         assert np.array_equal(getattr(back.trees, name), getattr(forest.trees, name))
 
 
@@ -59,7 +60,7 @@ def test_no_flipped_byte_changes_the_forest_unnoticed(tmp_path):
             refused += 1
             continue
         assert np.array_equal(back.features, forest.features)
-        for name in ("roots", "feature", "threshold", "child", "posterior"):
+        for name in ("roots", "feature", "threshold", "child", "posterior", "facing"):
             assert np.array_equal(getattr(back.trees, name), getattr(forest.trees, name))
     assert refused > 10
 
@@ -75,8 +76,21 @@ def test_no_flipped_byte_changes_the_forest_unnoticed(tmp_path):
         {"threshold": np.full(3, np.nan, np.float32)},
         {"posterior": np.full((2, 3), 15, np.uint8)},
         {"threshold": np.zeros(2, np.float32)},
+        {"facing": np.full((2, 3), 32, np.uint8)},
+        {"posterior": np.zeros((2, PARTS), np.uint8)},
     ],
-    ids=["circle", "no leaf", "past the end", "no feature", "no root", "not a number", "parts", "lengths"],
+    ids=[
+        "circle",
+        "no leaf",
+        "past the end",
+        "no feature",
+        "no root",
+        "not a number",
+        "parts",
+        "lengths",
+        "ways",
+        "nothing",
+    ],
 )
 def test_a_forest_that_would_lead_astray_is_refused(tmp_path, changes):
     small(**changes).save(tmp_path / "f.npz")
