@@ -200,6 +200,7 @@ def _accuracy() -> list[Sequence]:
         Sequence("touch", t, _touching((TALL, SMALL), 0), 4.5),
         Sequence("three", t, _three(), 4.0),
         Sequence("desk", t, _one(AVERAGE, _EX("signals", 3), (0.0, -2.7)), 4.0, furniture=DESK, told=True),
+        Sequence("high camera", t, _one(TALL, _EX("signals", 71), (0.2, -2.9)), 3.5, height=2.2, tilt=24.0),
         # what is reported
         Sequence("h still", h, _one(SLIM, _EX("still", 5)), 4.0, kind="still"),
         Sequence("h overhead", h, _one(CHILD, _EX("overhead", 11), (-0.1, -2.4)), 5.0),
@@ -223,6 +224,8 @@ def _accuracy() -> list[Sequence]:
         Sequence("h touch", h, _touching((BROAD, SLIM), 22), 4.5),
         Sequence("h four", h, _four(), 4.0),
         Sequence("h leave", h, _leaving((LANKY, CHILD)), 9.0),
+        Sequence("h high camera", h, _one(SLIM, _EX("crossed", 72)), 3.5, "kinect1", height=2.3, tilt=26.0),
+        Sequence("h low camera", h, _one(LANKY, _EX("signals", 73)), 3.5, height=0.55, tilt=-6.0),
         Sequence("h pillar", h, _one(SLIM, _EX("stroll", 24), (-1.7, -2.9), SIDE), 4.5, furniture=PILLAR),
     ]  # fmt: skip
 
