@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enliven.settings import setting
 from enliven_edge.actor import ActorSettings
 from enliven_edge.fusion.settings import CalibrationSettings, FusionSettings
+from enliven_edge.landmarks.settings import ColourSettings
 from enliven_edge.sensors.sources import SourceSettings
 from enliven_edge.tracking.health import HealthSettings
 from enliven_edge.tracking.settings import TrackerSettings
@@ -30,6 +31,7 @@ class EdgeSettings:
     up: str = setting("y", "The mesh's own axis that points up: x, y or z.")
     tracker: TrackerSettings = setting(TrackerSettings, "The tracker.")
     actor: ActorSettings = setting(ActorSettings, "How characters meet and follow their performers.")
+    colour: ColourSettings = setting(ColourSettings, "The colour image, where there is one.")
     health: HealthSettings = setting(HealthSettings, "When something is said to be wrong.")
     wire: WireSettings = setting(WireSettings, "The network.")
     sensors: dict[str, SourceSettings] = field(

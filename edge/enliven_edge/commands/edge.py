@@ -22,6 +22,7 @@ from enliven_edge.settings import EdgeSettings, WireSettings
 if TYPE_CHECKING:
     from enliven_edge.actor import Actor
     from enliven_edge.fusion.fused_sensor import FusedSensors
+    from enliven_edge.landmarks.eye import ColourEye
     from enliven_edge.sensors.base import Sensor
     from enliven_edge.sensors.sources import Source
 
@@ -105,7 +106,7 @@ def serve(
         outlet.introduce(actor.character)
         service = Edge(
             sensor,
-            Tracker(chosen.tracker),
+            Tracker(chosen.tracker, _colour_eye(chosen, stack)),
             Stage([actor]),
             outlet,
             possess_at=possess_at,
@@ -122,6 +123,16 @@ def serve(
             service.run()
         outlet.end(service.pace)
         log.info("%d frames, %.1f ms at the median", service.frames, service.pace.latency_ms(50))
+
+
+def _colour_eye(chosen: EdgeSettings, stack: contextlib.ExitStack) -> ColourEye | None:
+    """What looks at the colour image, where the settings ask for it."""
+    if not chosen.colour.use:
+        return None
+    from enliven_edge.landmarks.eye import ColourEye
+    from enliven_edge.landmarks.mediapipe_source import MediaPipeSource
+
+    return ColourEye(stack.enter_context(MediaPipeSource(chosen.colour.mediapipe)), chosen.colour.lift)
 
 
 def _prepared(mesh: str, chosen: EdgeSettings) -> Actor:

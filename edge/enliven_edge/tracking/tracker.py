@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from enliven.arrays import Float, Int
 from enliven.body import Body
 from enliven.frames import DepthFrame
+from enliven_edge.landmarks.eye import ColourEye
 from enliven_edge.tracking.crowd import Crowd
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.health import TrackerState
@@ -24,15 +25,19 @@ class Tracker:
 
     A frame goes: reduce, place in the world, take the room away, share the rest among the people, fit them,
     look for new ones, smooth.
+
+    Args:
+        colour: looks at the colour image too, where there is one; None: depth alone.
     """
 
-    def __init__(self, settings: TrackerSettings | None = None) -> None:
+    def __init__(self, settings: TrackerSettings | None = None, colour: ColourEye | None = None) -> None:
         self.settings = settings or TrackerSettings()
         self._mounting = Mounting(self.settings.scene, self.settings.room.moved)
         self._crowd = Crowd(self.settings, Fitter(self.settings.fit))
         self._room: Room | None = None
         self._owner: Int | None = None
         self.output = Output(self.settings)
+        self.colour = colour
 
     @property
     def world_from_camera(self) -> Float | None:
@@ -94,7 +99,7 @@ class Tracker:
         room.guard(segments.owner, self._crowd.owners(), view.z)
         agreement = room.learn(view.z, segments.owner >= 0, view.time_ns, hold)
         self._mounting.watch(view, agreement, segments.owner < 0)
-        return self._bodies(frame.time_ns)
+        return self._bodies(frame)
 
     def _room_of(self, view: View) -> Room:
         """The room, a new one where the sensor was moved or exchanged."""
@@ -105,11 +110,13 @@ class Tracker:
             self._room = Room(view.z.shape, self.settings.room)
         return self._room
 
-    def _bodies(self, time_ns: int) -> list[Body]:
+    def _bodies(self, frame: DepthFrame) -> list[Body]:
         """What leaves the tracker: every performer's fit, smoothed and more as the settings say."""
         fits = []
         for person in self.performers:
             posture, sure = person.follower.posture, person.follower.confidence
             turns, stature = posture.orientations(), person.looks.stature
             fits.append(Body(person.id, posture.joints(), sure, turns, stature=stature))
-        return self.output(fits, time_ns, self.world_from_camera)
+        if self.colour is not None and self.world_from_camera is not None:
+            fits = self.colour.improve(fits, frame, self.world_from_camera)
+        return self.output(fits, frame.time_ns, self.world_from_camera)
