@@ -12,6 +12,7 @@ from types import TracebackType
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind, HealthState, Severity, worst_first
+from enliven_edge.fusion.arrival import ArrivalClocks
 from enliven_edge.fusion.fuser import Fuser
 from enliven_edge.fusion.health import SensorState, SensorWarning
 from enliven_edge.fusion.merge import Rhythm, eyes
@@ -24,9 +25,6 @@ from enliven_edge.tracking.output import Output
 from enliven_edge.tracking.tracker import Tracker
 
 log = logging.getLogger(__name__)
-
-_CLOCKS_DIFFER = 0.3
-"""Seconds between the ages of two live sensors' frames beyond which the file's clocks are not theirs."""
 
 _GRAVITY = {
     SensorState.MOVED: (HealthKind.MOVED, Severity.WARNING, "Calibrate again: enliven calibrate."),
@@ -86,8 +84,7 @@ class FusedSensors:
             for name, sensor in sensors.items()
         ]
         self._rhythm = Rhythm()
-        self._ages: dict[str, int] = {}
-        self._shift: dict[str, int] = dict.fromkeys(sensors, 0)
+        self._clocks = ArrivalClocks()
         self._gone: set[str] = set()
         self._last: dict[str, SensorWarning] = {}
         self._now_ns = 0
@@ -177,7 +174,8 @@ class FusedSensors:
 
     def _fused(self, seen: Seen) -> FusedFrame | None:
         """Takes in what a sensor saw; the bodies, where it is time for some."""
-        self._mind_clocks(seen)
+        if not next(w.recorded for w in self._watchers if w.name == seen.sensor):
+            self._clocks.note(seen.sensor, seen.time_ns, seen.read_ns)
         time_ns = self._common(seen)
         self.fuser.hear(seen.sensor, seen.bodies, time_ns, frozen=seen.frozen)
         self._now_ns = max(self._now_ns, time_ns)
@@ -189,23 +187,7 @@ class FusedSensors:
         return FusedFrame(bodies, time_ns, self.name, seen.read_ns) if due else None
 
     def _common(self, seen: Seen) -> int:
-        return seen.time_ns + self._shift[seen.sensor]
-
-    def _mind_clocks(self, seen: Seen) -> None:
-        """Sets a live sensor's clock by arrival where it started anew since the calibration.
-
-        The youngest frame of every sensor is about as old as that of any other when it arrives.
-        """
-        watcher = next(w for w in self._watchers if w.name == seen.sensor)
-        if watcher.recorded:
-            return
-        age = seen.read_ns - seen.time_ns
-        self._ages[seen.sensor] = min(age, self._ages.get(seen.sensor, age))
-        first = next(iter(self._ages))
-        apart = self._ages[seen.sensor] - self._ages[first]
-        if abs(apart - self._shift[seen.sensor]) > _CLOCKS_DIFFER * 1e9:
-            self._shift[seen.sensor] = apart
-            log.warning("the clock of %s is not that of its calibration; set by arrival", seen.sensor)
+        return seen.time_ns + self._clocks.shift(seen.sensor)
 
     def _tell(self, why: str = "") -> None:
         """What happened to the sensors goes into the log, and is kept."""

@@ -1,0 +1,201 @@
+"""Several sensors as one, with threads: recordings side by side, live clocks, and sensors that fail."""
+
+import contextlib
+import time
+
+import numpy as np
+import pytest
+from walkers import Walker, stand, told
+
+from enliven.errors import ResourceError
+from enliven.frames import BodyFrame
+from enliven.health import HealthKind
+from enliven_edge.fusion.arrival import ArrivalClocks
+from enliven_edge.fusion.collecting import Collector
+from enliven_edge.fusion.fused_sensor import FusedSensors
+from enliven_edge.fusion.fuser import Fuser
+from enliven_edge.fusion.health import SensorState
+from enliven_edge.fusion.merge import eyes, fused
+from enliven_edge.fusion.space import Place, Space, rows
+from enliven_edge.tracking.tracker import Tracker
+
+A, B = stand(0.0, 0.0, 0.0), stand(2.4, -1.8, 70.0)
+TIMES = np.arange(0.0, 3.0, 1 / 30)
+SPACE = Space({"a": Place(rows(A)), "b": Place(rows(B), None, -7_000_000_000)})
+"""Sensor b's clock is 7 s ahead."""
+
+
+class Reel:
+    """Body frames from memory: as a recording that waits, or live, each at its time.
+
+    Args:
+        live: frames come at this many times their pace; None for a recording.
+        breaks: fails after so many frames.
+    """
+
+    def __init__(self, name, frames, live=None, breaks=None):
+        self.name, self.recorded = name, live is None
+        self._frames, self._live, self._breaks = list(frames), live, breaks
+        self._start = None
+        self.closed = False
+
+    def read(self, timeout=None):
+        if self._breaks is not None:
+            self._breaks -= 1
+            if self._breaks < 0:
+                raise ResourceError("it was unplugged", where=self.name)
+        if not self._frames:
+            return None
+        if self._live:
+            now = time.monotonic()
+            self._start = self._start or (now, self._frames[0].time_ns)
+            due = self._start[0] + (self._frames[0].time_ns - self._start[1]) * 1e-9 / self._live
+            if timeout is not None and due - now > timeout:
+                time.sleep(timeout)
+                raise TimeoutError
+            time.sleep(max(0.0, due - now))
+        return self._frames.pop(0)
+
+    def close(self):
+        self.closed = True
+
+
+def seen(walker=None, times=TIMES):
+    people = [walker or Walker()]
+    return {
+        "a": told(people, A, times, sensor="a"),
+        "b": told(people, B, times + 0.012, clock=7.0, sensor="b", ids=[5]),
+    }
+
+
+def watched(reels, space=SPACE):
+    """Everything that comes out, and the sensor."""
+    frames = []
+    with FusedSensors(reels, {name: Tracker() for name in reels}, space) as sensor:
+        while (frame := sensor.read(20.0)) is not None:
+            frames.append(frame)
+    assert all(reel.closed for reel in reels.values())
+    return frames, sensor
+
+
+def test_recordings_run_side_by_side_whatever_their_threads_do():
+    """As the same streams merged without threads, frame by frame, bit by bit."""
+    streams = seen()
+    frames, sensor = watched({name: Reel(name, told) for name, told in streams.items()})
+    expected = list(fused(streams, SPACE, Fuser(eyes(SPACE))))
+    assert [f.time_ns for f in frames] == [f.time_ns for f in expected]
+    for made, wanted in zip(frames, expected, strict=True):
+        assert [b.id for b in made.bodies] == [b.id for b in wanted.bodies]
+        assert all(
+            np.array_equal(x.joints, y.joints) for x, y in zip(made.bodies, wanted.bodies, strict=True)
+        )
+    assert set(sensor.states.values()) == {SensorState.ENDED}
+
+
+def test_what_comes_out_is_where_the_person_is():
+    walker = Walker()
+    frames, _ = watched({name: Reel(name, told) for name, told in seen(walker).items()})
+    for frame in frames[6:]:
+        (body,) = frame.bodies
+        assert np.abs(body.joints - walker.joints(frame.time_ns * 1e-9)).max() < 0.03
+        assert frame.read_ns > 0
+
+
+def test_a_sensor_that_is_unplugged_is_told_of_and_the_other_goes_on():
+    streams = seen()
+    frames, sensor = watched({"a": Reel("a", streams["a"], breaks=30), "b": Reel("b", streams["b"])})
+    assert sensor.states == {"a": SensorState.LOST, "b": SensorState.ENDED}
+    lost = next(w for w in sensor.warnings if w.state is SensorState.LOST)
+    assert lost.sensor == "a" and "the others go on" in lost.what
+    assert frames[-1].time_ns > 2.8e9
+    assert all(len(frame.bodies) == 1 for frame in frames[6:])
+    assert any(ail.kind == HealthKind.NO_FRAMES for ail in sensor.ails)
+
+
+def test_when_all_are_lost_it_is_an_error():
+    streams = seen()
+    reels = {name: Reel(name, told, breaks=5) for name, told in streams.items()}
+    with pytest.raises(ResourceError, match=r"every sensor was lost.*unplugged"):
+        watched(reels)
+
+
+def test_live_sensors_do_not_wait_for_a_silent_one():
+    """Sensor a has a second's worth of frames and then says nothing; b is read on in its own time."""
+    streams = seen()
+
+    class Mute(Reel):
+        def read(self, timeout=None):
+            if not self._frames:
+                time.sleep(timeout)
+                raise TimeoutError
+            return super().read(timeout)
+
+    a = Mute("a", streams["a"][:30], live=1.0)
+    with FusedSensors(
+        {"a": a, "b": Reel("b", streams["b"], live=1.0)}, {n: Tracker() for n in "ab"}, SPACE
+    ) as sensor:
+        last, states = None, set()
+        while sensor.states["b"] is not SensorState.ENDED:
+            with contextlib.suppress(TimeoutError):
+                last = sensor.read(0.2) or last
+            states.add(sensor.states["a"])
+    assert last is not None and last.time_ns > 2.8e9
+    assert SensorState.SILENT in states
+
+
+def test_a_live_sensor_whose_clock_began_anew_is_set_by_arrival(caplog):
+    """The file says 7 s; since then sensor b was plugged in again, and counts from 1000 s."""
+    walker = Walker()
+    streams = seen(walker)
+    late = [BodyFrame(f.bodies, f.time_ns + 1000 * 10**9, "b") for f in streams["b"]]
+    frames, _ = watched({"a": Reel("a", streams["a"], live=1.0), "b": Reel("b", late, live=1.0)})
+    assert "set by arrival" in caplog.text
+    counts = [len(frame.bodies) for frame in frames[-30:]]
+    assert counts == [1] * 30
+
+
+def test_clocks_that_drift_are_kept_together():
+    """A day at 40 ppm, 3.5 s; latencies of 20 and 50 ms, and now and then much more."""
+    random, clocks = np.random.default_rng(0), ArrivalClocks()
+    for hour in np.linspace(0, 24, 40):
+        for moment in np.arange(0, 25, 0.1) + 3600 * hour:
+            for name, latency, drift in (("a", 0.02, 0.0), ("b", 0.05, 4e-5)):
+                late = latency + random.exponential(0.005) + 0.2 * (random.uniform() < 0.05)
+                clocks.note(name, round((moment * (1 + drift)) * 1e9), round((moment + late) * 1e9))
+        if hour > 0:
+            assert clocks.shift("a") == 0
+            assert abs(clocks.shift("b") * 1e-9 + 3600 * hour * 4e-5) < 0.008
+
+
+def test_a_read_that_waits_too_long_says_so():
+    streams = seen()
+    reels = {name: Reel(name, told, live=0.001) for name, told in streams.items()}
+    with FusedSensors(reels, {n: Tracker() for n in "ab"}, SPACE) as sensor:
+        sensor.read(5.0)
+        with pytest.raises(TimeoutError):
+            for _ in range(5):
+                sensor.read(0.05)
+
+
+def test_a_collector_keeps_everything_and_stops_in_time():
+    streams = seen()
+    collector = Collector("a", Reel("a", streams["a"]), Tracker(), seconds=1.0)
+    collector.start()
+    deadline = time.monotonic() + 10
+    while not collector.ended and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert collector.ended and not collector.failure
+    assert collector.frames == 31
+    assert collector.level_from_camera is None
+    (track,) = collector.stream().tracks
+    assert np.array_equal(track.joints[10], streams["a"][10].bodies[0].joints)
+
+
+def test_a_collector_that_fails_says_why():
+    collector = Collector("a", Reel("a", seen()["a"], breaks=4), Tracker())
+    collector.start()
+    collector.stop()
+    deadline = time.monotonic() + 10
+    while not collector.ended and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert collector.ended
