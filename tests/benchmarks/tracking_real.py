@@ -1,8 +1,9 @@
 """The real recordings as the tracker gets them, with whatever joints come with them.
 
 - ``bodyscanner_kinect2``: a person's scan drawn into the depth image of its own camera (a Kinect v2, its
-  tilt told), with the sensor maker's joints of the same moment. The feet are cut off and one arm had moved
-  between scan and joints: what lies farther than 12 cm from every point of the scan does not count.
+  tilt told), with the sensor maker's joints of the same moment. Joints that do not project onto the scan do
+  not count (the feet are cut off), nor do the right wrist and hand, which the maker's tracker put before the
+  belly while the scan shows that arm held aside, more than 20 cm away.
 - ``js6450_kinect2``: about thirty depth samples around every joint, drawn as discs of 6 px; the distance to
   the sensor is not recorded and chosen so that people are 1.70 m tall. A joint's depth is that of the
   surface before it, so distances are in the image plane; joints count whose depth was measured. It says
@@ -43,7 +44,8 @@ KINECT1 = Intrinsics(640, 480, 575.0, 575.0, 319.5, 239.5)
 _STEP = 33_333_333
 _STANDS_FOR = 30
 """Frames for which the one image of a scan is shown."""
-_OFF_THE_SCAN = 0.12
+_OFF_THE_SCAN = 0.03
+_WRONGLY_GIVEN = [Joint.WRIST_RIGHT, Joint.HAND_RIGHT]
 _HIP_CENTRE, _SPINE = 0.12, 0.46
 """Parts of the way from between the hip joints to the shoulder centre."""
 UPPER = [Joint.HEAD, Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.SHOULDER_RIGHT, Joint.ELBOW_RIGHT]
@@ -112,10 +114,13 @@ def bodyscanner() -> Real:
     cv = np.array([1.0, -1.0, -1.0])
     joints = as_ours(np.array([named[name] * cv for name in KINECT2_NAMES]))
     depth = _splatted(points * cv, 1)
+    plane = -float(np.median(points[:, 2]))
+    flat, scan = _flat(joints, plane), _flat(points * cv, plane)
+    off = np.array([np.linalg.norm(scan - joint, axis=1).min() for joint in flat])
+    visible = off < _OFF_THE_SCAN
+    visible[_WRONGLY_GIVEN] = False
     tilt = np.radians(named["Degree"][0])  # it looks up
     mount = world_from_level_camera(_sole_below(named, tilt), -tilt)
-    off = np.array([np.linalg.norm(points * cv - joint, axis=1).min() for joint in joints])
-    visible = off < _OFF_THE_SCAN
     moment = Moment(np.ones(1, bool), joints[None], visible[None], np.zeros((1, 2), bool))
     frames = [
         DepthFrame(depth, KINECT2, n * _STEP, "body scanner", world_from_camera=mount)
