@@ -4,30 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.arrays import Bool, Float
+from enliven.arrays import Float
 from enliven.body import Body, Joint
 from enliven.rotation import normalized
-from enliven_edge.fusion.blending import blend, doubt_outliers, fuse_confidence, side_costs
+from enliven_edge.fusion.blending import blend, doubt_outliers, fuse_confidence
 from enliven_edge.fusion.grouping import Group
 from enliven_edge.fusion.health import SensorState
+from enliven_edge.fusion.naming import SideKeeper, walks_backward
 from enliven_edge.fusion.sensor_view import SensorView
 from enliven_edge.fusion.settings import FusionSettings
-from enliven_edge.fusion.sides import OTHER_SIDE, exchanged
+from enliven_edge.fusion.sides import OTHER_SIDE
 
 _GLIDE = 0.5
 """Seconds unseen up to which joints go on from where they were, and do not appear at once."""
-_CLEARLY = 0.06
-"""Metres a joint by which the sides must fit better exchanged to be taken so."""
-_WALKING = 0.4
-"""Metres a second of the hips that say which way somebody faces."""
 _MOVED = 0.02
 """What a sensor counts that was moved, against one that was not."""
 _CONVINCING = 3.0
 """Confidence that may be gained a second."""
 _SHAKEN, _CALM = 0.7, 0.05**2
 """Seconds for which a surprising sensor is doubted, and square metres of surprise that are usual."""
-_SETTLED = 3.0
-"""Seconds after which it is known which side is which."""
 _GUESS = 1e-3
 """The weight of a joint that nobody sees: it stays somewhere."""
 
@@ -48,8 +43,7 @@ class FusedPerson:
         self.seen_by: frozenset[int] = frozenset()
         self._turns = np.zeros((20, 4))
         self._turned_known = False
-        self._crossed: Bool = np.zeros(sensors, bool)
-        self._doubted_sides = self._watched = 0.0
+        self._sides = SideKeeper(sensors, settings.turn_over)
         self._spoke = np.zeros((sensors, 20), bool)
         self._sure = np.zeros((sensors, 20))
         self._surprise = np.zeros(sensors)
@@ -71,9 +65,7 @@ class FusedPerson:
         expected = self.expected(time_ns) if self.hits else group.mean
         if not known:
             self._forget_habits()
-        bodies = self._named(group, expected)
-        self._vote(bodies, views, group, 0.0 if not known else seconds)
-        bodies = {s: self._as_named(s, b) for s, b in bodies.items()}
+        bodies, expected = self._put_right(group, views, expected, seconds if known else 0.0)
         x, w = self._words(bodies, views, seconds if known else np.inf)
         if known:
             doubt_outliers(x, w, expected)
@@ -116,75 +108,28 @@ class FusedPerson:
             self.velocity = np.zeros((20, 3))
         self.joints, self.last_ns = joints, time_ns
 
-    def _named(self, group: Group, expected: Float) -> dict[int, Body]:
-        """Decides for every sensor whether it has exchanged the sides, by where they are expected.
-
-        Where two sensors contradict each other after that, the one follows whose word was the closer call.
-        """
-        bodies = group_bodies(group)
-        reference = expected if self.hits else next(iter(bodies.values())).joints
-        margins = {}
-        for sensor, body in bodies.items():
-            margin = self._margin(sensor, body, reference)
-            if margin < (-_CLEARLY if self._spoke[sensor].any() else 0.0):
-                self._crossed[sensor] ^= True
-                margin = -margin
-            margins[sensor] = margin
-        if len(bodies) > 1 and self.hits:
-            least = min(margins, key=lambda s: margins[s])
-            others = [self._as_named(s, body).joints for s, body in bodies.items() if s != least]
-            if self._margin(least, bodies[least], np.mean(others, axis=0)) < -_CLEARLY:
-                self._crossed[least] ^= True
-        return bodies
-
-    def _margin(self, sensor: int, body: Body, reference: Float) -> float:
-        """Metres a joint by which the sides as they are named now fit better than exchanged."""
-        plain, crossed = side_costs(body.joints, body.confidence, reference, OTHER_SIDE)
-        return plain - crossed if self._crossed[sensor] else crossed - plain
-
-    def _as_named(self, sensor: int, body: Body) -> Body:
-        """The body with the sides that were decided on."""
-        return exchanged(body) if self._crossed[sensor] else body
-
-    def _vote(self, bodies: dict[int, Body], views: list[SensorView], group: Group, seconds: float) -> None:
-        """Exchanges everybody's sides once most of the sensors have said so for long enough.
-
-        Where they are at odds, the way somebody walks decides: forward, most of the time.
-        """
+    def _put_right(
+        self, group: Group, views: list[SensorView], expected: Float, seconds: float
+    ) -> tuple[dict[int, Body], Float]:
+        """The bodies with the right sides, and (20, 3) where they are expected."""
+        bodies, known = group_bodies(group), bool(self.hits)
+        reference = expected if known else next(iter(bodies.values())).joints
+        self._sides.compare(bodies, reference, np.asarray(self._spoke.any(1)), known)
         weights = {
             s: float(b.confidence.mean()) / _noise(b, views[s], self.settings) ** 2 for s, b in bodies.items()
         }
-        total = sum(weights.values()) or 1.0
-        crossed = sum(w for s, w in weights.items() if self._crossed[s]) / total
-        vote = 2.0 * crossed - 1.0
-        if 0.0 < crossed < 1.0:
-            vote += self._walks_backward()
-        self._doubted_sides = float(np.clip(self._doubted_sides + vote * seconds, 0.0, 10.0))
-        alone = not self.hits and crossed > 0.5
-        # Who has just come in is not known yet: a first look errs more often than a long one.
-        self._watched += seconds
-        settled = min(max(self._watched / _SETTLED, 0.1), 1.0)
-        if self._doubted_sides > settled * self.settings.turn_over or alone:
+        if self._sides.vote(weights, walks_backward(self.joints, self.velocity), seconds, known):
             self._turn_over()
+            expected = expected[OTHER_SIDE]
+        return self._sides.put_right(bodies), expected
 
     def _turn_over(self) -> None:
-        self._crossed = ~self._crossed
-        self._doubted_sides = 0.0
+        """What was left is right from now on."""
         self.joints, self.velocity = self.joints[OTHER_SIDE], self.velocity[OTHER_SIDE]
         self._spoke, self._habit = self._spoke[:, OTHER_SIDE], self._habit[:, OTHER_SIDE]
         self._sure = self._sure[:, OTHER_SIDE]
         self._turn_spoke[:] = False
         self._turned_known = False
-
-    def _walks_backward(self) -> float:
-        """1 for walking backward as the sides are named now, -1 forward, 0 standing."""
-        left, right = self.joints[[4, 12]].mean(0), self.joints[[8, 16]].mean(0)
-        across, velocity = left - right, self.velocity[Joint.HIP_CENTER]
-        forward = np.array([-across[2], 0.0, across[0]])
-        length = float(np.linalg.norm(forward))
-        if length < 0.05 or np.hypot(velocity[0], velocity[2]) < _WALKING:
-            return 0.0
-        return float(-np.sign(forward @ velocity))
 
     def _words(self, bodies: dict[int, Body], views: list[SensorView], seconds: float) -> tuple[Float, Float]:
         """(S, 20, 3) joints and (S, 20) weights: sure and near words count most.
@@ -215,16 +160,8 @@ class FusedPerson:
             x[sensor] = np.where((turns * reference).sum(1, keepdims=True) < 0, -turns, turns)
             weights[sensor] = w[sensor]
         made = np.empty((20, 4))
-        blend(
-            x,
-            weights,
-            reference,
-            known and self._turned_known,
-            self._turn_spoke,
-            self._turn_habit,
-            share,
-            made,
-        )
+        known = known and self._turned_known
+        blend(x, weights, reference, known, self._turn_spoke, self._turn_habit, share, made)
         self._turns, self._turned_known = normalized(made), True
         return self._turns.copy()
 
