@@ -12,7 +12,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven_edge.parts.forest import PartForest
-from enliven_edge.parts.proposals import Seen, agreement, look, proposals, turned_about
+from enliven_edge.parts.proposals import Seen, agreement, facing_score, look, proposals, turned_about
 from enliven_edge.parts.sideless import facing_proposals
 from enliven_edge.tracking import model
 from enliven_edge.tracking.extremities import extremities
@@ -31,6 +31,8 @@ _AFFINITY = 0.15
 """Metres: how far, at first, what a point looks like outweighs where it is."""
 _DISAGREEMENT = 4.0
 """Square centimetres a point that it costs to be of other parts than the forest says, all of them."""
+_FACING = 6.0
+"""Square centimetres a point that it costs to face another way than the likeliest, by log likelihood."""
 _BANKED, _BANKED_BESIDES = 8, 3
 """Hypotheses of the bank without a forest, and besides one."""
 
@@ -52,7 +54,7 @@ def detect(
     coarse = []
     for start in _starts(observation, seen, eye, lengths):
         posture, report = fitter.fit(_guided(observation, seen, _AFFINITY), start, iterations=8, width=0.25)
-        coarse.append((report.energy + _disagreement(seen, posture), posture))
+        coarse.append((report.energy + _disagreement(seen, posture, observation.view[4][:3, 3]), posture))
     refined = [_refined(fitter, observation, seen, start) for start in _best_distinct(coarse, _REFINED)]
     best = min(refined, key=lambda found: found[0])
     # A front is easily taken for a back: the best is tried turned about as well.
@@ -92,7 +94,7 @@ def _refined(
     guided = _guided(observation, seen, 0.4 * _AFFINITY)
     posture, _ = fitter.fit(guided, start, iterations=15, width=0.12, proportions=_LOOSE)
     posture, report = fitter.fit(observation, posture, iterations=15, proportions=_LOOSE)
-    return report.energy + _disagreement(seen, posture), posture, report
+    return report.energy + _disagreement(seen, posture, observation.view[4][:3, 3]), posture, report
 
 
 def _guided(observation: Observation, seen: Seen | None, metres: float) -> Observation:
@@ -100,9 +102,12 @@ def _guided(observation: Observation, seen: Seen | None, metres: float) -> Obser
     return observation if seen is None else replace(observation, affinity=seen.sideless_affinity(metres))
 
 
-def _disagreement(seen: Seen | None, posture: Posture) -> float:
-    """What it costs a posture that the forest takes the points for other parts."""
-    return 0.0 if seen is None else _DISAGREEMENT * (1.0 - agreement(seen, posture))
+def _disagreement(seen: Seen | None, posture: Posture, eye: Float) -> float:
+    """What it costs a posture that the forest takes the points for other parts, and facing another way."""
+    if seen is None:
+        return 0.0
+    facing = facing_score(seen, posture, eye)
+    return _DISAGREEMENT * (1.0 - agreement(seen, posture)) - _FACING * facing
 
 
 def quality(report: FitReport) -> float:
