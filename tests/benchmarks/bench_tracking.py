@@ -112,6 +112,8 @@ def _real() -> Iterator[Figure]:
         within, apart, _ = tracking_real.skeltrack()
         yield Figure("tracking.skeltrack.within_10cm", within, "of joints marked by eye, image plane")
         yield Figure("tracking.skeltrack.mean_error_mm", apart, "mm in the image plane")
+        held, _, _ = tracking_real.skeltrack(30)
+        yield Figure("tracking.skeltrack.within_10cm_after_1s", held, "the same image for a second")
     if (DATA / "depth" / "uva_cv2_person_turn").is_dir():
         inside, legs, bodies = tracking_real.uva()
         yield Figure("tracking.uva_turn.on_the_person", inside, "of upper joints within the mask")

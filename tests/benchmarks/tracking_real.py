@@ -200,13 +200,19 @@ def _splatted(points: np.ndarray, radius: int) -> np.ndarray:
     return np.where(np.isfinite(image), np.rint(1e3 * np.minimum(image, 65.0)), 0).astype(np.uint16)
 
 
-def skeltrack() -> tuple[float, float, dict[str, list[Joint]]]:
-    """The share of marked joints within 10 cm in the image plane, their mean distance (mm), and the lost."""
+def skeltrack(frames: int = 1) -> tuple[float, float, dict[str, list[Joint]]]:
+    """The share of marked joints within 10 cm in the image plane, their mean distance (mm), and the lost.
+
+    Args:
+        frames: for how many the one image is held: 1 is at first sight.
+    """
     near, apart, lost = 0, [], {}
     for path in sorted((DATA / "depth" / "skeltrack_kinect1").glob("*.u16")):
         depth = np.fromfile(path, "<u2").reshape(480, 640)
         tracker = Tracker()
-        bodies = [in_camera(b, tracker) for b in _shown(tracker, depth)]
+        for n in range(frames):
+            found = tracker.track(DepthFrame(depth, KINECT1, n * _STEP, "kinect1"))
+        bodies = [in_camera(b, tracker) for b in found]
         number = path.stem.split("-")[-1]
         for marks in MARKS[number]:
             away = _closest(bodies, marks, depth)
@@ -214,11 +220,6 @@ def skeltrack() -> tuple[float, float, dict[str, list[Joint]]]:
             apart += list(away.values())
             lost.setdefault(number, []).extend(j for j, d in away.items() if d >= NEAR)
     return near / len(apart), 1e3 * float(np.mean(np.minimum(apart, 1.0))), lost
-
-
-def _shown(tracker: Tracker, depth: np.ndarray) -> list[Body]:
-    """The bodies in one image, at first sight."""
-    return tracker.track(DepthFrame(depth, KINECT1, 0, "kinect1"))
 
 
 def _closest(bodies: list[Body], marks: dict, depth: np.ndarray) -> dict[Joint, float]:
@@ -263,5 +264,5 @@ if __name__ == "__main__":
         shares = s.hits / np.maximum(s.visible, 1)
         joints = " ".join(f"{joint_label(j)} {shares[j]:.2f}" for j in range(20))
         print(f"{real.name:<14} within {s.within:.3f}  mean {s.mean_mm:.0f} mm  id {s.identity}  {joints}")
-    print("skeltrack     ", skeltrack())
+    print("skeltrack     ", skeltrack(), "and after a second", skeltrack(30))
     print("uva           ", uva()[:2])
