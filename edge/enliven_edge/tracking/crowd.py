@@ -28,7 +28,7 @@ _SAME_PLACE = 0.2
 _DOUBT_FRAMES = 6
 _DECIDE_NS = 1_500_000_000
 _DOUBT_NS = 4_000_000_000
-_WHOLE = 0.12
+_WHOLE, _LOOSE = 0.12, 0.4
 _ZONE_MARGIN = 0.15
 """Metres outside the zone at which a performer has left it."""
 _CLEARLY = 0.05
@@ -158,7 +158,8 @@ class Crowd:
         newcomers = self._newcomers.update(view, kind, segments, self._admits, self._awaits)
         hold = np.zeros(view.z.shape, bool)
         for newcomer in newcomers:
-            hold |= newcomer.pixels
+            if newcomer.shape.free > _LOOSE:
+                hold |= newcomer.pixels
         alone = not self.people
         missing = bool(self.register.absent) or any(p.hidden_ns is not None for p in self.people)
         due = [

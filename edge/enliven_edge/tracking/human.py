@@ -122,10 +122,11 @@ def _fill(along: Float, height: Float) -> float:
 def outline(z, mask):  # type: ignore[no-untyped-def]
     """Of the mask's outline, sideways and above: the shares before farther, nearer and nothing; cut below.
 
-    Beyond two pixels, because the first may lie on the edge itself; unknown depth says nothing.
+    Beyond two pixels, because the first may lie on the edge itself. Unknown depth says nothing; what is
+    surrounded by nothing else is free.
     """
     height, width = z.shape
-    farther, nearer, other, border, below = 0, 0, 0, 0, 0
+    farther, nearer, other, border, below, unknown = 0, 0, 0, 0, 0, 0
     for v in range(height):
         for u in range(width):
             if not mask[v, u]:
@@ -134,12 +135,17 @@ def outline(z, mask):  # type: ignore[no-untyped-def]
             for q, p, y, x in ((v, u - 1, v, u - 3), (v, u + 1, v, u + 3), (v - 1, u, v - 3, u)):
                 if q < 0 or p < 0 or p >= width:
                     border += 1
-                elif not mask[q, p] and y >= 0 and 0 <= x < width and not mask[y, x] and z[y, x] > 0.0:
+                elif not mask[q, p] and y >= 0 and 0 <= x < width and not mask[y, x]:
+                    if z[y, x] == 0.0:
+                        unknown += 1
+                        continue
                     step = 0.05 + 0.012 * z[v, u] * z[v, u]
                     farther += z[y, x] > z[v, u] + step
                     nearer += z[y, x] < z[v, u] - step
                     other += abs(z[y, x] - z[v, u]) <= step
     total = max(1.0, farther + nearer + other + border)
+    if total < 0.1 * (total + unknown):
+        return 1.0, 0.0, border / total, below > 0.05 * width
     return farther / total, nearer / total, border / total, below > 0.05 * width
 
 
@@ -166,7 +172,7 @@ def parted(points: Float, mask: Bool) -> list[Bool]:
 
 
 _CELL, _APART, _RADIUS = 0.06, 0.42, 0.24
-_STANDING = 0.7
+_STANDING, _NECK, _HIGHER = 0.7, 0.3, 0.2
 
 
 def _columns(points: Float) -> Float:
@@ -183,15 +189,24 @@ def _columns(points: Float) -> Float:
         top = float(height[x, z])
         if top < _STANDING:
             break
-        centre = origin + (np.array([x, z]) + 0.5) * _CELL
+        centre = _summit(points, origin + (np.array([x, z]) + 0.5) * _CELL, top)
         if all(np.linalg.norm(centre - other) > _APART for other in kept) and _filled(points, centre, top):
             kept.append(centre)
     return np.array(kept).reshape(-1, 2)
 
 
+def _summit(points: Float, near: Float, top: float) -> Float:
+    """(2,) x and z of the middle of what is highest about a place, of a head say."""
+    high = (points[:, 1] > top - 0.15) & (np.linalg.norm(points[:, [0, 2]] - near, axis=1) < 0.2)
+    return np.asarray(points[high][:, [0, 2]].mean(0))
+
+
 def _filled(points: Float, centre: Float, top: float) -> bool:
-    """Whether there is somebody under a peak: most heights from the knees up are met within the column."""
-    near = np.linalg.norm(points[:, [0, 2]] - centre, axis=1) < _RADIUS
+    """Whether somebody is under a peak: no shoulder, and most heights from the knees up are met."""
+    away = np.linalg.norm(points[:, [0, 2]] - centre, axis=1)
+    near = away < _RADIUS
+    if float(points[away < _NECK, 1].max()) > top + _HIGHER:
+        return False
     bins = np.unique(np.floor(points[near, 1] / 0.1))
     wanted = np.arange(np.ceil(0.35 * top / 0.1), np.floor(top / 0.1))
     return len(wanted) > 0 and float(np.isin(wanted, bins).mean()) > 0.8

@@ -18,6 +18,10 @@ _YOUNG = 1.0
 """Seconds: in so young a room nobody can prove to have come in."""
 _TALL, _FRAMES, _LONG = 1.05, 3, 10
 _STEADY, _LARGE, _LEAST = 0.15, 0.33, 0.14
+_STOUT = 0.1
+"""Square metres seen of somebody a metre tall from the side; it grows with the square of the height."""
+_CHECK_NS = 250_000_000
+"""A thing that stands there is looked at again so often."""
 _REFUSED, _REFUSED_NS = 0.4, 20_000_000_000
 _BEHIND, _PATIENCE_NS = 0.25, 800_000_000
 _BACK_OFF_NS, _LONGEST_NS = 150_000_000, 2_000_000_000
@@ -44,6 +48,8 @@ class Newcomer:
         self.bystander = self.awaited = self.refused = False
         self.seen_ns = self.first_ns = time_ns
         self.before = self.plain = 0.0
+        self.group: Loose | None = None
+        self.checked_ns = time_ns
         self.shape: Shape
         self.pixels: Bool
         self._next_ns, self._wait_ns = time_ns, _BACK_OFF_NS
@@ -57,10 +63,10 @@ class Newcomer:
         shares: tuple[float, float],
         time_ns: int,
     ) -> None:
-        """The group in another frame; the shares of it that stand before the known room, and before any."""
+        """The group in another frame; its shares that stand before the known room, and before any."""
         self.area, (self.before, self.plain) = area, shares
         self.pixels, self.centre, self.shape = pixels, centre, shape
-        self.frames, self.seen_ns = self.frames + 1, time_ns
+        self.frames, self.seen_ns, self.checked_ns = self.frames + 1, time_ns, time_ns
         self.crowns = [*self.crowns[-_LONG:], shape.crown]
 
     @property
@@ -76,11 +82,21 @@ class Newcomer:
             tall and self.before > 0.5 and (self.shape.upright or (self.shape.human and self.frames >= _LONG))
         )
 
+    def dull(self, group: Loose, time_ns: int) -> bool:
+        """Whether a group is this one as it was looked at just now: a thing that stands there."""
+        if self.group is None or self.frames < _LONG or not 0 <= time_ns - self.checked_ns < _CHECK_NS:
+            return False
+        if self.proven or self.convincing or self.seen_ns == time_ns:
+            return False
+        moved = float(np.linalg.norm(group.centre - self.group.centre))
+        return moved < 0.05 and abs(group.area - self.group.area) < 0.1 * self.group.area
+
     @property
     def convincing(self) -> bool:
         """Whether it is so much like somebody who stands there that it need not come in to be believed."""
-        tall = self.shape.crown > _TALL or self.shape.cut
-        return self.shape.upright and tall and self.area > _LEAST and not self.refused
+        stout = self.area > _STOUT * self.shape.crown**2
+        whole = self.shape.cut or (self.shape.crown > _TALL and stout)
+        return self.shape.upright and whole and self.area > _LEAST and not self.refused
 
     @property
     def imaginable(self) -> bool:
@@ -145,6 +161,11 @@ class Newcomers:
         groups = [g for g in segments.loose if g.area > SMALLEST_AREA and g.tall > 0.3][:_MOST]
         present = []
         for group in groups:
+            same = next((n for n in self._known if n.dull(group, view.time_ns)), None)
+            if same is not None:
+                same.seen_ns = view.time_ns
+                present.append(same)
+                continue
             mask = _all_of(segments, group, view)
             parts = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
             for part in parts:
@@ -152,6 +173,7 @@ class Newcomers:
                 if found is not None and found not in present:
                     found.bystander = not admits(found.centre)
                     found.awaited = awaits(found.centre)
+                    found.group = group if len(parts) == 1 else None
                     present.append(found)
         self._known = [n for n in self._known if n in present or 0 <= view.time_ns - n.seen_ns < _FORGET_NS]
         return sorted(present, key=lambda n: -n.shape.likeness)

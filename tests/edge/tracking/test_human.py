@@ -1,0 +1,96 @@
+"""What may be a person by its outline, and people side by side, parted."""
+
+import numpy as np
+
+from enliven.camera import Intrinsics, world_from_level_camera
+from enliven_edge.tracking.human import outline, parted, shape_of
+from enliven_edge.tracking.observation import WorkingCamera, world_points
+from enliven_edge.tracking.view import View
+
+CAMERA = WorkingCamera(Intrinsics(160, 120, 130, 130, 79.5, 59.5), 160)
+MOUNT = world_from_level_camera(1.2)
+PIXEL = 1 / 130**2
+
+
+def drawn(*boxes, wall=4.0):
+    """A view of flat boxes (left, right, bottom, top, z), metres of the world, before a wall."""
+    z = np.full((120, 160), wall)
+    for left, right, bottom, top, depth in boxes:
+        x, y = CAMERA.ray[..., 0] * depth, 1.2 - CAMERA.ray[..., 1] * depth
+        inside = (x > left) & (x < right) & (y > bottom) & (y < top)
+        bulge = 0.12 * np.sin(np.pi * np.clip((x - left) / (right - left), 0, 1))
+        z[inside] = np.minimum(z, depth - bulge)[inside]
+    return View(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
+
+
+def shape(view, mask):
+    return shape_of(view, mask, float((view.z[mask] ** 2).sum() * PIXEL))
+
+
+PERSON = ((-0.22, 0.22, 0.8, 1.45, 2.5), (-0.09, 0.09, 1.45, 1.72, 2.5), (-0.16, 0.16, 0.1, 0.8, 2.5))
+
+
+def test_a_head_above_shoulders_is_human():
+    view = drawn(*PERSON)
+    found = shape(view, view.z < 3.0)
+    assert found.upright
+    assert found.human
+    assert found.whole
+    assert abs(found.crown - 1.72) < 0.06
+
+
+def test_a_flat_panel_and_a_post_are_not_upright_people():
+    z = np.full((120, 160), 4.0)
+    z[20:110, 50:90] = 2.5
+    panel = View(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
+    assert not shape(panel, panel.z < 3.0).human
+    post = drawn((-0.15, 0.15, 0.1, 1.8, 2.5))
+    assert not shape(post, post.z < 3.0).upright
+
+
+def test_a_piece_of_a_wall_is_not_free():
+    view = drawn(*PERSON)
+    mask = np.zeros((120, 160), bool)
+    mask[10:100, 20:50] = True  # of the wall
+    assert not shape(view, mask).possible
+
+
+def test_what_stands_behind_something_is_not_whole():
+    view = drawn(*PERSON, (0.02, 0.6, 0.1, 1.9, 1.8))
+    mask = (view.z < 3.0) & (view.z > 2.0)
+    assert shape(view, mask).behind > 0.2
+    assert not shape(view, mask).whole
+
+
+def test_what_is_surrounded_by_unknown_depth_is_free():
+    view = drawn(*PERSON, wall=0.0)
+    z = drawn(*PERSON).z
+    z[z > 3.0] = 0.0
+    mask = z > 0
+    assert outline(z, mask)[0] == 1.0
+    assert view.z.max() == 0.0
+
+
+def test_what_runs_out_of_the_image_is_cut():
+    z = np.full((120, 160), 3.0)
+    z[40:, 60:100] = 1.0
+    free, behind, border, cut = outline(z, z < 2.0)
+    assert cut
+    assert (free, behind, border) == (1.0, 0.0, 0.0)
+
+
+def test_people_side_by_side_are_parted_and_raised_hands_are_not():
+    left = [(a - 0.35, b - 0.35, *rest) for a, b, *rest in PERSON]
+    right = [(a + 0.35, b + 0.35, *rest) for a, b, *rest in PERSON]
+    view = drawn(*left, *right, (-0.2, 0.2, 0.9, 1.0, 2.5))
+    mask = view.z < 3.0
+    parts = parted(view.points, mask)
+    assert len(parts) == 2
+    np.testing.assert_array_equal(parts[0] | parts[1], mask)
+    assert not (parts[0] & parts[1]).any()
+    sides = sorted(float(view.points[part][:, 0].mean()) for part in parts)
+    assert sides[0] < -0.25 < 0.25 < sides[1]
+    arms = ((-0.65, -0.2, 1.3, 1.4, 2.5), (0.2, 0.65, 1.3, 1.4, 2.5))
+    hands = ((-0.68, -0.58, 1.3, 1.95, 2.5), (0.58, 0.68, 1.3, 1.95, 2.5))
+    raised = drawn(*PERSON, *arms, *hands)
+    assert len(parted(raised.points, raised.z < 3.0)) == 1

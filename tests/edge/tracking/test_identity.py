@@ -1,0 +1,117 @@
+"""Numbers, looks, and who has come back."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven_edge.tracking.identity import Looks, Register
+from enliven_edge.tracking.model import lengths_for_height
+from enliven_edge.tracking.settings import PeopleSettings
+from enliven_edge.tracking.zone import Lock, Zone
+
+SECOND = 1_000_000_000
+HERE = np.array([0.0, 0.9, -2.5])
+
+
+def looks(height, frames=20, noise=0.0, seed=0):
+    random, made = np.random.default_rng(seed), Looks()
+    for _ in range(frames):
+        lengths = lengths_for_height(height) * (1 + noise * random.standard_normal(12))
+        made.see(lengths, height - 0.05 + noise * random.standard_normal())
+    return made
+
+
+def test_numbers_are_never_given_twice():
+    register = Register(PeopleSettings())
+    assert [register.new() for _ in range(3)] == [1, 2, 3]
+
+
+def test_the_stature_is_that_of_standing_upright():
+    made = Looks()
+    for i in range(60):
+        made.see(lengths_for_height(1.7), 1.7 if i % 2 else 1.2)
+    assert made.stature == pytest.approx(1.7, abs=0.01)
+    assert Looks().stature is None
+
+
+@given(st.floats(1.4, 1.95), st.integers(0, 100))
+@settings(max_examples=20, deadline=None)
+def test_somebody_looks_like_themselves_and_not_like_who_is_taller(height, seed):
+    first, again = looks(height, noise=0.01, seed=seed), looks(height, noise=0.01, seed=seed + 1)
+    taller = looks(height + 0.12, noise=0.01, seed=seed + 2)
+    assert again.mismatch(first) < 3.0
+    assert taller.mismatch(first) > 9.0
+
+
+def test_two_who_come_back_together_are_told_apart():
+    register = Register(PeopleSettings())
+    register.leave(1, looks(1.65), HERE, 0)
+    register.leave(2, looks(1.85), HERE, 0)
+    found = [(looks(1.83, 8), HERE), (looks(1.66, 8), HERE)]
+    (first, sure), (second, also) = register.matched(found, SECOND)
+    assert sure
+    assert also
+    assert (first.id, second.id) == (2, 1)
+
+
+def test_somebody_who_never_was_there_is_nobody_known():
+    register = Register(PeopleSettings())
+    register.leave(1, looks(1.6), HERE, 0)
+    assert register.matched([(looks(1.85), HERE)], SECOND) == [(None, True)]
+    assert Register(PeopleSettings()).matched([(looks(1.85), HERE)], 0) == [(None, True)]
+
+
+def test_between_two_who_look_alike_it_is_not_sure():
+    register = Register(PeopleSettings())
+    register.leave(1, looks(1.75), HERE, 0)
+    register.leave(2, looks(1.76), HERE, 0)
+    ((_, sure),) = register.matched([(looks(1.755), HERE)], SECOND)
+    assert not sure
+
+
+def test_of_two_who_look_alike_it_is_who_left_here():
+    register = Register(PeopleSettings())
+    register.leave(1, looks(1.75), HERE + np.array([6.0, 0.0, 0.0]), 0)
+    register.leave(2, looks(1.75), HERE, 0)
+    ((absent, _),) = register.matched([(looks(1.75), HERE)], SECOND // 2)
+    assert absent.id == 2
+
+
+def test_who_is_away_too_long_is_forgotten_unless_kept():
+    register = Register(PeopleSettings(remember=10.0))
+    register.leave(1, looks(1.7), HERE, 0)
+    register.leave(2, looks(1.8), HERE, 0)
+    register.forget_old(9 * SECOND, frozenset())
+    assert [a.id for a in register.absent] == [1, 2]
+    register.forget_old(11 * SECOND, frozenset({2}))
+    assert [a.id for a in register.absent] == [2]
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3))
+@settings(max_examples=50, deadline=None)
+def test_a_zone_holds_what_is_inside_it(x, z):
+    square = Zone(((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)))
+    outside = float(np.hypot(max(abs(x) - 1, 0), max(abs(z) - 1, 0)))
+    place = np.array([x, 0.9, z])
+    assert square.holds(place) == (outside == 0.0) or outside < 1e-9
+    assert square.holds(place, margin=outside + 1e-6)
+    if outside > 0.1:
+        assert not square.holds(place, margin=outside - 0.05)
+    assert Zone().holds(place)
+
+
+def test_a_hollow_in_a_zone_is_outside():
+    shape = Zone(((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (2.0, 1.0), (0.0, 4.0)))
+    assert shape.holds(np.array([0.3, 1.0, 2.0]))
+    assert not shape.holds(np.array([2.0, 1.0, 3.0]))
+
+
+def test_a_lock_admits_who_was_named():
+    lock = Lock()
+    assert lock.admits(5)
+    assert not lock.closed
+    lock.ids = frozenset({1})
+    assert lock.admits(1)
+    assert not lock.admits(5)
+    assert lock.closed
