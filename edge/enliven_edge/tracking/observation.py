@@ -40,71 +40,39 @@ class WorkingCamera:
 def reduce_depth(depth, stride, height, width):  # type: ignore[no-untyped-def]
     """The lower median of up to nine known samples of every stride x stride block, in metres.
 
-    A median keeps a depth edge an edge, where a mean would invent points between the two sides.
+    A median keeps a depth edge an edge, where a mean would invent points between the two sides. A whole row
+    of blocks is sorted at once, unknown samples last: the inner loops are minima and maxima of two rows.
     """
     out = np.zeros((height, width))
-    block = np.empty(9, np.int64)
     step = max(1, stride // 3)
     side = min(3, (stride + step - 1) // step)
+    samples = np.empty((side * side, width), np.uint16)
+    known = np.empty(width, np.uint8)
     for v in range(height):
+        known[:] = 0
+        for k in range(side * side):
+            row, first = depth[v * stride + (k // side) * step], (k % side) * step
+            for u in range(width):
+                millimetres = row[u * stride + first]
+                seen = (millimetres != 0) & (millimetres != 65535)
+                samples[k, u] = millimetres if seen else 65535
+                known[u] += seen
+        _sort_columns(samples)
         for u in range(width):
-            lowest, highest = 65535, 0
-            for j in range(side):
-                for i in range(side):
-                    value = np.int64(depth[v * stride + j * step, u * stride + i * step])
-                    block[j * side + i] = value
-                    lowest, highest = min(lowest, value), max(highest, value)
-            if side == 3 and lowest > 0 and highest < 65535:
-                out[v, u] = median_of_nine(block) * 1e-3
-            elif highest > 0 and lowest < 65535:
-                out[v, u] = _lower_median(block, side * side) * 1e-3
+            if known[u] > 0:
+                out[v, u] = samples[(known[u] - 1) // 2, u] * 1e-3
     return out
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _ordered(a, b):  # type: ignore[no-untyped-def]
-    return min(a, b), max(a, b)
-
-
 @njit(cache=True, nogil=True)
-def median_of_nine(block):  # type: ignore[no-untyped-def]
-    """The median of nine numbers by a network of exchanges, which has no branch to guess wrong.
-
-    The columns of three are sorted; the median is that of the largest of the low, the median of the middle
-    and the smallest of the high ones (Smith 1996).
-    """
-    a0, a1, a2 = _sorted_three(block[0], block[1], block[2])
-    b0, b1, b2 = _sorted_three(block[3], block[4], block[5])
-    c0, c1, c2 = _sorted_three(block[6], block[7], block[8])
-    low, high = max(a0, max(b0, c0)), min(a2, min(b2, c2))
-    _, middle, _ = _sorted_three(a1, b1, c1)
-    _, median, _ = _sorted_three(low, middle, high)
-    return median
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _sorted_three(a, b, c):  # type: ignore[no-untyped-def]
-    a, b = _ordered(a, b)
-    b, c = _ordered(b, c)
-    a, b = _ordered(a, b)
-    return a, b, c
-
-
-@njit(cache=True, nogil=True)
-def _lower_median(block, count):  # type: ignore[no-untyped-def]
-    """The lower median of the known ones (not 0, not 65535) among the first so many; sorts them in place."""
-    known = 0
-    for n in range(count):
-        value = block[n]
-        if value == 0 or value == 65535:
-            continue
-        k = known
-        while k > 0 and block[k - 1] > value:
-            block[k] = block[k - 1]
-            k -= 1
-        block[k] = value
-        known += 1
-    return block[(known - 1) // 2] if known > 0 else 0
+def _sort_columns(rows):  # type: ignore[no-untyped-def]
+    """Sorts every column of (K, width) in place, by odd-even transposition."""
+    count, width = rows.shape
+    for turn in range(count):
+        for k in range(turn % 2, count - 1, 2):
+            for u in range(width):
+                low, high = min(rows[k, u], rows[k + 1, u]), max(rows[k, u], rows[k + 1, u])
+                rows[k, u], rows[k + 1, u] = low, high
 
 
 @dataclass(frozen=True)
