@@ -15,7 +15,7 @@ from enliven_edge.tracking.settings import SceneSettings
 from enliven_edge.tracking.tracker import Tracker
 
 EDGES = Path(__file__).resolve().parents[2] / "firmware_configs" / "edges"
-FILES = sorted(path for path in EDGES.glob("*.toml") if not path.stem.endswith("-space"))
+FILES = sorted(EDGES.glob("*.toml"))
 
 
 def test_there_are_some():

@@ -72,7 +72,7 @@ def test_every_setting_of_the_edge_is_explained():
     def walk(kind):
         for field in dataclasses.fields(kind):
             assert field.metadata["doc"], f"{kind.__name__}.{field.name}"
-            if field.default_factory is not dataclasses.MISSING:
+            if dataclasses.is_dataclass(field.default_factory):
                 walk(field.default_factory)
 
     walk(EdgeSettings)

@@ -57,7 +57,8 @@ def test_exact_bodies_give_exact_places_and_clocks():
     made = calibrate(streams([Walker()], [A, B], clocks=[10.0, 13.25]))
     assert made.good and made.advice == []
     # What remains is the straight line between two frames of a curved motion.
-    assert errors(made, [A, B]).max(0) == pytest.approx([0, 0], abs=1e-4)
+    metres, degrees = errors(made, [A, B]).max(0)
+    assert metres < 1e-4 and degrees < 1e-3
     assert made.clock_offset_ns["b"] == pytest.approx(-3.25e9, abs=5e4)
 
 
