@@ -1,8 +1,8 @@
 """Two Kinects that saw the same people: calibrated by those people, and fused.
 
 The gate, the loyalty and the plausible bones were looked at on Study_24; Study_1 was used for the low-pass of
-velocities. Nobody measured where the Kinects stood: the files hold skeletons that their authors had moved into
-one world already, so that the placement that is found must be nearly none."""
+velocities. Nobody measured where the Kinects stood: the files hold skeletons that their authors had moved
+into one world already, so that the placement that is found must be nearly none."""
 
 import dataclasses
 import os
