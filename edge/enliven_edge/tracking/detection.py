@@ -38,7 +38,12 @@ _BANKED, _BANKED_BESIDES = 8, 3
 
 
 def detect(
-    fitter: Fitter, observation: Observation, eye: Float, height: float, forest: PartForest | None = None
+    fitter: Fitter,
+    observation: Observation,
+    eye: Float,
+    height: float,
+    forest: PartForest | None = None,
+    lengths: Float | None = None,
 ) -> tuple[Posture, FitReport]:
     """The posture that explains the observation best from scratch.
 
@@ -48,8 +53,10 @@ def detect(
         eye: (3,) the sensor's position, world frame.
         height: metres, the person's height until it is measured.
         forest: what knows the parts of a body; None to do without.
+        lengths: (12,) metres, the person's own where they are known already.
     """
-    lengths = model.lengths_for_height(_measured_height(observation, height))
+    if lengths is None:
+        lengths = model.lengths_for_height(_measured_height(observation, height))
     seen = None if forest is None else look(forest, observation)
     coarse = []
     for start in _starts(observation, seen, eye, lengths):

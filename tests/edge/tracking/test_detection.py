@@ -130,3 +130,17 @@ def test_somebody_upside_down_in_the_image_is_found_alike():
         posture, _ = detect(fitter, seen, eye, 1.72, shipped_forest())
         error = np.linalg.norm(posture.joints() - figure.joints, axis=1)
         assert np.median(error) < 0.1
+
+
+def test_somebody_known_is_found_with_their_own_bones():
+    """Who kneels does not show how tall they are; who is known needs not."""
+    known, unknown = [], []
+    for seed in SEEDS:
+        observation, figure = seen_person("kneeling", seed)
+        eye, fitter = observation.view[4][:3, 3], Fitter(FitSettings())
+        rng = np.random.default_rng([41, seed])
+        lengths = model.lengths_for_height(random_build(rng).height)
+        for found, given in ((unknown, None), (known, lengths)):
+            posture, _ = detect(fitter, observation, eye, 1.3, shipped_forest(), given)
+            found.append(np.linalg.norm(posture.joints() - figure.joints, axis=1).mean())
+    assert np.mean(known) < np.mean(unknown)
