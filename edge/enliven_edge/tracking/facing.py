@@ -1,7 +1,6 @@
 """Which way somebody faces: front and back look alike, so it is decided over many frames.
 
-Two things tell: which parts the forest sees where (with the posture as it is against the posture turned
-about), and that people walk forward.
+Two things tell: the leaves of the forest that the person's pixels reach, and that people walk forward.
 """
 
 from __future__ import annotations
@@ -9,33 +8,26 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_edge.parts.proposals import Seen, agreement, turned_about
+from enliven_edge.parts.proposals import Seen, facing_score, turned_about
 from enliven_edge.tracking import model
 from enliven_edge.tracking.posture import Posture
 
-_MEMORY = 15.0
-"""Frames over which the evidence is averaged."""
-_PATIENCE = 15
-"""Frames before a first verdict."""
-_DOUBTED = ((-1.0, -0.10), (0.0, -0.06), (0.6, 0.08), (1.0, 0.19))
-"""By how much the parts must agree better with the posture as it is, by the cosine of its angle to the sensor.
-The forest takes a back for a front more easily than the other way round: it agrees with a front by 0.27 more
-than with a back where it is one, and still by 0.15 where it is not (on the tuning sequences)."""
-_SETTLED, _UNSETTLED = 0.05, -0.10
-"""Beyond what is asked for: from which on a facing is settled, and below which even a settled one is wrong."""
-_SEEN_WELL = 0.3
-"""Agreement below which the posture is too poor to tell."""
+_MEMORY, _PATIENCE = 15.0, 12
+"""Frames over which the evidence is averaged, and before a first verdict."""
+_SETTLED, _WRONG, _WRONG_ALL_THE_SAME = 0.08, -0.03, -0.12
+"""Mean log likelihood by which the facing must be better than its opposite to be settled; below which it is
+wrong; and below which even a settled one is."""
 _STROLL, _WALK = 0.45, 0.9
 """Metres a second from which walking says something, and from which it says all it can."""
 _FORWARD = 0.25
-"""What walking ahead is worth, as a difference of agreements."""
+"""What walking ahead is worth, as a mean log likelihood."""
 
 
 class Facing:
     """Watches whether a posture has been facing the wrong way."""
 
     def __init__(self) -> None:
-        self._surplus = 0.0
+        self._advantage = 0.0
         self._frames = 0
         self._settled = False
 
@@ -46,22 +38,16 @@ class Facing:
             eye: (3,) the sensor, world frame.
             velocity: (3,) metres a second of the hip centre.
         """
-        agrees, ahead = agreement(seen, posture), forward_in_plan(posture)
-        if agrees < _SEEN_WELL:
-            return False
-        way = (eye - posture.position)[[0, 2]]
-        towards = float(ahead @ way / (np.linalg.norm(way) + 1e-9))
-        asked = float(np.interp(towards, *zip(*_DOUBTED, strict=True)))
-        surplus = agrees - agreement(seen, turned_about(posture)) - asked
-        surplus += _FORWARD * _walking(velocity[[0, 2]], ahead)
+        advantage = facing_score(seen, posture, eye) - facing_score(seen, turned_about(posture), eye)
+        advantage += _FORWARD * _walking(velocity[[0, 2]], forward_in_plan(posture))
         self._frames += 1
-        self._surplus += max(1.0 / _MEMORY, 1.0 / self._frames) * (surplus - self._surplus)
+        self._advantage += max(1.0 / _MEMORY, 1.0 / self._frames) * (advantage - self._advantage)
         if self._frames < _PATIENCE:
             return False
-        self._settled = self._settled or self._surplus > _SETTLED
-        wrong = self._surplus < (_UNSETTLED if self._settled else 0.0)
+        self._settled = self._settled or self._advantage > _SETTLED
+        wrong = self._advantage < (_WRONG_ALL_THE_SAME if self._settled else _WRONG)
         if wrong:
-            self._surplus, self._frames, self._settled = 0.0, 0, False
+            self._advantage, self._frames, self._settled = 0.0, 0, False
         return wrong
 
 

@@ -153,14 +153,19 @@ def _capsules() -> Capsules:
 
 
 def _joints() -> tuple[Int, Float]:
-    """(20,) frames and (20, 3, 12) offsets of the tracked joints."""
+    """(20,) frames and (20, 3, 12) offsets of the tracked joints.
+
+    Where the model turns and where a joint's name belongs differ by centimetres: the back bends below the
+    spine joint, the middle of the head lies before the neck's end.
+    """
     zero, wrist, hand = _offset(), _offset(y={FORE: -1}), _offset(y={FORE: -1, HAND: -1})
-    toe = _offset(y={FOOT: -0.35}, z={FOOT: 1.0})
-    rows = [(PELVIS, zero), (CHEST, zero), (HEAD, zero), (HEAD, _offset(y={NECK: 1}))]
+    ankle, toe = _offset(y={SHIN: -1.05}), _offset(y={FOOT: -0.4}, z={FOOT: 0.88})
+    spine, head = _offset(y={SPINE_UP: 0.12}), _offset(y={NECK: 1.1}, z={NECK: 0.07})
+    rows = [(PELVIS, zero), (CHEST, spine), (HEAD, zero), (HEAD, head)]
     for upper, fore in ((UPPER_ARM_L, FOREARM_L), (UPPER_ARM_R, FOREARM_R)):
         rows += [(upper, zero), (fore, zero), (fore, wrist), (fore, hand)]
     for thigh in (THIGH_L, THIGH_R):
-        rows += [(thigh, zero), (thigh + 1, zero), (thigh + 2, zero), (thigh + 2, toe)]
+        rows += [(thigh, zero), (thigh + 1, zero), (thigh + 1, ankle), (thigh + 2, toe)]
     return np.array([f for f, _ in rows]), np.stack([o for _, o in rows])
 
 
@@ -197,12 +202,10 @@ MOVES = _ancestry()
 
 def _bone_frames() -> Int:
     """(20,) the frame along which the bone that ends at each joint lies."""
-    frames = JOINT_FRAMES.copy()
-    for first, trunk in ((4, CHEST), (8, CHEST), (12, PELVIS), (16, PELVIS)):
-        frames[first + 1 : first + 4] = frames[first : first + 3]
-        frames[first] = trunk
-    frames[1:3] = PELVIS, CHEST
-    return frames
+    trunk = [PELVIS, PELVIS, CHEST, HEAD]
+    arms = [CHEST, UPPER_ARM_L, FOREARM_L, FOREARM_L, CHEST, UPPER_ARM_R, FOREARM_R, FOREARM_R]
+    legs = [PELVIS, THIGH_L, SHIN_L, FOOT_L, PELVIS, THIGH_R, SHIN_R, FOOT_R]
+    return np.array(trunk + arms + legs)
 
 
 BONE_FRAMES = _bone_frames()

@@ -1,0 +1,63 @@
+"""Which way somebody faces is decided over frames, by the forest's leaves and by their walk."""
+
+import numpy as np
+import pytest
+
+from enliven_edge.parts.labels import FACINGS, facing_of
+from enliven_edge.parts.proposals import Seen, turned_about
+from enliven_edge.tracking import model, ranges
+from enliven_edge.tracking.facing import Facing, forward_in_plan
+from enliven_edge.tracking.posture import Posture, rotation
+
+EYE = np.array([0.0, 1.2, 0.0])
+STILL = (0.0, 0.0, 0.0)
+
+
+def standing(yaw: float = 0.0) -> Posture:
+    return Posture(np.array([0.0, 0.95, -2.5]), ranges.standing(yaw), model.lengths_for_height(1.7))
+
+
+def seen_facing(posture: Posture | None, plainly: float = 0.3) -> Seen:
+    """What the forest says of somebody who faces as the posture does; of nobody in particular where None."""
+    ways = np.zeros(FACINGS)
+    if posture is not None:
+        chest = posture.rotations[model.PELVIS] @ posture.rotations[model.CHEST]
+        angle = facing_of(chest[:, 0], posture.position, EYE)
+        ways = plainly * np.cos(np.arange(FACINGS) * 2 * np.pi / FACINGS - angle)
+    return Seen(np.zeros((1, 3), np.float32), np.ones((1, 17), np.float32) / 17, np.ones(1), ways)
+
+
+def verdicts(posture: Posture, seen: Seen, velocity=STILL, frames: int = 40) -> list[bool]:
+    facing = Facing()
+    return [facing.is_wrong(seen, posture, EYE, np.array(velocity, float)) for _ in range(frames)]
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.6, 1.5, np.pi, -2.0])
+def test_who_faces_the_right_way_is_left_alone(yaw):
+    assert not any(verdicts(standing(yaw), seen_facing(standing(yaw))))
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.6, 1.5, np.pi, -2.0])
+def test_who_faces_the_wrong_way_is_turned_after_a_while_and_not_before(yaw):
+    wrong = verdicts(turned_about(standing(yaw)), seen_facing(standing(yaw)))
+    assert any(wrong)
+    assert not any(wrong[:10]), "a few frames must not turn a person"
+
+
+def test_nobody_walks_backwards_for_long():
+    """The forest says nothing; the way of walking does."""
+    sideways = standing(np.pi / 2)
+    assert any(verdicts(turned_about(sideways), seen_facing(None), velocity=(1.0, 0.0, 0.0)))
+    assert not any(verdicts(sideways, seen_facing(None), velocity=(1.0, 0.0, 0.0)))
+
+
+def test_stepping_back_from_a_settled_place_does_not_turn_a_person():
+    facing, seen = Facing(), seen_facing(standing())
+    assert not any(facing.is_wrong(seen, standing(), EYE, np.zeros(3)) for _ in range(30))
+    assert not any(facing.is_wrong(seen, standing(), EYE, np.array([0.0, 0.0, -0.8])) for _ in range(30))
+
+
+def test_forward_does_not_turn_over_when_somebody_bends_over():
+    bent = standing(0.4)
+    bent.rotations[model.CHEST] = rotation(x=2.0)
+    np.testing.assert_allclose(forward_in_plan(bent), [np.sin(0.4), np.cos(0.4)], atol=1e-9)
