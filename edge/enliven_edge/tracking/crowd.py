@@ -13,7 +13,7 @@ from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.identity import Absent, Looks, Register
 from enliven_edge.tracking.model import height_of
-from enliven_edge.tracking.newcomers import Newcomer, Newcomers
+from enliven_edge.tracking.newcomers import YOUNG, Newcomer, Newcomers
 from enliven_edge.tracking.person import UNDECIDED, Person, sight
 from enliven_edge.tracking.room import Room
 from enliven_edge.tracking.segmentation import Segments, segmented
@@ -155,7 +155,9 @@ class Crowd:
 
     def look(self, view: View, kind: UInt8, segments: Segments, room: Room) -> Bool:
         """Finds people among the pixels that are nobody's; the (h, w) pixels that may become somebody."""
-        newcomers = self._newcomers.update(view, kind, segments, self._admits, self._awaits)
+        newcomers = self._newcomers.update(
+            view, kind, segments, self._admits, self._awaits, young=room.age < YOUNG
+        )
         hold = np.zeros(view.z.shape, bool)
         for newcomer in newcomers:
             if newcomer.shape.free > _LOOSE:

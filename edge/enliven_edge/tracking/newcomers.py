@@ -8,13 +8,13 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, UInt8
 from enliven_edge.tracking.human import SMALLEST_AREA, Shape, parted, shape_of
-from enliven_edge.tracking.room import BEFORE, UNLIKELY, widened
-from enliven_edge.tracking.segmentation import Loose, Segments
+from enliven_edge.tracking.room import BEFORE, ROOM, UNLIKELY, widened
+from enliven_edge.tracking.segmentation import Loose, Segments, loose_groups
 from enliven_edge.tracking.view import View
 
 _SAME, _FORGET_NS = 0.45, 400_000_000
 _MOST = 8
-_YOUNG = 1.0
+YOUNG = 1.0
 """Seconds: in so young a room nobody can prove to have come in."""
 _TALL, _FRAMES, _LONG = 1.05, 3, 10
 _STEADY, _LARGE, _LEAST = 0.15, 0.33, 0.14
@@ -26,6 +26,7 @@ _REFUSED, _REFUSED_NS = 0.4, 20_000_000_000
 _BEHIND, _PATIENCE_NS = 0.25, 800_000_000
 _BACK_OFF_NS, _LONGEST_NS = 150_000_000, 2_000_000_000
 _PARTED_AREA = 0.45
+_TIGHTNESS, _TIGHT_PARTS = 0.35, 4
 
 
 class Newcomer:
@@ -113,7 +114,7 @@ class Newcomer:
             missing: somebody is hidden or away, who it may be.
         """
         there = self.convincing or ((alone or self.awaited) and self.imaginable)
-        if not (self.proven or (room_age < _YOUNG and there)):
+        if not (self.proven or (room_age < YOUNG and there)):
             return False
         # Who comes out from behind something is waited for until it can be told who it is.
         if missing and self.shape.behind > _BEHIND and 0 <= time_ns - self.first_ns < _PATIENCE_NS:
@@ -156,8 +157,10 @@ class Newcomers:
         segments: Segments,
         admits: Callable[[Float], bool],
         awaits: Callable[[Float], bool],
+        *,
+        young: bool,
     ) -> list[Newcomer]:
-        """Those that are in this frame, the likeliest first."""
+        """Those that are in this frame, the likeliest first; ``young``: the room is new."""
         groups = [g for g in segments.loose if g.area > SMALLEST_AREA and g.tall > 0.3][:_MOST]
         present = []
         for group in groups:
@@ -168,7 +171,13 @@ class Newcomers:
                 continue
             mask = _all_of(segments, group, view)
             parts = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
+            if young and group.area > _PARTED_AREA and not shape_of(view, mask, 0.5).possible:
+                parts = [*parts, *_tight(view, kind, mask)]
             for part in parts:
+                if any(
+                    (part & other.pixels).sum() > 0.5 * part.sum() for other in present if other.convincing
+                ):
+                    continue
                 found = self._one(view, kind, part, group.area * part.sum() / max(1, mask.sum()))
                 if found is not None and found not in present:
                     found.bystander = not admits(found.centre)
@@ -205,6 +214,15 @@ class Newcomers:
 def _shares(kind: UInt8) -> tuple[float, float]:
     """Of (M,) pixels: how many stand before the known room, and before what is known or guessed."""
     return float(np.mean(kind == BEFORE)), float(np.mean(kind != UNLIKELY))
+
+
+def _tight(view: View, kind: UInt8, mask: Bool) -> list[Bool]:
+    """The parts of a group that hang together more closely: somebody who stands beside a wall, say."""
+    inside = np.where(mask, kind, ROOM).astype(np.uint8)
+    labels, count = loose_groups(view.z, inside, np.full(mask.shape, -1), _TIGHTNESS)
+    size = np.bincount(labels.ravel(), minlength=count + 1)
+    size[0] = 0
+    return [labels == index for index in np.argsort(-size)[:_TIGHT_PARTS] if size[index] > 100]
 
 
 def _all_of(segments: Segments, main: Loose, view: View) -> Bool:

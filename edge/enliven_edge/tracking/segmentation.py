@@ -165,7 +165,7 @@ def _surface(x, y, z, ends, radii):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def loose_groups(z, kind, owner):  # type: ignore[no-untyped-def]
+def loose_groups(z, kind, owner, tightness=1.0):  # type: ignore[no-untyped-def]
     """(h, w) groups 1..n of nobody's candidate pixels that touch with a small step in depth, and n."""
     height, width = z.shape
     labels = np.zeros((height, width), np.int64)
@@ -176,7 +176,7 @@ def loose_groups(z, kind, owner):  # type: ignore[no-untyped-def]
                 continue
             here = v * width + u
             parent[here], labels[v, u] = here, -1
-            step = 0.035 + 0.012 * z[v, u] * z[v, u]
+            step = (0.035 + 0.012 * z[v, u] * z[v, u]) * tightness
             if u > 0 and labels[v, u - 1] != 0 and abs(z[v, u] - z[v, u - 1]) < step:
                 join(parent, here, here - 1)
             if v > 0 and labels[v - 1, u] != 0 and abs(z[v, u] - z[v - 1, u]) < step:
