@@ -14,8 +14,9 @@ from enliven.settings import load_settings
 
 def train_parts(
     output: Annotated[Path, typer.Option("--output", "-o", help="The forest to make, a .npz file.")],
-    pictures: Annotated[int, typer.Option(help="Rendered pictures to learn from.")] = 35000,
+    pictures: Annotated[int, typer.Option(help="Rendered pictures to learn from.")] = 20000,
     trees: Annotated[int, typer.Option(help="Trees of the forest.")] = 3,
+    frontal: Annotated[float, typer.Option(help="Share of people who look at the sensor.")] = 0.35,
     depth: Annotated[int, typer.Option(help="Questions from a root to a leaf, at most.")] = 18,
     seed: Annotated[int, typer.Option(help="Fixes everything random.")] = 0,
     test: Annotated[int, typer.Option(min=0, help="Fresh pictures to measure it on.")] = 300,
@@ -24,7 +25,7 @@ def train_parts(
     """Learn to tell the parts of a body in depth, from rendered people in random postures.
 
     Nothing is downloaded and no recording is used. The defaults make the forest that ships with enliven, in
-    about 25 minutes on one core and with 1.5 GB of memory; the same options make the same forest again.
+    about half an hour of one core and with 2 GB of memory; the same options make the same forest again.
 
     \b
       enliven train-parts -o parts.npz                        the forest that ships with enliven, again
@@ -39,7 +40,7 @@ def train_parts(
         raise InputError(
             "this file is there already", where=str(output), mend="Add --overwrite to replace it."
         )
-    values = {"pictures": pictures, "trees": trees, "depth": depth, "seed": seed}
+    values = {"pictures": pictures, "trees": trees, "frontal": frontal, "depth": depth, "seed": seed}
     settings = load_settings(TrainingSettings, values, where="train-parts")
     with Progress(transient=True) as progress:
         rendering = progress.add_task("Rendering", total=settings.pictures)

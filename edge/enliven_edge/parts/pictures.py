@@ -63,22 +63,25 @@ class Studio:
             noise = DepthNoise(profile, intrinsics, seed)
             self._cameras.append((intrinsics, rays(intrinsics), Renderer(intrinsics), noise, profile.range))
 
-    def picture(self, dice: Dice, family: str | None = None, arms: str | None = None) -> Picture:
+    def picture(
+        self, dice: Dice, family: str | None = None, arms: str | None = None, frontal: float = 0.0
+    ) -> Picture:
         """A person of a random build in a random posture, seen from somewhere; never less than 60 pixels.
 
         Args:
             family: of :data:`enliven_edge.parts.postures.FAMILIES`, by dice where None.
             arms: of :data:`enliven_edge.parts.arms.HOLDS`, by dice where None.
+            frontal: share of people who look at the sensor; the others face anywhere.
         """
         while True:
-            made = self._try(dice, family, arms)
+            made = self._try(dice, family, arms, frontal)
             if np.count_nonzero(made.z) >= 60:
                 return made
 
-    def _try(self, dice: Dice, family: str | None, arms: str | None) -> Picture:
+    def _try(self, dice: Dice, family: str | None, arms: str | None, frontal: float) -> Picture:
         performer = Performer(random_build(dice))
-        # As often from behind as from before: what cannot be told apart must not be called a front.
-        figure = random_figure(performer, dice, dice.uniform(-np.pi, np.pi), family, arms)
+        yaw = dice.normal(0.0, 0.7) if dice.random() < frontal else dice.uniform(-np.pi, np.pi)
+        figure = random_figure(performer, dice, yaw, family, arms)
         sensor = int(dice.integers(len(SENSORS)))
         intrinsics, _, _, _, limits = self._cameras[sensor]
         pose = _camera_pose(figure, intrinsics, max(limits.near, 0.5), min(limits.far, 4.5), dice)

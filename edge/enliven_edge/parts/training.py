@@ -23,10 +23,15 @@ from enliven_edge.parts.samples import Album, collect
 class TrainingSettings:
     """How much is rendered and how far the trees grow."""
 
-    pictures: int = setting(35000, "Rendered pictures.", low=1, high=1_000_000)
-    pixels: int = setting(20, "Pixels of every part drawn from a picture, anew for every tree.", low=1)
+    pictures: int = setting(20000, "Rendered pictures.", low=1, high=1_000_000)
+    pixels: int = setting(25, "Pixels of every part drawn from a picture, anew for every tree.", low=1)
     trees: int = setting(3, "Trees of the forest.", low=1, high=20)
-    facing: int = setting(12000, "Pictures from which each leaf learns how people face.", low=0)
+    frontal: float = setting(
+        0.35, "Share of the people who look at the sensor; the others face anywhere.", low=0.0, high=1.0
+    )
+    facing: int = setting(
+        4000, "Pictures of people who face anywhere, from which each leaf learns how people face.", low=0
+    )
     depth: int = setting(18, "Questions from a root to a leaf, at most.", low=1, high=30)
     fewest: int = setting(40, "Pixels below which a node is not split.", low=2)
     pool: int = setting(2000, "Random features that every node draws from.", low=1, high=65535)
@@ -42,7 +47,7 @@ def render_album(settings: TrainingSettings, seen: Callable[[Picture], object] =
 
     def pictures():  # type: ignore[no-untyped-def]
         for _ in range(settings.pictures):
-            picture = studio.picture(dice)
+            picture = studio.picture(dice, frontal=settings.frontal)
             seen(picture)
             yield picture
 
