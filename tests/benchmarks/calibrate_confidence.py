@@ -7,15 +7,22 @@ truth, and writes the weights of a regularised logistic regression to the edge's
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
+from tracking_cache import Moment, delivered
+from tracking_set import TUNING, Sequence, sequences
 
 from enliven_edge.tracking.confidence import GROUP_OF_JOINT, GROUPS
 from enliven_edge.tracking.evidence import NAMES
+from enliven_edge.tracking.person import Person
+from enliven_edge.tracking.tracker import Tracker
 
 TARGET = Path(__file__).parents[2] / "edge" / "enliven_edge" / "assets" / "confidence.json"
 _RIDGE = 3.0
+_WITHIN = 0.1
+"""Metres: what the confidence is the probability of."""
 
 
 def logistic(features: np.ndarray, right: np.ndarray, ridge: float = _RIDGE) -> np.ndarray:
@@ -47,3 +54,46 @@ def write(evidence: np.ndarray, right: np.ndarray, sequences: list[str]) -> None
         table[group] = {name: round(float(w), 5) for name, w in zip(NAMES, weights, strict=True)}
     text = json.dumps({"fitted on": sequences, "frames": len(evidence), "weights": table}, indent=1)
     TARGET.write_text(text + "\n")
+
+
+def gathered(sequence: Sequence) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """(20, F) evidence and (20,) outcome of every body in every frame of a sequence; far bodies are false."""
+    tracker, evidence, right = Tracker(), [], []
+    for frame, moment in delivered(sequence):
+        tracker.track(frame)
+        for person in tracker.performers:
+            if person.follower.evidence.any():
+                evidence.append(person.follower.evidence)
+                right.append(_outcome(person, moment))
+    return evidence, right
+
+
+def _outcome(person: Person, moment: Moment) -> np.ndarray:
+    """(20,) whether each joint is within ten centimetres of the person whose hips are nearest."""
+    joints = person.follower.posture.joints()
+    true = moment.joints[moment.present]
+    if len(true) == 0:
+        return np.zeros(20, bool)
+    nearest = np.argmin(np.linalg.norm(true[:, 0] - joints[0], axis=1))
+    return np.linalg.norm(true[nearest] - joints, axis=1) < _WITHIN
+
+
+def main() -> int:
+    """Runs the tuning sequences and writes the weights."""
+    evidence: list[np.ndarray] = []
+    right: list[np.ndarray] = []
+    names = []
+    for sequence in sequences(TUNING):
+        if not sequence.available:
+            continue
+        print(f"tracking {sequence.name}", file=sys.stderr, flush=True)
+        of, outcome = gathered(sequence)
+        evidence += of
+        right += outcome
+        names.append(sequence.name)
+    write(np.array(evidence), np.array(right), names)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

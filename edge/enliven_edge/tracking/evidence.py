@@ -44,8 +44,8 @@ def _beside() -> tuple[Float, Float]:
         first[joint, near], second[joint, next_to] = 1 / len(near), 1 / len(next_to)
     for joint, limb, trunk in ((4, 8, 2), (8, 11, 5), (12, 14, 0), (16, 17, 3)):
         chain = [(limb, trunk), (limb, limb + 1), (limb + 1, limb + 2), (limb + 2, limb + 1)]
-        for k, (near, beside) in enumerate(chain):
-            first[joint + k, near], second[joint + k, beside] = 1.0, 1.0
+        for k, (end, other) in enumerate(chain):
+            first[joint + k, end], second[joint + k, other] = 1.0, 1.0
     return first, second
 
 

@@ -94,6 +94,8 @@ class SecondThoughts:
         else:
             start = self._limb_elsewhere(posture, doubtful) if doubtful else posture
             tried = self._fitter.fit(observation, start, iterations=_STEPS)
+        if not _same_way(tried[0], posture):
+            return posture, report
         _, same = self._fitter.fit(observation, posture, iterations=1)
         before, after = cost(same, posture, seen), cost(tried[1], tried[0], seen)
         return tried if after < better * before else (posture, report)
@@ -167,8 +169,12 @@ def whole_bodies(observation: Observation, posture: Posture, seen: Seen | None) 
 
 
 def _same_way(one: Posture, other: Posture) -> bool:
-    """Whether two postures face within a right angle of each other."""
-    return bool(one.rotations[model.PELVIS][:, 2] @ other.rotations[model.PELVIS][:, 2] > 0)
+    """Whether two postures face within a right angle of each other, by hips and by shoulders."""
+    turns = [
+        (p.rotations[model.PELVIS], p.rotations[model.PELVIS] @ p.rotations[model.CHEST])
+        for p in (one, other)
+    ]
+    return all(bool(a[:, 0] @ b[:, 0] > 0) for a, b in zip(*turns, strict=True))
 
 
 def _standing_at(observation: Observation, posture: Posture, facing: float) -> Posture:
