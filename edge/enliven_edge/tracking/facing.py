@@ -14,12 +14,12 @@ from enliven_edge.tracking.posture import Posture
 
 _MEMORY, _PATIENCE = 15.0, 12
 """Frames over which the evidence is averaged, and before a first verdict."""
-_SETTLED, _WRONG, _WRONG_ALL_THE_SAME = 0.08, -0.03, -0.12
+_SETTLED, _WRONG, _WRONG_ALL_THE_SAME = 0.1, -0.26, -0.35
 """Mean log likelihood by which the facing must be better than its opposite to be settled; below which it is
-wrong; and below which even a settled one is."""
+wrong; and below which even a settled one is. The leaves alone take some real fronts for backs by 0.19."""
 _STROLL, _WALK = 0.45, 0.9
 """Metres a second from which walking says something, and from which it says all it can."""
-_FORWARD = 0.25
+_FORWARD = 0.45
 """What walking ahead is worth, as a mean log likelihood."""
 
 
