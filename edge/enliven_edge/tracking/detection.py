@@ -33,6 +33,10 @@ _DISAGREEMENT = 4.0
 """Square centimetres a point that it costs to be of other parts than the forest says, all of them."""
 _FACING = 6.0
 """Square centimetres a point that it costs to face another way than the likeliest, by log likelihood."""
+_STATURE, _SPREAD = 0.5, 0.15
+"""Square centimetres a point that a stature one spread (metres) from the likeliest costs."""
+_SHORTEST, _TALLEST, _ALIKE = 0.9, 2.1, 0.08
+"""Metres within which a person may just stand there, and the share by which statures are much the same."""
 _BANKED, _BANKED_BESIDES = 8, 3
 """Hypotheses of the bank without a forest, and besides one."""
 
@@ -55,17 +59,18 @@ def detect(
         forest: what knows the parts of a body; None to do without.
         lengths: (12,) metres, the person's own where they are known already.
     """
-    if lengths is None:
-        lengths = model.lengths_for_height(_measured_height(observation, height))
+    builds = [lengths] if lengths is not None else _builds(observation, height)
     seen = None if forest is None else look(forest, observation)
     coarse = []
-    for start in _starts(observation, seen, eye, lengths):
+    for start in _starts(observation, seen, eye, builds):
         posture, report = fitter.fit(_guided(observation, seen, _AFFINITY), start, iterations=8, width=0.25)
-        coarse.append((report.energy + _disagreement(seen, posture, observation.view[4][:3, 3]), posture))
-    refined = [_refined(fitter, observation, seen, start) for start in _best_distinct(coarse, _REFINED)]
+        coarse.append((report.energy + _oddness(seen, posture, eye, height), posture))
+    refined = [
+        _refined(fitter, observation, seen, start, height) for start in _best_distinct(coarse, _REFINED)
+    ]
     best = min(refined, key=lambda found: found[0])
     # A front is easily taken for a back: the best is tried turned about as well.
-    other = _refined(fitter, observation, seen, turned_about(best[1]))
+    other = _refined(fitter, observation, seen, turned_about(best[1]), height)
     _, posture, report = min(best, other, key=lambda found: found[0])
     return posture, report
 
@@ -82,26 +87,31 @@ def _best_distinct(ranked: list[tuple[float, Posture]], most: int) -> list[Postu
     return [posture for _, posture in kept]
 
 
-def _starts(observation: Observation, seen: Seen | None, eye: Float, lengths: Float) -> list[Posture]:
-    """Where to begin."""
+def _starts(observation: Observation, seen: Seen | None, eye: Float, builds: list[Float]) -> list[Posture]:
+    """Where to begin.
+
+    Args:
+        builds: (12,) lengths each: the likeliest person's, and where it differs one who just stands there.
+    """
     z, mask, _, camera, pose = observation.view
     by_parts = []
     if seen is not None:
-        by_parts = [posture for _, posture in proposals(seen, lengths, eye)]
-        by_parts += facing_proposals(seen.kinds, lengths, eye, _FACINGS)
+        for lengths in builds:
+            by_parts += [posture for _, posture in proposals(seen, lengths, eye)]
+            by_parts += facing_proposals(seen.kinds, lengths, eye, _FACINGS)
     ends = extremities(z, mask, camera, pose)
-    banked = banked_starts(observation, ends, eye, lengths, _BANKED if seen is None else _BANKED_BESIDES)
-    return [*by_parts, *standing_starts(observation, eye, lengths), *banked]
+    banked = banked_starts(observation, ends, eye, builds[0], _BANKED if seen is None else _BANKED_BESIDES)
+    return [*by_parts, *standing_starts(observation, eye, builds[-1]), *banked]
 
 
 def _refined(
-    fitter: Fitter, observation: Observation, seen: Seen | None, start: Posture
+    fitter: Fitter, observation: Observation, seen: Seen | None, start: Posture, height: float
 ) -> tuple[float, Posture, FitReport]:
     """A hypothesis fitted to the end, its proportions too, and what it costs."""
     guided = _guided(observation, seen, 0.4 * _AFFINITY)
     posture, _ = fitter.fit(guided, start, iterations=15, width=0.12, proportions=_LOOSE)
     posture, report = fitter.fit(observation, posture, iterations=15, proportions=_LOOSE)
-    return report.energy + _disagreement(seen, posture, observation.view[4][:3, 3]), posture, report
+    return report.energy + _oddness(seen, posture, observation.view[4][:3, 3], height), posture, report
 
 
 def _guided(observation: Observation, seen: Seen | None, metres: float) -> Observation:
@@ -109,12 +119,17 @@ def _guided(observation: Observation, seen: Seen | None, metres: float) -> Obser
     return observation if seen is None else replace(observation, affinity=seen.sideless_affinity(metres))
 
 
-def _disagreement(seen: Seen | None, posture: Posture, eye: Float) -> float:
-    """What it costs a posture that the forest takes the points for other parts, and facing another way."""
+def _oddness(seen: Seen | None, posture: Posture, eye: Float, height: float) -> float:
+    """What a posture costs besides what the depth says.
+
+    For points that the forest takes for other parts, for facing another way than it says, and for a stature
+    that is far from the likeliest.
+    """
+    stature = _STATURE * ((model.height_of(posture.lengths) - height) / _SPREAD) ** 2
     if seen is None:
-        return 0.0
+        return stature
     facing = facing_score(seen, posture, eye)
-    return _DISAGREEMENT * (1.0 - agreement(seen, posture)) - _FACING * facing
+    return stature + _DISAGREEMENT * (1.0 - agreement(seen, posture)) - _FACING * facing
 
 
 def quality(report: FitReport) -> float:
@@ -122,9 +137,14 @@ def quality(report: FitReport) -> float:
     return report.explained - float(report.violated.mean())
 
 
-def _measured_height(observation: Observation, height: float) -> float:
-    """The person's height from the floor to the crown, where both are seen and it is a likely one."""
-    if observation.cut:
-        return height
-    stature = float(observation.crown[1]) + 0.01
-    return stature if 0.85 * height < stature < 1.2 * height else height
+def _builds(observation: Observation, height: float) -> list[Float]:
+    """(12,) lengths of whom this may be: somebody of the likeliest height, and somebody as tall as is seen.
+
+    What reaches lower may be a child, or somebody who crouches; what reaches higher, somebody tall, or arms.
+    """
+    seen = float(observation.crown[1]) + 0.01
+    if observation.cut or not _SHORTEST < seen < _TALLEST:
+        return [model.lengths_for_height(height)]
+    if abs(seen / height - 1.0) < _ALIKE:
+        return [model.lengths_for_height(seen)]
+    return [model.lengths_for_height(height), model.lengths_for_height(seen)]

@@ -17,6 +17,8 @@ _SIDE = 0.04
 _FREE_WIDTH = 0.25
 """Metres: the robust width of what is seen through; a whole forearm may be in the wrong place."""
 _SAMPLES, _PAIR_SAMPLES = 5, 3
+_SCALE = 0.1
+"""How much less a person's size is held than their proportions."""
 _FLOOR_SLACK = 0.02
 """Metres that the floor may be wrong."""
 _LARGEST_TURN = 0.5
@@ -98,11 +100,8 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
     energy += terms.joint_ranges(matrix, gradient, rotations, middle, reach, weights[3], dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, rest, relaxedness, dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, predicted, stiffness, dof_frame, dof_axis)
-    for p in range(len(firmness)):
-        change = (lengths[p] - reference[p]) / reference[p]
-        matrix[_DOFS + p, _DOFS + p] += firmness[p] / reference[p] ** 2
-        gradient[_DOFS + p] += firmness[p] * change / reference[p]
-        energy += firmness[p] * change * change
+    if len(firmness) > 0:
+        energy += terms.hold_build(matrix, gradient, lengths, reference, firmness, _SCALE)
     return energy, explained
 
 

@@ -219,6 +219,33 @@ def above_floor(matrix, gradient, ends, radii, capsule_frame, capsule_local, bod
 
 
 @njit(cache=True, nogil=True)
+def hold_build(matrix, gradient, lengths, reference, firmness, scale):  # type: ignore[no-untyped-def]
+    """Proportions stay near the reference's, and the size too, but ``scale`` times as firmly.
+
+    With the relative changes c of the bones and their mean m, the energy is f sum (c - m)^2 + scale f n m^2;
+    the girth, which comes last, stands alone: f c^2.
+
+    Args:
+        firmness: (12,) weights; the first is that of all bones.
+    """
+    bones = len(lengths) - 1
+    mean, energy, f = 0.0, 0.0, firmness[0]
+    for p in range(bones):
+        mean += (lengths[p] / reference[p] - 1.0) / bones
+    for p in range(bones):
+        change = lengths[p] / reference[p] - 1.0 - mean
+        energy += f * change * change
+        gradient[_DOFS + p] += f * (change + scale * mean) / reference[p]
+        for q in range(p, bones):
+            held = (1.0 if p == q else 0.0) - (1.0 - scale) / bones
+            matrix[_DOFS + p, _DOFS + q] += f * held / (reference[p] * reference[q])
+    girth = lengths[bones] / reference[bones] - 1.0
+    matrix[_DOFS + bones, _DOFS + bones] += firmness[bones] / reference[bones] ** 2
+    gradient[_DOFS + bones] += firmness[bones] * girth / reference[bones]
+    return energy + scale * f * bones * mean * mean + firmness[bones] * girth * girth
+
+
+@njit(cache=True, nogil=True)
 def stay_near(matrix, gradient, rotations, reference, weights, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
     """Every rotation stays near a reference: weight * |log(reference' rotation)|^2 by component."""
     energy = 0.0

@@ -149,6 +149,35 @@ def floor_energy(posture: Posture):
     return terms.above_floor(matrix, gradient, *surroundings(posture), 1.0, 0.02), gradient
 
 
+@given(st.integers(0, 10_000))
+@settings(max_examples=25, deadline=None)
+def test_the_build_is_held_as_its_energy_says(seed):
+    """Gradient and matrix against differences; another size costs a tenth of odd proportions."""
+    random = np.random.default_rng(seed)
+    reference = model.lengths_for_height(1.7)
+    lengths = reference * random.uniform(0.8, 1.2, 12)
+
+    def held(at):
+        matrix, gradient = np.zeros((42, 42)), np.zeros(42)
+        energy = terms.hold_build(matrix, gradient, at, reference, np.full(12, 7.0), 0.1)
+        return energy, gradient[30:], np.triu(matrix[30:, 30:]) + np.triu(matrix[30:, 30:], 1).T
+
+    _, gradient, matrix = held(lengths)
+    h = 1e-6
+    for p in range(12):
+        step = h * np.eye(12)[p]
+        difference = (held(lengths + step)[0] - held(lengths - step)[0]) / (2 * h)
+        assert 2 * gradient[p] == pytest.approx(difference, rel=1e-4, abs=1e-4)
+        curvature = (held(lengths + step)[1] - held(lengths - step)[1]) / (2 * h)
+        np.testing.assert_allclose(matrix[p], curvature, rtol=1e-4, atol=1e-4)
+    odd, larger = reference.copy(), reference * 1.2
+    odd[:11:2] *= 1.2
+    odd[1:11:2] *= 0.8
+    larger[11] = odd[11] = reference[11]
+    assert held(larger)[0] < 0.15 * held(odd)[0]
+    assert held(reference)[0] == 0.0
+
+
 def test_the_floor_costs_nothing_to_who_stands_on_it():
     standing = Posture(np.array([0.0, 1.0, -2.0]), ranges.standing(), model.lengths_for_height(1.7))
     ends, radii = standing.capsules()
