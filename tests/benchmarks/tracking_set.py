@@ -154,6 +154,7 @@ SMALL = Proportions(1.58, 1.0, shoulders=0.93, hips=1.08)
 AVERAGE = Proportions(1.75)
 STOUT = Proportions(1.70, 1.28, hips=1.1)
 CHILD = Proportions(1.32, 0.98, shoulders=0.92, legs=0.96)
+INFANT = Proportions(1.22, 1.06, shoulders=0.95)
 LANKY = Proportions(1.93, 0.86, arms=1.06, legs=1.04)
 BROAD = Proportions(1.80, 1.18, shoulders=1.12, legs=0.95)
 SLIM = Proportions(1.66, 0.86, hips=1.05, arms=0.97)
@@ -180,7 +181,7 @@ def _accuracy() -> list[Sequence]:
     traffic = "cmu_expmap/train_directing_traffic_4.txt"
     boxing, jumps = f"{CMU}/Boxing_Toes.bvh", f"{CMU}/01_01.bvh"
     bends, eight = f"{OTHER}/aitviewer_sample.bvh", f"{OTHER}/pymo_AV_8Walk_Meredith.bvh"
-    walk = f"{CMU}/02_01.bvh"
+    walk, side = f"{CMU}/02_01.bvh", f"{NAMCO}/dataset-1_walk_normal_001.bvh"
     return [
         # what may be tuned on
         Sequence("still", t, _one(AVERAGE, _EX("still")), 3.0, kind="still"),
@@ -199,8 +200,15 @@ def _accuracy() -> list[Sequence]:
         Sequence("cross", t, _crossing((AVERAGE, SMALL), 0), 5.0),
         Sequence("touch", t, _touching((TALL, SMALL), 0), 4.5),
         Sequence("three", t, _three(), 4.0),
+        Sequence("four", t, _four_others(), 3.0),
+        Sequence("five, in two rows", t, _two_rows(), 3.0),
         Sequence("desk", t, _one(AVERAGE, _EX("signals", 3), (0.0, -2.7)), 4.0, furniture=DESK, told=True),
         Sequence("high camera", t, _one(TALL, _EX("signals", 71), (0.2, -2.9)), 3.5, height=2.2, tilt=24.0),
+        Sequence("child overhead", t, _one(INFANT, _EX("overhead", 91), (0.1, -2.3)), 4.0),
+        Sequence("child back", t, _one(INFANT, Move(wave), (0.0, -2.2), BACK), 2.5),
+        Sequence("bow", t, _one(STOUT, Move(f"{NAMCO}/dataset-1_bow_normal_001.bvh")), 3.0),
+        Sequence("walk side", t, _one(TALL, Move(side), (-1.0, -3.0), SIDE), 2.5, "kinect1"),
+        Sequence("styled walk", t, _one(SMALL, Move("bvh/xia_styles/depressed_18_000.bvh"), (0.3, -3.6)), 3.0),
         # what is reported
         Sequence("h still", h, _one(SLIM, _EX("still", 5)), 4.0, kind="still"),
         Sequence("h overhead", h, _one(CHILD, _EX("overhead", 11), (-0.1, -2.4)), 5.0),
@@ -261,6 +269,27 @@ def _four() -> tuple[Person, ...]:
         Person(SLIM, ((0.0, _EX("crossed", 32), (-0.35, -2.6), 0.1),)),
         Person(LANKY, ((0.0, _EX("overhead", 33), (0.55, -3.4), -0.2),)),
         Person(CHILD, ((0.0, _EX("one leg", 34), (1.1, -2.7), -0.4),)),
+    )
+
+
+def _four_others() -> tuple[Person, ...]:
+    """Four who are others, and elsewhere, than those of "h four"."""
+    return (
+        Person(SMALL, ((0.0, _EX("crossed", 81), (-1.15, -2.6), 0.3),)),
+        Person(TALL, ((0.0, _EX("signals", 82), (-0.45, -3.3), -0.1),)),
+        Person(STOUT, ((0.0, _EX("still", 83), (0.35, -2.75), 0.2),)),
+        Person(AVERAGE, ((0.0, _EX("signals", 84), (1.2, -3.25), -0.3),)),
+    )
+
+
+def _two_rows() -> tuple[Person, ...]:
+    """Three before, and two behind who stand in the gaps."""
+    return (
+        Person(SMALL, ((0.0, _EX("still", 85), (-0.95, -2.55), 0.2),)),
+        Person(AVERAGE, ((0.0, _EX("crossed", 86), (0.05, -2.6), 0.0),)),
+        Person(STOUT, ((0.0, _EX("still", 87), (1.0, -2.6), -0.2),)),
+        Person(TALL, ((0.0, _EX("signals", 88), (-0.5, -3.5), 0.1),)),
+        Person(Proportions(1.82), ((0.0, _EX("crossed", 89), (0.65, -3.55), -0.1),)),
     )
 
 

@@ -59,15 +59,20 @@ class Shape:
     @property
     def possible(self) -> bool:
         """Whether it may be a person in any posture: of a person's size, no panel, and free on its sides."""
-        panel = self.thickness < _FLAT and self.wide > _BROAD
+        flat = self.thickness < _FLAT and self.wide > _BROAD
+        panel = flat and not (self._headed and self.fill < _SPARSE)
         return self.likeness > 0 and not panel and self.crown < _TALLEST and self.free > _FREE
 
     @property
     def upright(self) -> bool:
         """Whether it is shaped as somebody who stands or sits: a head above shoulders."""
+        return self.possible and self._headed and self.fill > _SOLID
+
+    @property
+    def _headed(self) -> bool:
+        """Whether its top is as wide as a head, and what is below wider."""
         low, high = _HEAD_WIDTH
-        head = self.head < _HEADLIKE and low < self.head_width < high
-        return self.possible and head and self.fill > _SOLID
+        return self.head < _HEADLIKE and low < self.head_width < high
 
     @property
     def human(self) -> bool:
