@@ -33,8 +33,8 @@ _DISAGREEMENT = 4.0
 """Square centimetres a point that it costs to be of other parts than the forest says, all of them."""
 _FACING = 6.0
 """Square centimetres a point that it costs to face another way than the likeliest, by log likelihood."""
-_STATURE, _SPREAD = 0.5, 0.15
-"""Square centimetres a point that a stature one spread (metres) from the likeliest costs."""
+_STATURE, _SPREAD = 2.0, 0.15
+"""Square centimetres a point that the unlikeliest stature costs, a third of it one spread (metres) away."""
 _SHORTEST, _TALLEST, _ALIKE = 0.9, 2.1, 0.08
 """Metres within which a person may just stand there, and the share by which statures are much the same."""
 _BANKED, _BANKED_BESIDES = 8, 3
@@ -119,13 +119,19 @@ def _guided(observation: Observation, seen: Seen | None, metres: float) -> Obser
     return observation if seen is None else replace(observation, affinity=seen.sideless_affinity(metres))
 
 
+def cost(report: FitReport, posture: Posture, seen: Seen | None, eye: Float, height: float) -> float:
+    """What a fitted posture costs in all, square centimetres a point; comparable within one frame."""
+    return report.energy + _oddness(seen, posture, eye, height)
+
+
 def _oddness(seen: Seen | None, posture: Posture, eye: Float, height: float) -> float:
     """What a posture costs besides what the depth says.
 
     For points that the forest takes for other parts, for facing another way than it says, and for a stature
     that is far from the likeliest.
     """
-    stature = _STATURE * ((model.height_of(posture.lengths) - height) / _SPREAD) ** 2
+    unlike = ((model.height_of(posture.lengths) - height) / _SPREAD) ** 2
+    stature = _STATURE * unlike / (unlike + 2.0)
     if seen is None:
         return stature
     facing = facing_score(seen, posture, eye)

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven_edge.parts.proposals import look, turned_about
+from enliven_edge.parts.proposals import Seen, look, turned_about
 from enliven_edge.parts.shipped import shipped_forest
 from enliven_edge.tracking import model
 from enliven_edge.tracking.confidence import confidence
-from enliven_edge.tracking.detection import detect, quality
+from enliven_edge.tracking.detection import cost, detect, quality
 from enliven_edge.tracking.evidence import NAMES, evidence
 from enliven_edge.tracking.facing import Facing
 from enliven_edge.tracking.fit import FitReport, Fitter
@@ -27,6 +27,14 @@ _EXPLAINED = 0.97
 """Share of the points; a frame that is explained less is looked at twice."""
 _WIDE = 0.25
 """Metres: the robust width of the second look, about what a fast hand moves in a frame."""
+_DOUBTED, _CLEARLY = 8.5, 0.8
+"""Cost of a frame, square centimetres a point, from which the person is looked for anew, and the share of it
+that must be left to believe what is found."""
+_EARLY, _AGAIN_AFTER = (4, 14), 15
+"""Frames after which somebody new is looked at once more, and between two looks at somebody doubtful."""
+_KNOWN_AFTER = 120
+"""Well fitted frames after which a person's build is known."""
+_NO_AFFINITY = np.zeros((0, 0), np.float32)
 _SPEED_MEMORY = 0.4
 """Seconds over which the speed of walking is averaged."""
 _SOME_POINTS = np.log1p(4)
@@ -60,6 +68,7 @@ class Follower:
         self._bad = 0
         self._unsupported = np.zeros(20)
         self._velocity, self._time_ns = np.zeros(3), 0
+        self._since_detected, self._since_found = 0, 0
 
     @classmethod
     def found(
@@ -104,9 +113,12 @@ class Follower:
         flipped = seen is not None and self._facing.is_wrong(seen, posture, view.eye, velocity)
         if flipped:
             posture, report = self._fitter.fit(observation, turned_about(posture))
+        anew = self._looked_anew(observation, posture, report, seen, view.eye)
+        if anew is not None:
+            posture, report = anew
         if quality(report) <= _ACCEPTABLE and not self._missed() and self.lost:
             return False
-        self._before, self.posture = (None if flipped else self.posture), posture
+        self._before, self.posture = (None if flipped or anew else self.posture), posture
         self._vouch(report, observation)
         if quality(report) <= _ACCEPTABLE:
             return False
@@ -124,6 +136,32 @@ class Follower:
         wide, _ = fit(observation, self.posture, predicted=predicted, iterations=5, width=_WIDE)
         other = fit(observation, wide, predicted=predicted, proportions=proportions)
         return other if other[1].energy < best[1].energy else best
+
+    def _looked_anew(
+        self, observation: Observation, posture: Posture, report: FitReport, seen: Seen | None, eye: Float
+    ) -> tuple[Posture, FitReport] | None:
+        """The person detected from scratch, where that explains a doubtful frame much better.
+
+        A detection takes long, so there is one at most every half second; and two soon after somebody was
+        found, because one frame may show a stranger badly.
+        """
+        self._since_detected += 1
+        early = self._since_found in _EARLY
+        self._since_found += 1
+        height = self.settings.body_height
+        now = cost(report, posture, seen, eye, height)
+        if not early and (now < _DOUBTED or self._since_detected < _AGAIN_AFTER):
+            return None
+        self._since_detected = 0
+        plain = replace(observation, affinity=_NO_AFFINITY)
+        known = posture.lengths if self._fitted > _KNOWN_AFTER else None
+        forest = shipped_forest() if self.settings.parts else None
+        found = detect(self._fitter, plain, eye, height, forest, known)
+        if cost(found[1], found[0], seen, eye, height) > _CLEARLY * now:
+            return None
+        self._fitted = self._fitted if known is not None else 0
+        self._second_thoughts, self._facing = SecondThoughts(self._fitter), Facing()
+        return found
 
     def _moving(self, position: Float, time_ns: int) -> Float:
         """(3,) metres a second at which the hip centre has been going of late."""

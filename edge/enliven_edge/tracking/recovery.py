@@ -94,7 +94,7 @@ class SecondThoughts:
         else:
             start = self._limb_elsewhere(posture, doubtful) if doubtful else posture
             tried = self._fitter.fit(observation, start, iterations=_STEPS)
-        if not _same_way(tried[0], posture):
+        if not (badly or _same_way(tried[0], posture)):
             return posture, report
         _, same = self._fitter.fit(observation, posture, iterations=1)
         before, after = cost(same, posture, seen), cost(tried[1], tried[0], seen)
