@@ -14,7 +14,7 @@ from enliven_edge.tracking.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.identity import Absent, Looks, Register
 from enliven_edge.tracking.model import height_of
 from enliven_edge.tracking.newcomers import YOUNG, Newcomer, Newcomers
-from enliven_edge.tracking.person import UNDECIDED, Person, sight
+from enliven_edge.tracking.person import UNDECIDED, Person, sight, trunk_shown
 from enliven_edge.tracking.room import Room
 from enliven_edge.tracking.segmentation import Segments, segmented
 from enliven_edge.tracking.settings import TrackerSettings
@@ -34,6 +34,10 @@ _ZONE_MARGIN = 0.15
 _CLEARLY = 0.05
 """How much better a less likely group of pixels must be explained to be taken for a person."""
 _TRIES = 3
+_SHOWN = 0.6
+"""Share of the trunk that must be seen where one is found."""
+_CERTAIN, _CLEAR = 0.8, 0.68
+"""How well somebody in an unlikely posture must be explained, and how sure the joints, among others."""
 _ABOUT, _TALLER = 1.5, 0.12
 _WELL_KNOWN = 10
 """Frames after which somebody's proportions are known."""
@@ -132,7 +136,7 @@ class Crowd:
             person.follow(view, pixels, whole=covered < _WHOLE and outside < _WHOLE)
             if person.follower.lost or not self.zone.holds(person.place, _ZONE_MARGIN):
                 self._leave(person, view.time_ns)
-            elif person.doubted and not 0 <= view.time_ns - person.found_ns < _DOUBT_NS:
+            elif person.vague or (person.doubted and not 0 <= view.time_ns - person.found_ns < _DOUBT_NS):
                 self._refuse(person, view.time_ns)
         else:
             person.coast(view, pixels)
@@ -172,15 +176,24 @@ class Crowd:
         sure = [n for n in due if n.convincing or n.proven]
         room_for = self.settings.people.most - len(self.people)
         found = self._found(view, sure[: min(room_for, _TRIES if alone else 1)])
-        if alone and not found:
-            # In any posture somebody is better than nobody: the likeliest, or one explained clearly better.
-            doubtful = self._found(view, [n for n in due if n not in sure][:_TRIES])
-            for made in doubtful:
-                if not found or made[2] > found[0][2] + _CLEARLY:
-                    found = [made]
+        if not found and room_for > 0 and (alone or not sure):
+            found = self._best_guess(view, [n for n in due if n not in sure], alone=alone)
         for newcomer, follower, _ in found:
             self._welcome(newcomer, follower, view, segments)
         return hold
+
+    def _best_guess(
+        self, view: View, due: list[Newcomer], *, alone: bool
+    ) -> list[tuple[Newcomer, Follower, float]]:
+        """In any posture somebody is better than nobody: the likeliest, or one explained clearly better."""
+        best: list[tuple[Newcomer, Follower, float]] = []
+        for made in self._found(view, due[: _TRIES if alone else 1]):
+            shown = trunk_shown(view, made[1].posture, made[0].pixels)
+            if shown < _SHOWN or not (alone or made[0].awaited or _certain(view, *made)):
+                made[0].failed(view.time_ns)
+            elif not best or made[2] > best[0][2] + _CLEARLY:
+                best = [made]
+        return best
 
     def _found(self, view: View, newcomers: list[Newcomer]) -> list[tuple[Newcomer, Follower, float]]:
         """Those of the newcomers in whom a body is found, and how well it explains them."""
@@ -190,8 +203,10 @@ class Crowd:
             found = Follower.found(view, newcomer.pixels, expecting, self._fitter)
             if found is None:
                 newcomer.failed(view.time_ns)
-            else:
+            elif newcomer.tall or newcomer.awaited or not self.people or _certain(view, newcomer, *found):
                 made.append((newcomer, *found))
+            else:
+                newcomer.failed(view.time_ns)
         return made
 
     def _admits(self, place: Float) -> bool:
@@ -290,6 +305,12 @@ class Crowd:
                         if second.id != UNDECIDED:
                             self.register.leave(second.id, second.looks, None, second.seen_ns)
         self._doubts = {pair: n for pair, n in self._doubts.items() if pair in together}
+
+
+def _certain(view: View, newcomer: Newcomer, follower: Follower, explained: float) -> bool:
+    """Whether a body is so well borne out that it is believed in an unlikely group of pixels."""
+    shown = trunk_shown(view, follower.posture, newcomer.pixels)
+    return min(explained, shown) > _CERTAIN and float(follower.confidence.mean()) > _CLEAR
 
 
 def _one(first: Person, second: Person) -> bool:

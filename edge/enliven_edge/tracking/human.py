@@ -21,8 +21,9 @@ _SHOULDERS = ((0.25, 0.35), (0.35, 0.45), (0.45, 0.55))
 _HEADLIKE, _HEAD_WIDTH, _SOLID = 0.75, (0.09, 0.45), 0.45
 _SPARSE, _ROUND = 0.8, 0.035
 _FREE = 0.6
-_HIDDEN, _BORDER, _CUT = 0.2, 0.03, 0.08
+_HIDDEN, _MOSTLY_HIDDEN, _BORDER, _CUT = 0.2, 0.6, 0.03, 0.08
 _SAMPLES = 1500
+_WALL_BEHIND = 1.0
 
 
 @dataclass(frozen=True)
@@ -61,12 +62,17 @@ class Shape:
         """Whether it may be a person in any posture: of a person's size, no panel, and free on its sides."""
         flat = self.thickness < _FLAT and self.wide > _BROAD
         panel = flat and not (self._headed and self.fill < _SPARSE)
-        return self.likeness > 0 and not panel and self.crown < _TALLEST and self.free > _FREE
+        return self.likeness > 0 and not panel and self.crown < _TALLEST and self._free > _FREE
 
     @property
     def upright(self) -> bool:
         """Whether it is shaped as somebody who stands or sits: a head above shoulders."""
         return self.possible and self._headed and self.fill > _SOLID
+
+    @property
+    def _free(self) -> float:
+        """The free share of what nothing stands before: others may hide much of somebody in a crowd."""
+        return self.free / max(1e-6, 1.0 - self.behind) if self.behind < _MOSTLY_HIDDEN else 0.0
 
     @property
     def _headed(self) -> bool:
@@ -86,9 +92,14 @@ class Shape:
         return self.behind < _HIDDEN and self.border < _BORDER
 
 
-def shape_of(view: View, mask: Bool, area: float) -> Shape:
-    """The shape of the (h, w) masked pixels, which cover ``area`` square metres towards the sensor."""
-    free, behind, border, cut = outline(view.z, mask)
+def shape_of(view: View, mask: Bool, area: float, walls: Bool | None = None) -> Shape:
+    """The shape of the (h, w) masked pixels, which cover ``area`` square metres towards the sensor.
+
+    Args:
+        walls: (h, w) what is a wall: behind the mask, however near.
+    """
+    z = view.z if walls is None else np.where(walls & (view.z > 0), view.z + _WALL_BEHIND, view.z)
+    free, behind, border, cut = outline(z, mask)
     points = view.points[mask]
     points = points[:: max(1, len(points) // _SAMPLES)]
     low, high = np.percentile(points, [3, 97], axis=0)

@@ -11,22 +11,24 @@ from enliven_edge.tracking.human import SMALLEST_AREA, Shape, parted, shape_of
 from enliven_edge.tracking.room import BEFORE, ROOM, UNLIKELY, widened
 from enliven_edge.tracking.segmentation import Loose, Segments, loose_groups
 from enliven_edge.tracking.view import View
+from enliven_edge.tracking.walls import without_walls
 
 _SAME, _FORGET_NS = 0.45, 400_000_000
-_MOST = 8
+_MOST, _MOST_AT_FIRST = 8, 16
 YOUNG = 1.0
 """Seconds: in so young a room nobody can prove to have come in."""
 _TALL, _FRAMES, _LONG = 1.05, 3, 10
 _STEADY, _LARGE, _LEAST = 0.15, 0.33, 0.14
-_STOUT = 0.1
-"""Square metres seen of somebody a metre tall from the side; it grows with the square of the height."""
+_STOUT, _BULKY = 0.1, 0.5
+"""Square metres seen of somebody a metre tall, from the side and at most; with the square of the height."""
+_STANDS = 1.3
 _CHECK_NS = 250_000_000
 """A thing that stands there is looked at again so often."""
 _REFUSED, _REFUSED_NS = 0.4, 20_000_000_000
 _BEHIND, _PATIENCE_NS = 0.25, 800_000_000
 _BACK_OFF_NS, _LONGEST_NS = 150_000_000, 2_000_000_000
 _PARTED_AREA = 0.45
-_TIGHTNESS, _TIGHT_PARTS = 0.35, 4
+_TIGHTNESS, _PIECES = 0.35, 6
 
 
 class Newcomer:
@@ -97,7 +99,18 @@ class Newcomer:
         """Whether it is so much like somebody who stands there that it need not come in to be believed."""
         stout = self.area > _STOUT * self.shape.crown**2
         whole = self.shape.cut or (self.shape.crown > _TALL and stout)
-        return self.shape.upright and whole and self.area > _LEAST and not self.refused
+        slim = self.shape.cut or self.area < _BULKY * self.shape.crown**2
+        return self.shape.upright and whole and slim and self.area > _LEAST and not self.refused
+
+    @property
+    def tall(self) -> bool:
+        """Whether it is as tall as somebody who stands, or may be."""
+        return self.shape.crown > _STANDS or self.shape.cut
+
+    @property
+    def _stands(self) -> bool:
+        """Whether it is as tall as somebody who stands, and not too little of them."""
+        return self.shape.crown > _STANDS and self.area > _LEAST
 
     @property
     def imaginable(self) -> bool:
@@ -113,8 +126,9 @@ class Newcomer:
             alone: nobody else is followed, so that what may be a person in any posture is better than nobody.
             missing: somebody is hidden or away, who it may be.
         """
-        there = self.convincing or ((alone or self.awaited) and self.imaginable)
-        if not (self.proven or (room_age < YOUNG and there)):
+        there = self.convincing or (self.imaginable and (alone or self.awaited or self._stands))
+        late = self.convincing and self._stands and self.plain > 0.5
+        if not (self.proven or late or (room_age < YOUNG and there)):
             return False
         # Who comes out from behind something is waited for until it can be told who it is.
         if missing and self.shape.behind > _BEHIND and 0 <= time_ns - self.first_ns < _PATIENCE_NS:
@@ -161,7 +175,8 @@ class Newcomers:
         young: bool,
     ) -> list[Newcomer]:
         """Those that are in this frame, the likeliest first; ``young``: the room is new."""
-        groups = [g for g in segments.loose if g.area > SMALLEST_AREA and g.tall > 0.3][:_MOST]
+        groups = [g for g in segments.loose if g.area > SMALLEST_AREA and g.tall > 0.3]
+        groups = groups[: _MOST_AT_FIRST if young else _MOST]
         present = []
         for group in groups:
             same = next((n for n in self._known if n.dull(group, view.time_ns)), None)
@@ -170,15 +185,19 @@ class Newcomers:
                 present.append(same)
                 continue
             mask = _all_of(segments, group, view)
-            parts = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
+            bare = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
+            parts: list[tuple[Bool, Bool | None]] = [(part, None) for part in bare]
             if young and group.area > _PARTED_AREA and not shape_of(view, mask, 0.5).possible:
-                parts = [*parts, *_tight(view, kind, mask)]
-            for part in parts:
+                rest = without_walls(view, mask)
+                walls = mask & ~rest
+                parts += [(part, walls) for part in _before_walls(view, kind, rest, walls)]
+                parts += [(part, None) for part in _tight(view, kind, mask)]
+            for part, walls in parts:
                 if any(
                     (part & other.pixels).sum() > 0.5 * part.sum() for other in present if other.convincing
                 ):
                     continue
-                found = self._one(view, kind, part, group.area * part.sum() / max(1, mask.sum()))
+                found = self._one(view, kind, part, group.area * part.sum() / max(1, mask.sum()), walls)
                 if found is not None and found not in present:
                     found.bystander = not admits(found.centre)
                     found.awaited = awaits(found.centre)
@@ -187,13 +206,16 @@ class Newcomers:
         self._known = [n for n in self._known if n in present or 0 <= view.time_ns - n.seen_ns < _FORGET_NS]
         return sorted(present, key=lambda n: -n.shape.likeness)
 
-    def _one(self, view: View, kind: UInt8, part: Bool, area: float) -> Newcomer | None:
+    def _one(
+        self, view: View, kind: UInt8, part: Bool, area: float, walls: Bool | None
+    ) -> Newcomer | None:
         """The newcomer that a group of pixels is, None where it has not a person's size."""
         points = view.points[part]
         if len(points) < 30:
             return None
-        shape = shape_of(view, part, area)
-        if shape.likeness == 0:
+        shape = shape_of(view, part, area, walls)
+        # Everything is free before the walls that were taken away from it: it has to have a head as well.
+        if shape.likeness == 0 or (walls is not None and not shape.upright):
             return None
         centre = points.mean(0)
         known = [n for n in self._known if n.seen_ns != view.time_ns]
@@ -216,13 +238,26 @@ def _shares(kind: UInt8) -> tuple[float, float]:
     return float(np.mean(kind == BEFORE)), float(np.mean(kind != UNLIKELY))
 
 
+def _before_walls(view: View, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool]:
+    """What is left of a group without the walls that it has in it: people who stand before them, say."""
+    if not walls.any():
+        return []
+    parts = [part for group in _pieces(view, kind, rest, 1.0) for part in parted(view.points, group)]
+    return [part for part in parts if np.percentile(view.points[part][:, 1], 99) > _STANDS]
+
+
 def _tight(view: View, kind: UInt8, mask: Bool) -> list[Bool]:
     """The parts of a group that hang together more closely: somebody who stands beside a wall, say."""
+    return _pieces(view, kind, mask, _TIGHTNESS)
+
+
+def _pieces(view: View, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]:
+    """The largest parts of a mask that hang together, by steps in depth that small."""
     inside = np.where(mask, kind, ROOM).astype(np.uint8)
-    labels, count = loose_groups(view.z, inside, np.full(mask.shape, -1), _TIGHTNESS)
+    labels, count = loose_groups(view.z, inside, np.full(mask.shape, -1), tightness)
     size = np.bincount(labels.ravel(), minlength=count + 1)
     size[0] = 0
-    return [labels == index for index in np.argsort(-size)[:_TIGHT_PARTS] if size[index] > 100]
+    return [labels == index for index in np.argsort(-size)[:_PIECES] if size[index] > 100]
 
 
 def _all_of(segments: Segments, main: Loose, view: View) -> Bool:

@@ -6,6 +6,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int
 from enliven.body import Joint
+from enliven_edge.tracking import model
 from enliven_edge.tracking.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.identity import Looks
 from enliven_edge.tracking.posture import Posture
@@ -15,6 +16,7 @@ _LOOK_EVERY, _LOOK_OFTEN = 5, 10
 _TRAVELLED, _MOVED = 0.15, 0.1
 _FASTEST, _SLOWING = 2.0, 0.5
 _UNSURE, _SPREADING = 0.35, 0.7
+_FAITH, _VAGUE, _BARELY_KNOWN = 0.1, 0.35, 20
 UNDECIDED = 0
 
 
@@ -43,11 +45,17 @@ class Person:
         self._velocity = np.zeros(3)
         self._time_ns = time_ns
         self._turn = 0
+        self._clear = 1.0
 
     @property
     def place(self) -> Float:
         """(3,) the hip centre, world frame."""
         return self.follower.posture.position
+
+    @property
+    def vague(self) -> bool:
+        """Whether hardly any joint has been seen since they were found: a thing, most likely."""
+        return self._clear < _VAGUE and self.looks.weight < _BARELY_KNOWN
 
     def expected(self) -> Posture:
         """Where they are expected in the next frame."""
@@ -65,6 +73,7 @@ class Person:
         """
         before = self.place.copy()
         good = self.follower.follow(view, pixels)
+        self._clear += _FAITH * (float(self.follower.confidence.mean()) - self._clear)
         if good:
             self._seen(view, pixels, self.place - before, whole=whole)
         return good
@@ -148,6 +157,7 @@ def _centre(view: View, pixels: Bool) -> Float | None:
 
 
 _SAMPLES = np.array([0.0, 0.5, 1.0])
+_TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
 
 
 def sight(view: View, posture: Posture, owner: Int, index: int) -> tuple[float, float]:
@@ -157,7 +167,23 @@ def sight(view: View, posture: Posture, owner: Int, index: int) -> tuple[float, 
         owner: (h, w) whose the pixels are; a person's own arm hides nothing.
         index: which owner is this person.
     """
-    ends, radii = posture.capsules()
+    inside, covered, own = _seen(view, posture, owner == index, slice(None))
+    covered &= ~own
+    return float(covered.mean()), float(1.0 - inside.mean())
+
+
+def trunk_shown(view: View, posture: Posture, pixels: Bool) -> float:
+    """Of the trunk and the head that the image could show, the share that the (h, w) ``pixels`` do show."""
+    inside, covered, own = _seen(view, posture, pixels, _TRUNK)
+    due = inside & ~(covered & ~own)
+    return float((own & due).sum() / len(own)) if due.mean() < 0.25 else float(own[due].mean())
+
+
+def _seen(
+    view: View, posture: Posture, pixels: Bool, capsules: slice | Int
+) -> tuple[Bool, Bool, Bool]:
+    """(S,) of samples along the capsules: in the image, behind something, and on the (h, w) pixels."""
+    ends, radii = (each[capsules] for each in posture.capsules())
     points = (ends[:, 0, None] + _SAMPLES[:, None] * (ends[:, 1] - ends[:, 0])[:, None]).reshape(-1, 3)
     radius = np.repeat(radii.max(1), len(_SAMPLES))
     local = (points - view.eye) @ view.world_from_camera[:3, :3]
@@ -168,5 +194,5 @@ def sight(view: View, posture: Posture, owner: Int, index: int) -> tuple[float, 
     inside = (u >= 0) & (u < width) & (v >= 0) & (v < height) & (local[:, 2] > 0.1)
     u, v = u.clip(0, width - 1), v.clip(0, height - 1)
     seen = view.z[v, u]
-    covered = inside & (seen > 0) & (seen < z - radius - 0.12) & (owner[v, u] != index)
-    return float(covered.mean()), float(1.0 - inside.mean())
+    covered = inside & (seen > 0) & (seen < z - radius - 0.12)
+    return inside, covered, inside & pixels[v, u]
