@@ -16,7 +16,7 @@ _LOOK_EVERY, _LOOK_OFTEN = 5, 10
 _TRAVELLED, _MOVED = 0.15, 0.1
 _FASTEST, _SLOWING = 2.0, 0.5
 _UNSURE, _SPREADING = 0.35, 0.7
-_FAITH, _VAGUE, _BARELY_KNOWN = 0.1, 0.35, 20
+_FAITH, _SUREST, _VAGUE, _BARELY_KNOWN = 0.1, 6, 0.4, 20
 UNDECIDED = 0
 
 
@@ -73,7 +73,8 @@ class Person:
         """
         before = self.place.copy()
         good = self.follower.follow(view, pixels)
-        self._clear += _FAITH * (float(self.follower.confidence.mean()) - self._clear)
+        surest = float(np.sort(self.follower.confidence)[-_SUREST:].mean())
+        self._clear += _FAITH * (surest - self._clear)
         if good:
             self._seen(view, pixels, self.place - before, whole=whole)
         return good
