@@ -10,7 +10,7 @@ from enliven_edge.tracking.view import View
 
 _TRIALS, _SAMPLES = 150, 1500
 _LARGEST_WALLS = 4
-_AREA, _LENGTH = 0.9, 0.9
+_AREA, _LENGTH, _FILLED, _BIN = 0.9, 0.9, 0.8, 0.15
 """Square metres and metres across of what is seen of the smallest upright plane that nobody can be."""
 _APART = 0.3
 """Metres between two points that a wall is guessed from."""
@@ -32,12 +32,18 @@ def without_walls(view: View, mask: Bool, seed: int = 0) -> Bool:
         on = np.abs(flat @ line[:2] + line[2]) < _thickness(z)
         if not line.any() or (z[on] ** 2).sum() * pixel < _AREA:
             break
-        along = flat[on] @ np.array([-line[1], line[0]])
-        if np.ptp(np.percentile(along, [5, 95])) < _LENGTH:
+        if not _is_wall(flat[on] @ np.array([-line[1], line[0]])):
             break
         rows, columns = np.nonzero(rest)
         rest[rows[on], columns[on]] = False
     return rest
+
+
+def _is_wall(along: Float) -> bool:
+    """Whether points so many metres along a line are a long stretch, not two people who stand apart."""
+    low, high = np.percentile(along, [2, 98])
+    counts, _ = np.histogram(along, np.arange(low, high + _BIN, _BIN))
+    return bool(high - low > _LENGTH and np.mean(counts > 0.25 * counts.mean()) > _FILLED)
 
 
 def _thickness(z: Float) -> Float:
