@@ -157,8 +157,12 @@ class Crowd:
 
     # --- newcomers -----------------------------------------------------------------------------------------
 
-    def look(self, view: View, kind: UInt8, segments: Segments, room: Room) -> Bool:
-        """Finds people among the pixels that are nobody's; the (h, w) pixels that may become somebody."""
+    def look(self, view: View, kind: UInt8, segments: Segments, room: Room, *, believe: bool = True) -> Bool:
+        """Finds people among the pixels that are nobody's; the (h, w) pixels that may become somebody.
+
+        Args:
+            believe: False in a frame that may show a sensor that is being moved: nobody new is found then.
+        """
         newcomers = self._newcomers.update(
             view, kind, segments, self._admits, self._awaits, young=room.age < YOUNG
         )
@@ -171,7 +175,7 @@ class Crowd:
         due = [
             n
             for n in newcomers
-            if not n.bystander and n.due(view.time_ns, room.age, alone=alone, missing=missing)
+            if believe and not n.bystander and n.due(view.time_ns, room.age, alone=alone, missing=missing)
         ]
         sure = [n for n in due if n.convincing or n.proven]
         room_for = self.settings.people.most - len(self.people)

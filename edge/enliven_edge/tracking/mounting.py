@@ -22,6 +22,9 @@ _CORRECT_EVERY_NS, _GAIN = 1_000_000_000, 0.15
 _BOTH_WAYS = 0.08
 """Share of the room that is farther when the sensor was moved; who steps before it makes nothing farther."""
 _SUSPICIOUS_FRAMES = 3
+_DIFFERENT, _LOOK_AGAIN = 0.6, 15
+"""Part of the share above at which the floor is looked for again, and frames between two such looks."""
+_TURNED, _LIFTED = np.deg2rad(3.0), 0.12
 _STILL, _STILL_FRAMES, _LONGEST_FALL_NS = 0.85, 3, 3_000_000_000
 _FALLS_BY = np.deg2rad(30.0)
 
@@ -47,7 +50,7 @@ class Mounting:
         self._moved = moved
         self._camera: WorkingCamera | None = None
         self._told_by_sensor = self._floor_known = False
-        self._looked = self._suspicious = self._still = 0
+        self._looked = self._suspicious = self._differing = self._still = 0
         self._before: Float | None = None
         self._fell_ns = self._corrected_ns = 0
 
@@ -95,9 +98,13 @@ class Mounting:
         if self._told_by_sensor:
             return
         differs = agreement.nearer + agreement.farther
+        enough = agreement.compared > 0.1 * view.z.size
         moved = differs > self._moved and agreement.farther > _BOTH_WAYS
-        self._suspicious = self._suspicious + 1 if moved and agreement.compared > 0.1 * view.z.size else 0
-        if self._suspicious >= _SUSPICIOUS_FRAMES:
+        self._suspicious = self._suspicious + 1 if moved and enough else 0
+        self._differing = self._differing + 1 if differs > _DIFFERENT * self._moved and enough else 0
+        looked = self._differing % _LOOK_AGAIN == _SUSPICIOUS_FRAMES
+        if self._suspicious >= _SUSPICIOUS_FRAMES or (looked and self._floor_is_elsewhere(view, nobody)):
+            self._differing = 0
             self.falling, self._suspicious, self._still = True, 0, 0
             self._before, self._fell_ns = view.z, view.time_ns
         elif self._floor_known and not 0 <= view.time_ns - self._corrected_ns < _CORRECT_EVERY_NS:
@@ -105,6 +112,23 @@ class Mounting:
             assert self.world_from_camera is not None
             usable = nobody & (view.z > 0) & (view.z < self.settings.far)
             self.world_from_camera = corrected(self.world_from_camera, view.points, usable, _GAIN)
+
+    @property
+    def suspected(self) -> bool:
+        """Whether so much differs from the room that the sensor may have been moved: believe nobody new."""
+        return self._suspicious > 0
+
+    def _floor_is_elsewhere(self, view: View, nobody: Bool) -> bool:
+        """Whether the floor lies otherwise than it did: who steps before the room moves no floor."""
+        assert self.world_from_camera is not None
+        if not self._floor_known:
+            return False
+        points = unproject(view.z * 1e3, self.camera.ray)[nobody & (view.z > 0)]
+        found = world_from_floor(points, self.settings.upside_down)
+        if found is None:
+            return False
+        turned = float(np.arccos(min(1.0, found[1, :3] @ self.world_from_camera[1, :3])))
+        return turned > _TURNED or abs(float(found[1, 3] - self.world_from_camera[1, 3])) > _LIFTED
 
     def _told(self, given: Float) -> None:
         """The sensor says itself where it stands."""

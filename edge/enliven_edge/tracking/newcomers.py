@@ -206,9 +206,7 @@ class Newcomers:
         self._known = [n for n in self._known if n in present or 0 <= view.time_ns - n.seen_ns < _FORGET_NS]
         return sorted(present, key=lambda n: -n.shape.likeness)
 
-    def _one(
-        self, view: View, kind: UInt8, part: Bool, area: float, walls: Bool | None
-    ) -> Newcomer | None:
+    def _one(self, view: View, kind: UInt8, part: Bool, area: float, walls: Bool | None) -> Newcomer | None:
         """The newcomer that a group of pixels is, None where it has not a person's size."""
         points = view.points[part]
         if len(points) < 30:

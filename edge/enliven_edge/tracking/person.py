@@ -180,9 +180,7 @@ def trunk_shown(view: View, posture: Posture, pixels: Bool) -> float:
     return float((own & due).sum() / len(own)) if due.mean() < 0.25 else float(own[due].mean())
 
 
-def _seen(
-    view: View, posture: Posture, pixels: Bool, capsules: slice | Int
-) -> tuple[Bool, Bool, Bool]:
+def _seen(view: View, posture: Posture, pixels: Bool, capsules: slice | Int) -> tuple[Bool, Bool, Bool]:
     """(S,) of samples along the capsules: in the image, behind something, and on the (h, w) pixels."""
     ends, radii = (each[capsules] for each in posture.capsules())
     points = (ends[:, 0, None] + _SAMPLES[:, None] * (ends[:, 1] - ends[:, 0])[:, None]).reshape(-1, 3)

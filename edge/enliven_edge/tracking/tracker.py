@@ -94,7 +94,7 @@ class Tracker:
         scene = self.settings.scene
         kind = room.classify(view, scene.near, scene.far, scene.floor_band)
         segments = self._crowd.follow(view, kind)
-        hold = self._crowd.look(view, kind, segments, room)
+        hold = self._crowd.look(view, kind, segments, room, believe=not self._mounting.suspected)
         self._owner = segments.owner
         room.guard(segments.owner, self._crowd.owners(), view.z)
         agreement = room.learn(view.z, segments.owner >= 0, view.time_ns, hold)
