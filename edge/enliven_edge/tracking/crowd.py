@@ -24,6 +24,8 @@ from enliven_edge.tracking.zone import Lock, Zone
 _COVERED, _OUTSIDE = 0.55, 0.85
 _HANDICAP = 0.06
 """Metres: pixels that somebody in sight may have are not taken by somebody hidden."""
+_DARK, _LONG_DARK_NS = 0.01, 250_000_000
+"""Share of the pixels below which nothing is seen, and for how long until nobody may be as they were."""
 _SAME_PLACE = 0.2
 _DOUBT_FRAMES = 6
 _DECIDE_NS = 1_500_000_000
@@ -60,6 +62,7 @@ class Crowd:
         self._fitter = fitter
         self._newcomers = Newcomers()
         self._turn = 0
+        self._dark_ns: int | None = None
         self._dropped: list[Float] = []
         self._indexed: list[Person] = []
         self._doubts: dict[tuple[int, int], int] = {}
@@ -103,9 +106,16 @@ class Crowd:
 
     def follow(self, view: View, kind: UInt8) -> Segments:
         """Fits everybody who is known; whose the pixels of the frame are."""
+        if np.count_nonzero(view.z) < _DARK * view.z.size:
+            return self._wait_in_the_dark(view, kind)
         handicap = np.array([_HANDICAP if p.hidden_ns is not None else 0.0 for p in self.people])
         segments = segmented(view, kind, [p.expected() for p in self.people], handicap)
         self._indexed = list(self.people)
+        if self._dark_ns is not None:
+            if view.time_ns - self._dark_ns > _LONG_DARK_NS:
+                for k, person in enumerate(self._indexed):
+                    self._refind(person, k, view, segments)
+            self._dark_ns = None
         fitted = self._fitted_now()
         for k, person in enumerate(self._indexed):
             self._follow(person, k, view, segments, fit=person in fitted)
@@ -113,6 +123,37 @@ class Crowd:
         self._decide(view.time_ns)
         self.register.forget_old(view.time_ns, self.lock.ids or frozenset())
         return segments
+
+    def _wait_in_the_dark(self, view: View, kind: UInt8) -> Segments:
+        """A frame of a covered lens: everybody stays where they were going, as somebody hidden does."""
+        self._dark_ns = view.time_ns if self._dark_ns is None else self._dark_ns
+        for person in list(self.people):
+            person.hide(view.time_ns)
+            if person.hidden_for(view.time_ns) > self.settings.people.hidden:
+                self._leave(person, view.time_ns)
+        self._indexed = list(self.people)
+        return segmented(view, kind, [])
+
+    def _refind(self, person: Person, k: int, view: View, segments: Segments) -> None:
+        """Looks for somebody in any posture about where they were: much may have happened in the dark."""
+        pixels = segments.pixels(k)
+        reach = person.uncertainty(view.time_ns)
+        for group in segments.loose:
+            away = [float(np.linalg.norm((group.centre - p.place)[[0, 2]])) for p in self._indexed]
+            if away[k] < reach and away[k] == min(away):
+                pixels = pixels | segments.group(group)
+        found = Follower.found(view, pixels, self._of_height(person.looks), self._fitter)
+        if found is not None:
+            person.replaced(found[0], view.time_ns)
+            segments.owner[pixels], segments.labels[pixels] = k, 0
+            segments.counts[k] = np.count_nonzero(pixels)
+
+    def _of_height(self, looks: Looks) -> TrackerSettings:
+        """The settings with the height of somebody, where it is well known."""
+        if looks.weight < _WELL_KNOWN:
+            return self.settings
+        height = min(2.5, max(0.5, height_of(looks.lengths)))
+        return dataclasses.replace(self.settings, body_height=height)
 
     def _fitted_now(self) -> list[Person]:
         """Who is fitted in this frame: the first ones always, the others in turn."""
@@ -140,8 +181,7 @@ class Crowd:
                 self._refuse(person, view.time_ns)
         else:
             person.coast(view, pixels)
-        waited = 0 if person.hidden_ns is None else view.time_ns - person.hidden_ns
-        if waited > self.settings.people.hidden * 1e9 and person in self.people:
+        if person.hidden_for(view.time_ns) > self.settings.people.hidden and person in self.people:
             self._leave(person, view.time_ns)
 
     def _leave(self, person: Person, time_ns: int) -> None:
@@ -234,10 +274,7 @@ class Crowd:
         """The settings with the height of the one person who may come back, where there is one."""
         hidden = self._hidden_near(newcomer, time_ns)
         awaited = [a.looks for a in self.register.absent] if hidden is None else [hidden.looks]
-        if len(awaited) != 1 or awaited[0].weight < _WELL_KNOWN:
-            return self.settings
-        height = min(2.5, max(0.5, height_of(awaited[0].lengths)))
-        return dataclasses.replace(self.settings, body_height=height)
+        return self._of_height(awaited[0]) if len(awaited) == 1 else self.settings
 
     def _welcome(self, newcomer: Newcomer, follower: Follower, view: View, segments: Segments) -> None:
         """Somebody was found: who is it?"""

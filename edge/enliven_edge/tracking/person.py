@@ -61,6 +61,10 @@ class Person:
         """Where they are expected in the next frame."""
         return self.follower.posture if self.hidden_ns is not None else self.follower.predicted()
 
+    def hidden_for(self, time_ns: int) -> float:
+        """Seconds for which they were not seen; 0 while they are."""
+        return 0.0 if self.hidden_ns is None else (time_ns - self.hidden_ns) * 1e-9
+
     def uncertainty(self, time_ns: int) -> float:
         """Metres within which they must be; it grows while they are not seen."""
         return _UNSURE + _SPREADING * max(0.0, (time_ns - self.seen_ns) * 1e-9)
