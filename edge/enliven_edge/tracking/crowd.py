@@ -36,8 +36,8 @@ _ZONE_MARGIN = 0.15
 _CLEARLY = 0.05
 """How much better a less likely group of pixels must be explained to be taken for a person."""
 _TRIES = 3
-_SHOWN = 0.6
-"""Share of the trunk that must be seen where one is found."""
+_SHOWN, _FAINT = 0.6, 0.3
+"""Share of the trunk that must be seen where one is found, and how sure the joints must be at the least."""
 _CERTAIN, _CLEAR = 0.8, 0.68
 """How well somebody in an unlikely posture must be explained, and how sure the joints, among others."""
 _ABOUT, _TALLER = 1.5, 0.12
@@ -233,7 +233,8 @@ class Crowd:
         best: list[tuple[Newcomer, Follower, float]] = []
         for made in self._found(view, due[: _TRIES if alone else 1]):
             shown = trunk_shown(view, made[1].posture, made[0].pixels)
-            if shown < _SHOWN or not (alone or made[0].awaited or _certain(view, *made)):
+            borne_out = shown > _SHOWN and float(made[1].confidence.mean()) > _FAINT
+            if not borne_out or not (alone or made[0].awaited or _certain(view, *made)):
                 made[0].failed(view.time_ns)
             elif not best or made[2] > best[0][2] + _CLEARLY:
                 best = [made]

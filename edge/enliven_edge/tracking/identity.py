@@ -14,6 +14,8 @@ from enliven_edge.tracking.settings import PeopleSettings
 _STATURE_SPREAD = 0.03
 _PROPORTION_SPREAD = 0.10
 _STRIDE, _ELSEWHERE = 2.0, 0.8
+_JUST_NS, _THERE, _PLAINLY_OTHER = 2_000_000_000, 0.5, 0.15
+"""Nanoseconds, metres and metres of stature within which who is alone where somebody was lost is them."""
 _TELLING = [model.SHOULDER, model.ARM, model.FORE, model.THIGH, model.SHIN]
 _COMPATIBLE = 9.0
 """A mismatch, in squared standard deviations, beyond which two people are not the same."""
@@ -105,6 +107,8 @@ class Register:
         cost = np.array(
             [[looks.mismatch(a.looks) + _far(a, at, time_ns) for a in self.absent] for looks, at in found]
         )
+        if len(found) == len(self.absent) == 1 and self._just_there(found[0], time_ns):
+            return [(self.absent[0], True)]
         # Being somebody new costs as much as being incompatible, for each.
         padded = np.concatenate([cost, np.full((len(found), len(found)), _COMPATIBLE)], 1)
         rows, columns = linear_sum_assignment(padded)
@@ -118,6 +122,15 @@ class Register:
             sure = lead > _LEAD and (known or (back and len(self.absent) == 1 and len(found) == 1))
             made.append((absent, sure))
         return made
+
+    def _just_there(self, found: tuple[Looks, Float], time_ns: int) -> bool:
+        """Whether the one who is found stands where the one who is absent was lost just now."""
+        (absent,), (looks, at) = self.absent, found
+        if absent.place is None or not 0 <= time_ns - absent.left_ns < _JUST_NS:
+            return False
+        mine, theirs = looks.stature, absent.looks.stature
+        other = mine is not None and theirs is not None and abs(mine - theirs) > _PLAINLY_OTHER
+        return not other and float(np.linalg.norm((at - absent.place)[[0, 2]])) < _THERE
 
     def take(self, absent: Absent) -> None:
         """Somebody is back."""

@@ -137,10 +137,11 @@ def test_a_stream_with_every_fault_at_once_raises_nothing(frames):
     assert np.mean(errors[-20:]) < 0.07
 
 
-def test_a_sensor_that_is_moved_is_said_to_be_and_finds_its_place_and_the_person_again(frames):
+@pytest.mark.parametrize(("tilt", "height"), [(30, 2.2), (20, 1.6), (10, 1.15)])
+def test_a_sensor_that_is_moved_is_said_to_be_and_finds_its_place_and_the_person_again(frames, tilt, height):
     """From one frame to the next it stands elsewhere: the room is another, the person is not."""
     with SyntheticSensor(
-        choreography="walk", width=320, realtime=False, camera_tilt=30, camera_height=2.2
+        choreography="walk", width=320, realtime=False, camera_tilt=tilt, camera_height=height
     ) as sensor:
         knocked = []
         for _ in range(GOOD + BAD + AFTER):

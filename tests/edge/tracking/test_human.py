@@ -94,3 +94,26 @@ def test_people_side_by_side_are_parted_and_raised_hands_are_not():
     hands = ((-0.68, -0.58, 1.3, 1.95, 2.5), (0.58, 0.68, 1.3, 1.95, 2.5))
     raised = drawn(*PERSON, *arms, *hands)
     assert len(parted(raised.points, raised.z < 3.0)) == 1
+
+
+def test_who_is_partly_hidden_by_others_is_still_free():
+    """What stands before somebody says nothing of whether they stand freely."""
+    view = drawn(*PERSON, (0.02, 0.6, 0.1, 1.3, 1.8))
+    mask = (view.z < 3.0) & (view.z > 2.0)
+    found = shape(view, mask)
+    assert found.behind > 0.2
+    assert found.possible
+
+
+def test_a_thin_body_with_a_head_is_no_panel():
+    z = np.full((120, 160), 0.0)
+    for u, v in (
+        (slice(72, 88), slice(32, 44)),
+        (slice(52, 108), slice(48, 56)),
+        (slice(70, 90), slice(44, 108)),
+    ):
+        z[v, u] = 2.5
+    flat = View(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
+    found = shape(flat, flat.z > 0)
+    assert found.thickness < 0.022 and found.wide > 0.35
+    assert found.upright

@@ -115,3 +115,18 @@ def test_a_lock_admits_who_was_named():
     assert lock.admits(1)
     assert not lock.admits(5)
     assert lock.closed
+
+
+def test_who_is_alone_where_somebody_was_just_lost_is_them():
+    """Whatever their bones seem to be at first sight; not much later, elsewhere, or plainly taller."""
+    register = Register(PeopleSettings())
+    register.leave(1, looks(1.7), HERE, 0)
+    there, elsewhere = HERE + 0.1, HERE + 1.0
+    unlike = Looks()
+    unlike.see(1.25 * lengths_for_height(1.7), None)
+    assert unlike.mismatch(looks(1.7)) > 5.0
+    ((absent, sure),) = register.matched([(unlike, there)], SECOND)
+    assert sure and absent.id == 1
+    for found, time in (((looks(1.95), there), SECOND), ((looks(1.95), elsewhere), 5 * SECOND)):
+        ((absent, _),) = register.matched([found], time)
+        assert absent is None

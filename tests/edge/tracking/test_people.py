@@ -275,3 +275,21 @@ def test_forgetting_drops_everybody_and_keeps_the_room(stagecraft):
     assert tracker._room is room
     assert seen(again[-3:], 0) == 1.0
     assert ids_of(again, 0) != ids_of(first, 0)
+
+
+def test_a_covered_lens_loses_nobody(stagecraft):
+    """Dark for a second: the same two people, at once, and nothing is said of their joints meanwhile."""
+    s = stagecraft
+    one = s.Player(s.still(-0.5, -2.5), "idle", s.Proportions(height=1.6))
+    two = s.Player(s.still(0.5, -2.7), "wave", s.Proportions(height=1.8))
+    playground, tracker, log = s.Playground(one, two), Tracker(), []
+    for i in range(60):
+        frame = playground.frame(i / 30)
+        if 15 <= i < 45:
+            frame = dataclasses.replace(frame, depth=np.zeros_like(frame.depth))
+        log.append(tracker.track(frame))
+    assert [[body.id for body in bodies] for bodies in log] == [[body.id for body in log[0]]] * 60
+    assert len(log[0]) == 2
+    assert max(body.confidence.max() for body in log[30]) == 0.0
+    for joints in playground.joints(59 / 30):
+        assert min(np.linalg.norm(body.joints - joints, axis=1).mean() for body in log[-1]) < 0.08
