@@ -127,7 +127,7 @@ class Mounting:
         found = world_from_floor(points, self.settings.upside_down)
         if found is None:
             return False
-        turned = float(np.arccos(min(1.0, found[1, :3] @ self.world_from_camera[1, :3])))
+        turned = float(np.arccos(min(1.0, float(found[1, :3] @ self.world_from_camera[1, :3]))))
         return turned > _TURNED or abs(float(found[1, 3] - self.world_from_camera[1, 3])) > _LIFTED
 
     def _told(self, given: Float) -> None:

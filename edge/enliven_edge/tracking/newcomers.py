@@ -189,8 +189,8 @@ class Newcomers:
             parts: list[tuple[Bool, Bool | None]] = [(part, None) for part in bare]
             if young and group.area > _PARTED_AREA and not shape_of(view, mask, 0.5).possible:
                 rest = without_walls(view, mask)
-                walls = mask & ~rest
-                parts += [(part, walls) for part in _before_walls(view, kind, rest, walls)]
+                wall = mask & ~rest
+                parts += [(part, wall) for part in _before_walls(view, kind, rest, wall)]
                 parts += [(part, None) for part in _tight(view, kind, mask)]
             for part, walls in parts:
                 if any(
