@@ -15,6 +15,7 @@ from enliven_edge.tracking.identity import Absent, Looks, Register
 from enliven_edge.tracking.model import height_of
 from enliven_edge.tracking.newcomers import YOUNG, Newcomer, Newcomers
 from enliven_edge.tracking.person import UNDECIDED, Person, sight, trunk_shown
+from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.room import Room
 from enliven_edge.tracking.segmentation import Segments, segmented
 from enliven_edge.tracking.settings import TrackerSettings
@@ -109,16 +110,18 @@ class Crowd:
         if np.count_nonzero(view.z) < _DARK * view.z.size:
             return self._wait_in_the_dark(view, kind)
         handicap = np.array([_HANDICAP if p.hidden_ns is not None else 0.0 for p in self.people])
-        segments = segmented(view, kind, [p.expected() for p in self.people], handicap)
+        expected = [p.expected() for p in self.people]
+        segments = segmented(view, kind, expected, handicap)
         self._indexed = list(self.people)
         if self._dark_ns is not None:
             if view.time_ns - self._dark_ns > _LONG_DARK_NS:
                 for k, person in enumerate(self._indexed):
                     self._refind(person, k, view, segments)
+                expected = [p.expected() for p in self.people]
             self._dark_ns = None
         fitted = self._fitted_now()
         for k, person in enumerate(self._indexed):
-            self._follow(person, k, view, segments, fit=person in fitted)
+            self._follow(person, expected[k], k, view, segments, fit=person in fitted)
         self._part_doubles()
         self._decide(view.time_ns)
         self.register.forget_old(view.time_ns, self.lock.ids or frozenset())
@@ -165,10 +168,12 @@ class Crowd:
             always = [*always, others[self._turn % len(others)]]
         return always
 
-    def _follow(self, person: Person, k: int, view: View, segments: Segments, *, fit: bool) -> None:
+    def _follow(
+        self, person: Person, expected: Posture, k: int, view: View, segments: Segments, *, fit: bool
+    ) -> None:
         """One person in one frame: fitted, carried along, hidden or gone."""
         pixels = segments.pixels(k)
-        covered, outside = sight(view, person.expected(), segments.owner, k)
+        covered, outside = sight(view, expected, segments.owner, k)
         few = segments.counts[k] < 2 * FEWEST_PIXELS
         behind = covered > _COVERED or (few and covered > 0.5 * _COVERED and outside < _OUTSIDE)
         if behind or (person.hidden_ns is not None and few):
