@@ -101,7 +101,12 @@ class Fuser:
         if not number or number in present:
             number = self._next
             self._next += 1
-        return FusedPerson(number, len(self.views), self.settings)
+        person = FusedPerson(number, len(self.views), self.settings)
+        s = self.settings
+        if any(p.hits >= s.sure_after for p in self.people):
+            # A sensor that sees again after it was covered may hold somebody for two for a moment.
+            person.hits = min(0, s.sure_after - s.sure_beside)
+        return person
 
     def _costs(self, groups: list[Group], time_ns: int) -> Float:
         """(G, P) metres between groups and people, less for who was it a moment ago."""

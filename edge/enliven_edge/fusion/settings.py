@@ -56,6 +56,7 @@ class FusionSettings:
         30.0, "A sensor's word that somebody is back is believed.", unit="s", low=0.0, high=3600.0
     )
     sure_after: int = setting(5, "Moments before somebody new is believed.", low=1, high=100)
+    sure_beside: int = setting(12, "The same where somebody is there already.", low=1, high=100)
     turn_over: float = setting(
         1.0, "Time for which most must say so until left and right are exchanged.", unit="s", low=0.05
     )
