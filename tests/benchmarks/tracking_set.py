@@ -181,6 +181,7 @@ def _accuracy() -> list[Sequence]:
     traffic = "cmu_expmap/train_directing_traffic_4.txt"
     boxing, jumps = f"{CMU}/Boxing_Toes.bvh", f"{CMU}/01_01.bvh"
     bends, eight = f"{OTHER}/aitviewer_sample.bvh", f"{OTHER}/pymo_AV_8Walk_Meredith.bvh"
+    styled = "bvh/xia_styles/depressed_18_000.bvh"
     walk, side = f"{CMU}/02_01.bvh", f"{NAMCO}/dataset-1_walk_normal_001.bvh"
     return [
         # what may be tuned on
@@ -208,7 +209,7 @@ def _accuracy() -> list[Sequence]:
         Sequence("child back", t, _one(INFANT, Move(wave), (0.0, -2.2), BACK), 2.5),
         Sequence("bow", t, _one(STOUT, Move(f"{NAMCO}/dataset-1_bow_normal_001.bvh")), 3.0),
         Sequence("walk side", t, _one(TALL, Move(side), (-1.0, -3.0), SIDE), 2.5, "kinect1"),
-        Sequence("styled walk", t, _one(SMALL, Move("bvh/xia_styles/depressed_18_000.bvh"), (0.3, -3.6)), 3.0),
+        Sequence("styled walk", t, _one(SMALL, Move(styled), (0.3, -3.6)), 3.0),
         # what is reported
         Sequence("h still", h, _one(SLIM, _EX("still", 5)), 4.0, kind="still"),
         Sequence("h overhead", h, _one(CHILD, _EX("overhead", 11), (-0.1, -2.4)), 5.0),
