@@ -142,4 +142,5 @@ def test_a_joint_that_is_visible_is_surer_than_one_that_is_seen_through():
     visible, through = usual.copy(), usual.copy()
     visible[:, NAMES.index("visible")] = 1.0
     through[:, NAMES.index("seen through")] = 1.0
+    through[:, NAMES.index("violated")] = 1 / 20  # a capsule of twenty
     assert (confidence(visible) > confidence(through)).all()
