@@ -30,9 +30,8 @@ _WIDE = 0.25
 _DOUBTED, _CLEARLY = 8.5, 0.8
 """Cost of a frame, square centimetres a point, from which the person is looked for anew, and the share of it
 that must be left to believe what is found."""
-_EARLY, _AGAIN_AFTER, _LONGEST = (4, 14), 15, 60
-"""Frames after which somebody new is looked at once more, and between two looks at somebody doubtful, at
-first and at most: the pause doubles while nothing better is found."""
+_EARLY, _AGAIN_AFTER = (4, 14), 15
+"""Frames after which somebody new is looked at once more, and between two looks at somebody doubtful."""
 _KNOWN_AFTER = 120
 """Well fitted frames after which a person's build is known."""
 _NO_AFFINITY = np.zeros((0, 0), np.float32)
@@ -69,7 +68,7 @@ class Follower:
         self._bad = 0
         self._unsupported = np.zeros(20)
         self._velocity, self._time_ns = np.zeros(3), 0
-        self._since_detected, self._since_found, self._patience = 0, 0, _AGAIN_AFTER
+        self._since_detected, self._since_found = 0, 0
 
     @classmethod
     def found(
@@ -143,17 +142,15 @@ class Follower:
     ) -> tuple[Posture, FitReport] | None:
         """The person detected from scratch, where that explains a doubtful frame much better.
 
-        A detection takes long, so there is one at most every half second, and fewer in vain; and two soon
-        after somebody was found, because one frame may show a stranger badly.
+        A detection takes long, so there is one at most every half second; and two soon after somebody was
+        found, because one frame may show a stranger badly.
         """
         self._since_detected += 1
         early = self._since_found in _EARLY
         self._since_found += 1
         height = self.settings.body_height
         now = cost(report, posture, seen, eye, height)
-        if now < _DOUBTED:
-            self._patience = _AGAIN_AFTER
-        if not early and (now < _DOUBTED or self._since_detected < self._patience):
+        if not early and (now < _DOUBTED or self._since_detected < _AGAIN_AFTER):
             return None
         self._since_detected = 0
         plain = replace(observation, affinity=_NO_AFFINITY)
@@ -161,10 +158,7 @@ class Follower:
         forest = shipped_forest() if self.settings.parts else None
         found = detect(self._fitter, plain, eye, height, forest, known)
         if cost(found[1], found[0], seen, eye, height) > _CLEARLY * now:
-            # Who is half hidden stays doubtful: looking as often again would only take time from others.
-            self._patience = min(2 * self._patience, _LONGEST)
             return None
-        self._patience = _AGAIN_AFTER
         self._fitted = self._fitted if known is not None else 0
         self._second_thoughts, self._facing = SecondThoughts(self._fitter), Facing()
         return found
