@@ -1,0 +1,52 @@
+"""Soft planes for points of a mesh: what is seen of it, the floor under it, other limbs beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int32
+from enliven.errors import InputError
+
+
+@dataclass(frozen=True)
+class PlaneConstraints:
+    """Points of a mesh and the planes that draw them, each w (n·φ(p) − b)²; they may be others every frame.
+
+    Attributes:
+        points: (M, 3) metres, p, in the mesh's rest space.
+        node_indices: (M, 4) int32 the nodes that move each point.
+        node_weights: (M, 4) how much; they sum to one.
+        normals: (M, 3) unit normals n of the planes, in the frame of the targets.
+        offsets: (M,) metres, b.
+        weights: (M,) not negative, w, beside the solver's own weight of the planes; 0 leaves one out.
+        one_sided: (M,) true where the plane only pushes: it counts while n·φ(p) < b.
+    """
+
+    points: Float
+    node_indices: Int32
+    node_weights: Float
+    normals: Float
+    offsets: Float
+    weights: Float
+    one_sided: Bool
+
+    def __post_init__(self) -> None:
+        count = len(self.points)
+        shapes = {
+            "points": (count, 3),
+            "node_indices": (count, 4),
+            "node_weights": (count, 4),
+            "normals": (count, 3),
+            "offsets": (count,),
+            "weights": (count,),
+            "one_sided": (count,),
+        }
+        for name, shape in shapes.items():
+            found = np.shape(getattr(self, name))
+            if found != shape:
+                raise InputError(f"the {name} are {found}, expected {shape}", where="plane constraints")
+
+    def __len__(self) -> int:
+        return len(self.points)
