@@ -68,10 +68,10 @@ wanted=$(cat constraints.txt shared/pyproject.toml edge/pyproject.toml viewer/py
 make_venv
 if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
     say "installing the Python packages into .venv (a minute or two, once)"
-    extra=
-    [ "$kind" = dev ] && extra="[test]"
+    extra= edge_extra=
+    [ "$kind" = dev ] && extra="[test]" && edge_extra="[physics]"
     PIP_CONSTRAINT="$PWD/constraints.txt" PIP_DISABLE_PIP_VERSION_CHECK=1 .venv/bin/python -m pip install -q \
-        --only-binary ':all:' -e "./shared$extra" -e ./edge -e ./viewer
+        --only-binary ':all:' -e "./shared$extra" -e "./edge$edge_extra" -e ./viewer
     missing=$(missing_system | tr -s ' \n' '\n' | sort -u | tr '\n' ' ')
     if [ -n "$(printf '%s' "$missing" | tr -d ' ')" ]; then
         # shellcheck disable=SC2086
