@@ -17,7 +17,7 @@ from enliven.arrays import Bool, Float, Int, Int32
 from enliven.body import PARENTS, J, parts_named
 from enliven.deformation.bones import bone_rotations, bone_samples, filled
 from enliven.deformation.graph import DeformationGraph
-from enliven.deformation.weights import insert
+from enliven.deformation.reach import carried_back, nearest_facing
 from enliven.errors import InputError
 from enliven.settings import setting
 
@@ -36,6 +36,33 @@ class AttachmentSettings:
         math.pi / 2, "How far two normals may be apart.", unit="rad", low=0.0, high=math.pi
     )
     joints: bool = setting(True, "Whether the joints take hold too, besides the bones.")
+
+
+@dataclass(frozen=True)
+class Growth:
+    """How far to reach where a body does not fit the mesh.
+
+    Attributes:
+        enough: share of the bones that must take hold before the reach stops growing.
+        farthest: metres, the longest reach that is tried.
+    """
+
+    enough: float
+    farthest: float
+
+    def reach(self, reach: float, bone: Int, nearest: Float, bones: int) -> float:
+        """Metres: ``reach``, or the next longer one at which enough of the bones take hold.
+
+        Args:
+            bone: (L,) the bone of each sample.
+            nearest: (L,) metres from each sample to the nearest node, infinite where there is none.
+            bones: how many bones there are to take hold.
+        """
+        first = np.full(J, np.inf)
+        np.minimum.at(first, bone, nearest)
+        while np.count_nonzero(first < reach) < self.enough * bones and reach < self.farthest:
+            reach = min(1.5 * reach + 0.01, self.farthest)
+        return reach
 
 
 @dataclass(frozen=True)
@@ -124,6 +151,7 @@ def attach(
     parts: str | Iterable[str] = "all",
     settings: AttachmentSettings | None = None,
     deformed: tuple[Float, Float] | None = None,
+    grow: Growth | None = None,
 ) -> Attachment:
     """Take hold of the graph where the body is now; also the preview of what would be held.
 
@@ -135,41 +163,46 @@ def attach(
         settings: radius, samples, reach and angle.
         deformed: the (N, 3, 3) linear parts and (N, 3) positions of the nodes now, where the mesh is not at
             rest (to take hold again, or with a second body).
+        grow: reach farther than the settings say where too few of the bones reach anything.
 
     Raises:
         InputError: for an unknown part or arrays of the wrong shape.
     """
-    settings = settings or AttachmentSettings()
+    settings, grow = settings or AttachmentSettings(), grow or Growth(0.0, 0.0)
     joints = checked_joints(joints)
-    chosen = parts_named(parts)
+    chosen = np.isin(np.arange(J), list(parts_named(parts)))
     sure = np.nan_to_num(np.asarray(confidence, np.float64), nan=0.0) > 0
     if sure.shape != (J,):
         raise InputError(f"the confidence is {sure.shape}, expected ({J},)", where="attachment")
     usable = sure & np.isfinite(joints).all(1)
-    samples = _samples(joints, usable, np.isin(np.arange(J), list(chosen)), settings)
-    points, normals, bone, along, radial = samples
+    points, normals, bone, along, radial, starts = _samples(joints, usable, chosen, settings)
     node_points, node_normals = _nodes_now(graph, deformed)
-    indices, weights = _hold(
-        points, normals, node_points, node_normals, settings.reach, math.cos(settings.normal_angle)
-    )
-    held = weights[:, 0] > 0
-    indices, weights = indices[held], weights[held]
+    farthest = max(settings.reach, grow.farthest)
+    cosine = math.cos(settings.normal_angle)
+    indices, lengths = nearest_facing(points, normals, starts, node_points, node_normals, farthest, cosine)
+    reach = grow.reach(settings.reach, bone, lengths[:, 0], int((usable & chosen).sum()))
+    held = lengths[:, 0] < reach
+    weights = np.maximum(1.0 - lengths[held] / reach, 0.0) if held.any() else np.empty((0, 4))
+    weights /= weights.sum(1, keepdims=True)
+    indices = np.where(weights > 0, indices[held], 0).astype(np.int32)
+    points = points[held]
     if deformed is not None:
-        points = _to_rest(points[held], indices, weights, graph.positions, *deformed)
-    else:
-        points = points[held]
+        linear, positions = (np.ascontiguousarray(a, np.float64) for a in deformed)
+        points = carried_back(points, indices, weights, graph.positions, linear, positions)
     return Attachment(points, indices, weights, bone[held], along[held], radial[held], joints)
 
 
 def _samples(
     joints: Float, usable: Bool, chosen: Bool, settings: AttachmentSettings
-) -> tuple[Float, Float, Int, Float, Float]:
-    """Position, normal (zero at a joint), bone, fraction and radial offset of each sample."""
+) -> tuple[Float, Float, Int, Float, Float, Int]:
+    """Position, normal (zero at a joint), bone, fraction and radial offset of each sample; and where each
+    bone's samples, and each joint, begin."""
     points, normals = bone_samples(joints, settings.radius, settings.along, settings.around)
     count = points.shape[1]
     bones = np.flatnonzero(usable[1:] & usable[_PARENT[1:]] & chosen[1:])
     fraction = np.repeat((np.arange(settings.along) + 0.5) / settings.along, settings.around)
     where, facing = [points[bones].reshape(-1, 3)], [normals[bones].reshape(-1, 3)]
+    starts = count * np.arange(len(bones) + 1)
     bone, along = [np.repeat(bones + 1, count)], [np.tile(fraction, len(bones))]
     if settings.joints:
         own = np.flatnonzero(usable & chosen)
@@ -181,10 +214,11 @@ def _samples(
         facing.append(np.zeros((len(own), 3)))
         bone.append(np.where(first, 1, own))
         along.append(np.where(first, 0.0, 1.0))
+        starts = np.concatenate([starts, starts[-1] + 1 + np.arange(len(own))])
     position, normal = np.concatenate(where), np.concatenate(facing)
     on_joint = (normal == 0).all(1, keepdims=True)
     radial = np.where(on_joint, 0.0, normal * settings.radius)
-    return position, normal, np.concatenate(bone), np.concatenate(along), radial
+    return position, normal, np.concatenate(bone), np.concatenate(along), radial, starts
 
 
 def _nodes_now(graph: DeformationGraph, deformed: tuple[Float, Float] | None) -> tuple[Float, Float]:
@@ -194,44 +228,6 @@ def _nodes_now(graph: DeformationGraph, deformed: tuple[Float, Float] | None) ->
     linear, positions = deformed
     normals = np.einsum("nab,nb->na", linear, graph.normals)
     return positions, normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-
-
-def _to_rest(
-    points: Float, indices: Int32, weights: Float, pivots: Float, linear: Float, positions: Float
-) -> Float:
-    """(L, 3) the points carried back to the rest space, blended over their nodes."""
-    back = np.linalg.pinv(linear)[indices]
-    local = np.einsum("lkab,lkb->lka", back, points[:, None] - positions[indices]) + pivots[indices]
-    return np.asarray((local * weights[..., None]).sum(1))
-
-
-@njit(cache=True, nogil=True)
-def _hold(points, normals, nodes, node_normals, reach, cosine):  # type: ignore[no-untyped-def]
-    """Kernel: the four nearest valid nodes of each point, and weights 1 - d / reach that sum to one."""
-    count = points.shape[0]
-    indices = np.zeros((count, 4), np.int32)
-    weights = np.zeros((count, 4))
-    near = np.empty(4)
-    who = np.empty(4, np.int64)
-    for i in range(count):
-        found = 0
-        n = normals[i]
-        free = n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0
-        for j in range(nodes.shape[0]):
-            dx, dy, dz = points[i, 0] - nodes[j, 0], points[i, 1] - nodes[j, 1], points[i, 2] - nodes[j, 2]
-            length = np.sqrt(dx * dx + dy * dy + dz * dz)
-            if not length < reach:
-                continue
-            facing = n[0] * node_normals[j, 0] + n[1] * node_normals[j, 1] + n[2] * node_normals[j, 2]
-            if free or facing > cosine:
-                found = insert(near, who, found, length, j)
-        total = 0.0
-        for m in range(found):
-            total += 1.0 - near[m] / reach
-        for m in range(found):
-            indices[i, m] = who[m]
-            weights[i, m] = (1.0 - near[m] / reach) / total
-    return indices, weights
 
 
 @njit(cache=True, nogil=True)

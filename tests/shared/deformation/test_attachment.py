@@ -7,10 +7,11 @@ from hypothesis import strategies as st
 
 from enliven import rotation
 from enliven.body import BONES, PARENTS, PARTS, J, Joint
-from enliven.deformation.attachment import AttachmentSettings, attach
+from enliven.deformation.attachment import AttachmentSettings, Growth, attach
 from enliven.deformation.bones import bone_rotations, bone_samples
 from enliven.deformation.embedded import EmbeddedSolver
 from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.reach import nearest_facing
 from enliven.errors import InputError
 from enliven.shapes import make_chair
 
@@ -311,3 +312,52 @@ def test_a_walking_leg_moves_the_chair_leg_with_it(graph):
 def test_every_bone_belongs_to_its_child():
     assert [child for _, child in BONES] == list(range(1, J))
     assert [parent for parent, _ in BONES] == list(PARENTS[1:])
+
+
+def plainly_nearest(points, normals, nodes, node_normals, reach, cosine):
+    """The obvious twin of ``nearest_facing``: for each sample every node, sorted."""
+    for point, normal in zip(points, normals, strict=True):
+        lengths = np.linalg.norm(nodes - point, axis=1)
+        fits = (lengths < reach) & (~normal.any() | (node_normals @ normal > cosine))
+        order = np.flatnonzero(fits)[np.argsort(lengths[fits], kind="stable")][:4]
+        yield order, lengths[order]
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 2**32 - 1), st.floats(0.05, 3.0), st.floats(-0.9, 0.9))
+def test_the_nearest_nodes_are_those_that_a_look_at_all_would_find(seed, reach, cosine):
+    rng = np.random.default_rng(seed)
+    points, nodes = rng.normal(size=(30, 3)), rng.normal(size=(50, 3))
+    normals, node_normals = rng.normal(size=(30, 3)), rng.normal(size=(50, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    node_normals /= np.linalg.norm(node_normals, axis=1, keepdims=True)
+    normals[20:] = 0
+    starts = np.array([0, 7, 7, 20, *range(21, 31)])
+    indices, lengths = nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine)
+    expected = plainly_nearest(points, normals, nodes, node_normals, reach, cosine)
+    for i, (who, near) in enumerate(expected):
+        assert indices[i, : len(who)].tolist() == who.tolist()
+        np.testing.assert_allclose(lengths[i, : len(who)], near, atol=1e-12)
+        assert np.isinf(lengths[i, len(who) :]).all()
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.floats(0.0, 1.0), st.floats(0.05, 0.6))
+def test_growing_the_reach_is_taking_hold_with_the_reach_it_grew_to(graph, enough, farthest):
+    short = AttachmentSettings(reach=0.03)
+    grown = attach(graph, standing(), SURE, settings=short, grow=Growth(enough, farthest))
+    reach = 0.03
+    while True:
+        plain = attach(graph, standing(), SURE, settings=AttachmentSettings(reach=reach))
+        if len(set(plain.bone)) >= enough * J or reach >= farthest:
+            break
+        reach = min(1.5 * reach + 0.01, farthest)
+    np.testing.assert_array_equal(grown.bone, plain.bone)
+    np.testing.assert_allclose(grown.node_weights, plain.node_weights, atol=1e-12)
+
+
+def test_a_node_squashed_flat_leaves_held_points_finite(graph):
+    linear = np.tile(np.eye(3), (len(graph.positions), 1, 1))
+    linear[::2, 2] = 0
+    again = attach(graph, standing(), SURE, deformed=(linear, graph.positions))
+    assert len(again) > 0 and np.isfinite(again.points).all()
