@@ -97,12 +97,30 @@ def test_skeletons(pattern, reader, count, people):
     assert (np.diff([frame.time_ns for frame in frames]) > 0).all()
     joints = np.array([body.joints for frame in frames for body in frame.bodies])
     confidence = np.array([body.confidence for frame in frames for body in frame.bodies])
-    assert np.isfinite(joints).all()
+    assert np.isfinite(joints[confidence > 0]).all()
     assert confidence.min() >= 0
     assert confidence.max() == pytest.approx(1)
     assert_on_the_floor(joints)
     assert_bones(joints)
     assert np.median(joints[:, Joint.HIP_CENTER, 2]) < -1, "the person is in front of the sensor"
+
+
+CAPTURES = sorted(DATA.glob("bvh/*/*.bvh")) + sorted(DATA.glob("cmu_expmap/t*.txt"))
+
+
+@pytest.mark.parametrize("path", CAPTURES, ids=lambda path: path.stem[-24:])
+def test_motion_captures(path):
+    name, frames = read(str(path.relative_to(DATA)))
+    assert name == "motion-capture"
+    joints = np.array([frame.bodies[0].joints for frame in frames])
+    assert 1.45 < frames[0].bodies[0].stature < 1.95
+    assert (np.diff([frame.time_ns for frame in frames]) > 0).all()
+    assert_on_the_floor(joints)
+    assert_bones(joints)
+    toes = (joints[:, Joint.FOOT_LEFT] - joints[:, Joint.ANKLE_LEFT]) * [1, 0, 1]
+    across = joints[:, Joint.HIP_LEFT] - joints[:, Joint.HIP_RIGHT]
+    ahead = np.cross(across, [0, 1, 0])
+    assert np.median((toes * ahead).sum(1)) > 0, "toes point ahead, so left is left"
 
 
 def assert_on_the_floor(joints):

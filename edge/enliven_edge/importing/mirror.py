@@ -7,10 +7,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from enliven.body import Body, Joint
+from enliven.body import Joint
 from enliven.frames import BodyFrame, DepthFrame, Frame
+from enliven.orientation import mirrored as reflected
 
-_ACROSS = np.array([-1.0, 1.0, 1.0])
+_ACROSS = np.array([1.0, 0.0, 0.0])
 OTHER_SIDE = [
     Joint[name.replace("LEFT", "?").replace("RIGHT", "LEFT").replace("?", "RIGHT")]
     for name in Joint.__members__
@@ -34,5 +35,5 @@ def _depth(frame: DepthFrame) -> DepthFrame:
 
 
 def _bodies(frame: BodyFrame) -> BodyFrame:
-    bodies = [Body(b.id, b.joints[OTHER_SIDE] * _ACROSS, b.confidence[OTHER_SIDE]) for b in frame.bodies]
+    bodies = [reflected(body, np.zeros(3), _ACROSS) for body in frame.bodies]
     return dataclasses.replace(frame, bodies=bodies)

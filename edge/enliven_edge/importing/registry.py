@@ -27,6 +27,7 @@ _BUILT_IN = (
     "gait:GaitReader",
     "flow_room:FlowRoomReader",
     "body_scanner:BodyScannerReader",
+    "motion_capture:MotionCaptureReader",
     "plain_depth:PlainDepthReader",
 )
 """Asked in this order; the one that asks least comes last."""

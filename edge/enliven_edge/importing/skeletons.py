@@ -8,7 +8,7 @@ sensor's right, +Z towards it): a person who faces the sensor looks along +Z wit
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -71,37 +71,48 @@ class Moment:
 def frames_in_world(
     moments: Sequence[Moment], sensor: str, world_from_sensor: Float, where: str
 ) -> Iterator[BodyFrame]:
-    """The body frames of a take, turned into the world and put on the floor.
+    """The body frames of a take, turned into the world and put on the floor, each person with their stature.
 
     The floor is the lower quartile, over the take, of the lower sole's height: of two feet one stands nearly
-    always, and neither a jump nor some wrong feet move a quartile.
+    always, and neither a jump nor some wrong feet move a quartile. The stature is the median over the take
+    of what the bones' lengths say.
 
     Args:
         moments: in the order of time.
         sensor: its identity.
-        world_from_sensor: (3, 3) rotation from the sensor's space.
+        world_from_sensor: (3, 3) rotation from the sensor's space; bodies with orientations are in the world.
         where: the file, for messages.
 
     Raises:
         InputError: where no joint was seen.
     """
     turned = [_turned(moment, world_from_sensor) for moment in moments]
-    floor = _floor([body for moment in turned for body in moment.bodies], where)
+    everybody = [body for moment in turned for body in moment.bodies]
+    floor, statures = _floor(everybody, where), _statures(everybody)
     for moment in turned:
-        bodies = [Body(b.id, b.joints - [0.0, floor, 0.0], b.confidence) for b in moment.bodies]
+        bodies = [
+            replace(b, joints=b.joints - [0.0, floor, 0.0], stature=statures.get(b.id)) for b in moment.bodies
+        ]
         yield BodyFrame(bodies, moment.time_ns, sensor)
 
 
 def observed(joints: Float, confidence: Float) -> tuple[Float, Float]:
-    """Joints (20, 3) and confidence (20,) without gaps: what is not finite is put at the hip with 0."""
+    """Joints (20, 3) and confidence (20,) as they were seen: a joint that is missing is NaN, with 0."""
     good: Bool = np.asarray(np.isfinite(joints).all(-1))
-    seen = joints[good] if good.any() else np.zeros((1, 3))
-    hip = joints[Joint.HIP_CENTER] if good[Joint.HIP_CENTER] else seen.mean(0)
-    return np.where(good[:, None], joints, hip), np.where(good, np.clip(confidence, 0.0, 1.0), 0.0)
+    return np.where(good[:, None], joints, np.nan), np.where(good, np.clip(confidence, 0.0, 1.0), 0.0)
 
 
 def _turned(moment: Moment, turn: Float) -> Moment:
-    return Moment(moment.time_ns, [Body(b.id, b.joints @ turn.T, b.confidence) for b in moment.bodies])
+    return Moment(moment.time_ns, [replace(b, joints=b.joints @ turn.T) for b in moment.bodies])
+
+
+def _statures(bodies: Sequence[Body]) -> dict[int, float]:
+    """By person, metres: the median over the frames that show all that it takes."""
+    heights: dict[int, list[float]] = {}
+    for body in bodies:
+        if np.isfinite(body.joints).all():
+            heights.setdefault(body.id, []).append(body.height)
+    return {person: float(np.median(known)) for person, known in heights.items()}
 
 
 def _floor(bodies: Sequence[Body], where: str) -> float:
@@ -115,10 +126,9 @@ def _floor(bodies: Sequence[Body], where: str) -> float:
 def _sole(body: Body) -> float:
     """The height of the lower sole of a body, from the joints that were seen, or else from all."""
     for least in (0.5, -1.0):
-        heights = [float(body.joints[j, 1]) - FOOT_ABOVE_SOLE for j in _FEET if body.confidence[j] > least]
-        heights += [
-            float(body.joints[j, 1]) - ANKLE_ABOVE_SOLE for j in _ANKLES if body.confidence[j] > least
-        ]
+        above = [(j, FOOT_ABOVE_SOLE) for j in _FEET] + [(j, ANKLE_ABOVE_SOLE) for j in _ANKLES]
+        heights = [float(body.joints[j, 1]) - up for j, up in above if body.confidence[j] > least]
+        heights = [height for height in heights if np.isfinite(height)]
         if heights:
             return min(heights)
     return float("nan")

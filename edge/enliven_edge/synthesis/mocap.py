@@ -69,7 +69,7 @@ def limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
     )
     hips, knees, ankles, toes = (at(r) for r in (roles.hips, roles.knees, roles.ankles, roles.toes))
     low, top = hips.mean(1), shoulders.mean(1)
-    middle = _half_way(np.concatenate([low[:, None], p[:, list(roles.spine)], top[:, None]], 1))
+    middle = half_way(np.concatenate([low[:, None], p[:, list(roles.spine)], top[:, None]], 1))
     out = np.empty((capture.frames, 16, 3, 3))
     across_hips, across_shoulders = hips[:, 0] - hips[:, 1], shoulders[:, 0] - shoulders[:, 1]
     out[:, Limb.PELVIS] = _axes(middle - low, across_hips)
@@ -134,7 +134,7 @@ def _standing(toes: Float, ankles: Float, seconds: float, knees: Float, hips: Fl
     return np.asarray(badness <= np.maximum(np.percentile(badness, 20, axis=0), 0.25))
 
 
-def _half_way(path: Float) -> Float:
+def half_way(path: Float) -> Float:
     """(F, 3) the point in the middle of each polyline (F, K, 3), by length."""
     steps = np.linalg.norm(np.diff(path, axis=1), axis=-1)
     upto = np.concatenate([np.zeros((len(path), 1)), np.cumsum(steps, 1)], 1)

@@ -14,6 +14,7 @@ from enliven_edge.importing.mirror import OTHER_SIDE, mirrored
 from enliven_edge.importing.msr_action3d import FOCAL, ORDER
 from enliven_edge.importing.registry import find_reader
 from enliven_edge.importing.skeletons import KINECT2_NAMES, KINECT2_ORDER
+from enliven_edge.tracking.output import Output
 
 UPRIGHT = {
     "HIP_CENTER": (0, 0.95, 0),
@@ -182,8 +183,38 @@ def test_gait(tmp_path):
     assert name == "kinect-gait"
     assert [frame.time_ns for frame in frames] == [0, 100_000_000, 200_000_000, 300_000_000]
     assert_person(frames[2].bodies[0], person())
-    assert (frames[3].bodies[0].confidence == 0).any()
+    missing = frames[3].bodies[0].confidence == 0
+    assert missing.any()
+    assert np.isnan(frames[3].bodies[0].joints[missing]).all()
+    assert np.isfinite(frames[3].bodies[0].joints[~missing]).all()
     assert (frames[2].bodies[0].confidence == 1).all()
+
+
+def test_a_missing_joint_waits_where_it_was_and_pulls_nothing(tmp_path):
+    order = [Joint.HEAD, *(joint for joint in Joint if joint != Joint.HEAD)]
+    path = tmp_path / "walk.txt"
+    whole = gait_text(person(), order)
+    without = "".join(line + "\n" for line in whole.splitlines() if not line.startswith("Hand-Left"))
+    path.write_text(whole + without + gait_text(person(0.03), order))
+    frames = read(path)[1]
+    # As the edge does with every body that a sensor, or a recording, saw itself.
+    output = Output()
+    shown = [output(frame.bodies, frame.time_ns)[0] for frame in frames]
+    assert np.allclose(shown[1].joints[Joint.HAND_LEFT], person()[Joint.HAND_LEFT], atol=1e-6)
+    assert [body.confidence[Joint.HAND_LEFT] for body in shown] == [1, 0, 1]
+
+
+def test_everybody_has_the_stature_of_their_bones_over_the_take(tmp_path):
+    rng = np.random.default_rng(0)
+    rows = [
+        (40 * i, who, "a", tall * person(0.9 * who) + rng.normal(0, 0.01, (20, 3)))
+        for i in range(60)
+        for who, tall in ((0, 1.0), (1, 0.8))
+    ]
+    frames = read(multitrack_file(tmp_path / "a.csv", rows))[1]
+    statures = {body.id: body.stature for frame in frames for body in frame.bodies}
+    assert statures[0] == pytest.approx(1.80, abs=0.05)
+    assert statures[1] == pytest.approx(0.8 * (1.80 - 0.2) + 0.2, abs=0.05)
 
 
 def flow_room_body(world: np.ndarray, who: str, origin: float) -> dict:
@@ -260,6 +291,7 @@ def test_mirroring_swaps_sides(tmp_path):
     joints = frame.bodies[0].joints
     assert joints[Joint.HAND_LEFT, 1] > joints[Joint.HAND_RIGHT, 1] + 0.4
     assert joints[Joint.SHOULDER_LEFT, 0] > joints[Joint.SHOULDER_RIGHT, 0]
+    assert frame.bodies[0].stature is not None
     assert [OTHER_SIDE[side] for side in OTHER_SIDE] == list(Joint)
 
 

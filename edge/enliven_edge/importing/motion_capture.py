@@ -1,0 +1,117 @@
+"""Motion captures as bodies: the captured person is the performer, in their own size, at their own rate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.body import Body, J, Joint
+from enliven.errors import InputError
+from enliven.formats.bvh import read_bvh
+from enliven.formats.capture import UNITS, Capture, guess_unit
+from enliven.formats.expmap import COLUMNS, read_expmap
+from enliven.frames import BodyFrame
+from enliven.rotation import from_matrix
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
+from enliven_edge.importing.skeletons import TRACKED, Moment, frames_in_world
+from enliven_edge.importing.tables import are_numbers, first_lines
+from enliven_edge.synthesis.capture_roles import Roles, find_roles
+from enliven_edge.synthesis.mocap import half_way, limb_rotations
+from enliven_edge.synthesis.performer import Limb
+
+_BONE_LIMBS = (
+    Limb.PELVIS, Limb.ABDOMEN, Limb.CHEST, Limb.SKULL,
+    Limb.CHEST, Limb.UPPER_ARM_LEFT, Limb.FOREARM_LEFT, Limb.HAND_LEFT,
+    Limb.CHEST, Limb.UPPER_ARM_RIGHT, Limb.FOREARM_RIGHT, Limb.HAND_RIGHT,
+    Limb.PELVIS, Limb.THIGH_LEFT, Limb.SHANK_LEFT, Limb.FOOT_LEFT,
+    Limb.PELVIS, Limb.THIGH_RIGHT, Limb.SHANK_RIGHT, Limb.FOOT_RIGHT,
+)  # fmt: skip
+"""(20,) the limb whose frame is the orientation of the bone that ends at each joint."""
+_Y_UP_FROM_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+_HEAD_CENTRE = 0.075
+"""Metres along the skull from the joint that turns it to the middle of the head, where sensors put it."""
+
+
+class MotionCaptureReader:
+    """A BVH file, or CMU's exponential maps: a joint for each of ours by name, metres by the legs' length.
+
+    Left and right, heading and place are the file's. Joints, and the orientations of bones as well, are of
+    confidence 1: a motion capture does not say how sure it is.
+    """
+
+    name = "motion-capture"
+    description = "motion capture: BVH of any convention, or CMU exponential maps"
+    note = "the unit is the one in which the legs are nearest to a person's; every joint counts as seen"
+
+    def can_read(self, paths: Sequence[Path]) -> bool:
+        return any(_is_bvh(path) or _is_expmap(path) for path in paths)
+
+    def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
+        path = only_one([path for path in paths if _is_bvh(path) or _is_expmap(path)] or paths)
+        capture = read_expmap(path) if _is_expmap(path) else read_bvh(path)
+        try:
+            roles = find_roles(capture)
+        except InputError as error:
+            raise InputError(error.what, where=str(path), mend=error.mend) from None
+        joints, turns = bodies_of(capture, roles)
+        seconds = 1.0 / options.fps if options.fps else capture.seconds
+        sure = np.full(J, TRACKED)
+        moments = [
+            Moment(round(n * seconds * 1e9), [Body(0, xyz, sure, turn)])
+            for n, (xyz, turn) in enumerate(zip(joints, turns, strict=True))
+        ]
+        return frames_in_world(moments, options.device or "mocap", np.eye(3), str(path))
+
+
+def bodies_of(capture: Capture, roles: Roles) -> tuple[Float, Float]:
+    """(F, 20, 3) metres and (F, 20, 4) orientations, +Y up, of a capture in its own unit and axes."""
+    capture = _upright(capture, roles)
+    p = capture.positions
+    upper = np.linalg.norm(p[:, roles.hips[0]] - p[:, roles.knees[0]], axis=-1)
+    lower = np.linalg.norm(p[:, roles.knees[0]] - p[:, roles.ankles[0]], axis=-1)
+    metres = UNITS[guess_unit(float(np.median(upper + lower)))]
+    limbs, _ = limb_rotations(capture, roles)
+    joints = np.empty((capture.frames, J, 3))
+    hips, shoulders = p[:, list(roles.hips)].mean(1), p[:, list(roles.shoulders)].mean(1)
+    trunk = np.concatenate([hips[:, None], p[:, list(roles.spine)], shoulders[:, None]], 1)
+    joints[:, Joint.HIP_CENTER] = p[:, roles.root]
+    joints[:, Joint.SPINE] = half_way(trunk)
+    joints[:, Joint.SHOULDER_CENTER] = shoulders
+    joints[:, Joint.HEAD] = p[:, roles.head] + _HEAD_CENTRE / metres * limbs[:, Limb.SKULL, :, 1]
+    sides = (roles.shoulders, roles.elbows, roles.wrists, roles.tips)
+    _fill(joints, p, (Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT), sides)
+    _fill(joints, p, (Joint.HIP_LEFT, Joint.HIP_RIGHT), (roles.hips, roles.knees, roles.ankles, roles.toes))
+    return metres * joints, from_matrix(limbs[:, list(_BONE_LIMBS)])
+
+
+def _fill(
+    joints: Float, positions: Float, first: tuple[Joint, Joint], chain: tuple[tuple[int, int], ...]
+) -> None:
+    """Both limbs of a pair, from the joint that each begins with."""
+    for side in (0, 1):
+        for k, pair in enumerate(chain):
+            joints[:, first[side] + k] = positions[:, pair[side]]
+
+
+def _upright(capture: Capture, roles: Roles) -> Capture:
+    """The capture with +Y up: of files with +Z up the heads are over the ankles along Z."""
+    p = capture.positions
+    tall = np.median(p[:, roles.head] - p[:, list(roles.ankles)].mean(1), axis=0)
+    if abs(tall[2]) <= abs(tall[1]):
+        return capture
+    turn = _Y_UP_FROM_Z_UP
+    return Capture(
+        capture.names, capture.parents, p @ turn.T, turn @ capture.rotations, capture.seconds, capture.notes
+    )
+
+
+def _is_bvh(path: Path) -> bool:
+    return head_of(path, 256).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"HIERARCHY")
+
+
+def _is_expmap(path: Path) -> bool:
+    rows = [line.split(",") for line in first_lines(head_of(path), 1)]
+    return bool(rows) and len(rows[0]) == COLUMNS and are_numbers(rows[0])

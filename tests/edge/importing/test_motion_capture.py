@@ -1,0 +1,149 @@
+"""Motion captures as bodies, on files that the project's own performer dances: sizes, sides, clock, floor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from enliven.body import PARENTS, Joint
+from enliven.errors import InputError
+from enliven.recording import Recording
+from enliven.rotation import to_matrix
+from enliven_edge.commands.import_ import import_recording
+from enliven_edge.importing.base import ImportOptions
+from enliven_edge.importing.registry import find_reader
+from enliven_edge.synthesis.choreography import choreography
+from enliven_edge.synthesis.exercises import exercise
+from enliven_edge.synthesis.performer import Performer, Proportions
+
+STEP = 1.0 / 25.0
+SIDED = ("Shoulder", "Elbow", "Wrist", "Hand", "Hip", "Knee", "Ankle", "Toes")
+NAMES = ["Hips", "Spine", "Chest", "Head", *(f"{side}{part}" for side in ("Left", "Right") for part in SIDED)]
+_ORDER = [Joint(j) for j in (*range(4), *range(4, 8), *range(12, 16), *range(8, 12), *range(16, 20))]
+
+
+def danced(name: str = "overhead", height: float = 1.75, seconds: float = 3.0) -> np.ndarray:
+    """(F, 20, 3) metres: what the project's performer does."""
+    performer = Performer(Proportions(height))
+    moves = choreography(name) if name == "chair" else exercise(name)
+    times = np.arange(0.0, min(moves.duration, seconds), STEP)
+    return np.stack([performer.pose(moves.posture(t)).joints for t in times])
+
+
+def write_bvh(path: Path, joints: np.ndarray, unit: float = 0.01, turn: np.ndarray | None = None) -> Path:
+    """The joints as a BVH file whose every joint has its place in its parent, in units of ``unit`` metres.
+
+    The head's joint is where captures have it, at the skull's base.
+    """
+    joints = joints.copy()
+    joints[:, Joint.HEAD, 1] -= 0.075
+    places = joints @ (np.eye(3) if turn is None else turn).T / unit
+    names = dict(zip(_ORDER, NAMES, strict=True))
+    lines, order = ["HIERARCHY"], []
+
+    def write(joint: int, depth: int) -> None:
+        order.append(joint)
+        pad = "\t" * depth
+        lines.append(f"{pad}{'JOINT' if depth else 'ROOT'} {names[Joint(joint)]}")
+        lines.append(f"{pad}{{\n{pad}\tOFFSET 0 0 0")
+        lines.append(f"{pad}\tCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation")
+        children = [j for j in range(20) if PARENTS[j] == joint]
+        for child in children:
+            write(child, depth + 1)
+        if not children:
+            lines.append(f"{pad}\tEnd Site\n{pad}\t{{\n{pad}\t\tOFFSET 0 0 0\n{pad}\t}}")
+        lines.append(f"{pad}}}")
+
+    write(0, 0)
+    lines += ["MOTION", f"Frames: {len(places)}", f"Frame Time: {STEP}"]
+    for frame in places:
+        local = [frame[j] - (frame[PARENTS[j]] if PARENTS[j] >= 0 else 0.0) for j in order]
+        lines.append(" ".join(f"{x:.7f} {y:.7f} {z:.7f} 0 0 0" for x, y, z in local))
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def read(path: Path, **options):
+    reader = find_reader([path])
+    assert reader.name == "motion-capture"
+    return list(reader.read([path], ImportOptions(**options)))
+
+
+LIMBS = [j for j in Joint if j not in (Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD)]
+"""The joints that a capture of this making states exactly; the trunk's are put where sensors put theirs."""
+
+
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.sampled_from(["overhead", "kneel", "one leg", "chair"]),
+    st.floats(1.4, 1.95),
+    st.sampled_from([1.0, 0.01, 0.001, 0.0254]),
+    st.booleans(),
+)
+def test_the_joints_are_those_of_the_person_in_metres(tmp_path, name, height, unit, z_up) -> None:
+    joints = danced(name, height)
+    turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]) if z_up else None
+    frames = read(write_bvh(tmp_path / "a.bvh", joints, unit, turn))
+    read_back = np.stack([frame.bodies[0].joints for frame in frames])
+    moved = read_back - joints
+    # Where the floor is may differ by what is under the ankles of this performer, and by nothing else.
+    assert np.ptp(moved[:, LIMBS, 1]) < 1e-5
+    assert np.abs(moved[:, LIMBS, 1]).max() < 0.03
+    assert np.abs(moved[:, LIMBS][..., [0, 2]]).max() < 1e-5
+    assert np.abs(moved[:, [Joint.SPINE, Joint.HEAD]]).max() < 0.13
+    body = frames[0].bodies[0]
+    assert body.stature == pytest.approx(height, rel=0.08)
+    assert (body.confidence == 1.0).all()
+    assert [frame.time_ns for frame in frames[:3]] == [0, 40_000_000, 80_000_000]
+
+
+def test_orientations_lie_along_the_bones(tmp_path) -> None:
+    frames = read(write_bvh(tmp_path / "a.bvh", danced("chair")))
+    for frame in frames[::9]:
+        body = frame.bodies[0]
+        turned = to_matrix(body.orientations)
+        for joint in (Joint.ELBOW_LEFT, Joint.WRIST_RIGHT, Joint.KNEE_LEFT, Joint.ANKLE_RIGHT):
+            bone = body.joints[joint] - body.joints[PARENTS[joint]]
+            assert turned[joint, :, 1] @ bone == pytest.approx(-np.linalg.norm(bone), rel=1e-6)
+
+
+def test_times_may_be_told(tmp_path) -> None:
+    frames = read(write_bvh(tmp_path / "a.bvh", danced()), fps=50.0, device="studio")
+    assert frames[1].time_ns == 20_000_000
+    assert frames[0].sensor == "studio"
+
+
+def test_a_take_of_it_is_what_was_danced(tmp_path) -> None:
+    joints = danced("chair", seconds=1.0)
+    write_bvh(tmp_path / "walk.bvh", joints)
+    app = typer.Typer(pretty_exceptions_enable=False)
+    app.command("import")(import_recording)
+    made = CliRunner().invoke(app, [str(tmp_path / "walk.bvh"), "-o", str(tmp_path / "walk.mcap")])
+    assert made.exit_code == 0, made.output
+    assert f"{len(joints)} frames of bodies, 1 person" in made.output
+    kept = list(Recording(tmp_path / "walk.mcap").frames())
+    assert len(kept) == len(joints)
+    first, again = read(tmp_path / "walk.bvh")[5].bodies[0], kept[5].bodies[0]
+    np.testing.assert_array_equal(first.joints, again.joints)
+    np.testing.assert_array_equal(first.orientations, again.orientations)
+    assert first.stature == again.stature
+
+
+def test_what_is_no_person_is_refused_by_what_is_missing(tmp_path) -> None:
+    path = write_bvh(tmp_path / "dog.bvh", danced(seconds=0.2))
+    path.write_text(path.read_text().replace("Elbow", "Paw"))
+    with pytest.raises(InputError, match=r"no elbow.*dog\.bvh|dog\.bvh.*no elbow"):
+        read(path)
+
+
+def test_a_cut_off_file_names_its_line(tmp_path) -> None:
+    path = write_bvh(tmp_path / "cut.bvh", danced(seconds=0.2))
+    path.write_text(path.read_text()[:-40])
+    with pytest.raises(InputError, match="line"):
+        read(path)
