@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.lamp import make_lamp
 from enliven.mesh import Mesh, fit_height, refine
 from enliven.mesh_files import load_mesh
 from enliven.shapes import make_chair
@@ -14,21 +15,21 @@ from enliven_edge.actor import Actor, ActorSettings
 
 log = logging.getLogger(__name__)
 
-CHAIR = "chair"
-"""The mesh that the project makes itself, by name instead of by path."""
+MADE = {"chair": make_chair, "lamp": make_lamp}
+"""The meshes that the project makes itself, by name instead of by path."""
 _HEIGHT = 1.75
 """Metres: meshes are brought to a person's height, from which the performer's own is a small factor."""
 _LONGEST_EDGE = 0.04
 
 
 def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: str = "y") -> Actor:
-    """The actor of a mesh file, or of the chair.
+    """The actor of a mesh file, or of a mesh that the project makes.
 
     A mesh that meets its performer is scaled to a person's height and refined where its triangles are too
     large to bend; one that stays fixed is taken as modelled, in metres.
 
     Args:
-        spec: a path, or "chair".
+        spec: a path, or a name of :data:`MADE`.
         nodes: of the deformation graph.
         up: "x", "y" or "z", the mesh's own axis that points up.
 
@@ -48,8 +49,8 @@ def name_of(spec: str) -> str:
 
 def _prepared(spec: str, settings: ActorSettings, up: str) -> Mesh:
     """The mesh as it goes on stage; what was repaired is said in the log."""
-    if spec == CHAIR:
-        return make_chair()
+    if spec in MADE:
+        return MADE[spec]()
     mesh, notes = load_mesh(spec)
     for note in notes:
         log.info("%s: %s", spec, note)

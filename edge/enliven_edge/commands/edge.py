@@ -47,7 +47,7 @@ def edge(
         float, typer.Option(min=0.0, help="Pace of a replay: 1 as recorded, 0 no waiting.")
     ] = 1.0,
     loop: Annotated[bool, typer.Option(help="Begin the replay again at its end.")] = False,
-    mesh: Annotated[str, typer.Option(help="The mesh to possess: a file, or 'chair'.")] = "chair",
+    mesh: Annotated[str, typer.Option(help="The mesh to possess: a file, 'chair' or 'lamp'.")] = "chair",
     possess_at: Annotated[
         float | None, typer.Option(help="Take hold this many seconds after the start.")
     ] = None,

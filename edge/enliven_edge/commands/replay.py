@@ -15,7 +15,7 @@ def replay(
     speed: Annotated[float, typer.Option(min=0.0, help="1 as recorded, 2 twice as fast.")] = 1.0,
     fast: Annotated[bool, typer.Option("--fast", help="As fast as it goes.")] = False,
     loop: Annotated[bool, typer.Option(help="Begin again at the end.")] = False,
-    mesh: Annotated[str, typer.Option(help="The mesh to possess: a file, or 'chair'.")] = "chair",
+    mesh: Annotated[str, typer.Option(help="The mesh to possess: a file, 'chair' or 'lamp'.")] = "chair",
     possess_at: Annotated[float, typer.Option(help="Take hold this many seconds after the start.")] = 1.5,
     parts: Annotated[str, typer.Option(help="What takes hold: all, legs, 'upper body', ...")] = "all",
     record: Annotated[Path | None, typer.Option(help="Write the take (bodies, poses) to this file.")] = None,

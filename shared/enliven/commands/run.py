@@ -19,7 +19,7 @@ _FILM_SECONDS = 10.0
 def run(
     recording: Path | None = typer.Option(None, help="Replay this recording; without one, the shipped one."),
     sensor: str | None = typer.Option(None, help="Use this sensor instead of a recording."),
-    mesh: str = typer.Option("chair", help="The mesh to possess: a file, or 'chair'."),
+    mesh: str = typer.Option("chair", help="The mesh to possess: a file, 'chair' or 'lamp'."),
     possess_at: float = typer.Option(1.5, help="Seconds after the first frame at which the body takes hold."),
     parts: str = typer.Option("all", help="What takes hold: 'legs', 'upper body', ..."),
     out: Path = typer.Option(Path("out"), help="Folder for the film and the contact sheet."),
