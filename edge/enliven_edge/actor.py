@@ -1,216 +1,243 @@
-"""One character on the stage: free, or possessed by a body, and never jumping between the two."""
+"""One character on the stage: free, or held by performers, and never jumping between the two."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
-from enliven.arrays import Float, Int
+from enliven.arrays import Float
 from enliven.body import Body, parts_named
 from enliven.character import Character, Pose
-from enliven.deformation.attachment import Attachment, AttachmentSettings, attach
-from enliven.deformation.embedded import EmbeddedSettings, EmbeddedSolver
+from enliven.deformation.attachment import Growth, attach
+from enliven.deformation.embedded import EmbeddedSolver
 from enliven.deformation.graph import DeformationGraph
 from enliven.errors import InputError
-from enliven.settings import setting
-from enliven_edge.placement import AS_MODELLED, Placement, meeting
+from enliven_edge.actor_settings import ActorSettings
+from enliven_edge.carrying import Carrying
+from enliven_edge.cues import Cues, State, cues_of
+from enliven_edge.fading import Fading
+from enliven_edge.hold import Grip, Hold, joined
+from enliven_edge.placement import AS_MODELLED, resettled
+from enliven_edge.whereabouts import Whereabouts
 
-State = Literal["free", "possessed"]
-_AWAY = 0.2
-"""Seconds; a performer who was away for longer is not where they were."""
+__all__ = ["Actor", "ActorSettings", "Cues", "Mode"]
 
-
-@dataclass(frozen=True)
-class ActorSettings:
-    """How a character meets its performer."""
-
-    place: Literal["meet", "fixed"] = setting(
-        "meet", "'meet' puts the mesh where the performer stands, 'fixed' leaves it as modelled."
-    )
-    height_ratio: float = setting(1.0, "The mesh's height over the performer's.", low=0.05, high=20.0)
-    fade: float = setting(0.5, "Time to ease between free and possessed.", unit="s", low=0.0, high=10.0)
-    hand_over: float = setting(
-        60.0,
-        "Another performer, alone in view, goes on after this; 0: only who takes hold.",
-        unit="s",
-        low=0.0,
-    )
-    enough: float = setting(
-        0.5, "Share of the bones that must take hold before the reach stops growing.", low=0.0
-    )
-    farthest_reach: float = setting(0.45, "Longest reach that is tried.", unit="m", low=0.0, high=5.0)
-    attachment: AttachmentSettings = setting(AttachmentSettings, "How bones take hold.")
-    embedded: EmbeddedSettings = setting(EmbeddedSettings, "The deformation's weights.")
-
-
-@dataclass(frozen=True)
-class Cues:
-    """What the viewer highlights: the nodes that are held, or would be.
-
-    Attributes:
-        state: "free" shows what would be held now.
-        nodes: (K,) node indices.
-        strengths: (K,) in (0, 1].
-        body: the id of the performer, -1 for nobody.
-    """
-
-    state: State
-    nodes: Int
-    strengths: Float
-    body: int
+Mode = Literal["alone", "join", "extend"]
+"""Who else holds after somebody took hold: nobody, everybody who did, or they themselves too, with more."""
 
 
 class Actor:
     """A character, the graph that deforms it, and who holds it.
 
     Everything is solved in the rest space of the mesh; the placement carries it into the world.
+
+    Args:
+        size: metres of the mesh as modelled for one of its rest space.
     """
 
     def __init__(
-        self, character: Character, graph: DeformationGraph, settings: ActorSettings | None = None
+        self,
+        character: Character,
+        graph: DeformationGraph,
+        settings: ActorSettings | None = None,
+        size: float = 1.0,
     ) -> None:
         self.character, self.graph = character, graph
         self.settings = settings or ActorSettings()
-        self.state: State = "free"
-        self.body_id = -1
-        self._height = float(np.ptp(character.vertices[:, 1])) or 1.0
-        self._placement: Placement = AS_MODELLED
+        self.holds: list[Hold] = []
+        height = float(np.ptp(character.vertices[:, 1])) or 1.0
+        self._where = Whereabouts(self.settings, height, size)
+        self._placement = AS_MODELLED
         self._met = self.settings.place == "fixed"
-        self._attachment: Attachment | None = None
         self._solver: EmbeddedSolver | None = None
-        self._parts = "all"
-        self._pulls: Float | None = None
-        self._shown: Pose = character.rest_pose()
-        self._fade_from: Pose | None = None
-        self._fade_start_ns = 0
-        self._held_ns: int | None = None
+        self._fading = Fading(self.settings.fade)
+        self._time_ns = 0
+        self._seen = False
+        self._would: tuple[int | None, str] = (None, "all")
 
-    def possess(self, body: Body, parts: str = "all") -> None:
-        """The body takes hold of the mesh where both are now; a hold that was there is let go.
+    @property
+    def state(self) -> State:
+        """Whether somebody holds it."""
+        return "possessed" if self.holds else "free"
+
+    @property
+    def body_id(self) -> int:
+        """Who has held it longest; -1 for nobody."""
+        return self.holds[0].body if self.holds else -1
+
+    def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
+        """The body takes hold of the mesh where both are now.
+
+        Args:
+            parts: what of the body.
+            mode: "alone": everybody else lets go; "join": the others go on, and what this performer held is
+                let go; "extend": that is kept too, except of bones that take hold anew.
 
         Raises:
             InputError: for an unknown part, or where nothing of the mesh can be reached; the actor stays as
                 it was.
         """
-        placement = self._placement
-        if self.settings.place == "meet":
-            placement = meeting(body, self._height, self.settings.height_ratio)
-        held = self._hold(body, placement, parts)
-        if not len(held):
-            raise InputError(
-                f"no part of the mesh is within {self.settings.farthest_reach} m of the body",
-                where=f"possessing {self.character.id!r} with {parts}",
-                mend="Step into the mesh, or set place = 'meet'.",
-            )
-        self._begin_fade()
-        self._placement, self._attachment, self._parts = placement, held, parts
-        self._solver = EmbeddedSolver(self.graph, held, self.settings.embedded)
-        self._pulls = None
-        self._met, self.state, self.body_id, self._held_ns = True, "possessed", body.id, None
+        others = [hold for hold in self.holds if mode != "alone" and hold.body != body.id]
+        own = next((hold for hold in self.holds if mode == "extend" and hold.body == body.id), None)
+        grip = self._grip(body, parts, others if own is None else [own, *others])
+        if not len(grip.attachment):
+            raise self._refusal(body, grip)
+        hold = Hold(body.id, [grip], self._time_ns) if own is None else own.with_grip(grip)
+        kept = others or own is not None or self._stays
+        start = self._solver.state() if kept and self._solver is not None else None
+        if not kept:
+            self._placement = self._where.stands(body)
+        self._met, self._would = True, (None, parts)
+        at = next((i for i, h in enumerate(self.holds) if h.body == body.id), len(others))
+        self._hold([*others[:at], hold, *others[at:]], start)
 
-    def release(self) -> None:
-        """The body lets go; the mesh eases back to its rest shape where it is."""
-        if self.state == "free":
-            return
-        self._begin_fade()
-        moved = self._shown.positions - self._placement.to_world(self.graph.positions)
-        offset = self._placement.offset + np.array([moved[:, 0].mean(), 0.0, moved[:, 2].mean()])
-        self._placement = Placement(self._placement.scale, self._placement.yaw, offset)
-        self._attachment = self._solver = None
-        self.state, self.body_id = "free", -1
+    def release(self, body: int | None = None) -> None:
+        """A performer lets go, or everybody; the mesh of nobody eases back to its rest shape where it is.
+
+        Raises:
+            InputError: where that performer holds nothing of it.
+        """
+        left = [hold for hold in self.holds if body is not None and hold.body != body]
+        if body is not None and len(left) == len(self.holds):
+            who = ", ".join(str(hold.body) for hold in self.holds) or "nobody"
+            raise InputError(
+                f"performer {body} does not hold it",
+                where=f"releasing {self.character.id!r}",
+                mend=f"It is held by: {who}.",
+            )
+        if left:
+            self._hold(left, self._solver.state() if self._solver is not None else None)
+        elif self.holds:
+            if self._fading.shown is not None:
+                shown = self._fading.shown[1]
+                self._placement = resettled(self._placement, self.graph.positions, shown)
+            self.holds, self._solver = [], None
+            self._fading.tear()
+
+    def preview(self, body: int | None = None, parts: str = "all") -> None:
+        """From now on, show what this performer (whoever comes next where None) would hold with these parts.
+
+        Raises:
+            InputError: for an unknown part.
+        """
+        parts_named(parts)
+        self._would = (body, parts)
 
     def perform(self, bodies: list[Body], time_ns: int) -> Pose:
         """The pose at a moment: of the possession, or of the mesh waiting where it stands."""
-        body = self._performer(bodies, time_ns)
-        if self.state == "free":
-            self._meet(bodies)
-        linear, positions = self._solved(body)
-        world = self._placement
-        pose = Pose(
-            self.character.id,
-            time_ns,
-            (world.scale * world.rotation @ linear).astype(np.float32),
-            world.to_world(positions).astype(np.float32),
-        )
-        self._shown = self._faded(pose, time_ns)
-        return self._shown
+        if not self._met and bodies and not self.holds:
+            self._placement, self._met = self._where.waits(bodies[0]), True
+        self._hand_over(bodies, time_ns)
+        self._look_for_performers(bodies, time_ns)
+        world = self._placement.state_to_world(*self._solved())
+        linear, positions = self._fading(*world, time_ns)
+        self._time_ns = time_ns
+        return Pose(self.character.id, time_ns, linear.astype(np.float32), positions.astype(np.float32))
+
+    def next_performer(self, bodies: list[Body]) -> Body | None:
+        """Who would take hold: the first who holds nothing of it."""
+        holders = {hold.body for hold in self.holds}
+        return next((body for body in bodies if body.id not in holders), None)
 
     def cues(self, bodies: list[Body]) -> Cues:
-        """What is held, or would be held if the first body took hold now."""
-        if self._attachment is not None:
-            return Cues("possessed", *self._attachment.nodes, self.body_id)
-        if not bodies or not self._met:
-            return Cues("free", np.empty(0, np.int64), np.empty(0), -1)
-        joints = self._placement.to_rest(bodies[0].joints)
-        held = attach(self.graph, joints, bodies[0].confidence, self._parts, self.settings.attachment)
-        return Cues("free", *held.nodes, bodies[0].id)
+        """What is held, and what the next performer would hold if they took hold now, beside those who do."""
+        who, parts = self._would
+        body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
+        held = [(hold.body, hold.nodes) for hold in self.holds if hold.active]
+        preview = None
+        if body is not None and self._met:
+            others = [hold for hold in self.holds if hold.body != body.id]
+            preview = body.id, Hold(body.id, [self._grip(body, parts, others)]).nodes
+        return cues_of(held, preview)
 
-    def _hold(self, body: Body, placement: Placement, parts: str) -> Attachment:
-        """The attachment at the settings' reach, or farther where too few of the bones reach anything."""
-        joints = placement.to_rest(body.joints)
-        bones = self.settings.enough * sum(1 for j in parts_named(parts) if body.confidence[j] > 0)
-        reach = self.settings.attachment.reach
-        while True:
-            values = {**vars(self.settings.attachment), "reach": reach}
-            held = attach(self.graph, joints, body.confidence, parts, AttachmentSettings(**values))
-            if (
-                len(np.unique(held.bone)) >= self.settings.enough * bones
-                or reach >= self.settings.farthest_reach
-            ):
-                return held
-            reach = min(1.5 * reach + 0.01, self.settings.farthest_reach)
+    @property
+    def _stays(self) -> bool:
+        """Whether the mesh keeps its place and shape when somebody takes hold alone."""
+        return self.settings.place == "fixed" or self.settings.how != "inside"
 
-    def _meet(self, bodies: list[Body]) -> None:
-        """Puts the mesh where the first performer was first seen, as tall as they are."""
-        if not self._met and bodies:
-            self._placement = meeting(bodies[0], self._height, self.settings.height_ratio)
-            self._met = True
+    def _grip(self, body: Body, parts: str, others: list[Hold]) -> Grip:
+        """What the body would hold now, beside others; empty where nothing is in reach."""
+        deformed = None
+        if (self.holds or self._fading.under_way) and (others or self._stays):
+            deformed = self._shown_at_rest()
+        ways = self._where.ways(body, self._placement, [hold.grips[0].carrying for hold in others])
+        for carrying in ways:
+            grip = self._tried(body, parts, carrying, deformed)
+            if len(grip.attachment):
+                break
+        return grip
 
-    def _performer(self, bodies: list[Body], time_ns: int) -> Body | None:
-        """The body that holds the mesh, and nobody else's; but long after it left, who is there alone."""
-        if self.state == "free":
-            return None
-        found = next((body for body in bodies if body.id == self.body_id), None)
-        left = 0.0 if self._held_ns is None else (time_ns - self._held_ns) * 1e-9
-        patience = self.settings.hand_over
-        if found is None and len(bodies) == 1 and patience > 0 and not 0.0 <= left <= patience:
-            found = bodies[0]
-            self.body_id = found.id
-        if self._held_ns is None or found is not None:
-            if left > _AWAY:
-                self._begin_fade()
-            self._held_ns = time_ns
-        return found
+    def _tried(
+        self, body: Body, parts: str, carrying: Carrying, deformed: tuple[Float, Float] | None
+    ) -> Grip:
+        """What the body holds when it comes to the mesh in one way."""
+        settings, metre = self.settings, 1.0 / carrying.scale
+        near = replace(
+            settings.attachment,
+            radius=metre * settings.attachment.radius,
+            reach=metre * settings.attachment.reach,
+        )
+        grow = Growth(settings.enough, metre * settings.farthest_reach)
+        joints = carrying(body.joints)
+        held = attach(self.graph, joints, body.confidence, parts, near, deformed, grow)
+        return Grip(held, carrying, parts)
 
-    def _solved(self, body: Body | None) -> tuple[Float, Float]:
-        """The graph's linear parts and positions in the rest space; as they were where the body is lost."""
-        if self._solver is None or self._attachment is None:
-            count = len(self.graph.positions)
-            return np.tile(np.eye(3), (count, 1, 1)), self.graph.positions
-        if body is None:
+    def _shown_at_rest(self) -> tuple[Float, Float] | None:
+        """The nodes as they are shown, in the rest space: a performer takes hold of what they see."""
+        shown = self._fading.shown
+        return None if shown is None else self._placement.state_to_rest(*shown)
+
+    def _refusal(self, body: Body, grip: Grip) -> InputError:
+        """Why a body could not take hold, and what to do."""
+        joints = grip.carrying(body.joints)[sorted(parts_named(grip.parts))]
+        state = self._shown_at_rest() or (None, self.graph.positions)
+        apart = np.linalg.norm(joints[:, None] - state[1], axis=2)
+        metres = float(np.nanmin(apart, initial=np.inf)) * grip.carrying.scale
+        away = f"; the nearest is {metres:.1f} m away" if np.isfinite(metres) else "; no joint is seen"
+        return InputError(
+            f"no part of the mesh is within {self.settings.farthest_reach} m of the body{away}",
+            where=f"possessing {self.character.id!r} with {grip.parts}",
+            mend="Step into the mesh, or set place = 'meet', or how = 'beside'.",
+        )
+
+    def _hold(self, holds: list[Hold], start: tuple[Float, Float] | None) -> None:
+        """From now on these hold; what is shown eases over."""
+        self.holds = holds
+        self._solver = EmbeddedSolver(self.graph, joined(holds), self.settings.embedded, start)
+        self._fading.tear()
+
+    def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
+        """Who alone holds nothing goes on for who has been away for long."""
+        patience, present = self.settings.hand_over, {body.id for body in bodies}
+        away = [h for h in self.holds if h.body not in present and h.away(time_ns) > patience]
+        idle = [body for body in bodies if body.id not in {hold.body for hold in self.holds}]
+        if patience > 0 and away and len(idle) == 1:
+            hold = max(away, key=lambda h: h.away(time_ns))
+            hold.body = idle[0].id
+            for grip in hold.grips:
+                grip.carrying.handed_over(idle[0])
+            self._fading.tear()
+
+    def _look_for_performers(self, bodies: list[Body], time_ns: int) -> None:
+        """Everybody's targets; who is away for longer than a moment lets go, unless nobody else is there."""
+        present = {body.id: body for body in bodies}
+        self._seen = any(hold.body in present for hold in self.holds)
+        for hold in self.holds if self._seen else []:
+            gone = hold.away(time_ns) > self.settings.patience
+            body = present.get(hold.body)
+            if gone and (body is not None or hold.active):
+                self._fading.tear()
+            hold.active = body is not None or not gone
+            if body is not None:
+                hold.see(body, time_ns)
+
+    def _solved(self) -> tuple[Float, Float]:
+        """The graph's linear parts and positions in the rest space; as they were where nobody is there."""
+        if self._solver is None:
+            return np.tile(np.eye(3), (len(self.graph.positions), 1, 1)), self.graph.positions
+        if not self._seen:
             return self._solver.state()
-        pulls = self._attachment.target_weights(body.confidence)
-        # Confidence flickers from frame to frame; a constraint that came and went with it would shake.
-        self._pulls = pulls if self._pulls is None else self._pulls + 0.25 * (pulls - self._pulls)
-        targets = self._attachment.targets(self._placement.to_rest(body.joints))
-        return self._solver.solve(targets, self._pulls)
-
-    def _begin_fade(self) -> None:
-        """What is shown from now on eases away from what is shown now."""
-        self._fade_from, self._fade_start_ns = self._shown, self._shown.time_ns
-
-    def _faded(self, pose: Pose, time_ns: int) -> Pose:
-        """The pose, or its mixture with the one that the fade began from."""
-        if self._fade_from is None:
-            return pose
-        share = (time_ns - self._fade_start_ns) * 1e-9 / max(self.settings.fade, 1e-9)
-        if not 0.0 <= share < 1.0:
-            self._fade_from = None
-            return pose
-        share = share * share * (3 - 2 * share)
-        before = self._fade_from
-        linear = before.linear + np.float32(share) * (pose.linear - before.linear)
-        positions = before.positions + np.float32(share) * (pose.positions - before.positions)
-        return Pose(pose.character, time_ns, linear, positions)
+        targets, pulls = zip(*(hold.targets for hold in self.holds), strict=True)
+        return self._solver.solve(np.concatenate(targets), np.concatenate(pulls))

@@ -88,7 +88,8 @@ class Outlet:
             self._write("pose", self._publisher.publish_pose(pose, read_ns), at)
         self._send("bodies", bodies_to_message(bodies, at, read_ns), at)
         for name, cue in cues.items():
-            message = cues_to_message(name, cue.state, cue.nodes, cue.strengths, cue.body, at)
+            what = (cue.nodes, cue.strengths, cue.body, at, cue.owners, cue.held)
+            message = cues_to_message(name, cue.state, *what)
             self._send("cues", message, at)
 
     def report(self, pace: Pace, phase: str, performers: int) -> None:
@@ -116,25 +117,25 @@ class Outlet:
 
     def hear(
         self,
-        possess: Callable[[str, int | None, str], str],
-        release: Callable[[str], str],
+        possess: Callable[[Possess], str],
+        release: Callable[[str, int | None], str],
         smooth: Callable[[int, float | None], str],
     ) -> None:
         """Answers what viewers asked, and keeps the heart beating.
 
         Args:
-            possess: (character, body, parts) to the reason why not, or an empty string.
-            release: (character) likewise.
+            possess: what was asked, to the reason why not, or an empty string.
+            release: (character, body) likewise.
             smooth: (body, amount) likewise.
         """
         for command in self._publisher.poll():
             asked = command.request
             if isinstance(asked, Possess):
-                _reply(command, possess(asked.character, asked.body, asked.parts))
+                _reply(command, possess(asked))
             elif isinstance(asked, Smooth):
                 _reply(command, smooth(asked.body, asked.amount))
             else:
-                _reply(command, release(asked.character))
+                _reply(command, release(asked.character, asked.body))
 
     def end(self, pace: Pace) -> None:
         """Says that the stream has ended, several times: a heartbeat may be lost on the way."""

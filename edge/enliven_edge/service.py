@@ -11,6 +11,7 @@ from enliven.commands.processes import parent_is_gone
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.health import HealthState, worst_first
+from enliven.wire.messages import Possess
 from enliven_edge.fusion.fused_sensor import FusedFrame, FusedSensors
 from enliven_edge.outlet import Outlet
 from enliven_edge.pace import Pace
@@ -159,12 +160,17 @@ class Edge:
     def _listen(self) -> None:
         """Carries out what viewers asked for; what cannot be done is refused with its reason."""
         self.outlet.hear(
-            possess=lambda character, body, parts: self._attempt(
-                lambda: self.stage.possess(character, body, parts)
-            ),
-            release=lambda character: self._attempt(lambda: self.stage.release(character)),
+            possess=lambda asked: self._attempt(lambda: self._possess(asked)),
+            release=lambda character, body: self._attempt(lambda: self.stage.release(character, body)),
             smooth=lambda body, amount: self._attempt(lambda: self._output.smooth(body, amount)),
         )
+
+    def _possess(self, asked: Possess) -> None:
+        """A viewer's wish that somebody take hold, or that it be shown what they would hold."""
+        if asked.mode == "preview":
+            self.stage.preview(asked.character, asked.body, asked.parts)
+        else:
+            self.stage.possess(asked.character, asked.body, asked.parts, asked.mode)
 
     @property
     def _output(self) -> Output:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from enliven.settings import setting
-from enliven_edge.actor import ActorSettings
+from enliven_edge.actor_settings import ActorSettings
 from enliven_edge.fusion.settings import CalibrationSettings, FusionSettings
 from enliven_edge.landmarks.settings import ColourSettings
 from enliven_edge.sensors.sources import SourceSettings

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enliven.body import Body
 from enliven.character import Pose
 from enliven.errors import InputError
-from enliven_edge.actor import Actor, Cues
+from enliven_edge.actor import Actor, Cues, Mode
 
 
 class Stage:
@@ -29,13 +29,16 @@ class Stage:
         """By character, what is held or would be."""
         return {name: actor.cues(self._bodies) for name, actor in self.actors.items()}
 
-    def possess(self, character: str, body: int | None = None, parts: str = "all") -> None:
+    def possess(
+        self, character: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
+    ) -> None:
         """A performer takes hold of a character, now.
 
         Args:
             character: its id.
-            body: who; the first in view where None.
-            parts: what takes hold, a name of :data:`enliven.body.PARTS`.
+            body: who; where None the first in view, for "join" the first who does not hold it yet.
+            parts: what takes hold, names of :data:`enliven.body.PARTS`.
+            mode: who else holds it then, see :meth:`Actor.possess`.
 
         Raises:
             InputError: where there is no such character or performer, or nothing is in reach.
@@ -47,11 +50,16 @@ class Stage:
             raise InputError(
                 who, where=f"possessing {character!r}", mend="Step in front of the sensor first."
             )
-        actor.possess(present[0], parts)
+        joining = actor.next_performer(present) if mode == "join" else None
+        actor.possess(joining or present[0], parts, mode)
 
-    def release(self, character: str) -> None:
-        """A character is let go; it eases back to rest where it stands."""
-        self._actor(character).release()
+    def preview(self, character: str, body: int | None = None, parts: str = "all") -> None:
+        """From now on the cues show what this performer, or whoever is next, would hold with these parts."""
+        self._actor(character).preview(body, parts)
+
+    def release(self, character: str, body: int | None = None) -> None:
+        """A performer, or everybody, lets a character go; it eases back to rest where it stands."""
+        self._actor(character).release(body)
 
     def _actor(self, character: str) -> Actor:
         if character not in self.actors:

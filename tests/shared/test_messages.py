@@ -33,6 +33,7 @@ EXAMPLES = [
         ],
     ),
     messages.CuesMessage("chair", "possessed", bytes(4), bytes(2), 1),
+    messages.CuesMessage("chair", "possessed", bytes(4), bytes(2), 7, 0, 1, [7, 9], b"\0\1"),
     messages.StatusMessage(
         "edge",
         1,
@@ -48,7 +49,9 @@ ASKS = [
     messages.GetState("chair"),
     messages.Possess("chair", None),
     messages.Possess("chair", 3, "legs"),
+    messages.Possess("chair", 3, "left leg + hip + head", "extend"),
     messages.Release("chair"),
+    messages.Release("chair", 3),
     messages.Smooth(3, 0.0),
     messages.Smooth(3),
     messages.Ping("v", 1),
@@ -327,3 +330,33 @@ def test_addresses(text: str, expected: Endpoint) -> None:
 def test_no_addresses(text: str) -> None:
     with pytest.raises(InputError, match="address"):
         parse_endpoint(text)
+
+
+def test_cues_of_several_performers_come_through() -> None:
+    nodes, strengths, owners = np.array([4, 2, 9]), np.array([1.0, 0.5, 0.2]), np.array([7, -1, 7])
+    message = convert.cues_to_message("chair", "possessed", nodes, strengths, 7, 0, owners, 2)
+    assert convert.message_to_owners(message).tolist() == [7, -1, 7] and message.held == 2
+    plain = convert.cues_to_message("chair", "possessed", nodes, strengths, 7)
+    assert convert.message_to_owners(plain).tolist() == [7, 7, 7] and plain.held is None
+
+
+def test_more_performers_than_the_wire_names_do_no_harm() -> None:
+    many = np.arange(100)
+    message = convert.cues_to_message("chair", "possessed", many, np.ones(100), 0, 0, many, 100)
+    topics_bytes = envelope.pack_stream(message)
+    assert len(convert.message_to_owners(envelope.unpack_stream(topics_bytes)[1])) == 100
+
+
+def test_what_an_older_program_sends_means_what_it_meant() -> None:
+    """Fields that came later are left out: Possess took over alone, Release was of everybody."""
+    old = {"type": "Possess", "character": "chair", "body": 3, "parts": "legs"}
+    asked = msgspec.convert(old, messages.Order)
+    assert asked == messages.Possess("chair", 3, "legs", "alone")
+    assert msgspec.convert({"type": "Release", "character": "chair"}, messages.Order).body is None
+    cues = msgspec.convert(["chair", "possessed", bytes(2), bytes(1), 3, 9], messages.CuesMessage)
+    assert cues.held is None and cues.owners == b""
+
+
+def test_cues_of_an_owner_who_is_not_named_are_refused() -> None:
+    with pytest.raises(msgspec.ValidationError, match="owner"):
+        msgspec.convert(["chair", "possessed", bytes(2), bytes(1), 3, 9, 1, [3], b"\1"], messages.CuesMessage)

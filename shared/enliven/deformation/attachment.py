@@ -99,6 +99,18 @@ class Attachment:
         held = np.flatnonzero(total > 0)
         return held, total[held] / total.max()
 
+    def only(self, kept: Bool) -> Attachment:
+        """The points of a (L,) mask."""
+        return Attachment(
+            self.points[kept],
+            self.node_indices[kept],
+            self.node_weights[kept],
+            self.bone[kept],
+            self.along[kept],
+            self.radial[kept],
+            self.rest,
+        )
+
     def targets(self, joints: Float) -> Float:
         """(L, 3) metres where the points should be now, q_l; NaN where a joint they need is not finite.
 

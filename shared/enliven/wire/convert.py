@@ -137,10 +137,23 @@ def messages_to_health(messages: Iterable[HealthMessage]) -> list[HealthState]:
 
 
 def cues_to_message(
-    character: str, state: str, nodes: AnyArray, strengths: AnyArray, body: int | None = -1, time_ns: int = 0
+    character: str,
+    state: str,
+    nodes: AnyArray,
+    strengths: AnyArray,
+    body: int | None = -1,
+    time_ns: int = 0,
+    owners: AnyArray | None = None,
+    held: int | None = None,
 ) -> CuesMessage:
-    """Cues as they go on the wire: (K,) node indices and (K,) strengths in [0, 1]; a "free" state with nodes
-    is a preview."""
+    """Cues as they go on the wire; a "free" state with nodes is a preview.
+
+    Args:
+        nodes: (K,) node indices.
+        strengths: (K,) in [0, 1].
+        owners: (K,) whose each node is, by id.
+        held: how many of the nodes are held, the others are previewed.
+    """
     if state not in ("free", "preview", "possessed"):
         raise InputError(
             f"the state is {state!r}", where=f"cues of {character!r}", mend="Use free or possessed."
@@ -155,7 +168,24 @@ def cues_to_message(
         strength.tobytes(),
         -1 if body is None else int(body),
         time_ns,
+        held,
+        *_numbered(owners),
     )
+
+
+def _numbered(owners: AnyArray | None) -> tuple[list[int], bytes]:
+    """The different owners, and which of them each node is of; at most 64, the others as the last."""
+    if owners is None or not len(owners):
+        return [], b""
+    performers, which = np.unique(owners, return_inverse=True)
+    return performers[:64].astype(int).tolist(), np.minimum(which, 63).astype(np.uint8).tobytes()
+
+
+def message_to_owners(message: CuesMessage) -> Int32:
+    """(K,) whose each node is, by id."""
+    if not message.owners:
+        return np.full(len(message.strengths), message.body, np.int32)
+    return np.array(message.performers, np.int32)[np.frombuffer(message.owners, np.uint8)]
 
 
 def message_to_cues(message: CuesMessage) -> tuple[Int32, Float32]:

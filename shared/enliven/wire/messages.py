@@ -19,6 +19,8 @@ Name = Annotated[str, Meta(min_length=1, max_length=64)]
 Text = Annotated[str, Meta(max_length=400)]
 Sentence = Annotated[str, Meta(max_length=160)]
 Count = Annotated[int, Meta(ge=0, le=2**53)]
+Identity = Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)]
+"""Of a performer."""
 Nanoseconds = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
 Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
 """Finite: msgspec refuses NaN and infinities by the range."""
@@ -67,7 +69,7 @@ class PackedBody(Struct, array_like=True, frozen=True):
         stature_mm: millimetres from soles to crown when standing straight; 0 where unknown.
     """
 
-    id: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)]
+    id: Identity
     joints: Annotated[bytes, Meta(min_length=120, max_length=120)]
     confidence: Annotated[bytes, Meta(min_length=20, max_length=20)]
     orientations: Annotated[bytes, Meta(max_length=80)] = b""
@@ -97,19 +99,30 @@ class CuesMessage(Struct, array_like=True, frozen=True):
         state: "free"; "preview": the nodes would be held if the body took hold now; "possessed".
         nodes: (K,) uint16 node indices.
         strengths: (K,) uint8, 255 for the firmest.
-        body: the performer's id, -1 for nobody.
+        body: the performer's id, the first of several; -1 for nobody.
         time_ns: the sensor's clock, the time of the poses that it goes with.
+        held: so many of the first nodes are held, the others would be by whoever comes next; None: all of
+            them, unless the state is "preview".
+        performers: the ids of those whose nodes these are.
+        owners: (K,) uint8 which of the performers holds each node; empty: all are of ``body``.
     """
 
     character: Name
     state: Literal["free", "preview", "possessed"]
     nodes: Annotated[bytes, Meta(max_length=2 * MAX_TRANSFORMS)] = b""
     strengths: Annotated[bytes, Meta(max_length=MAX_TRANSFORMS)] = b""
-    body: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)] = -1
+    body: Identity = -1
     time_ns: Nanoseconds = 0
+    held: Count | None = None
+    performers: Annotated[list[Identity], Meta(max_length=64)] = field(default_factory=list)
+    owners: Annotated[bytes, Meta(max_length=MAX_TRANSFORMS)] = b""
 
     def __post_init__(self) -> None:
         _expect("nodes", self.nodes, 2 * len(self.strengths))
+        if self.owners:
+            _expect("owners", self.owners, len(self.strengths))
+            if max(self.owners) >= len(self.performers):
+                raise ValueError(f"an owner is number {max(self.owners)} of {len(self.performers)}")
 
 
 class HealthMessage(Struct, array_like=True, frozen=True):
@@ -129,7 +142,7 @@ class HealthMessage(Struct, array_like=True, frozen=True):
     since_ns: Nanoseconds
     what: Sentence
     mend: Sentence = ""
-    performer: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)] = -1
+    performer: Identity = -1
 
 
 class StatusMessage(Struct, array_like=True, frozen=True):
@@ -225,23 +238,35 @@ class GetState(Struct, tag=True, frozen=True):
 
 
 class Possess(Struct, tag=True, frozen=True):
-    """A body takes hold of a character; None: whoever is in view. ``parts`` as in ``enliven.body.PARTS``."""
+    """A body takes hold of a character.
+
+    Attributes:
+        character: its id.
+        body: who; None: whoever is in view, for "join" whoever of them does not hold it yet.
+        parts: what takes hold, names of :data:`enliven.body.PARTS`, joined with "+".
+        mode: who else holds it then. "alone": nobody, as programs meant that do not know this field. "join":
+            everybody who did; what this performer held before, they let go. "extend": that too, except of
+            bones that take hold anew. "preview": nothing changes but the cues, which show from now on what
+            this performer would hold.
+    """
 
     character: Name
-    body: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)] | None = None
-    parts: Name = "all"
+    body: Identity | None = None
+    parts: Annotated[str, Meta(min_length=1, max_length=160)] = "all"
+    mode: Literal["alone", "join", "extend", "preview"] = "alone"
 
 
 class Release(Struct, tag=True, frozen=True):
-    """Whoever holds the character lets go."""
+    """A performer lets a character go; None: everybody who holds it."""
 
     character: Name
+    body: Identity | None = None
 
 
 class Smooth(Struct, tag=True, frozen=True):
     """A performer's joints are smoothed so much from now on: 0 not at all; None: as the settings say."""
 
-    body: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)]
+    body: Identity
     amount: Annotated[float, Meta(ge=0.0, le=20.0)] | None = None
 
 

@@ -43,7 +43,7 @@ class Topic:
 
 POSE = Topic("pose", PoseMessage, "stream", 260 * 1024, 30, "every", True, lambda m: m.character)
 BODIES = Topic("bodies", BodiesMessage, "stream", 16 * 1024, 30, "every")
-CUES = Topic("cues", CuesMessage, "stream", 16 * 1024, 30, "every", True, lambda m: m.character)
+CUES = Topic("cues", CuesMessage, "stream", 32 * 1024, 30, "every", True, lambda m: m.character)
 STATUS = Topic("status", StatusMessage, "stream", 4 * 1024, 2, "newest", False, lambda m: m.edge)
 REQUEST = Topic("request", Request, "request", 4 * 1024, 0, "every")
 REPLY = Topic("reply", Reply, "reply", 128 * 1024 * 1024, 0, "every")

@@ -1,0 +1,56 @@
+"""Where a mesh stands, and how a performer comes to it: in it, beside it, at whose size."""
+
+from __future__ import annotations
+
+from enliven.body import Body
+from enliven_edge.actor_settings import ActorSettings
+from enliven_edge.carrying import Carrying, Placed
+from enliven_edge.placement import AS_MODELLED, Placement, beside, under
+
+
+class Whereabouts:
+    """Places a mesh and its performers by the settings.
+
+    Args:
+        height: metres of the rest mesh.
+        size: metres of the mesh as modelled for one of its rest space.
+    """
+
+    def __init__(self, settings: ActorSettings, height: float, size: float) -> None:
+        self.settings, self.height, self.size = settings, height, size
+
+    def waits(self, body: Body) -> Placement:
+        """Where the mesh waits for whom it sees first."""
+        stands = self.stands(body)
+        return stands if self.settings.how == "inside" else beside(stands, self.settings.aside)
+
+    def stands(self, body: Body) -> Placement:
+        """The mesh where the performer stands."""
+        alike = self.settings.scaled == "mesh"
+        return under(body, self._performer_scale(body) if alike else self.size)
+
+    def ways(self, body: Body, placement: Placement, taken: list[Carrying]) -> list[Carrying]:
+        """How a body may come to the mesh, the best first.
+
+        Args:
+            placement: where the mesh stands.
+            taken: how others came, or the body itself before.
+        """
+        inside = self.settings.how == "inside"
+        ways = [self._like(way) for way in taken[:1]]
+        if inside and self.settings.place == "fixed" and not ways:
+            scale = self._performer_scale(body) if self.settings.scaled == "performer" else AS_MODELLED.scale
+            ways = [Placement(scale, placement.yaw, placement.offset)]
+        elif not inside or not ways:
+            ways.append(under(body, self._performer_scale(body)))
+        return [Placed(way, self.settings.travel, not inside) for way in ways]
+
+    def _like(self, way: Carrying) -> Placement:
+        assert isinstance(way, Placed)
+        return way.placement
+
+    def _performer_scale(self, body: Body) -> float:
+        """Metres of the performer for one of the rest space."""
+        if self.settings.scaled == "nobody":
+            return self.size
+        return self.settings.height_ratio * body.height / self.height
