@@ -33,7 +33,6 @@ EXAMPLES = [
         ],
     ),
     messages.CuesMessage("chair", "possessed", bytes(4), bytes(2), 1),
-    messages.CuesMessage("chair", "possessed", bytes(4), bytes(2), 7, 0, 1, [7, 9], b"\0\1"),
     messages.StatusMessage(
         "edge",
         1,
@@ -43,6 +42,7 @@ EXAMPLES = [
         fps=30.0,
         health=[messages.HealthMessage("no frames", 2, 4, "No.", "Do.")],
     ),
+    messages.CuesMessage("chair", "possessed", bytes(4), bytes(2), 7, 0, 1, [7, 9], b"\0\1"),
 ]
 ASKS = [
     messages.Hello("v", True),
