@@ -43,6 +43,7 @@ EXAMPLES = [
         health=[messages.HealthMessage("no frames", 2, 4, "No.", "Do.")],
     ),
     messages.CuesMessage("chair", "possessed", bytes(4), bytes(2), 7, 0, 1, [7, 9], b"\0\1"),
+    messages.PropsMessage(5, bytes(4), b"\0\1", bytes(12), bytes(6), bytes(12), bytes(8), "2 of 2 down"),
 ]
 ASKS = [
     messages.Hello("v", True),

@@ -12,9 +12,11 @@ from enliven.body import J as JOINTS
 from enliven.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
 from enliven.health import HealthState, Severity, worst_first
+from enliven.props import BALL, BOX, Props
 from enliven.wire.messages import (
     MAX_FACES,
     MAX_HEALTH,
+    MAX_PROPS,
     MAX_VERTICES,
     BodiesMessage,
     CharacterMessage,
@@ -22,6 +24,7 @@ from enliven.wire.messages import (
     HealthMessage,
     PackedBody,
     PoseMessage,
+    PropsMessage,
 )
 from enliven.wire.posecode import PoseCodec
 from enliven.wire.quaternions import pack_quaternions, unpack_quaternions
@@ -192,6 +195,46 @@ def message_to_cues(message: CuesMessage) -> tuple[Int32, Float32]:
     """(K,) node indices and (K,) strengths in [0, 1]."""
     nodes = np.frombuffer(message.nodes, "<u2").astype(np.int32)
     return nodes, (np.frombuffer(message.strengths, np.uint8) / 255.0).astype(np.float32)
+
+
+def props_to_message(props: Props) -> PropsMessage:
+    """Props as they go on the wire; one whose place is not finite is left out, and so are more than fit."""
+    known = np.flatnonzero(np.isfinite(props.positions).all(1))[:MAX_PROPS]
+    steps = np.rint(props.positions[known] / JOINT_STEP)
+    millimetres = np.rint(np.nan_to_num(props.sizes[known]) * 1000)
+    return PropsMessage(
+        props.time_ns,
+        _raw(props.ids[known], "<u2"),
+        _raw(props.shapes[known], "u1"),
+        _raw(np.clip(millimetres, 0, 65535), "<u2"),
+        _raw(props.colours[known], "u1"),
+        _raw(np.clip(steps, -32768, 32767), "<i2"),
+        pack_quaternions(props.turns[known]),
+        _clipped(props.note),
+    )
+
+
+def message_to_props(message: PropsMessage) -> Props:
+    """The props, as exact as the wire carries them.
+
+    Raises:
+        InputError: for a shape that this program does not know.
+    """
+    shapes = np.frombuffer(message.shapes, np.uint8)
+    if not np.isin(shapes, (BOX, BALL)).all():
+        raise InputError(
+            f"a prop has the shape {int(shapes.max())}", where="props", mend="Update the viewer."
+        )
+    return Props(
+        message.time_ns,
+        np.frombuffer(message.ids, "<u2").astype(np.int64),
+        shapes,
+        (_array(message.sizes, "<u2", 3) / 1000.0).astype(np.float32),
+        _array(message.colours, "u1", 3),
+        _array(message.positions, "<i2", 3) * JOINT_STEP,
+        unpack_quaternions(message.turns),
+        message.note,
+    )
 
 
 def character_to_message(character: Character, revision: int) -> CharacterMessage:

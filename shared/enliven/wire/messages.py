@@ -29,6 +29,7 @@ MAX_TRANSFORM_BYTES = 256 * 1024
 MAX_VERTICES = 2_000_000
 MAX_FACES = 4_000_000
 MAX_TRANSFORMS = 4096
+MAX_PROPS = 1024
 MAX_HEALTH = 8
 """So many keep a heartbeat below the size that older programs take."""
 
@@ -123,6 +124,38 @@ class CuesMessage(Struct, array_like=True, frozen=True):
             _expect("owners", self.owners, len(self.strengths))
             if max(self.owners) >= len(self.performers):
                 raise ValueError(f"an owner is number {max(self.owners)} of {len(self.performers)}")
+
+
+class PropsMessage(Struct, array_like=True, frozen=True):
+    """Everything loose at one moment, whole: who joins late needs no history (topic "props").
+
+    Attributes:
+        time_ns: the sensor's clock, the time of the poses that it goes with.
+        ids: (P,) uint16, stable while the thing exists.
+        shapes: (P,) uint8, 0 a box, 1 a ball.
+        sizes: (P, 3) uint16 millimetres: half edges of a box, the radius three times for a ball.
+        colours: (P, 3) uint8 sRGB.
+        positions: (P, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world frame.
+        turns: (P,) uint32 of :mod:`enliven.wire.quaternions`, world_from_prop.
+        note: one line for people, or empty.
+    """
+
+    time_ns: Nanoseconds
+    ids: Annotated[bytes, Meta(max_length=2 * MAX_PROPS)]
+    shapes: Annotated[bytes, Meta(max_length=MAX_PROPS)]
+    sizes: Annotated[bytes, Meta(max_length=6 * MAX_PROPS)]
+    colours: Annotated[bytes, Meta(max_length=3 * MAX_PROPS)]
+    positions: Annotated[bytes, Meta(max_length=6 * MAX_PROPS)]
+    turns: Annotated[bytes, Meta(max_length=4 * MAX_PROPS)]
+    note: Sentence = ""
+
+    def __post_init__(self) -> None:
+        count = len(self.shapes)
+        _expect("ids", self.ids, 2 * count)
+        _expect("sizes", self.sizes, 6 * count)
+        _expect("colours", self.colours, 3 * count)
+        _expect("positions", self.positions, 6 * count)
+        _expect("turns", self.turns, 4 * count)
 
 
 class HealthMessage(Struct, array_like=True, frozen=True):

@@ -10,6 +10,7 @@ from enliven.wire.messages import (
     BodiesMessage,
     CuesMessage,
     PoseMessage,
+    PropsMessage,
     Reply,
     Request,
     StatusMessage,
@@ -44,11 +45,12 @@ class Topic:
 POSE = Topic("pose", PoseMessage, "stream", 260 * 1024, 30, "every", True, lambda m: m.character)
 BODIES = Topic("bodies", BodiesMessage, "stream", 16 * 1024, 30, "every")
 CUES = Topic("cues", CuesMessage, "stream", 32 * 1024, 30, "every", True, lambda m: m.character)
+PROPS = Topic("props", PropsMessage, "stream", 32 * 1024, 30, "every", True)
 STATUS = Topic("status", StatusMessage, "stream", 4 * 1024, 2, "newest", False, lambda m: m.edge)
 REQUEST = Topic("request", Request, "request", 4 * 1024, 0, "every")
 REPLY = Topic("reply", Reply, "reply", 128 * 1024 * 1024, 0, "every")
 
-TOPICS: tuple[Topic, ...] = (POSE, BODIES, CUES, STATUS, REQUEST, REPLY)
+TOPICS: tuple[Topic, ...] = (POSE, BODIES, CUES, PROPS, STATUS, REQUEST, REPLY)
 STREAMS: dict[str, Topic] = {t.name: t for t in TOPICS if t.way == "stream"}
 BY_TYPE: dict[type[Any], Topic] = {t.type: t for t in TOPICS}
 MAX_STREAM_BYTES = 64 + max(t.max_bytes for t in STREAMS.values())

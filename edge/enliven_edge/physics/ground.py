@@ -1,0 +1,47 @@
+"""The place on the floor that a world is laid out around."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.body import Body, Joint
+from enliven_edge.placement import facing
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Where a performer stands and looks: +X to their left, +Z ahead.
+
+    Attributes:
+        at: (3,) metres, on the floor.
+        yaw: radians about +Y from +Z to ahead.
+    """
+
+    at: Float
+    yaw: float
+
+    @property
+    def turn(self) -> Float:
+        """(4,) the unit quaternion of the yaw."""
+        return np.array([np.cos(self.yaw / 2), 0.0, np.sin(self.yaw / 2), 0.0])
+
+    def to_world(self, points: Float) -> Float:
+        """(..., 3) points beside, up and ahead, in the world."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        turned = points @ np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+        return np.asarray(turned + self.at)
+
+
+FIXED = Ground(np.zeros(3), 0.0)
+"""The world's own x and z."""
+
+
+def ground_under(body: Body) -> Ground | None:
+    """Where a performer stands; None while their hips are unknown."""
+    hip = body.joints[Joint.HIP_CENTER]
+    if not np.isfinite(hip).all() or body.confidence[Joint.HIP_CENTER] <= 0:
+        return None
+    return Ground(np.array([float(hip[0]), 0.0, float(hip[2])]), facing(body))

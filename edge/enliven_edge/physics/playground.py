@@ -1,0 +1,175 @@
+"""The world of loose things as the service sees it: poses and bodies in, props out, one call a frame."""
+
+from __future__ import annotations
+
+import logging
+from typing import Protocol
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.body import Body
+from enliven.character import Character, Pose
+from enliven.deformation.spheres import SphereProxies, pack_spheres
+from enliven.errors import InputError
+from enliven.props import Props
+from enliven_edge.physics.dodgeball import Dodgeball
+from enliven_edge.physics.ground import FIXED, Ground, ground_under
+from enliven_edge.physics.performers import body_spheres
+from enliven_edge.physics.settings import PhysicsSettings
+from enliven_edge.physics.towers import Towers
+from enliven_edge.physics.world import PropSpecs, World
+
+log = logging.getLogger(__name__)
+
+
+class Game(Protocol):
+    """What is played with the props."""
+
+    props: PropSpecs
+
+    def begin(self, world: World, ground: Ground) -> None:
+        """Every prop where it is at first."""
+
+    def play(self, world: World, spheres: Float, names: list[str], owners: list[int], seconds: float) -> str:
+        """What the game does after a frame, and one line for people.
+
+        Args:
+            spheres: (S, 3) where they are.
+            names: who they belong to.
+            owners: (S,) the number in ``names`` of each.
+        """
+
+
+class Playground:
+    """Props, the spheres of characters and performers among them, and a game.
+
+    Nothing is there until the place is known: where the first performer first stands, or at once where the
+    settings say fixed. The same frames give the same props, as long as the budget leaves nothing out.
+    """
+
+    def __init__(self, settings: PhysicsSettings, characters: list[Character] | None = None) -> None:
+        if settings.world == "none":
+            raise InputError(
+                f"the world is {settings.world!r}", where="physics", mend="Use boxes or dodgeball."
+            )
+        self.settings = settings
+        self.game: Game = (
+            Towers(settings.boxes)
+            if settings.world == "boxes"
+            else Dodgeball(settings.dodgeball, settings.engine.gravity)
+        )
+        self.world = World(self.game.props, settings.engine)
+        self.resets = 0
+        self._proxies: dict[str, tuple[Character, SphereProxies]] = {}
+        self._slots: dict[str, slice] = {}
+        self._ground: Ground | None = None
+        self._time_ns: int | None = None
+        self._note = ""
+        for character in characters or []:
+            self.introduce(character)
+
+    def introduce(self, character: Character) -> None:
+        """A character, or a new version of one: its spheres are packed now, not when it first moves."""
+        proxies = pack_spheres(character, self.settings.spheres)
+        self._proxies[character.id] = character, proxies
+        log.info("%s is %d spheres of %.3f m", character.id, len(proxies), proxies.radius)
+
+    def step(self, poses: list[Pose], bodies: list[Body], holders: set[int], time_ns: int) -> Props | None:
+        """The props at a moment; None while nobody has shown where they belong.
+
+        Args:
+            poses: of characters that were introduced; others are passed over.
+            bodies: everybody in view, world frame.
+            holders: the ids of those who hold a character.
+            time_ns: the sensor's clock.
+        """
+        seconds = 0.0 if self._time_ns is None else (time_ns - self._time_ns) * 1e-9
+        self._time_ns = time_ns
+        if seconds < 0.0:
+            seconds, self._ground = 0.0, None  # a replay that begins again
+        before = self._slots
+        spheres, radii, names, owners = self._spheres(poses, bodies, holders)
+        self.world.move(spheres, radii)
+        for name in names:
+            if before.get(name) != self._slots[name]:
+                self.world.appear(self._slots[name])
+        if self._ground is None:
+            self._ground = self._place(bodies)
+            if self._ground is None:
+                return None
+            self.game.begin(self.world, self._ground)
+        trouble = self.world.advance(seconds)
+        if trouble:
+            self._reset(trouble)
+        self._note = self.game.play(self.world, spheres, names, owners, seconds)
+        return self._props(time_ns)
+
+    def _place(self, bodies: list[Body]) -> Ground | None:
+        """Where the world is laid out, as soon as that is known."""
+        if self.settings.place == "fixed":
+            return FIXED
+        return next((g for g in map(ground_under, bodies) if g is not None), None)
+
+    def _spheres(
+        self, poses: list[Pose], bodies: list[Body], holders: set[int]
+    ) -> tuple[Float, Float, list[str], list[int]]:
+        """Everybody's spheres: centres, radii, who there is, and whose each is.
+
+        Everybody keeps their slots while they are there; the slots of who left are free for who comes.
+        """
+        made: dict[str, tuple[Float, Float]] = {}
+        for pose in poses:
+            known = self._proxies.get(pose.character)
+            if known is not None and len(pose.linear) == len(known[0].pivots):
+                radius = known[1].radius_in(pose)
+                made[pose.character] = known[1].centres(pose), np.full(len(known[1]), radius)
+        if self.settings.bodies != "never":
+            for body in bodies:
+                if self.settings.bodies == "always" or body.id not in holders:
+                    made[f"performer {body.id}"] = body_spheres(body)
+        self._assign({name: len(radii) for name, (_, radii) in made.items()})
+        count = max((s.stop for s in self._slots.values()), default=0)
+        centres, radii = np.full((count, 3), np.nan), np.zeros(count)
+        names, owners = list(made), [0] * count
+        for number, name in enumerate(names):
+            slot = self._slots[name]
+            centres[slot], radii[slot] = made[name]
+            owners[slot] = [number] * (slot.stop - slot.start)
+        return centres, radii, names, owners
+
+    def _assign(self, counts: dict[str, int]) -> None:
+        """Slots for everybody who is there."""
+        kept = {n: s for n, s in self._slots.items() if counts.get(n) == s.stop - s.start}
+        self._slots = kept
+        for name, count in counts.items():
+            if name in kept:
+                continue
+            begin = 0
+            for slot in sorted(kept.values(), key=lambda s: s.start):
+                if slot.start - begin >= count:
+                    break
+                begin = max(begin, slot.stop)
+            kept[name] = slice(begin, begin + count)
+
+    def _reset(self, trouble: str) -> None:
+        """Everything anew, where the engine lost its way."""
+        self.resets += 1
+        log.warning("the physics begin anew: %s", trouble)
+        assert self._ground is not None
+        self.world.restart()
+        self.game.begin(self.world, self._ground)
+
+    def _props(self, time_ns: int) -> Props:
+        """What is loose, as it is now."""
+        specs, world = self.game.props, self.world
+        return Props(
+            time_ns,
+            np.arange(len(specs.shapes)),
+            specs.shapes,
+            specs.sizes.astype(np.float32),
+            specs.colours,
+            world.positions.copy(),
+            world.turns.copy(),
+            self._note,
+        )

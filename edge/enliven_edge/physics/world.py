@@ -1,0 +1,263 @@
+"""Free boxes and balls on a floor, and spheres that are moved among them; MuJoCo does the physics."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from enliven.arrays import Float, Int, UInt8
+from enliven.props import BALL
+from enliven_edge.physics.contacts import FLOOR, NOTHING, correct_contacts, limit_speeds
+from enliven_edge.physics.settings import EngineSettings
+
+log = logging.getLogger(__name__)
+
+_PROP, _SPHERE, _FLOOR = 1, 2, 4
+"""Bits of contact: props meet everything, the rest meets props only."""
+_PARKED = np.array([0.0, -60.0, 0.0])
+_SPARE = 64
+_FASTEST_TURN = 40.0
+"""Radians a second."""
+_FARTHEST = 500.0
+"""Metres; what is farther has been flung by an error."""
+
+
+@dataclass(frozen=True)
+class PropSpecs:
+    """The loose things as they are made.
+
+    Attributes:
+        shapes: (P,) uint8, BOX or BALL.
+        sizes: (P, 3) metres: half edges of a box, the radius three times for a ball.
+        masses: (P,) kilograms.
+        colours: (P, 3) uint8 sRGB.
+        bounce: (P,) speed after a bounce over the speed before.
+    """
+
+    shapes: UInt8
+    sizes: Float
+    masses: Float
+    colours: UInt8
+    bounce: Float
+
+
+class World:
+    """Props in motion: :meth:`move` says where the spheres are, :meth:`advance` lets time pass.
+
+    Attributes:
+        touched: (P,) what each prop touched in the last :meth:`advance`: a sphere's number, FLOOR or NOTHING.
+        left_out: seconds so far that the budget left out.
+    """
+
+    def __init__(self, props: PropSpecs, settings: EngineSettings | None = None) -> None:
+        self.props, self.settings = props, settings or EngineSettings()
+        self.touched = np.full(len(props.shapes), NOTHING)
+        self.left_out = 0.0
+        self._from = self._to = np.zeros((0, 3))
+        self._radii = np.zeros(0)
+        self._build(0)
+
+    @property
+    def positions(self) -> Float:
+        """(P, 3) metres."""
+        return self._data.qpos.reshape(-1, 7)[:, :3]
+
+    @property
+    def turns(self) -> Float:
+        """(P, 4) unit quaternions, world_from_prop."""
+        return self._data.qpos.reshape(-1, 7)[:, 3:]
+
+    @property
+    def velocities(self) -> Float:
+        """(P, 6) metres a second, and radians a second in the prop's own frame."""
+        return self._data.qvel.reshape(-1, 6)
+
+    @property
+    def energy(self) -> float:
+        """Joules of motion and of height of all props."""
+        mass = self.props.masses
+        moving = 0.5 * (mass * np.square(self.velocities[:, :3]).sum(1)).sum()
+        inertia = self._model.body_inertia[1 : 1 + len(mass)]
+        turning = 0.5 * (inertia * np.square(self.velocities[:, 3:])).sum()
+        return float(moving + turning + self.settings.gravity * (mass * self.positions[:, 1]).sum())
+
+    def put(
+        self, which: Int | slice, positions: Float, turns: Float | None = None, speeds: Any = 0.0
+    ) -> None:
+        """Props somewhere else, at once.
+
+        Args:
+            positions: (K, 3).
+            turns: (K, 4), upright where None.
+            speeds: (K, 3) metres a second.
+        """
+        self.positions[which] = positions
+        self.turns[which] = (1.0, 0.0, 0.0, 0.0) if turns is None else turns
+        self.velocities[which] = 0.0
+        self.velocities[which, :3] = speeds
+        self._data.qacc_warmstart[:] = 0.0
+
+    def move(self, centres: Float, radii: Float) -> None:
+        """Where the spheres will be at the end of the next :meth:`advance`.
+
+        Args:
+            centres: (S, 3); a row that is not finite takes its sphere away.
+            radii: (S,) metres.
+        """
+        there = np.isfinite(centres).all(1) & np.isfinite(radii) & (radii > 0)
+        if len(centres) > len(self._to):
+            self._build(len(centres))
+        was, count = self._radii, len(centres)
+        target = np.tile(_PARKED, (len(self._to), 1))
+        target[:count][there] = centres[there]
+        self._radii = np.zeros(len(self._to))
+        self._radii[:count][there] = radii[there]
+        self._from, self._to = self._to.copy(), target
+        # What appears anew comes from nowhere, and pushes by no speed.
+        fresh = (was == 0) != (self._radii == 0)
+        self._from[fresh] = self._to[fresh]
+        self._resize(np.flatnonzero(np.abs(self._radii - was) > 1e-3 * was))
+
+    def restart(self) -> None:
+        """Forgets every motion, after something went wrong."""
+        mujoco.mj_resetData(self._model, self._data)
+        self._from = self._to
+        self._data.mocap_pos[:] = self._to
+
+    def appear(self, numbers: slice) -> None:
+        """Spheres that are new where they are, and did not move there."""
+        self._from[numbers] = self._to[numbers]
+
+    def advance(self, seconds: float) -> str:
+        """Lets time pass; says what was wrong where the props are no longer to be trusted, else ''."""
+        self.touched[:] = NOTHING
+        whole, settings = min(max(seconds, 0.0), self.settings.catch_up), self.settings
+        count = math.ceil(whole / settings.substep - 1e-6)
+        if count <= 0:
+            self._data.mocap_pos[:] = self._to
+            return ""
+        step = self._model.opt.timestep = whole / count
+        path = self._to - self._from
+        path[np.square(path).sum(1) > (settings.fastest * max(seconds, whole)) ** 2] = 0.0
+        speeds = path / max(seconds, whole)
+        began = time.perf_counter()
+        for k in range(count):
+            # After a long pause only its end is played.
+            self._data.mocap_pos[:] = self._to - speeds * (whole - k * step)
+            trouble = self._substep(speeds)
+            if trouble:
+                return trouble
+            if settings.budget and time.perf_counter() - began > settings.budget and k + 1 < count:
+                self.left_out += whole - (k + 1) * step
+                break
+        self._data.mocap_pos[:] = self._to
+        far = np.abs(self.positions).max(initial=0.0)
+        return "" if far < _FARTHEST else "a prop was flung out of the world"
+
+    def _substep(self, speeds: Float) -> str:
+        """One step of the engine; what was wrong, or ''."""
+        model, data = self._model, self._data
+        try:
+            mujoco.mj_step1(model, data)
+            contact = data.contact
+            correct_contacts(
+                contact.geom,
+                contact.frame,
+                contact.dist,
+                contact.efc_address,
+                contact.dim,
+                data.efc_aref,
+                data.efc_KBIP,
+                data.efc_vel,
+                self._owner,
+                speeds,
+                self.props.bounce,
+                self.settings.push_out,
+                model.opt.timestep,
+                self.touched,
+            )
+            mujoco.mj_step2(model, data)
+        except mujoco.FatalError as error:
+            return f"the engine gave up ({error})"
+        if not limit_speeds(self.velocities, self.settings.fastest_prop, _FASTEST_TURN):
+            return "a speed was no longer a number"
+        return "" if np.isfinite(data.qpos).all() else "a place was no longer a number"
+
+    def _build(self, spheres: int) -> None:
+        """The model for so many spheres; what moves goes on moving."""
+        count = -(-spheres // _SPARE) * _SPARE
+        before = getattr(self, "_data", None)
+        self._model = _model(self.props, count, self.settings)
+        self._data = mujoco.MjData(self._model)
+        if before is not None:
+            self._data.qpos[:], self._data.qvel[:] = before.qpos, before.qvel
+        kept = len(self._to)
+        self._from, self._to = (_longer(a, count, _PARKED) for a in (self._from, self._to))
+        self._radii = np.concatenate([self._radii, np.zeros(count - kept)])
+        self._geoms = np.array([self._model.geom(f"sphere{k}").id for k in range(count)], np.int64)
+        self._owner = np.full(self._model.ngeom, FLOOR, np.int64)
+        self._owner[self._geoms] = np.arange(count)
+        for p in range(len(self.props.shapes)):
+            self._owner[self._model.geom(f"prop{p}").id] = -3 - p
+        self._resize(np.arange(count))
+        self._data.mocap_pos[:] = self._to
+
+    def _resize(self, numbers: Int) -> None:
+        """Spheres of another radius; of none: they touch nothing."""
+        if not len(numbers):
+            return
+        model, geoms, radii = self._model, self._geoms[numbers], self._radii[numbers]
+        model.geom_size[geoms, 0] = model.geom_rbound[geoms] = np.maximum(radii, 1e-3)
+        model.geom_aabb[geoms, 3:] = np.maximum(radii, 1e-3)[:, None]
+        bits = np.where(radii > 0, _SPHERE, 0)
+        bodies = model.geom_bodyid[geoms]
+        model.geom_contype[geoms] = model.body_contype[bodies] = bits
+        meets = np.where(radii > 0, _PROP, 0)
+        model.geom_conaffinity[geoms] = model.body_conaffinity[bodies] = meets
+
+
+def _longer(rows: Float, count: int, fill: Float) -> Float:
+    """(count, 3) the rows, and ``fill`` after them."""
+    return np.concatenate([rows, np.tile(fill, (count - len(rows), 1))])
+
+
+def _model(props: PropSpecs, spheres: int, settings: EngineSettings) -> Any:
+    """The engine's model: a floor, the props, the spheres."""
+    spec = mujoco.MjSpec()
+    option = spec.option
+    option.gravity = [0.0, -settings.gravity, 0.0]
+    option.timestep = settings.substep
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    option.iterations = 8  # rest needs fewer; in a crash more would cost a frame and show nothing
+    common: dict[str, Any] = {
+        "solref": [settings.stiffness, 1.0],
+        "friction": [settings.friction, 0.005, 0.0005],
+    }
+    floor = {"contype": _FLOOR, "conaffinity": _PROP, **common}
+    turned = [math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0]  # the engine's planes face +Z
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], quat=turned, **floor)
+    everything = _PROP | _SPHERE | _FLOOR
+    for p in range(len(props.shapes)):
+        body = spec.worldbody.add_body()
+        body.add_freejoint()
+        ball = int(props.shapes[p]) == BALL
+        kind = mujoco.mjtGeom.mjGEOM_SPHERE if ball else mujoco.mjtGeom.mjGEOM_BOX
+        made = {"contype": _PROP, "conaffinity": everything, **common}
+        if ball:
+            made["condim"] = 6  # so that a ball rolls out in the end
+        body.add_geom(
+            name=f"prop{p}", type=kind, size=list(props.sizes[p]), mass=float(props.masses[p]), **made
+        )
+    for k in range(spheres):
+        body = spec.worldbody.add_body(mocap=True, pos=list(_PARKED))
+        ball_of = {"contype": _SPHERE, "conaffinity": _PROP, **common}
+        body.add_geom(name=f"sphere{k}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.01, 0, 0], **ball_of)
+    return spec.compile()
