@@ -15,12 +15,14 @@ from enliven.body import Body
 from enliven.character import Character, Pose
 from enliven.frames import Frame
 from enliven.health import HealthState
+from enliven.props import Props
 from enliven.recording import Recorder
 from enliven.wire.convert import (
     bodies_to_message,
     character_to_message,
     cues_to_message,
     health_to_messages,
+    props_to_message,
 )
 from enliven.wire.messages import Possess, Smooth
 from enliven_edge.actor import Cues
@@ -76,12 +78,19 @@ class Outlet:
         self._write("character", character_to_message(character, revision), 0)
 
     def publish(
-        self, frame: Frame, bodies: list[Body], poses: list[Pose], cues: dict[str, Cues], read_ns: int
+        self,
+        frame: Frame,
+        bodies: list[Body],
+        poses: list[Pose],
+        cues: dict[str, Cues],
+        read_ns: int,
+        props: Props | None = None,
     ) -> None:
         """What one frame led to.
 
         Args:
             read_ns: wall clock when the frame was read.
+            props: what is loose, where there are physics.
         """
         at = frame.time_ns
         for pose in poses:
@@ -91,6 +100,8 @@ class Outlet:
             what = (cue.nodes, cue.strengths, cue.body, at, cue.owners, cue.held)
             message = cues_to_message(name, cue.state, *what)
             self._send("cues", message, at)
+        if props is not None:
+            self._send("props", props_to_message(props), at)
 
     def report(self, pace: Pace, phase: str, performers: int) -> None:
         """How the edge is doing; goes out with the heartbeat, at once where the phase is new."""

@@ -5,13 +5,16 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
 from enliven.body import Body
+from enliven.character import Pose
 from enliven.commands.processes import parent_is_gone
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.health import HealthState, worst_first
 from enliven.wire.messages import Possess
+from enliven.props import Props
 from enliven_edge.fusion.fused_sensor import FusedFrame, FusedSensors
 from enliven_edge.outlet import Outlet
 from enliven_edge.pace import Pace
@@ -20,6 +23,9 @@ from enliven_edge.stage import Stage
 from enliven_edge.tracking.health import HealthMonitor
 from enliven_edge.tracking.output import Output
 from enliven_edge.tracking.tracker import Tracker
+
+if TYPE_CHECKING:
+    from enliven_edge.physics.playground import Playground
 
 log = logging.getLogger(__name__)
 
@@ -35,6 +41,7 @@ class Edge:
         parts: what of the body takes hold then.
         stop_after: seconds of the sensor's clock after which the edge ends, or None.
         health: says what is wrong; None makes one.
+        physics: loose things among the characters, or None.
     """
 
     def __init__(
@@ -48,9 +55,10 @@ class Edge:
         parts: str = "all",
         stop_after: float | None = None,
         health: HealthMonitor | None = None,
+        physics: Playground | None = None,
     ) -> None:
         self.sensor, self.tracker, self.stage, self.outlet = sensor, tracker, stage, outlet
-        self.health = health or HealthMonitor()
+        self.health, self.physics = health or HealthMonitor(), physics
         self.pace = Pace()
         self.frames = 0
         self._heard = time.monotonic()
@@ -91,7 +99,8 @@ class Edge:
             return
         bodies = self._bodies(frame)
         poses = self.stage.perform(bodies, frame.time_ns)
-        self.outlet.publish(frame, bodies, poses, self.stage.cues(), read_ns)
+        props = self._props(poses, bodies, frame.time_ns)
+        self.outlet.publish(frame, bodies, poses, self.stage.cues(), read_ns, props)
         self.pace.took(read_ns, time.time_ns())
         self.frames += 1
         self.outlet.ail(self._ails())
@@ -129,6 +138,12 @@ class Edge:
                 bodies = frame.bodies if fused else self._output(frame.bodies, frame.time_ns)
                 self.health.judge(frame, bodies)
         return bodies
+
+    def _props(self, poses: list[Pose], bodies: list[Body], time_ns: int) -> Props | None:
+        """What is loose among them, where there are physics."""
+        if self.physics is None:
+            return None
+        return self.physics.step(poses, bodies, self.stage.holders, time_ns)
 
     def _wait(self) -> None:
         """No frame is due: says so where that lasts."""

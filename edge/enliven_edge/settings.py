@@ -8,6 +8,7 @@ from enliven.settings import setting
 from enliven_edge.actor_settings import ActorSettings
 from enliven_edge.fusion.settings import CalibrationSettings, FusionSettings
 from enliven_edge.landmarks.settings import ColourSettings
+from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.sensors.sources import SourceSettings
 from enliven_edge.tracking.health import HealthSettings
 from enliven_edge.tracking.settings import TrackerSettings
@@ -33,6 +34,7 @@ class EdgeSettings:
     actor: ActorSettings = setting(ActorSettings, "How characters meet and follow their performers.")
     colour: ColourSettings = setting(ColourSettings, "The colour image, where there is one.")
     health: HealthSettings = setting(HealthSettings, "When something is said to be wrong.")
+    physics: PhysicsSettings = setting(PhysicsSettings, "Loose boxes and balls.")
     wire: WireSettings = setting(WireSettings, "The network.")
     sensors: dict[str, SourceSettings] = field(
         default_factory=dict, metadata={"doc": "The sensors by name, where the command line names none."}

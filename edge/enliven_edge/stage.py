@@ -25,6 +25,11 @@ class Stage:
         self._bodies = bodies
         return [actor.perform(bodies, time_ns) for actor in self.actors.values()]
 
+    @property
+    def holders(self) -> set[int]:
+        """The ids of the performers who hold a character."""
+        return {hold.body for actor in self.actors.values() for hold in actor.holds}
+
     def cues(self) -> dict[str, Cues]:
         """By character, what is held or would be."""
         return {name: actor.cues(self._bodies) for name, actor in self.actors.items()}

@@ -92,6 +92,8 @@ def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Fiel
     made = _converted(hint, value)
     if made is _WRONG:
         expected = getattr(hint, "__name__", str(hint))
+        if typing.get_origin(hint) is typing.Literal:
+            expected = " or ".join(repr(word) for word in typing.get_args(hint))
         raise InputError(
             f"{path} is {value!r}, expected {expected}", where=where, mend=field.metadata.get("doc", "")
         )

@@ -17,12 +17,16 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.doctor import shipped_recording
+from enliven_edge.physics.engine import need_engine
+from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.settings import EdgeSettings, WireSettings
 
 if TYPE_CHECKING:
+    from enliven.character import Character
     from enliven_edge.actor import Actor
     from enliven_edge.fusion.fused_sensor import FusedSensors
     from enliven_edge.landmarks.eye import ColourEye
+    from enliven_edge.physics.playground import Playground
     from enliven_edge.sensors.base import Sensor
     from enliven_edge.sensors.sources import Source
 
@@ -52,6 +56,9 @@ def edge(
         float | None, typer.Option(help="Take hold this many seconds after the start.")
     ] = None,
     parts: Annotated[str, typer.Option(help="What takes hold: all, legs, 'upper body', ...")] = "all",
+    physics: Annotated[
+        str | None, typer.Option(help="Loose things to knock about: boxes, dodgeball, or none.")
+    ] = None,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
     name: Annotated[str | None, typer.Option(help="The edge's name on the network.")] = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on; 0.0.0.0 for all.")] = None,
@@ -74,8 +81,12 @@ def edge(
       enliven edge --sensor synthetic --host 0.0.0.0 --settings edge.toml
       enliven edge --recording take.mcap --record performance.mcap --possess-at 1
       enliven edge --sensor left=oak --sensor right=oak --space space.toml
+      enliven edge --sensor synthetic --physics boxes
     """
     chosen = _settings(settings, name=name, host=host, port=port, control_port=control_port)
+    if physics is not None:
+        world = load_settings(PhysicsSettings, {"world": physics}, where="--physics").world
+        chosen = dataclasses.replace(chosen, physics=dataclasses.replace(chosen.physics, world=world))
     folder = settings.parent if settings else None
     source = _sources(sensor or [], recording or [], option or [], speed, loop, chosen, folder)
     if space is not None:
@@ -99,6 +110,8 @@ def serve(
     from enliven_edge.tracking.tracker import Tracker
 
     mesh, possess_at, parts, record, overwrite, wait, seconds = run
+    if chosen.physics.world != "none":
+        need_engine()
     with contextlib.ExitStack() as stack:
         sensor = _opened(sources, chosen, stack)
         actor = _prepared(mesh, chosen)
@@ -112,6 +125,7 @@ def serve(
             possess_at=possess_at,
             parts=parts,
             stop_after=seconds,
+            physics=_playground(chosen.physics, [actor.character]),
             health=HealthMonitor(
                 chosen.health, fps=getattr(sensor, "fps", None), far=chosen.tracker.scene.far
             ),
@@ -149,6 +163,17 @@ def _prepared(mesh: str, chosen: EdgeSettings) -> Actor:
         progress.update(task, advance=1, description="Compiling the tracker (kept for the next start)")
         warm_up_tracking(chosen.tracker)
     return actor
+
+
+def _playground(chosen: PhysicsSettings, characters: list[Character]) -> Playground | None:
+    """The loose things, ready for the first frame, or None."""
+    if chosen.world == "none":
+        return None
+    from enliven_edge.physics.playground import Playground
+
+    playground = Playground(chosen, characters)
+    playground.warm_up()
+    return playground
 
 
 def _settings(path: Path | None, **overrides: str | int | None) -> EdgeSettings:

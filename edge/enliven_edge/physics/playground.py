@@ -75,6 +75,15 @@ class Playground:
         self._proxies[character.id] = character, proxies
         log.info("%s is %d spheres of %.3f m", character.id, len(proxies), proxies.radius)
 
+    def warm_up(self) -> None:
+        """Compiles what every frame needs, on a world of its own."""
+        world = World(self.game.props, self.settings.engine)
+        self.game.begin(world, FIXED)
+        world.move(world.positions[:1].copy(), np.full(1, 0.05))
+        world.advance(0.02)
+        for character, proxies in self._proxies.values():
+            proxies.centres(character.rest_pose())
+
     def step(self, poses: list[Pose], bodies: list[Body], holders: set[int], time_ns: int) -> Props | None:
         """The props at a moment; None while nobody has shown where they belong.
 

@@ -73,7 +73,7 @@ class DodgeballSettings:
 class PhysicsSettings:
     """The world of loose things."""
 
-    world: WorldName = setting("none", "'boxes': towers to knock over; 'dodgeball': balls are thrown.")
+    world: WorldName = setting("none", "'boxes' are towers to knock over; in 'dodgeball' balls are thrown.")
     place: Literal["performer", "fixed"] = setting(
         "performer", "Where: about where the first performer first stood, or in the world's own x and z."
     )

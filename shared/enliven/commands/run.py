@@ -27,6 +27,7 @@ def run(
         None, "--film/--window", help="A film or a window; by the display where not said."
     ),
     seconds: float | None = typer.Option(None, help="Stop after this many seconds of the recording."),
+    physics: str | None = typer.Option(None, help="Loose things to knock about: boxes or dodgeball."),
     record: Path | None = typer.Option(None, help="Keep the take (character, bodies, poses) in this file."),
 ) -> None:
     """Start the edge and the viewer together: the whole road from a depth recording to a moving mesh.
@@ -38,6 +39,7 @@ def run(
       enliven run
       enliven run --recording take.mcap --mesh horse.obj --possess-at 2
       enliven run --sensor synthetic --window
+      enliven run --physics boxes
     """
     _need_both_programs()
     if recording is not None and not recording.exists():
@@ -53,6 +55,7 @@ def run(
     ports = free_ports()
     edge = _edge_arguments(recording, sensor, mesh, possess_at, parts, seconds, ports, as_film)
     edge += ["--record", str(record)] if record else []
+    edge += ["--physics", physics] if physics else []
     view = _view_arguments(out, ports, as_film)
     # The edge compiles and prepares the mesh before it listens, a minute the very first time.
     first = Process("edge", edge, ready=lambda: is_listening("127.0.0.1", ports[0]))
