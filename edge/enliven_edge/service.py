@@ -13,8 +13,8 @@ from enliven.commands.processes import parent_is_gone
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.health import HealthState, worst_first
-from enliven.wire.messages import Possess
 from enliven.props import Props
+from enliven.wire.messages import Possess
 from enliven_edge.fusion.fused_sensor import FusedFrame, FusedSensors
 from enliven_edge.outlet import Outlet
 from enliven_edge.pace import Pace
