@@ -11,6 +11,7 @@ from enliven.arrays import Float, Float32
 from enliven.body import Body
 from enliven.character import Character, Pose
 from enliven.health import HealthState
+from enliven.props import Props
 from enliven_viewer.timeline import Cues, Timeline
 
 
@@ -60,6 +61,10 @@ class Document:
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
         """Put the bodies of one moment on the timeline."""
         self.timeline.add_bodies(time_ns, bodies)
+
+    def add_props(self, props: Props) -> None:
+        """Put what is loose at one moment on the timeline."""
+        self.timeline.add_props(props)
 
     def set_cues(self, cues: Cues, time_ns: int | None = None) -> None:
         """Say what of a character is held, from a time on or from the newest moment; no nodes: nothing."""

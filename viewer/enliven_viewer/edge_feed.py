@@ -37,6 +37,8 @@ class EdgeFeed:
             document.add_bodies(seen.time_ns, seen.bodies)
         for received in poses:
             document.add_pose(received.pose)
+        for props in self._link.take_props():
+            document.add_props(props)
         self._take_cues(document)
         if poses:
             self._take_latency(poses[-1])

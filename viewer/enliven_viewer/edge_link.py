@@ -13,7 +13,14 @@ import zmq
 
 from enliven.character import Character
 from enliven.errors import EnlivenError
-from enliven.wire.convert import message_to_bodies, message_to_character, message_to_cues, message_to_pose
+from enliven.props import Props
+from enliven.wire.convert import (
+    message_to_bodies,
+    message_to_character,
+    message_to_cues,
+    message_to_pose,
+    message_to_props,
+)
 from enliven.wire.envelope import Malformed, OtherVersion, Rejects, unpack_stream
 from enliven.wire.messages import (
     Answer,
@@ -26,6 +33,7 @@ from enliven.wire.messages import (
     Ping,
     Pong,
     PoseMessage,
+    PropsMessage,
     Refused,
     StatusMessage,
     Welcome,
@@ -89,6 +97,7 @@ class EdgeLink:
         self.latest_bodies: ReceivedBodies | None = None
         self.cues: dict[str, ReceivedCues] = {}
         self.new_cues: deque[ReceivedCues] = deque(maxlen=_KEPT)
+        self.props: deque[Props] = deque(maxlen=_KEPT)
         self.instance: int | None = None
         self.clash = False
         self._lost = 0
@@ -199,6 +208,8 @@ class EdgeLink:
                     self._take_bodies(message)
                 case CuesMessage():
                     self._take_cues(message)
+                case PropsMessage():
+                    self.props.append(message_to_props(message))
         except Malformed as error:
             self._reject(error)
         except (EnlivenError, ValueError) as error:

@@ -137,6 +137,8 @@ class _Studio:
         margin, line = 1.4 * self._text, self._text
         word = "possessed" if moment.possessed else "free"
         text = f"{clock(second)}  ·  {word}"
+        if moment.props is not None and moment.props.note:
+            text = f"{moment.props.note}  ·  {text}"
         right, top = self.size[0] - margin, self.size[1] - margin - line
         self._canvas.text(right + 1, top + 1, text, line, (0.0, 0.0, 0.0, 0.5), align=1.0)
         self._canvas.text(right, top, text, line, (0.95, 0.96, 0.98, 0.8), align=1.0)

@@ -6,12 +6,18 @@ decomposition", 1992), so that a limb that swings between two frames keeps its l
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.body import Body
 from enliven.character import Pose
+from enliven.props import Props
 from enliven.rotation import slerp
+
+_LEAP = 0.6
+"""Metres between two moments beyond which a thing was put elsewhere, and did not fly there."""
 
 
 def blend_poses(before: Pose, after: Pose, share: float, time_ns: int) -> Pose:
@@ -87,3 +93,22 @@ def blend_bodies(before: tuple[Body, ...], after: tuple[Body, ...], share: float
         elif share < 0.5:
             blended.append(body)
     return tuple(blended) + (tuple(later.values()) if share >= 0.5 else ())
+
+
+def blend_props(before: Props | None, after: Props | None, share: float, time_ns: int) -> Props | None:
+    """What is loose between two moments, by id; what only one moment has, or what leapt, is the nearer's.
+
+    Where one of the two moments says nothing, the other's.
+    """
+    if before is None or after is None:
+        return before or after
+    nearer, other = (before, after) if share < 0.5 else (after, before)
+    _, mine, theirs = np.intersect1d(nearer.ids, other.ids, return_indices=True)
+    step = other.positions[theirs] - nearer.positions[mine]
+    flown = np.linalg.norm(step, axis=1) <= _LEAP
+    mine, theirs, step = mine[flown], theirs[flown], step[flown]
+    part = min(share, 1.0 - share)
+    positions, turns = nearer.positions.copy(), nearer.turns.copy()
+    positions[mine] += part * step
+    turns[mine] = slerp(nearer.turns[mine], other.turns[theirs], np.full(len(mine), part))
+    return replace(nearer, time_ns=time_ns, positions=positions, turns=turns)

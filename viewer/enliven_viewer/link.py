@@ -11,6 +11,7 @@ import zmq
 
 from enliven.character import Character
 from enliven.errors import InputError
+from enliven.props import Props
 from enliven.wire.messages import Answer, Possess, Refused, Release, Smooth, StatusMessage
 from enliven.wire.posecode import warm_up
 from enliven.wire.sockets import Endpoint, parse_endpoint
@@ -114,6 +115,10 @@ class Link:
     def take_cues(self) -> list[ReceivedCues]:
         """The cues of every frame since the last call, each edge's in its order."""
         return [cues for edge in self.edges for cues in _emptied(edge.new_cues)]
+
+    def take_props(self) -> list[Props]:
+        """What was loose in every frame since the last call, each edge's in its order."""
+        return [props for edge in self.edges for props in _emptied(edge.props)]
 
     def take_notices(self) -> list[Notice]:
         """Sentences for the user since the last call: refusals, restarts, other versions, clashes."""

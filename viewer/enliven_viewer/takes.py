@@ -11,15 +11,21 @@ import msgspec
 
 from enliven.errors import EnlivenError, InputError
 from enliven.recording import Recording
-from enliven.wire.convert import message_to_bodies, message_to_character, message_to_cues, message_to_pose
-from enliven.wire.messages import BodiesMessage, CharacterMessage, CuesMessage, PoseMessage
+from enliven.wire.convert import (
+    message_to_bodies,
+    message_to_character,
+    message_to_cues,
+    message_to_pose,
+    message_to_props,
+)
+from enliven.wire.messages import BodiesMessage, CharacterMessage, CuesMessage, PoseMessage, PropsMessage
 from enliven.wire.posecode import PoseCodec
 from enliven_viewer.document import Document, EdgeState
 from enliven_viewer.timeline import Cues
 
 log = logging.getLogger(__name__)
 
-TOPICS = ("character", "bodies", "pose", "cues")
+TOPICS = ("character", "bodies", "pose", "props", "cues")
 """The topics of a take; messages of one time are applied in this order."""
 _BATCH = 96
 
@@ -92,6 +98,8 @@ class Take:
             pose = msgspec.msgpack.decode(data, type=PoseMessage)
             if self._revisions[pose.character] == pose.revision:
                 document.add_pose(message_to_pose(pose, self._codecs[pose.character]))
+        elif topic == "props":
+            document.add_props(message_to_props(msgspec.msgpack.decode(data, type=PropsMessage)))
         else:
             cues = msgspec.msgpack.decode(data, type=CuesMessage)
             document.set_cues(Cues(cues.character, *message_to_cues(cues), cues.state), cues.time_ns)

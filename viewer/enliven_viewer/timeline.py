@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, replace
 from enliven.arrays import Float32, Int32
 from enliven.body import Body
 from enliven.character import Pose
-from enliven_viewer.interpolation import blend_bodies, blend_poses
+from enliven.props import Props
+from enliven_viewer.interpolation import blend_bodies, blend_poses, blend_props
 from enliven_viewer.settings import PlaybackSettings
 
 NS = 1_000_000_000
@@ -34,12 +35,13 @@ class Cues:
 
 @dataclass(frozen=True)
 class Moment:
-    """Everything that was at one time of the sensor's clock: poses and cues by character id, and bodies."""
+    """Everything at one time of the sensor's clock: poses and cues by character id, bodies, props."""
 
     time_ns: int
     poses: dict[str, Pose] = field(default_factory=dict)
     bodies: tuple[Body, ...] = ()
     cues: dict[str, Cues] = field(default_factory=dict)
+    props: Props | None = None
 
     @property
     def possessed(self) -> bool:
@@ -82,6 +84,10 @@ class Timeline:
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
         """Put the bodies of one time; they replace earlier ones of the same time."""
         self._put(replace(self._at(time_ns), bodies=tuple(bodies)))
+
+    def add_props(self, props: Props) -> None:
+        """Put what is loose at its time; it replaces what was of the same time."""
+        self._put(replace(self._at(props.time_ns), props=props))
 
     def set_cues(self, cues: Cues, time_ns: int | None = None) -> None:
         """Say what of a character is held from a time on (the newest moment's where None) until said anew."""
@@ -145,7 +151,10 @@ class Timeline:
                 poses[name] = blend_poses(first, last, share, time_ns)
             else:
                 poses[name] = first or last  # type: ignore[assignment]
-        return Moment(time_ns, poses, blend_bodies(before.bodies, after.bodies, share), before.cues)
+        bodies = blend_bodies(before.bodies, after.bodies, share)
+        return Moment(
+            time_ns, poses, bodies, before.cues, blend_props(before.props, after.props, share, time_ns)
+        )
 
     def _hold(self, cues: dict[str, Cues]) -> None:
         """Cues of the newest moment and all that follow."""
@@ -157,7 +166,15 @@ class Timeline:
         """The moment at exactly this time, or an empty one."""
         index = bisect.bisect_left(self._times, time_ns)
         found = index < len(self._times) and self._times[index] == time_ns
-        return self._moments[index] if found else Moment(time_ns, cues=self._cues)
+        if found:
+            return self._moments[index]
+        return Moment(time_ns, cues=self._cues, props=self._still_loose(index, time_ns))
+
+    def _still_loose(self, index: int, time_ns: int) -> Props | None:
+        """What was loose a moment ago: it does not vanish while a moment's own props are on their way."""
+        props = self._moments[index - 1].props if index else None
+        fresh = props is not None and time_ns - props.time_ns <= self.settings.gap * NS
+        return props if fresh else None
 
     def _put(self, moment: Moment) -> None:
         """Insert or replace; start anew where the clock went back; drop the oldest beyond the bounds."""

@@ -17,5 +17,5 @@ def need_engine() -> None:
         raise ResourceError(
             "the physics engine is not installed here",
             where="--physics",
-            mend='Install it: pip install "enliven-edge[physics]", in a checkout pip install "./edge[physics]".',
+            mend='Install it: pip install "enliven-edge[physics]" (here: pip install "./edge[physics]").',
         )

@@ -13,6 +13,7 @@ from enliven_viewer.render.capsules import Capsules, bone_block, capsules_of
 from enliven_viewer.render.lights import TO_KEY, contact_from_world, light_from_world
 from enliven_viewer.render.marks import Marks
 from enliven_viewer.render.program import BLOCKS, UNITS, load_program, set_uniform
+from enliven_viewer.render.props import LooseThings
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned import SkinnedMesh
 from enliven_viewer.render.targets import Picture, Size, SoftMap
@@ -54,6 +55,9 @@ class Renderer:
         self._body_caster = load_program(ctx, "capsule.vert", "caster.frag")
         self._capsules = Capsules(ctx, self._body)
         self._shadow_capsules = Capsules(ctx, self._body_caster)
+        self._prop = load_program(ctx, "prop.vert", "prop.frag")
+        self._prop_caster = load_program(ctx, "prop.vert", "caster.frag")
+        self._props, self._shadow_props = LooseThings(ctx, self._prop), LooseThings(ctx, self._prop_caster)
         self._marks = Marks(ctx)
         self._present = load_program(ctx, "screen.vert", "present.frag")
         self._present_quad = ctx.vertex_array(self._present, [])
@@ -91,12 +95,15 @@ class Renderer:
         capsules = capsules_of(scene.bodies if scene.look.body > 0 else (), scene.look.body)
         self._capsules.load(capsules)
         self._shadow_capsules.load(capsules)
+        self._props.load(scene.props)
+        self._shadow_props.load(scene.props)
         self._draw_shadows(meshes, box)
         self.picture.drawn.use()
         self.ctx.clear(0.0, 0.0, 0.0, 1.0, depth=1.0)
         self._shadow.texture.use(UNITS["shadow_map"])
         self._contact.texture.use(UNITS["contact_map"])
         self._draw_floor()
+        self._draw_props()
         self._draw_bodies()
         self._draw_meshes(meshes, scene)
         self._draw_hidden_bodies(scene)
@@ -149,13 +156,14 @@ class Renderer:
         passes = ((self._shadow, self._light, False, 1.0), (self._contact, self._below, True, 0.0))
         for target, clip, contact, empty in passes:
             target.begin(empty)
-            for program in (self._caster, self._body_caster):
+            for program in (self._caster, self._body_caster, self._prop_caster):
                 set_uniform(program, "clip_from_caster", tuple(clip.T.astype("f4").ravel()))
                 set_uniform(program, "contact", contact)
                 set_uniform(program, "casting", True)
             for mesh in meshes:
                 mesh.render(self._caster, coarse=contact)
             self._shadow_capsules.render()
+            self._shadow_props.render()
             # The contact's blur spans decimetres.
             target.blur((1.0, 2.2) if contact else (2.0,))
 
@@ -166,6 +174,12 @@ class Renderer:
         self._floor_quad.render(moderngl.TRIANGLE_STRIP)
         self.ctx.enable_only(moderngl.DEPTH_TEST)
         self._backdrop_quad.render(moderngl.TRIANGLES, vertices=3)
+
+    def _draw_props(self) -> None:
+        """What is loose; the depth test sorts it out with the rest."""
+        self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        set_uniform(self._prop, "casting", False)
+        self._props.render()
 
     def _draw_bodies(self) -> None:
         """Faint bodies cover a share of each pixel's samples, so that what is behind them needs no order."""

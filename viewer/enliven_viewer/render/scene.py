@@ -9,9 +9,13 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.body import Body
 from enliven.character import Character, Pose
+from enliven.props import Props
 from enliven_viewer.camera import Box
 from enliven_viewer.document import Document, bounds_of
 from enliven_viewer.timeline import Cues, Moment
+
+_PROP_REACH = 0.7
+"""Metres from characters and bodies within which what is loose belongs into the picture."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,7 @@ class Scene:
     actors: tuple[Actor, ...] = ()
     bodies: tuple[Body, ...] = ()
     look: Look = field(default_factory=Look)
+    props: Props | None = None
 
     @property
     def box(self) -> Box | None:
@@ -55,6 +60,9 @@ class Scene:
         bounds = bounds_of(points)
         if bounds is None:
             return None
+        if self.props is not None:
+            near = _near(self.props.positions, bounds)
+            bounds = bounds_of([*(np.stack([b]) for b in bounds), near]) or bounds
         margin = np.array([0.12, 0.12, 0.12])
         low, high = bounds[0] - margin, bounds[1] + margin
         low[1] = min(low[1], 0.0)
@@ -70,7 +78,14 @@ def scene_of(document: Document, moment: Moment | None, look: Look) -> Scene:
             pose = character.rest_pose()
         actors.append(Actor(character, pose, moment.cues.get(character.id) if moment else None))
     bodies = moment.bodies if moment else ()
-    return Scene(tuple(actors), tuple(b for b in bodies if np.isfinite(b.joints).all()), look)
+    present = tuple(b for b in bodies if np.isfinite(b.joints).all())
+    return Scene(tuple(actors), present, look, moment.props if moment else None)
+
+
+def _near(positions: Float, box: Box) -> Float:
+    """(N, 3) the props that a picture should hold: what rolled away does not pull the camera after it."""
+    reach = np.array([_PROP_REACH, _PROP_REACH, _PROP_REACH])
+    return np.asarray(positions[((positions > box[0] - reach) & (positions < box[1] + reach)).all(1)])
 
 
 def corners(box: Box) -> Float:

@@ -1,0 +1,106 @@
+"""Loose boxes and balls: instances of two templates, lit and shadowed like everything else."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from enliven.arrays import Float, Float32, Int, Int32
+from enliven.props import BALL, BOX, Props
+from enliven_viewer.render.skinned import linear
+
+_BEVEL, _MOST_BEVEL = 0.07, 0.012
+"""Of a box's edges: share of its least half edge, and metres at most."""
+_FINENESS = {BOX: 2, BALL: 6}
+"""Points from the middle of a template's side to its edge."""
+
+
+def prop_rows(props: Props | None, shape: int) -> Float32:
+    """(N, 14) float32 of one shape: xyz and bevel, turn (x, y, z, w), half edges, linear rgb."""
+    if props is None:
+        return np.zeros((0, 14), np.float32)
+    shown = (props.shapes == shape) & np.isfinite(props.positions).all(1)
+    half = np.asarray(props.sizes[shown], np.float64)
+    rows = np.empty((int(shown.sum()), 14), np.float32)
+    rows[:, :3] = props.positions[shown]
+    rows[:, 3] = (
+        half[:, 0] if shape == BALL else np.minimum(_BEVEL * half.min(1, initial=np.inf), _MOST_BEVEL)
+    )
+    rows[:, 4:8] = np.roll(props.turns[shown], -1, 1)
+    rows[:, 8:11] = half
+    rows[:, 11:] = linear(props.colours[shown])
+    return rows
+
+
+class LooseThings:
+    """The props of a scene on the GPU, for one program.
+
+    Args:
+        program: of ``prop.vert``.
+    """
+
+    def __init__(self, ctx: moderngl.Context, program: moderngl.Program) -> None:
+        self._rows = {shape: ctx.buffer(reserve=14 * 4 * 64, dynamic=True) for shape in _FINENESS}
+        self._counts = dict.fromkeys(_FINENESS, 0)
+        self._arrays = {}
+        for shape, fineness in _FINENESS.items():
+            vertices, faces = block_template(fineness)
+            names = [n for n in ("in_place", "in_turn", "in_half", "in_albedo") if n in program]
+            sizes = {"in_place": "4f", "in_turn": "4f", "in_half": "3f", "in_albedo": "3f"}
+            # A shadow has no colour: what the program does not take is skipped.
+            skipped = "" if "in_albedo" in program else " 12x"
+            layout = " ".join(sizes[n] for n in names) + skipped + "/i"
+            points = "3f 3f" if "in_direction" in program else "12x 3f"
+            self._arrays[shape] = ctx.vertex_array(
+                program,
+                [
+                    (ctx.buffer(vertices.tobytes()), points, "in_direction", "in_corner"),
+                    (self._rows[shape], layout, *names),
+                ],
+                index_buffer=ctx.buffer(faces.tobytes()),
+                index_element_size=4,
+            )
+
+    def load(self, props: Props | None) -> None:
+        """Take what is loose, or nothing."""
+        for shape, buffer in self._rows.items():
+            rows = prop_rows(props, shape)
+            self._counts[shape] = len(rows)
+            if len(rows):
+                buffer.orphan(rows.nbytes)
+                buffer.write(rows)
+
+    def render(self) -> None:
+        """Draw what was loaded."""
+        for shape, array in self._arrays.items():
+            if self._counts[shape]:
+                array.render(moderngl.TRIANGLES, instances=self._counts[shape])
+
+
+def block_template(fineness: int) -> tuple[Float32, Int32]:
+    """(N, 6) unit directions and the corner (-1 or 1 along each axis) they belong to, and (F, 3) faces.
+
+    A sphere made of a cube's six sides, ``2 fineness`` points along each, that is cut along the three planes
+    between the corners: pulled apart, the cuts become the flat sides of a box.
+    """
+    out = np.tan(np.linspace(0.0, np.pi / 4, fineness))
+    across = np.concatenate([-out[::-1], out])
+    corner = np.concatenate([-np.ones(fineness), np.ones(fineness)])
+    count = 2 * fineness
+    u, v = np.meshgrid(across, across, indexing="ij")
+    cu, cv = np.meshgrid(corner, corner, indexing="ij")
+    i, j = np.meshgrid(np.arange(count - 1), np.arange(count - 1), indexing="ij")
+    a, b = (i * count + j).ravel(), ((i + 1) * count + j).ravel()
+    quads = np.concatenate([np.stack([a, b, b + 1], 1), np.stack([a, b + 1, a + 1], 1)])
+    rows: list[Float] = []
+    faces: list[Int] = []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            direction, which = np.empty((count * count, 3)), np.empty((count * count, 3))
+            for put, values in ((direction, (u, v, side)), (which, (cu, cv, side))):
+                put[:, (axis + 1) % 3], put[:, (axis + 2) % 3] = values[0].ravel(), values[1].ravel()
+                put[:, axis] = values[2]
+            direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+            faces.append(len(rows) * count * count + (quads if side > 0 else quads[:, ::-1]))
+            rows.append(np.concatenate([direction, which], 1))
+    return np.concatenate(rows).astype(np.float32), np.concatenate(faces).astype(np.int32)
