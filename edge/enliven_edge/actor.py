@@ -26,6 +26,8 @@ __all__ = ["Actor", "ActorSettings", "Cues", "Mode"]
 
 Mode = Literal["alone", "join", "extend"]
 """Who else holds after somebody took hold: nobody, everybody who did, or they themselves too, with more."""
+_ALL = 0.9
+"""Share of the bones that take hold where they are put into the mesh."""
 
 
 class Actor:
@@ -48,7 +50,7 @@ class Actor:
         self.settings = settings or ActorSettings()
         self.holds: list[Hold] = []
         height = float(np.ptp(character.vertices[:, 1])) or 1.0
-        self._where = Whereabouts(self.settings, height, size)
+        self._where = Whereabouts(self.settings, graph, height, size)
         self._placement = AS_MODELLED
         self._met = self.settings.place == "fixed"
         self._solver: EmbeddedSolver | None = None
@@ -179,7 +181,7 @@ class Actor:
             radius=metre * settings.attachment.radius,
             reach=metre * settings.attachment.reach,
         )
-        grow = Growth(settings.enough, metre * settings.farthest_reach)
+        grow = Growth(_ALL if carrying.fits else settings.enough, metre * settings.farthest_reach)
         joints = carrying(body.joints)
         held = attach(self.graph, joints, body.confidence, parts, near, deformed, grow)
         return Grip(held, carrying, parts)

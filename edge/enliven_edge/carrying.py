@@ -8,8 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.body import Body, Joint
-from enliven_edge.placement import Placement
+from enliven.body import PARENTS, Body, J, Joint
+from enliven.deformation.bones import bone_rotations, filled
+from enliven.deformation.likeness import Likeness
+from enliven_edge.placement import Placement, facing, turn_about_y
 
 _HIP = Joint.HIP_CENTER
 
@@ -20,6 +22,10 @@ class Carrying(Protocol):
     @property
     def scale(self) -> float:
         """Metres of the performer for a metre of the rest space."""
+
+    @property
+    def fits(self) -> bool:
+        """Whether the joints lie in the mesh by themselves, so that every bone should take hold."""
 
     def __call__(self, joints: Float) -> Float:
         """(20, 3) joints in the rest space, from (20, 3) in the world."""
@@ -43,6 +49,7 @@ class Placed:
     travel: float = 1.0
     stays: bool = False
     home: Float | None = None
+    fits: bool = field(default=False, init=False)
     _hip: Float | None = field(default=None, repr=False)
 
     @property
@@ -69,3 +76,51 @@ class Placed:
                 offset = self.placement.offset + np.array([step[0], 0.0, step[1]])
                 self.placement = Placement(self.placement.scale, self.placement.yaw, offset)
                 self.home = self.home + step
+
+
+class Mapped:
+    """Limb drives limb: each bone of the mesh's own skeleton turns as the performer's has turned.
+
+    The joints go down the mesh's skeleton: j = parent + Q R Q^T (rest bone), with R the turn of the
+    performer's bone since they took hold, and Q the turn from where they faced to the mesh's front. The hip
+    goes their way, in the measure of the legs where the mesh has any.
+
+    Args:
+        likeness: the mesh's skeleton.
+        body: the performer as they take hold.
+        scale: metres of the performer for a metre of the rest space.
+        travel: share of their way over the floor that the mesh goes.
+    """
+
+    fits = True
+
+    def __init__(self, likeness: Likeness, body: Body, scale: float, travel: float = 1.0) -> None:
+        self.likeness, self.travel = likeness, travel
+        self._rest = filled(body.joints, body.joints)
+        self._home = self._rest[_HIP].copy()
+        self._last = self._rest
+        self._turn = turn_about_y(likeness.yaw - facing(body))
+        self.scale, self._measure = scale, scale
+        if np.isfinite(likeness.leg):
+            self._measure = float(np.clip(Likeness(self._rest, 0.0).leg / likeness.leg, scale / 5, 5 * scale))
+
+    def __call__(self, joints: Float) -> Float:
+        """(20, 3) joints of the mesh's skeleton, from (20, 3) in the world; NaN where it has none."""
+        now = filled(joints, self._last)
+        self._last = now
+        turns = self._turn @ bone_rotations(self._rest, now)[0] @ self._turn.T
+        own = self.likeness.joints
+        way = (now[_HIP] - self._home) * np.array([self.travel, 1.0, self.travel])
+        out = np.empty((J, 3))
+        out[_HIP] = own[_HIP] + self._turn @ way / self._measure
+        for child in range(1, J):
+            parent = PARENTS[child]
+            out[child] = out[parent] + turns[child - 1] @ (own[child] - own[parent])
+        return out
+
+    def handed_over(self, body: Body) -> None:
+        """Another body goes on from where the last one was."""
+        step = body.joints[_HIP] - self._last[_HIP]
+        if np.isfinite(step).all():
+            self._home = self._home + step
+            self._last = self._last + step

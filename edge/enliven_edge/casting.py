@@ -6,6 +6,8 @@ import logging
 import re
 from pathlib import Path
 
+import numpy as np
+
 from enliven.deformation.graph import DeformationGraph, character_from
 from enliven.lamp import make_lamp
 from enliven.mesh import Mesh, fit_height, refine
@@ -37,9 +39,9 @@ def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up:
         InputError: for a mesh that cannot be used.
     """
     settings = settings or ActorSettings()
-    mesh = _prepared(spec, settings, up)
+    mesh, size = _prepared(spec, settings, up)
     graph = DeformationGraph.build(mesh, nodes=nodes)
-    return Actor(character_from(mesh, graph, name_of(spec)), graph, settings)
+    return Actor(character_from(mesh, graph, name_of(spec)), graph, settings, size)
 
 
 def name_of(spec: str) -> str:
@@ -47,14 +49,17 @@ def name_of(spec: str) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "-", Path(spec).stem)[:40].strip("-") or "mesh"
 
 
-def _prepared(spec: str, settings: ActorSettings, up: str) -> Mesh:
-    """The mesh as it goes on stage; what was repaired is said in the log."""
+def _prepared(spec: str, settings: ActorSettings, up: str) -> tuple[Mesh, float]:
+    """The mesh as it goes on stage, and how many of its own metres that takes for one.
+
+    What was repaired is said in the log.
+    """
     if spec in MADE:
-        return MADE[spec]()
+        return MADE[spec](), 1.0
     mesh, notes = load_mesh(spec)
     for note in notes:
         log.info("%s: %s", spec, note)
     if settings.place == "fixed":
-        return mesh
-    mesh = fit_height(mesh, _HEIGHT, up)  # type: ignore[arg-type]
-    return refine(mesh, _LONGEST_EDGE)
+        return mesh, 1.0
+    size = float(np.ptp(mesh.vertices[:, "xyz".index(up)])) / _HEIGHT
+    return refine(fit_height(mesh, _HEIGHT, up), _LONGEST_EDGE), size  # type: ignore[arg-type]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from enliven.body import Body
+from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.likeness import likeness
 from enliven_edge.actor_settings import ActorSettings
-from enliven_edge.carrying import Carrying, Placed
+from enliven_edge.carrying import Carrying, Mapped, Placed
 from enliven_edge.placement import AS_MODELLED, Placement, beside, under
 
 
@@ -16,8 +18,9 @@ class Whereabouts:
         size: metres of the mesh as modelled for one of its rest space.
     """
 
-    def __init__(self, settings: ActorSettings, height: float, size: float) -> None:
+    def __init__(self, settings: ActorSettings, graph: DeformationGraph, height: float, size: float) -> None:
         self.settings, self.height, self.size = settings, height, size
+        self._likeness = likeness(graph) if settings.how == "mapped" else None
 
     def waits(self, body: Body) -> Placement:
         """Where the mesh waits for whom it sees first."""
@@ -36,18 +39,17 @@ class Whereabouts:
             placement: where the mesh stands.
             taken: how others came, or the body itself before.
         """
+        if self._likeness is not None:
+            scale = self._performer_scale(body)
+            return [Mapped(self._likeness, body, scale, self.settings.travel)]
         inside = self.settings.how == "inside"
-        ways = [self._like(way) for way in taken[:1]]
+        ways = [way.placement for way in taken[:1] if isinstance(way, Placed)]
         if inside and self.settings.place == "fixed" and not ways:
             scale = self._performer_scale(body) if self.settings.scaled == "performer" else AS_MODELLED.scale
             ways = [Placement(scale, placement.yaw, placement.offset)]
         elif not inside or not ways:
             ways.append(under(body, self._performer_scale(body)))
         return [Placed(way, self.settings.travel, not inside) for way in ways]
-
-    def _like(self, way: Carrying) -> Placement:
-        assert isinstance(way, Placed)
-        return way.placement
 
     def _performer_scale(self, body: Body) -> float:
         """Metres of the performer for one of the rest space."""

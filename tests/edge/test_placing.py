@@ -1,0 +1,242 @@
+"""How performer and mesh come together: in it, beside it, limb for limb; and at whose size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.body import PARENTS, Body, Joint
+from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.deformation.likeness import likeness
+from enliven.errors import InputError
+from enliven.mesh import Mesh
+from enliven.shapes import make_chair
+from enliven_edge.actor import Actor, ActorSettings
+from enliven_edge.carrying import Mapped
+from enliven_edge.casting import cast
+from enliven_edge.placement import turn_about_y
+from enliven_edge.stage import Stage
+from enliven_edge.tracking import model
+from enliven_edge.tracking.posture import Posture, rotation
+from enliven_edge.tracking.ranges import standing
+
+FRAME = 33_333_333
+
+
+def person(x=0.0, z=-2.5, yaw=0.0, id=1, lift=0.0, height=1.75, reach=0.0) -> Body:
+    """Standing with hanging arms; the left thigh lifted, the right arm raised ahead, by radians."""
+    rotations = standing(yaw, arm_forward=0.1, elbow=0.1)
+    rotations[model.THIGH_L] = rotation(x=-lift) @ rotations[model.THIGH_L]
+    rotations[model.SHIN_L] = rotation(x=lift)
+    rotations[model.UPPER_ARM_R] = rotation(x=-reach) @ rotations[model.UPPER_ARM_R]
+    posture = Posture(np.array([x, height * 4 / 7, z]), rotations, model.lengths_for_height(height))
+    return Body(id, posture.joints(), np.ones(20), stature=height)
+
+
+def leaning(angle: float) -> Body:
+    """Bent forward at the hip, by radians."""
+    body = person()
+    hip = body.joints[Joint.HIP_CENTER]
+    up = list(range(1, 12))
+    body.joints[up] = hip + (body.joints[up] - hip) @ rotation(x=angle).T
+    return body
+
+
+@pytest.fixture(scope="module")
+def chair():
+    mesh = make_chair(0.04)
+    graph = DeformationGraph.build(mesh, nodes=64, seed=0)
+    return character_from(mesh, graph, "chair"), graph
+
+
+def block(low, high, n=6) -> tuple[np.ndarray, np.ndarray]:
+    """(V, 3) and (F, 3) of a box with n x n squares a side."""
+    grid = np.linspace(0, 1, n + 1)
+    vertices, faces = [], []
+    for axis in range(3):
+        for side in (0, 1):
+            u, v = np.meshgrid(grid, grid, indexing="ij")
+            square = np.empty(((n + 1) ** 2, 3))
+            square[:, axis], square[:, (axis + 1) % 3], square[:, (axis + 2) % 3] = side, u.ravel(), v.ravel()
+            i = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+            a, b, c, d = (k.ravel() for k in (i[:-1, :-1], i[1:, :-1], i[1:, 1:], i[:-1, 1:]))
+            quads = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+            faces.append((quads if side else quads[:, ::-1]) + len(vertices) * (n + 1) ** 2)
+            vertices.append(square)
+    return np.concatenate(vertices) * (np.array(high) - low) + low, np.concatenate(faces)
+
+
+def beast() -> Mesh:
+    """A trunk along +X on four legs, with a head on a neck: blocks that overlap, welded by the graph."""
+    boxes = [((-0.7, 0.7, -0.2), (0.7, 1.1, 0.2)), ((0.55, 1.0, -0.12), (0.8, 1.5, 0.12))]
+    boxes += [((0.7, 1.35, -0.12), (1.1, 1.55, 0.12))]
+    boxes += [((x, 0.0, z), (x + 0.15, 0.8, z + 0.13)) for x in (-0.7, 0.55) for z in (-0.2, 0.07)]
+    parts = [block(*box) for box in boxes]
+    starts = np.cumsum([0, *(len(v) for v, _ in parts)])
+    vertices = np.concatenate([v for v, _ in parts])
+    return Mesh(vertices, np.concatenate([f + s for (_, f), s in zip(parts, starts, strict=False)]), "beast")
+
+
+@pytest.fixture(scope="module")
+def animal():
+    mesh = beast()
+    graph = DeformationGraph.build(mesh, nodes=96, seed=0)
+    return character_from(mesh, graph, "beast"), graph
+
+
+def test_a_beast_is_like_a_person_on_all_fours(animal):
+    like = likeness(animal[1])
+    joints = like.joints
+    assert like.yaw == pytest.approx(np.pi / 2, abs=0.2), "its front is where the head is"
+    fore, hind = (joints[[j, j + 4]] for j in (Joint.HAND_LEFT, Joint.FOOT_LEFT))
+    assert (fore[:, 0] > 0.5).all() and (hind[:, 0] < -0.5).all()
+    assert fore[:, 1].max() < 0.25 and hind[:, 1].max() < 0.25
+    assert fore[0, 2] < 0 < fore[1, 2] and hind[0, 2] < 0 < hind[1, 2], "its left is at -Z"
+    assert joints[Joint.HEAD, 0] > 0.6 and joints[Joint.HEAD, 1] > 1.2
+
+
+def play(house, name, bodies):
+    """The last pose, of bodies in order after the one that takes hold."""
+    house.perform([bodies[0]], 0)
+    house.possess(name)
+    for i, body in enumerate(bodies, 1):
+        pose = house.perform([body], i * FRAME)[0]
+    return pose
+
+
+def test_mapped_arms_drive_the_forelegs_and_legs_the_hind_legs(animal):
+    rest = animal[0].pivots
+    foot = rest[:, 1] < 0.3
+    legs = {(s, e): foot & (rest[:, 0] * e > 0) & (rest[:, 2] * s > 0) for s in (-1, 1) for e in (-1, 1)}
+
+    def moved(**last):
+        house = Stage([Actor(*animal, ActorSettings(how="mapped", fade=0.0))])
+        bodies = [person(**{k: v * i / 25 for k, v in last.items()}) for i in range(26)]
+        pose = play(house, "beast", bodies)
+        still = Stage([Actor(*animal, ActorSettings(how="mapped", fade=0.0))]).perform([person()], 0)[0]
+        return {
+            leg: np.linalg.norm((pose.positions - still.positions)[at], axis=1).mean()
+            for leg, at in legs.items()
+        }
+
+    arm, leg = moved(reach=0.7), moved(lift=0.7)
+    assert arm[1, 1] > 0.2 and max(v for k, v in arm.items() if k != (1, 1)) < 0.6 * arm[1, 1]
+    assert leg[-1, -1] > 0.15 and max(v for k, v in leg.items() if k != (-1, -1)) < 0.6 * leg[-1, -1]
+
+
+@pytest.mark.parametrize("how", ["beside", "mapped"])
+def test_beside_it_the_mesh_stays_where_it_is(chair, how):
+    house = Stage([Actor(*chair, ActorSettings(how=how, aside=1.5, fade=0.0))])
+    before = house.perform([person()], 0)[0]
+    assert before.positions[:, 0].mean() == pytest.approx(1.5, abs=0.1)
+    house.perform([person(x=-0.5)], FRAME)
+    house.possess("chair")
+    held = house.perform([person(x=-0.5)], 2 * FRAME)[0]
+    assert np.linalg.norm(held.positions - before.positions, axis=1).max() < 0.02
+    for i in range(30):
+        lifted = house.perform([person(x=-0.5, lift=0.03 * i)], (i + 3) * FRAME)[0]
+    assert np.linalg.norm(lifted.positions - held.positions, axis=1).max() > 0.15
+
+
+@given(
+    st.floats(-1, 1),
+    st.floats(-1.2, 1.2),
+    st.sampled_from(["beside", "mapped"]),
+    st.sampled_from([0.0, 0.5, 1.0]),
+)
+@settings(max_examples=8, deadline=None)
+def test_beside_it_a_rigid_motion_is_carried_over(chair, way, yaw, how, travel):
+    """The law: who walks and turns as a whole turns the mesh so, and moves it by the set share of the way."""
+    house = Stage([Actor(*chair, ActorSettings(how=how, travel=travel, fade=0.0))])
+    start = house.perform([person()], 0)[0]
+    house.possess("chair")
+    for i in range(1, 45):
+        part = min(i / 25, 1)
+        pose = house.perform([person(x=way * part, yaw=yaw * part)], i * FRAME)[0]
+    turn = turn_about_y(yaw)
+    turned = start.positions @ turn.T
+    shift = (pose.positions - turned).mean(0)
+    assert np.linalg.norm(pose.positions - turned - shift, axis=1).max() < 0.03
+    if how == "beside":
+        # The mesh turns about where the performer's hip would be in it.
+        pivot = np.array([1.2, 0.0, -2.5])
+        expected = pivot - turn @ pivot + [travel * way, 0, 0]
+        np.testing.assert_allclose(shift[[0, 2]], expected[[0, 2]], atol=0.05)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=20, deadline=None)
+def test_mapped_bones_keep_their_lengths_and_begin_at_rest(animal, seed):
+    rng = np.random.default_rng(seed)
+    like, body = likeness(animal[1]), person(yaw=rng.uniform(-3, 3))
+    carrying = Mapped(like, body, 1.0)
+    np.testing.assert_allclose(carrying(body.joints), like.joints, atol=1e-9)
+    anything = rng.normal(size=(20, 3))
+    anything[rng.integers(0, 20, 4)] = np.nan
+    out = carrying(anything)
+    for joint in range(1, 20):
+        parent = PARENTS[joint]
+        before = np.linalg.norm(like.joints[joint] - like.joints[parent])
+        assert np.linalg.norm(out[joint] - out[parent]) == pytest.approx(before, abs=1e-9)
+
+
+def saved(path: Path, height: float) -> str:
+    """The chair as a file, so tall."""
+    mesh = make_chair(0.08)
+    factor = height / np.ptp(mesh.vertices[:, 1])
+    lines = ["v {:.7g} {:.7g} {:.7g}".format(*v) for v in mesh.vertices * factor]
+    lines += ["f {} {} {}".format(*(f + 1)) for f in mesh.faces]
+    path.write_text("\n".join(lines))
+    return str(path)
+
+
+SIZES = {"smaller than a hand": 0.08, "chair": 0.9, "tall as a tower": 100.0}
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("scaled", ["mesh", "performer"])
+@pytest.mark.parametrize("how", ["inside", "beside"])
+def test_any_size_is_possessed_alike(tmp_path, size, scaled, how):
+    """The mesh grows to the performer, or keeps its size and moves as large as it is."""
+    own = ActorSettings(scaled=scaled, how=how, fade=0.0)
+    house = Stage([cast(saved(tmp_path / "m.obj", SIZES[size]), 32, own)])
+    house.perform([person()], 0)
+    house.possess("m")
+    still = house.perform([person()], FRAME)[0]
+    tall = 1.75 if scaled == "mesh" else SIZES[size]
+    assert np.ptp(still.positions[:, 1]) == pytest.approx(tall, rel=0.15)
+    for i in range(30):
+        pose = house.perform([leaning(0.02 * i)], (i + 2) * FRAME)[0]
+    farthest = np.linalg.norm(pose.positions - still.positions, axis=1).max()
+    assert 0.2 * tall < farthest < 0.7 * tall
+    assert len(house.cues()["m"].nodes) >= 8
+
+
+def test_metre_for_metre_a_tower_is_out_of_reach_and_a_toy_hangs_on_a_limb(tmp_path):
+    own = ActorSettings(scaled="nobody", fade=0.0)
+    tower = Stage([cast(saved(tmp_path / "tower.obj", 100.0), 32, own)])
+    tower.perform([person()], 0)
+    with pytest.raises(InputError, match="no part of the mesh is within"):
+        tower.possess("tower")
+    toy = Stage([cast(saved(tmp_path / "toy.obj", 0.08), 32, own)])
+    toy.perform([person()], 0)
+    toy.possess("toy")
+    still = toy.perform([person()], FRAME)[0]
+    assert np.ptp(still.positions[:, 1]) == pytest.approx(0.08, rel=0.15)
+    for i in range(20):
+        pose = toy.perform([person(x=0.02 * i)], (i + 2) * FRAME)[0]
+    assert (pose.positions - still.positions)[:, 0].mean() == pytest.approx(0.38, abs=0.03)
+
+
+@pytest.mark.parametrize("height", [1.1, 1.75, 2.0])
+def test_the_mesh_is_as_tall_as_its_performer_or_so_much_taller(chair, height):
+    for ratio in (1.0, 0.6):
+        house = Stage([Actor(*chair, ActorSettings(height_ratio=ratio))])
+        pose = house.perform([person(height=height)], 0)[0]
+        assert pose.linear[0, 1, 1] * np.ptp(chair[0].vertices[:, 1]) == pytest.approx(
+            ratio * height, rel=1e-3
+        )
