@@ -67,7 +67,8 @@ class Dodgeball:
         here = [
             name for name in dict.fromkeys(names) if self._middle(name, spheres, names, owners) is not None
         ]
-        if here and self._wait >= self.settings.every:
+        # A ball in flight is not taken out of the air.
+        if here and self._wait >= self.settings.every and not self._target[self._next]:
             self._wait = 0.0
             self._throw(world, here, spheres, names, owners)
         return "  ".join(f"{name} hit {self.hits[name]}" for name in names if self.hits[name])

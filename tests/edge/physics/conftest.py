@@ -1,0 +1,60 @@
+"""Props, spheres and bodies that the physics' tests play with; skipped where the engine is not installed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="the physics engine is an extra: pip install ./edge[physics]")
+
+from enliven.body import Body
+from enliven.props import BALL, BOX
+from enliven_edge.physics.settings import EngineSettings
+from enliven_edge.physics.world import PropSpecs, World
+from enliven_edge.tracking.model import lengths_for_height
+from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.ranges import standing
+
+FRAME = 1 / 30
+UNBOUND = EngineSettings(budget=0.0)
+"""No wall clock may decide what a test sees."""
+
+
+def boxes(count: int = 1, side: float = 0.2, mass: float = 0.4) -> PropSpecs:
+    """Boxes of one size."""
+    return PropSpecs(
+        np.full(count, BOX, np.uint8),
+        np.full((count, 3), side / 2),
+        np.full(count, mass),
+        np.zeros((count, 3), np.uint8),
+        np.zeros(count),
+    )
+
+
+def balls(count: int = 1, radius: float = 0.1, bounce: float = 0.0) -> PropSpecs:
+    """Balls of one size."""
+    return PropSpecs(
+        np.full(count, BALL, np.uint8),
+        np.full((count, 3), radius),
+        np.full(count, 0.25),
+        np.zeros((count, 3), np.uint8),
+        np.full(count, bounce),
+    )
+
+
+def pushed(speed: float, way: tuple[float, float, float] = (1, 0, 0), frames: int = 30) -> World:
+    """A world in which one sphere has been moved past the place of a box, along ``way``."""
+    world = World(boxes(), UNBOUND)
+    world.put(slice(None), np.array([[0.0, 0.1, 0.0]]))
+    along = np.array(way, float)
+    for k in range(frames):
+        centre = np.array([0.0, 0.12, 0.0]) + min(-0.4 + speed * k * FRAME, 0.1) * along
+        world.move(centre[None], np.array([0.06]))
+        assert world.advance(FRAME) == ""
+    return world
+
+
+def person(at: tuple[float, float] = (0.0, 0.0), number: int = 1, lean: float = 0.0) -> Body:
+    """Somebody 1.75 m tall who stands upright."""
+    posture = Posture(np.array([at[0] + lean, 0.95, at[1]]), standing(elbow=1.5), lengths_for_height(1.75))
+    return Body(number, posture.joints(), np.ones(20))

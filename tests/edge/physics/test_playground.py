@@ -1,0 +1,202 @@
+"""The playground: where it is laid out, who pushes, what the games say, and that it repeats itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from enliven.character import Character, Pose, SkinWeights
+from enliven.errors import InputError
+from enliven.settings import load_settings
+
+from .conftest import FRAME, UNBOUND, person
+
+pytest.importorskip("mujoco", reason="the physics engine is an extra: pip install ./edge[physics]")
+
+from enliven_edge.physics.ground import Ground, ground_under
+from enliven_edge.physics.performers import BODY_SPHERES, body_spheres
+from enliven_edge.physics.playground import Playground
+from enliven_edge.physics.settings import BoxesSettings, DodgeballSettings, PhysicsSettings
+from enliven_edge.physics.towers import tower_places, tower_props
+
+NS = round(1e9 * FRAME)
+SMALL = BoxesSettings(at=((0.5, 0.0),), wide=1, high=3, rebuild=1.0)
+
+
+def block(name: str = "block") -> Character:
+    """A block of 0.3 m that follows one node."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (0, 2) for z in (-1, 1)], np.float32) * 0.15
+    squares = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    faces = np.array([f for a, b, c, d in squares for f in ((a, b, c), (a, c, d))], np.int32)
+    weights = np.zeros((8, 4), np.float32)
+    weights[:, 0] = 1
+    skin = SkinWeights(np.zeros((8, 4), np.uint16), weights)
+    return Character(name, corners, faces, skin, np.zeros((1, 3), np.float32), np.zeros((0, 2), np.int32))
+
+
+def at(place: tuple[float, float, float], name: str = "block", scale: float = 1.0) -> Pose:
+    return Pose(name, 0, scale * np.eye(3, dtype=np.float32)[None], np.array([place], np.float32))
+
+
+def playground(world: str = "boxes", **changes) -> Playground:
+    plain = {"engine": UNBOUND, "place": "fixed", "boxes": SMALL, "bodies": "never", **changes}
+    return Playground(PhysicsSettings(world=world, **plain), [block()])
+
+
+def performed(made: Playground, path, frames: int = 60) -> list[np.ndarray]:
+    """The props' places in every frame of a block that goes along ``path``."""
+    places = []
+    for k in range(frames):
+        props = made.step([at(path(k))], [], set(), k * NS)
+        assert props is not None
+        places.append(props.positions)
+    return places
+
+
+def across(k: int) -> tuple[float, float, float]:
+    return (min(-0.4 + 0.06 * k, 1.2), 0.0, 0.0)
+
+
+def test_a_character_knocks_the_tower_over():
+    made = playground()
+    places = performed(made, across)
+    assert np.abs(places[8] - places[0]).max() < 0.005
+    assert (places[-1][:, 0] > 0.7).all() and places[-1][:, 1].max() < 0.35
+    props = made.step([at(across(60))], [], set(), 60 * NS)
+    assert props.note == "3 of 3 boxes down"
+
+
+def test_the_same_frames_give_the_same_props():
+    first, second = (performed(playground(), across, 40) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_nothing_is_there_before_somebody_shows_the_place():
+    made = playground(place="performer")
+    assert made.step([at((9, 0, 9))], [], set(), 0) is None
+    props = made.step([], [person((2.0, -3.0))], set(), NS)
+    assert np.allclose(props.positions[:, [0, 2]].mean(0), [2.5, -3.0], atol=0.05)
+    again = made.step([], [person((-1.0, -1.0))], set(), 2 * NS)
+    assert np.allclose(again.positions, props.positions, atol=0.01), "the place is known once and for all"
+
+
+@pytest.mark.parametrize(("rule", "holders", "pushes"), [
+    ("never", set(), False), ("free", set(), True), ("free", {1}, False), ("always", {1}, True),
+])  # fmt: skip
+def test_performers_push_where_they_are_said_to(rule, holders, pushes):
+    made = playground(bodies=rule)
+    for k in range(45):
+        body = person((-0.4 + 0.03 * k, 0.0))
+        props = made.step([], [body], holders, k * NS)
+    assert (np.abs(props.positions[:, 0] - 0.5).max() > 0.2) == pushes
+
+
+def test_who_appears_among_the_boxes_flings_nothing():
+    made = playground()
+    made.step([], [], set(), 0)
+    highest = 0.0
+    for k in range(1, 40):
+        made.step([at((0.5, 0.1, 0.05))], [], set(), k * NS)
+        highest = max(highest, float(np.abs(made.world.velocities[:, :3]).max()))
+    assert highest < 4.0 and made.resets == 0
+
+
+def test_characters_scale_leave_and_come_as_they_like():
+    made = playground()
+    made.introduce(block("second"))
+    poses = [
+        [], [at((0, 0, 3))], [at((0, 0, 3), scale=2.0)], [at((0, 0, 3)), at((1, 0, 3), "second")],
+        [at((1, 0, 3), "second")], [at((0, 0, 3), "unknown")], [at((np.nan, 0, 3))],
+    ]  # fmt: skip
+    for k, there in enumerate(poses * 3):
+        props = made.step(there, [person((0, 5), 1)] * (k % 2), set(), k * NS)
+        assert np.abs(props.positions[:, 0] - 0.5).max() < 0.02
+    assert made.resets == 0
+
+
+def test_fallen_towers_stand_again_but_not_on_anybody():
+    made = playground()
+    places = performed(made, across, 60)
+    for k in range(60, 200):
+        props = made.step([at((0.5, 0.0, 0.0))], [], set(), k * NS)
+    assert props.note, "somebody stands where the tower was"
+    for k in range(200, 320):
+        props = made.step([at((5.0, 0.0, 0.0))], [], set(), k * NS)
+    assert np.allclose(props.positions, places[0], atol=0.01) and props.note == ""
+
+
+def test_a_replay_that_begins_again_begins_with_new_towers():
+    made = playground()
+    places = performed(made, across, 60)
+    again = made.step([at(across(0))], [], set(), 0)
+    assert np.allclose(again.positions, places[0], atol=1e-6)
+
+
+def test_a_world_that_lost_its_way_begins_anew(caplog):
+    made = playground()
+    performed(made, lambda k: (-2.0, 0.0, 0.0), 3)
+    made.world.velocities[0, 0] = np.nan
+    props = made.step([], [], set(), 3 * NS)
+    assert made.resets == 1 and "begin anew" in caplog.text
+    assert np.allclose(props.positions, tower_places(SMALL), atol=1e-6)
+
+
+def test_balls_are_thrown_and_hits_are_counted():
+    game = DodgeballSettings(balls=2, every=0.5, flight=0.4, distance=1.5)
+    made = playground("dodgeball", dodgeball=game, bodies="free")
+    for k in range(150):
+        body = person((0.0, -3.0), 7)
+        props = made.step([at((0.0, 0.0, 0.0))], [body], set(), k * NS)
+    assert made.game.hits["block"] >= 1 and made.game.hits["performer 7"] >= 1
+    assert "block hit" in props.note and "performer 7 hit" in props.note
+
+
+def test_who_steps_aside_is_not_hit():
+    game = DodgeballSettings(balls=1, every=0.5, flight=0.8, distance=2.5)
+    made = playground("dodgeball", dodgeball=game)
+    for k in range(120):
+        aside = 1.5 * (k // 20 % 2)
+        made.step([at((aside, 0.0, 0.0))], [], set(), k * NS)
+    always = playground("dodgeball", dodgeball=game)
+    performed(always, lambda k: (0.0, 0.0, 0.0), 120)
+    assert made.game.hits["block"] < always.game.hits["block"]
+
+
+def test_bodies_become_spheres_about_their_joints():
+    centres, radii = body_spheres(person())
+    assert centres.shape == (BODY_SPHERES, 3) and (radii > 0.03).all() and (radii < 0.15).all()
+    broken = person()
+    broken.joints[3] = np.nan
+    assert np.isnan(body_spheres(broken)[0]).any(1).sum() == 3  # the head, and two along the neck
+
+
+def test_the_ground_is_where_a_performer_stands_and_looks():
+    ground = Ground(np.array([1.0, 0.0, 2.0]), np.pi / 2)
+    # Who has turned by a quarter from +Z looks along +X, and has -Z to the left.
+    np.testing.assert_allclose(
+        ground.to_world(np.array([[0, 0, 1.0], [1, 0, 0]])), [[2, 0, 2], [1, 0, 1]], atol=1e-12
+    )
+    found = ground_under(person((3.0, 4.0)))
+    assert found is not None and np.allclose(found.at[[0, 2]], [3, 4], atol=0.05) and abs(found.yaw) < 0.1
+    unseen = replace(person(), confidence=np.zeros(20))
+    assert ground_under(unseen) is None
+
+
+def test_towers_stand_on_the_floor_and_touch_nothing():
+    settings = BoxesSettings()
+    places, props = tower_places(settings), tower_props(settings)
+    assert len(places) == len(props.shapes) == 48
+    assert places[:, 1].min() == pytest.approx(settings.side / 2)
+    apart = np.abs(places[:, None] - places[None]).max(2) + 10 * np.eye(48)
+    assert apart.min() >= settings.side - 1e-9
+
+
+def test_settings_are_read_and_checked():
+    read = load_settings(PhysicsSettings, {"world": "boxes", "boxes": {"at": [[1, 2]], "high": 3}})
+    assert read.boxes.at == ((1.0, 2.0),) and read.boxes.high == 3
+    with pytest.raises(InputError, match=r"'none' or 'boxes' or 'dodgeball'"):
+        load_settings(PhysicsSettings, {"world": "bowling"})
+    with pytest.raises(InputError, match="Use boxes"):
+        Playground(PhysicsSettings(world="none"))
