@@ -213,7 +213,7 @@ def test_any_size_is_possessed_alike(tmp_path, size, scaled, how):
         pose = house.perform([leaning(0.02 * i)], (i + 2) * FRAME)[0]
     farthest = np.linalg.norm(pose.positions - still.positions, axis=1).max()
     assert 0.2 * tall < farthest < 0.7 * tall
-    assert len(house.cues()["m"].nodes) >= 8
+    assert len(house.cues()["m"].nodes) >= 4
 
 
 def test_metre_for_metre_a_tower_is_out_of_reach_and_a_toy_hangs_on_a_limb(tmp_path):
