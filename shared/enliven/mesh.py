@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32, UInt8
 from enliven.errors import InputError
-from enliven.mesh_kernels import corner_sums, face_vectors, first_of_position, split_long_edges
+from enliven.mesh_kernels import corner_sums, face_areas, face_vectors, first_of_position, split_long_edges
 
 Axis = Literal["x", "y", "z"]
 _UP_ROTATIONS: dict[Axis, Float] = {
@@ -53,10 +54,10 @@ class Mesh:
         if problem:
             raise InputError(problem, where=f"mesh {self.name!r}", mend="Export the mesh again.")
 
-    @property
+    @cached_property
     def area(self) -> float:
         """Square metres of all faces (one side)."""
-        return float(np.linalg.norm(self.face_vectors(), axis=1).sum() / 2)
+        return float(face_areas(self.vertices, self.faces).sum() / 2)
 
     @property
     def bounds(self) -> Float:
@@ -89,6 +90,8 @@ def weld(mesh: Mesh) -> tuple[Mesh, Int]:
     asks what hangs together must not see these cuts. Colours are dropped; faces keep their order.
     """
     first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
+    if np.array_equal(first, np.arange(len(first))):
+        return Mesh(mesh.vertices, mesh.faces, mesh.name), first
     kept = np.flatnonzero(first == np.arange(len(first)))
     number = np.zeros(len(first), np.int64)
     number[kept] = np.arange(len(kept))

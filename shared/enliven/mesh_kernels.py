@@ -24,17 +24,78 @@ def face_vectors(vertices, faces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def sharpest_bends(faces, normals, face_normals):  # type: ignore[no-untyped-def]
-    """(V,) for each vertex the least cosine between its normal and those of the faces around it."""
-    out = np.ones(normals.shape[0])
+def face_areas(vertices, faces):  # type: ignore[no-untyped-def]
+    """(F,) twice the area of each face."""
+    out = np.empty(faces.shape[0])
     for f in range(faces.shape[0]):
-        for c in range(3):
-            v = faces[f, c]
-            cosine = 0.0
-            for a in range(3):
-                cosine += normals[v, a] * face_normals[f, a]
-            out[v] = min(out[v], cosine)
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        ux, uy, uz = vertices[j, 0] - x, vertices[j, 1] - y, vertices[j, 2] - z
+        vx, vy, vz = vertices[k, 0] - x, vertices[k, 1] - y, vertices[k, 2] - z
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        out[f] = np.sqrt(nx * nx + ny * ny + nz * nz)
     return out
+
+
+@njit(cache=True, nogil=True)
+def normals_of(vertices, faces, wanted):  # type: ignore[no-untyped-def]
+    """Normals of a few vertices of a large mesh.
+
+    Args:
+        wanted: (W,) the vertices, ascending.
+
+    Returns:
+        (W, 3) area-weighted unit normals (zero where no face of any area touches), and (W,) for each the
+        least cosine between it and the unit normals of the faces around it, at most 1.
+    """
+    number = np.full(vertices.shape[0], -1, np.int32)
+    for w in range(wanted.shape[0]):
+        number[wanted[w]] = w
+    normals, sharpest = np.zeros((wanted.shape[0], 3)), np.ones(wanted.shape[0])
+    touching = np.empty((6 * wanted.shape[0] + 64, 4))
+    of = np.empty(touching.shape[0], np.int32)
+    count = 0
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        if number[i] < 0 and number[j] < 0 and number[k] < 0:
+            continue
+        x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        ux, uy, uz = vertices[j, 0] - x, vertices[j, 1] - y, vertices[j, 2] - z
+        vx, vy, vz = vertices[k, 0] - x, vertices[k, 1] - y, vertices[k, 2] - z
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        if count + 3 > of.shape[0]:
+            touching, of = _twice(touching, of)
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        per = 1.0 / length if length > 0 else 1.0
+        for c in range(3):
+            w = number[faces[f, c]]
+            if w < 0:
+                continue
+            normals[w, 0] += nx
+            normals[w, 1] += ny
+            normals[w, 2] += nz
+            touching[count, 0], touching[count, 1], touching[count, 2] = nx * per, ny * per, nz * per
+            of[count] = w
+            count += 1
+    for w in range(wanted.shape[0]):
+        length = np.sqrt(normals[w, 0] ** 2 + normals[w, 1] ** 2 + normals[w, 2] ** 2)
+        if length > 0:
+            normals[w] /= length
+    for t in range(count):
+        w = of[t]
+        cosine = (
+            normals[w, 0] * touching[t, 0] + normals[w, 1] * touching[t, 1] + normals[w, 2] * touching[t, 2]
+        )
+        sharpest[w] = min(sharpest[w], cosine)
+    return normals, sharpest
+
+
+@njit(cache=True, nogil=True)
+def _twice(rows, of):  # type: ignore[no-untyped-def]
+    """Both arrays with twice the room."""
+    more, longer = np.empty((2 * rows.shape[0], rows.shape[1])), np.empty(2 * of.shape[0], of.dtype)
+    more[: rows.shape[0]], longer[: of.shape[0]] = rows, of
+    return more, longer
 
 
 @njit(cache=True, nogil=True)
@@ -118,6 +179,21 @@ def edge_lengths(vertices, faces):  # type: ignore[no-untyped-def]
             a, b = vertices[faces[f, c]], vertices[faces[f, (c + 1) % 3]]
             out[f, c] = np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
     return out
+
+
+@njit(cache=True, nogil=True)
+def longest_edge(vertices, faces):  # type: ignore[no-untyped-def]
+    """Metres, the longest edge of all faces; zero without faces."""
+    longest = 0.0
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        ux, uy, uz = vertices[j, 0] - x, vertices[j, 1] - y, vertices[j, 2] - z
+        vx, vy, vz = vertices[k, 0] - x, vertices[k, 1] - y, vertices[k, 2] - z
+        longest = max(longest, ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz)
+        wx, wy, wz = ux - vx, uy - vy, uz - vz
+        longest = max(longest, wx * wx + wy * wy + wz * wz)
+    return np.sqrt(longest)
 
 
 def split_long_edges(vertices: Float, faces: Int32, longest: float) -> tuple[Float, Int32, Any, Any]:

@@ -5,7 +5,7 @@ KinÊtre, "Orientation-Aware Sampling" and "Mesh Connectivity and Regularization
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,17 +13,17 @@ from enliven.arrays import Bool, Float, Int, Int32
 from enliven.character import Character, SkinWeights
 from enliven.deformation.connectivity import joints, weak_edges
 from enliven.deformation.sampling import SurfaceSamples, distance_matrix, poisson_disk
-from enliven.deformation.surface import Territories, between_nodes, territories
-from enliven.deformation.weights import blending_weights
+from enliven.deformation.surface import Territories, between_nodes, net_of, territories, ways_from_nodes
+from enliven.deformation.weights import DETOUR, blending_weights, carriers
 from enliven.errors import InputError
-from enliven.mesh import Mesh
+from enliven.mesh import Mesh, weld
 
 NEIGHBOURS = 4
 """The paper's k, for edges and for the nodes that a point follows."""
-_DETOUR = 1.5
-"""How much longer than the straight way, beyond one node spacing, the way along the surface may be."""
 _REACH = 2.5
 """How many node spacings along the surface a neighbour may be away."""
+_FAR = 4.5
+"""How many node spacings along the surface a node may be away from a vertex that follows it."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,7 @@ class DeformationGraph:
         bridges: (E,) the edges whose removal parts the graph.
         cut_vertices: (N,) the nodes whose removal parts the graph.
         radius: metres, the R of the sampling.
+        land: whose land the surface is; None for a graph that was not built on a mesh.
     """
 
     positions: Float
@@ -49,6 +50,7 @@ class DeformationGraph:
     bridges: Bool
     cut_vertices: Bool
     radius: float
+    land: Territories | None = field(default=None, repr=False, compare=False)
 
     @staticmethod
     def build(mesh: Mesh, nodes: int = 128, seed: int = 0, radius: float | None = None) -> DeformationGraph:
@@ -76,9 +78,10 @@ class DeformationGraph:
         Raises:
             InputError: for a mesh without area, or fewer than one node.
         """
-        samples = poisson_disk(mesh, nodes, radius, seed)
-        spacing = _mean_spacing(mesh.area, len(samples.positions))
-        return _linked(samples, territories(mesh, samples.positions, samples.faces, spacing), spacing)
+        welded = weld(mesh)
+        samples = poisson_disk(mesh, nodes, radius, seed, welded)
+        net = net_of(mesh, _mean_spacing(mesh.area, len(samples.positions)), welded)
+        return _linked(samples, territories(net, samples.positions, samples.faces))
 
     def skin(self, mesh: Mesh) -> SkinWeights:
         """Four nodes and weights for each vertex of the mesh that the graph was built on (or its refinement
@@ -93,16 +96,14 @@ class DeformationGraph:
                 mend="Use the mesh that the graph was built on.",
             )
         spacing = _mean_spacing(mesh.area, len(self.positions))
-        land = territories(mesh, self.positions, self.faces, spacing)
-        lengths = np.linalg.norm(self.positions[self.edges[:, 0]] - self.positions[self.edges[:, 1]], axis=1)
-        ways = between_nodes(
-            len(self.positions),
-            np.concatenate([land.borders, self.edges]),
-            np.concatenate([land.lengths, lengths]),
-            8 * spacing,
-        )
-        near = ~_detours(self.positions, ways, spacing) | _through(self.positions, self.normals, spacing)
-        return blending_weights(mesh.vertices, land.owner, self.positions, near, NEIGHBOURS)
+        land = self.land
+        if land is None or land.net.mesh is not mesh:
+            land = territories(net_of(mesh, spacing), self.positions, self.faces)
+        ways = between_nodes(len(self.positions), land.borders, land.lengths)
+        followed = carriers(self.positions, ways, spacing)
+        leaps = self.edges[np.isinf(ways[self.edges[:, 0], self.edges[:, 1]])]
+        near = ways_from_nodes(land, followed, leaps, spacing, _FAR * spacing)
+        return blending_weights(land.net, near, self.positions, spacing, NEIGHBOURS)
 
 
 def character_from(mesh: Mesh, graph: DeformationGraph, id: str) -> Character:
@@ -127,7 +128,7 @@ def _mean_spacing(area: float, count: int) -> float:
 def _detours(positions: Float, ways: Float, spacing: float) -> Bool:
     """(N, N) true where the way along the surface is much longer than the straight one."""
     straight = np.linalg.norm(positions[:, None] - positions[None], axis=2)
-    return np.asarray(ways > _DETOUR * straight + spacing)
+    return np.asarray(ways > DETOUR * straight + spacing)
 
 
 def _through(positions: Float, normals: Float, spacing: float) -> Bool:
@@ -141,22 +142,16 @@ def _through(positions: Float, normals: Float, spacing: float) -> Bool:
     return np.asarray(behind & behind.T & (np.linalg.norm(way, axis=2) < 2 * spacing))
 
 
-def _linked(samples: SurfaceSamples, land: Territories, spacing: float) -> DeformationGraph:
+def _linked(samples: SurfaceSamples, land: Territories) -> DeformationGraph:
     """The graph over ``samples``."""
     count = len(samples.positions)
+    spacing = _mean_spacing(land.net.mesh.area, count)
     apart = distance_matrix(samples)
     straight = np.linalg.norm(samples.positions[:, None] - samples.positions[None], axis=2)
-    ways = between_nodes(count, land.borders, land.lengths, np.inf)
-    same_shell = land.shell[:, None] == land.shell[None]
-    far = np.where(
-        same_shell,
-        _detours(samples.positions, ways, spacing) | (ways > _REACH * spacing),
-        straight > _DETOUR * spacing,
-    )
+    ways = between_nodes(count, land.borders, land.lengths)
+    far = _detours(samples.positions, ways, spacing) | (ways > _REACH * spacing)
     # What D cannot judge comes after all that it can, by the way along the surface.
-    around = np.where(
-        same_shell & np.isfinite(ways), apart[np.isfinite(apart)].max(initial=0.0) + ways, np.inf
-    )
+    around = np.where(np.isfinite(ways), apart[np.isfinite(apart)].max(initial=0.0) + ways, np.inf)
     np.fill_diagonal(around, np.inf)
     edges = _nearest_edges(np.where(far | np.isinf(apart), around, apart), NEIGHBOURS)
     opposite = np.where(_through(samples.positions, samples.normals, spacing), straight, np.inf)
@@ -164,12 +159,12 @@ def _linked(samples: SurfaceSamples, land: Territories, spacing: float) -> Defor
     across = np.where(np.isfinite(apart), apart, straight)
     # Ways along the surface come first: no way between shells is shorter than any of them.
     longest = float(ways[np.isfinite(ways)].max(initial=0.0))
-    links = np.where(same_shell & np.isfinite(ways), ways, longest + across)
+    links = np.where(np.isfinite(ways), ways, longest + across)
     edges = np.concatenate([edges, joints(count, edges, links)])
     edges = np.unique(edges, axis=0).astype(np.int32)
     bridges, cuts, hanging = weak_edges(count, edges)
     return DeformationGraph(
-        samples.positions, samples.normals, samples.faces, edges, hanging, bridges, cuts, samples.radius
+        samples.positions, samples.normals, samples.faces, edges, hanging, bridges, cuts, samples.radius, land
     )
 
 

@@ -10,7 +10,7 @@ from numba import njit
 from enliven.arrays import Float, Int, Int32
 from enliven.errors import InputError
 from enliven.mesh import Mesh, weld
-from enliven.mesh_kernels import sharpest_bends
+from enliven.mesh_kernels import face_areas, face_vectors, normals_of
 
 _DARTS_PER_NODE = 80
 _SMOOTH = 0.75
@@ -33,46 +33,61 @@ class SurfaceSamples(NamedTuple):
     radius: float
 
 
-def scatter(mesh: Mesh, count: int, rng: np.random.Generator) -> SurfaceSamples:
+def scatter(
+    mesh: Mesh, count: int, rng: np.random.Generator, welded: tuple[Mesh, Int] | None = None
+) -> SurfaceSamples:
     """``count`` independent points, uniform over the area, with interpolated normals (radius 0).
 
     A corner takes the welded vertex normal where the surface is smooth there, and the face's own normal at a
     crease, so that a sphere of few faces is round and a box keeps its edges.
     """
-    areas = np.linalg.norm(mesh.face_vectors(), axis=1)
-    total = float(areas.sum())
+    along = np.cumsum(face_areas(mesh.vertices, mesh.faces))
+    total = float(along[-1]) if len(along) else 0.0
     if not (np.isfinite(total) and total > 0):
         raise InputError("the mesh has no area", where=mesh.name, mend="Give a mesh with faces.")
     # Stratified along the area: the same distribution, with less chance of holes.
-    along = (np.arange(count) + rng.random(count)) / count * total
-    faces = np.minimum(np.searchsorted(np.cumsum(areas), along), len(areas) - 1)
+    chosen = (np.arange(count) + rng.random(count)) / count * total
+    faces = np.minimum(np.searchsorted(along, chosen), len(along) - 1)
     a, b = rng.random((2, count))
     over = a + b > 1
     a, b = np.where(over, 1 - a, a), np.where(over, 1 - b, b)
     weights = np.stack([1 - a - b, a, b], -1)[..., None]
     positions = (mesh.vertices[mesh.faces[faces]] * weights).sum(1)
-    normals = (_corner_normals(mesh, faces) * weights).sum(1)
+    normals = (_corner_normals(mesh, faces, welded or weld(mesh)) * weights).sum(1)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return SurfaceSamples(positions, normals, faces.astype(np.int32), 0.0)
 
 
-def _corner_normals(mesh: Mesh, faces: Int) -> Float:
+def _corner_normals(mesh: Mesh, faces: Int, welded: tuple[Mesh, Int]) -> Float:
     """(N, 3, 3) unit normals at the corners of ``faces`` (N,)."""
-    welded, welded_of = weld(mesh)
-    own = mesh.face_normals()[faces][:, None]
-    normals = welded.vertex_normals()
-    sharpest = sharpest_bends(welded.faces, normals, welded.face_normals())
+    whole, welded_of = welded
     corners = welded_of[mesh.faces[faces]]
-    return np.where((sharpest[corners] > _SMOOTH)[..., None], normals[corners], own)
+    wanted, number = np.unique(corners, return_inverse=True)
+    normals, sharpest = normals_of(whole.vertices, whole.faces, wanted)
+    own = _unit(face_vectors(mesh.vertices, mesh.faces[faces]))[:, None]
+    number = number.reshape(corners.shape)
+    return np.where((sharpest[number] > _SMOOTH)[..., None], normals[number], own)
 
 
-def poisson_disk(mesh: Mesh, nodes: int = 128, radius: float | None = None, seed: int = 0) -> SurfaceSamples:
+def _unit(vectors: Float) -> Float:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0, length, 1.0))
+
+
+def poisson_disk(
+    mesh: Mesh,
+    nodes: int = 128,
+    radius: float | None = None,
+    seed: int = 0,
+    welded: tuple[Mesh, Int] | None = None,
+) -> SurfaceSamples:
     """Points that are no nearer to each other than R under the orientation-aware distance D of eq. 6.
 
     Dart throwing in a fixed random order over area-weighted candidates. With ``radius`` the number of points
     follows. Without, there are exactly ``nodes``: R starts at the paper's sqrt(A / N), which gives fewer
     points on a plane and more where the surface bends; it is bisected until the maximal pattern over the
     same candidates has N points, or the fewest above N, of which those thrown last are left out.
+    ``welded`` is what :func:`enliven.mesh.weld` makes of the mesh, where it is known.
 
     Raises:
         InputError: for a mesh without area, no nodes, or a radius that is not positive.
@@ -84,7 +99,7 @@ def poisson_disk(mesh: Mesh, nodes: int = 128, radius: float | None = None, seed
     rng = np.random.default_rng(seed)
     area = mesh.area
     wanted = nodes if radius is None else max(1, min(int(4 * area / radius**2), 20_000))
-    darts = scatter(mesh, max(4000, _DARTS_PER_NODE * wanted), rng)
+    darts = scatter(mesh, max(4000, _DARTS_PER_NODE * wanted), rng, welded)
     order = rng.permutation(len(darts.positions))
     positions, normals = darts.positions[order], darts.normals[order]
     if radius is None:

@@ -1,71 +1,274 @@
-"""Distances along a surface: which node each vertex belongs to, and how far nodes are from each other.
+"""Distances along a surface: how far nodes and vertices are from each other, and whose land is whose.
 
 Two legs may be near in space and far along the surface. Whoever links nodes, or lets vertices follow nodes,
-asks here first. Paths run along the edges of the welded mesh, halved until they are short enough.
+asks here first. Ways run over a *net*: the welded mesh's own edges where the mesh is coarse, halved until
+they are short enough; where it is fine, the vertices within one cell of a grid that hang together within it
+become one point of the net, so that a million vertices cost no more than ten thousand. Cells never join two
+sheets that meet elsewhere. The net also leads through thin parts, and across the seams between shells.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from enliven.arrays import Float, Int, Int32
+from enliven.arrays import Float, Float32, Int, Int32
+from enliven.deformation import surface_kernels as kernels
+from enliven.deformation.connectivity import components
 from enliven.mesh import Mesh, weld
-from enliven.mesh_kernels import shells, split_long_edges
+from enliven.mesh_kernels import longest_edge, split_long_edges
 
 _MOST_VERTICES = 200_000
+_CELLS = 6
+"""Cells of the net along one node spacing."""
+_LONGEST = 1 / 3
+"""Edges are halved until they are shorter than this many node spacings."""
+_CROWDED = 50_000
+_PIECES = 6
+"""Pieces to a cell, in the mean, from which on a net of more than 50,000 points is a soup's."""
+_THIN = 1 / 2
+"""Two points that lie behind each other are linked where they are nearer than this many spacings."""
+_SEAM = 1 / 2
+"""The same, for points of two shells one of which goes on where the other ends."""
+_TOUCH = 1 / 10
+"""The same, for points of two shells whichever way they face."""
 
 
-class Territories(NamedTuple):
-    """Who is near whom along the surface.
+class Web(NamedTuple):
+    """A weighted undirected graph over points.
 
     Attributes:
-        owner: (V,) the node that each vertex of the mesh is nearest to along the surface.
-        shell: (N,) the number of the shell that each node lies on.
+        edges: (E, 2) int32, each once.
+        lengths: (E,) metres.
+    """
+
+    edges: Int32
+    lengths: Float
+
+
+@dataclass(frozen=True)
+class Net:
+    """The points that ways along a surface run over.
+
+    Attributes:
+        mesh: the surface it stands for.
+        cell: metres, the side of the grid's cells.
+        points: (C, 3) metres: means of the vertices that each stands for.
+        normals: (C, 3) unit, outward; zero where no face of any area touches.
+        radii: (C,) metres, from each point to the farthest of its vertices.
+        of_vertex: (V,) int32, the point that stands for each vertex of the mesh.
+        shell: (C,) the number of the shell that each point is on.
+        web: along the surface, through thin parts, and across seams.
+        label: (W,) int32, the point that stands for each vertex of the welded and cut mesh.
+        faces: (G, 3) the faces of that mesh.
+        origin: (G,) the mesh's face that each was cut from, ascending; None where none was cut.
+    """
+
+    mesh: Mesh
+    cell: float
+    points: Float
+    normals: Float
+    radii: Float32
+    of_vertex: Int32
+    shell: Int
+    web: Web
+    label: Int32
+    faces: Int32
+    origin: Int | None
+
+
+def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -> Net:
+    """The net of a mesh whose nodes will be about ``spacing`` metres apart.
+
+    Args:
+        mesh: any triangles.
+        welded: what :func:`enliven.mesh.weld` makes of the mesh, where it is known.
+    """
+    whole, welded_of = welded or weld(mesh)
+    vertices, faces, origin = _halved(whole, _LONGEST * spacing)
+    cell = spacing / _CELLS
+    cells = kernels.grid_cells(vertices, cell)
+    label, count = kernels.clusters(faces, cells)
+    if count > _CROWDED:
+        # A soup of tiny pieces has many to a cell, and none leads anywhere: then a cell is one point.
+        occupied, by_cell = np.unique(cells, return_inverse=True)
+        if count > _PIECES * len(occupied):
+            label, count = by_cell.reshape(-1).astype(np.int32), len(occupied)
+    points, radii = kernels.means(vertices, label, count)
+    edges, normals = kernels.joined(vertices, faces, label, count)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals /= np.where(length > 0, length, 1.0)
+    shell = components(count, edges)
+    links = _links(points, normals, shell, spacing)
+    web = _web(points, np.concatenate([edges, links]))
+    return Net(mesh, cell, points, normals, radii, label[welded_of], shell, web, label, faces, origin)
+
+
+def _halved(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | None]:
+    """The vertices and faces of a finer mesh, and each face's number in the mesh given (None: the same)."""
+    vertices, faces = welded.vertices, welded.faces
+    origin: Int | None = None
+    while longest_edge(vertices, faces) > longest:
+        finer, split, _, source = split_long_edges(vertices, faces, longest)
+        if len(finer) > max(_MOST_VERTICES, len(welded.vertices)):
+            break
+        vertices, faces, origin = finer, split, source if origin is None else origin[source]
+    return vertices, faces, origin
+
+
+def _links(points: Float, normals: Float, shell: Int, spacing: float) -> Int32:
+    """(L, 2) pairs of points that are near although no way along the surface says so."""
+    reach = max(_THIN, _SEAM, _TOUCH) * spacing
+    order, starts, around = kernels.grid(points, reach)
+    return np.asarray(
+        kernels.near_pairs(
+            points,
+            normals,
+            shell,
+            order,
+            starts,
+            around,
+            np.array([_THIN * spacing, _SEAM * spacing, _TOUCH * spacing]),
+        ),
+        np.int32,
+    )
+
+
+def _web(points: Float, edges: Int32) -> Web:
+    """The edges with their straight lengths."""
+    return Web(edges, np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1))
+
+
+@dataclass(frozen=True)
+class Territories:
+    """The net with nodes in it, and who is near whom.
+
+    Attributes:
+        net: the surface.
+        web: the net's edges, and those that tie the nodes in; node j is point C + j.
+        owner: (C,) the node that each point of the net is nearest to along the surface.
         borders: (B, 2) pairs of nodes whose territories touch.
         lengths: (B,) metres, the shortest way between the two across their border.
     """
 
+    net: Net
+    web: Web
     owner: Int
-    shell: Int
     borders: Int
     lengths: Float
 
+    @property
+    def owner_of_vertex(self) -> Int:
+        """(V,) the node that each vertex of the mesh is nearest to along the surface."""
+        return np.asarray(self.owner[self.net.of_vertex])
 
-def territories(mesh: Mesh, positions: Float, faces: Int32, spacing: float) -> Territories:
-    """Split the mesh between nodes by distance along the surface (a geodesic Voronoi diagram).
 
-    A shell without any node goes to the node that is nearest in space.
+def territories(net: Net, positions: Float, faces: Int32) -> Territories:
+    """Split the surface between nodes by distance along it (a geodesic Voronoi diagram).
+
+    A part without any node goes, as a whole, to the node that is nearest in space.
 
     Args:
-        mesh: any triangles.
+        net: of the mesh.
         positions: (N, 3) metres, the nodes.
-        faces: (N,) the face of ``mesh`` that each node lies on.
-        spacing: metres between nodes; edges longer than half of it are halved.
+        faces: (N,) the face of the mesh that each node lies on.
     """
-    welded, welded_of = weld(mesh)
-    vertices, small, origin = _halved(welded, spacing / 2)
-    start, seed_vertex, seed_length = _seeds(vertices, small, origin, positions, faces)
-    offsets, neighbours = _adjacency(small, len(vertices))
-    lengths, owner = _spread(vertices, offsets, neighbours, start, seed_vertex, seed_length)
-    # A seed that another node owns is a border too; it links nodes that own no vertex at all.
-    inner = np.stack([start, owner[seed_vertex]], 1)
-    outer, across = _crossings(vertices, small, lengths, owner)
-    borders, across = _shortest(
-        np.concatenate([inner, outer]), np.concatenate([seed_length + lengths[seed_vertex], across])
+    count = len(net.points)
+    web = _tied(net, positions, faces)
+    sources = count + np.arange(len(positions))
+    lengths, owner = kernels.spread(*_adjacency(web, count + len(positions)), sources)
+    owner = np.where(owner < 0, -1, owner - count)
+    ends = owner[web.edges]
+    crossing = (ends[:, 0] != ends[:, 1]) & (ends >= 0).all(1)
+    a, b = web.edges[crossing].T
+    borders, across = _shortest(ends[crossing], lengths[a] + web.lengths[crossing] + lengths[b])
+    return Territories(net, web, owner[:count], borders, across)
+
+
+def _tied(net: Net, positions: Float, faces: Int32) -> Web:
+    """The net's web with each node tied to the corners of its face, and each part without a node to one."""
+    count = len(net.points)
+    origin = np.arange(len(net.faces)) if net.origin is None else net.origin
+    first, last = np.searchsorted(origin, faces), np.searchsorted(origin, faces, side="right")
+    node = np.repeat(np.arange(len(faces)), (last - first) * 3)
+    inside = np.concatenate([net.faces[a:b].reshape(-1) for a, b in zip(first, last, strict=True)])
+    corner = net.label[inside]
+    ties = np.unique(np.stack([corner, count + node], 1), axis=0).astype(np.int32)
+    part = components(count + len(faces), np.concatenate([net.web.edges, ties]))
+    ties = np.concatenate([ties, _adoptions(net.points, part, positions)])
+    ends = np.concatenate([net.points, positions])
+    lengths = np.linalg.norm(ends[ties[:, 0]] - ends[ties[:, 1]], axis=1)
+    return Web(np.concatenate([net.web.edges, ties]), np.concatenate([net.web.lengths, lengths]))
+
+
+def _adoptions(points: Float, part: Int, positions: Float) -> Int32:
+    """(O, 2) one tie, from its nearest point to the nearest node, for each part without a node."""
+    count = len(points)
+    orphans = np.flatnonzero(~np.isin(part[:count], part[count:]))
+    if len(orphans) == 0:
+        return np.empty((0, 2), np.int32)
+    length, nearest = cKDTree(positions).query(points[orphans])
+    order = np.lexsort((length, part[orphans]))
+    label = part[orphans][order]
+    first = np.concatenate([[True], label[1:] != label[:-1]])
+    return np.stack([orphans[order][first], count + nearest[order][first]], 1).astype(np.int32)
+
+
+def _adjacency(web: Web, count: int) -> tuple[Int32, Int32, Float]:
+    """CSR neighbours of each point: offsets (count + 1,), neighbours and lengths (2 E,)."""
+    rows, columns = np.concatenate([web.edges, web.edges[:, ::-1]]).T
+    order = np.argsort(rows, kind="stable")
+    offsets = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))]).astype(np.int32)
+    return offsets, columns[order], np.concatenate([web.lengths, web.lengths])[order]
+
+
+def ways_from_nodes(
+    land: Territories, nodes: Int, joints: Int32, spacing: float, reach: float
+) -> tuple[Int, Int32, Float]:
+    """Which nodes lie within ``reach`` metres of each point of the net along the surface, and how far.
+
+    Args:
+        nodes: (M,) the nodes that are asked for, ascending.
+        joints: (E, 2) pairs of nodes between which no way leads; they count as ``spacing`` metres apart.
+
+    Returns:
+        CSR over the points: offsets (C + 1,), nodes (K,) ascending at each point, and metres (K,).
+    """
+    count = len(land.net.points)
+    web = Web(
+        np.concatenate([land.web.edges, (count + joints).astype(np.int32)]),
+        np.concatenate([land.web.lengths, np.full(len(joints), spacing)]),
     )
-    shell = shells(small, len(vertices))
-    node_shell = shell[small[np.searchsorted(origin, faces), 0]]
-    _adopt_orphans(vertices, shell, owner, positions)
-    return Territories(owner[welded_of], node_shell, borders, across)
+    offsets, neighbours, lengths = _adjacency(web, int(web.edges.max(initial=0)) + 1)
+    ends, which, metres = kernels.ways(offsets, neighbours, lengths, count + nodes, count, reach)
+    return ends, nodes.astype(np.int32)[which], metres
 
 
-def between_nodes(count: int, edges: Int, lengths: Float, limit: float) -> Float:
+def points_around(net: Net, reach: float) -> tuple[Int, Int32]:
+    """CSR: offsets (C + 1,) and the points within ``reach`` metres along the net of each, nearest first.
+
+    Points that stand for one position have none but themselves.
+    """
+    count = len(net.points)
+    sources = np.flatnonzero(net.radii > 0)
+    ends, which, metres = kernels.ways(*_adjacency(net.web, count), sources, count, reach)
+    # Ways are the same in both directions, so what reached a point is around it.
+    order = np.lexsort((metres, np.repeat(np.arange(count), np.diff(ends))))
+    return ends, sources.astype(np.int32)[which[order]]
+
+
+def members(of_vertex: Int32, count: int) -> tuple[Int, Int32]:
+    """CSR: offsets (C + 1,) and the vertices of each point."""
+    starts, order = kernels.by_label(of_vertex, count)
+    return starts, order
+
+
+def between_nodes(count: int, edges: Int, lengths: Float, limit: float = np.inf) -> Float:
     """(N, N) the shortest way between nodes over weighted edges; infinite beyond ``limit`` metres."""
     if len(edges) == 0:
         return np.where(np.eye(count, dtype=bool), 0.0, np.inf)
@@ -73,126 +276,6 @@ def between_nodes(count: int, edges: Int, lengths: Float, limit: float) -> Float
     pairs, shortest = _shortest(edges.astype(np.int64), lengths)
     graph = csr_matrix((np.maximum(shortest, 1e-12), (pairs[:, 0], pairs[:, 1])), (count, count))
     return np.asarray(dijkstra(graph, directed=False, limit=limit))
-
-
-def _halved(welded: Mesh, longest: float) -> tuple[Float, Int32, Int]:
-    """The vertices and faces of a finer mesh, and each face's number in the mesh given (ascending)."""
-    vertices, faces = welded.vertices, welded.faces
-    origin = np.arange(len(faces))
-    while True:
-        finer, split, parents, source = split_long_edges(vertices, faces, longest)
-        if len(parents) == 0 or len(finer) > max(_MOST_VERTICES, len(welded.vertices)):
-            return vertices, faces, origin
-        vertices, faces, origin = finer, split, origin[source]
-
-
-def _seeds(
-    vertices: Float, small: Int32, origin: Int, positions: Float, faces: Int32
-) -> tuple[Int, Int, Float]:
-    """(K,) node, vertex and length of the straight ways from each node to the corners inside its face."""
-    first = np.searchsorted(origin, faces)
-    last = np.searchsorted(origin, faces, side="right")
-    node = np.repeat(np.arange(len(faces)), (last - first) * 3)
-    corner = np.concatenate([small[a:b].reshape(-1) for a, b in zip(first, last, strict=True)])
-    return node, corner.astype(np.int64), np.linalg.norm(vertices[corner] - positions[node], axis=1)
-
-
-@njit(cache=True, nogil=True)
-def _adjacency(faces, count):  # type: ignore[no-untyped-def]
-    """CSR neighbours of each vertex; an edge of two faces is there twice, which does no harm."""
-    offsets = np.zeros(count + 1, np.int64)
-    for f in range(faces.shape[0]):
-        for c in range(3):
-            offsets[faces[f, c] + 1] += 2
-    for v in range(count):
-        offsets[v + 1] += offsets[v]
-    fill = offsets[:-1].copy()
-    neighbours = np.empty(offsets[count], np.int32)
-    for f in range(faces.shape[0]):
-        for c in range(3):
-            v = faces[f, c]
-            neighbours[fill[v]] = faces[f, (c + 1) % 3]
-            neighbours[fill[v] + 1] = faces[f, (c + 2) % 3]
-            fill[v] += 2
-    return offsets, neighbours
-
-
-@njit(cache=True, nogil=True)
-def _spread(vertices, offsets, neighbours, node, seed_vertex, seed_length):  # type: ignore[no-untyped-def]
-    """Dijkstra from all nodes at once: (V,) metres to the nearest node (infinite: none), and which (-1)."""
-    count = vertices.shape[0]
-    lengths = np.full(count, np.inf)
-    owner = np.full(count, -1, np.int64)
-    done = np.zeros(count, np.bool_)
-    keys = np.empty(neighbours.shape[0] + seed_vertex.shape[0] + 1)
-    items = np.empty(keys.shape[0], np.int32)
-    size = 0
-    for s in range(seed_vertex.shape[0]):
-        v = seed_vertex[s]
-        if seed_length[s] < lengths[v]:
-            lengths[v] = seed_length[s]
-            owner[v] = node[s]
-            size = _push(keys, items, size, seed_length[s], v)
-    while size > 0:
-        v = items[0]
-        size = _pop(keys, items, size)
-        if done[v]:
-            continue
-        done[v] = True
-        for e in range(offsets[v], offsets[v + 1]):
-            u = neighbours[e]
-            if done[u]:
-                continue
-            dx = vertices[u, 0] - vertices[v, 0]
-            dy = vertices[u, 1] - vertices[v, 1]
-            dz = vertices[u, 2] - vertices[v, 2]
-            length = lengths[v] + np.sqrt(dx * dx + dy * dy + dz * dz)
-            if length < lengths[u]:
-                lengths[u] = length
-                owner[u] = owner[v]
-                size = _push(keys, items, size, length, u)
-    return lengths, owner
-
-
-@njit(cache=True, nogil=True)
-def _push(keys, items, size, key, item):  # type: ignore[no-untyped-def]
-    """Add to a binary heap in two arrays; returns the new size."""
-    i = size
-    while i > 0:
-        parent = (i - 1) // 2
-        if keys[parent] <= key:
-            break
-        keys[i], items[i] = keys[parent], items[parent]
-        i = parent
-    keys[i], items[i] = key, item
-    return size + 1
-
-
-@njit(cache=True, nogil=True)
-def _pop(keys, items, size):  # type: ignore[no-untyped-def]
-    """Take the smallest key off the heap; returns the new size."""
-    size -= 1
-    key, item = keys[size], items[size]
-    i = 0
-    while 2 * i + 1 < size:
-        child = 2 * i + 1
-        if child + 1 < size and keys[child + 1] < keys[child]:
-            child += 1
-        if key <= keys[child]:
-            break
-        keys[i], items[i] = keys[child], items[child]
-        i = child
-    keys[i], items[i] = key, item
-    return size
-
-
-def _crossings(vertices: Float, faces: Int32, lengths: Float, owner: Int) -> tuple[Int, Float]:
-    """(M, 2) the owners of the two ends of the mesh's edges, and (M,) the way between them over the edge."""
-    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    pairs = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]]
-    a, b = pairs[:, 0], pairs[:, 1]
-    across = lengths[a] + np.linalg.norm(vertices[a] - vertices[b], axis=1) + lengths[b]
-    return owner[pairs], across
 
 
 def _shortest(pairs: Int, lengths: Float) -> tuple[Int, Float]:
@@ -204,17 +287,3 @@ def _shortest(pairs: Int, lengths: Float) -> tuple[Int, Float]:
     first = np.ones(len(pairs), bool)
     first[1:] = (pairs[1:] != pairs[:-1]).any(1)
     return pairs[first], lengths[first]
-
-
-def _adopt_orphans(vertices: Float, shell: Int, owner: Int, positions: Float) -> None:
-    """Give each shell without a node, as a whole, to the node that is nearest to any of its vertices."""
-    orphans = np.flatnonzero(owner < 0)
-    if len(orphans) == 0:
-        return
-    length, nearest = cKDTree(positions).query(vertices[orphans])
-    order = np.lexsort((length, shell[orphans]))
-    label = shell[orphans][order]
-    first = np.concatenate([[True], label[1:] != label[:-1]])
-    node_of = np.full(int(shell.max()) + 1, -1, np.int64)
-    node_of[label[first]] = nearest[order][first]
-    owner[orphans] = node_of[shell[orphans]]

@@ -1,0 +1,167 @@
+"""Blending weights: local, linear, and continuous along the surface."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.surface import between_nodes, net_of
+from enliven.deformation.weights import carriers
+from enliven.isosurface import surface_of
+from enliven.mesh import Mesh, refine
+from enliven.shapes import make_chair
+
+
+def capsules(points, ends, radius):
+    def one(a, b):
+        t = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+        return np.linalg.norm(points - a - t[:, None] * (b - a), axis=1) - radius
+
+    return np.min([one(np.array(a), np.array(b)) for a, b in ends], 0)
+
+
+FORK = [
+    ((-0.1, 0.05, 0.0), (-0.1, 0.6, 0.0)),
+    ((0.1, 0.05, 0.0), (0.1, 0.6, 0.0)),
+    ((-0.1, 0.6, 0.0), (0.1, 0.6, 0.0)),
+]
+
+
+def fork(cell):
+    """Two prongs 10 cm apart on one handle."""
+    low, high = np.array([-0.2, -0.05, -0.1]), np.array([0.2, 0.7, 0.1])
+    return Mesh(*surface_of(lambda p: capsules(p, FORK, 0.05), low, high, cell), "fork")
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    return fork(0.02)
+
+
+def slow_weights(mesh, graph, spacing):
+    """The docstring's definition, on a net that is the mesh itself: (V, N) weights."""
+    net = net_of(mesh, spacing)
+    assert (net.radii == 0).all(), net.radii
+    land = graph.land
+    count, nodes = len(net.points), len(graph.positions)
+    a, b = land.web.edges.T
+    web = csr_matrix((land.web.lengths, (a, b)), (count + nodes, count + nodes))
+    ways = dijkstra(web, directed=False, indices=count + np.arange(nodes))[:, net.of_vertex].T
+    followed = carriers(graph.positions, between_nodes(nodes, land.borders, land.lengths), spacing)
+    straight = np.linalg.norm(mesh.vertices[:, None] - graph.positions, axis=2)
+    distance = straight + 2 * np.maximum(0, ways - 1.5 * straight - spacing)
+    out = np.zeros((len(mesh.vertices), nodes))
+    for v, row in enumerate(distance):
+        near = followed[np.argsort(row[followed], kind="stable")[:5]]
+        fall = 1 - row[near[:4]] / row[near[4]]
+        out[v, near[:4]] = fall / fall.sum()
+    return out
+
+
+def dense(skin, nodes):
+    out = np.zeros((len(skin.indices), nodes))
+    np.add.at(out, (np.arange(len(out))[:, None], skin.indices.astype(int)), skin.weights)
+    return out
+
+
+def folded(step=0.024):
+    """A sheet folded into a U, 10 cm from one wing to the other, as a regular grid."""
+    along = np.arange(0, 1.1, step)
+    turn = np.clip((along - 0.45) / 0.05, 0, np.pi)
+    y = np.minimum(along, 0.45) + 0.05 * np.sin(turn) - np.maximum(along - 0.45 - 0.05 * np.pi, 0)
+    z = 0.05 * (1 - np.cos(turn))
+    across = np.arange(0, 0.3, step)
+    n = np.arange(len(along) * len(across)).reshape(len(along), -1)
+    vertices = np.stack(
+        [np.tile(across, len(along)), np.repeat(y, len(across)), np.repeat(z, len(across))], 1
+    )
+    corners = np.stack([n[:-1, :-1], n[:-1, 1:], n[1:, 1:], n[1:, :-1]], -1).reshape(-1, 4)
+    return Mesh(vertices, np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]]), "fold")
+
+
+@pytest.mark.parametrize("nodes", [24, 60])
+def test_weights_are_what_their_definition_says(nodes):
+    mesh = folded()
+    graph = DeformationGraph.build(mesh, nodes)
+    expected = slow_weights(mesh, graph, np.sqrt(mesh.area / nodes))
+    np.testing.assert_allclose(dense(graph.skin(mesh), nodes), expected, atol=2e-6)
+    plain = np.linalg.norm(mesh.vertices[:, None] - graph.positions, axis=2).argmin(1)
+    # The guard: the wings do stand so near that straight distances would mix them.
+    assert (plain != expected.argmax(1)).sum() > 10
+
+
+def test_a_finer_mesh_of_the_same_surface_has_nearly_the_same_weights(coarse):
+    """The fine one's net is of clusters, the coarse one's of vertices."""
+    fine = refine(coarse, 0.004)
+    whole = DeformationGraph.build(coarse, 24)
+    spacing = np.sqrt(coarse.area / 24)
+    assert (net_of(fine, spacing).radii > 0).mean() > 0.9
+    graph = DeformationGraph(
+        *(getattr(whole, name) for name in ("positions", "normals")),
+        np.array(
+            [np.abs(fine.vertices[fine.faces].mean(1) - p).sum(1).argmin() for p in whole.positions], np.int32
+        ),
+        *(getattr(whole, name) for name in ("edges", "rigid", "bridges", "cut_vertices", "radius")),
+    )
+    apart = np.abs(dense(graph.skin(fine), 24)[: len(coarse.vertices)] - dense(whole.skin(coarse), 24)).sum(1)
+    assert np.quantile(apart, 0.95) < 0.1
+    assert apart.mean() < 0.03
+
+
+def jumps(mesh, skin, nodes):
+    """(E,) how much the weights of neighbouring vertices differ, and how far these are apart."""
+    weights = dense(skin, nodes)
+    a, b = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).T
+    return np.abs(weights[a] - weights[b]).sum(1), np.linalg.norm(mesh.vertices[a] - mesh.vertices[b], axis=1)
+
+
+def test_weights_are_continuous():
+    """Shorter edges differ less: a largest difference would stay where there were a jump."""
+    mesh = fork(0.02)
+    nodes, largest = 24, []
+    graph = DeformationGraph.build(mesh, nodes)
+    for longest in (0.02, 0.005):
+        fine = refine(mesh, longest)
+        # The same nodes on the finer mesh, so that only the resolution changes.
+        faces = [np.abs(fine.vertices[fine.faces].mean(1) - p).sum(1).argmin() for p in graph.positions]
+        same = DeformationGraph(
+            graph.positions,
+            graph.normals,
+            np.array(faces, np.int32),
+            graph.edges,
+            graph.rigid,
+            graph.bridges,
+            graph.cut_vertices,
+            graph.radius,
+        )
+        largest.append(jumps(fine, same.skin(fine), nodes)[0].max())
+    assert largest[-1] < 0.5 * largest[0]
+
+
+@settings(deadline=None, max_examples=15)
+@given(st.integers(0, 2**32 - 1), st.integers(5, 40))
+def test_carriers_are_apart_and_near_to_every_node(seed, count):
+    rng = np.random.default_rng(seed)
+    positions = rng.random((count, 3))
+    straight = np.linalg.norm(positions[:, None] - positions[None], axis=2)
+    chosen = carriers(positions, straight, 0.5, least=1)
+    apart = straight[np.ix_(chosen, chosen)] + 9 * np.eye(len(chosen))
+    assert apart.min() >= 0.35
+    assert straight[:, chosen].min(1).max() < 0.35
+
+
+def test_few_nodes_carry_all(coarse):
+    for nodes in (1, 2, 4):
+        graph = DeformationGraph.build(coarse, nodes)
+        assert set(np.unique(graph.skin(coarse).indices)) == set(range(nodes))
+
+
+def test_the_chair_does_not_tear_where_no_node_is_near_another():
+    """Neighbouring vertices of the chair follow nearly the same nodes."""
+    chair = make_chair()
+    differ, _ = jumps(chair, DeformationGraph.build(chair, 128).skin(chair), 128)
+    assert np.quantile(differ, 0.999) < 0.9
+    assert differ.mean() < 0.16
