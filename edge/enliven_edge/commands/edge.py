@@ -115,6 +115,7 @@ def serve(
     with contextlib.ExitStack() as stack:
         sensor = _opened(sources, chosen, stack)
         actor = _prepared(mesh, chosen)
+        playground = _playground(chosen.physics, [actor.character])
         outlet = stack.enter_context(Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite))
         outlet.introduce(actor.character)
         service = Edge(
@@ -125,7 +126,7 @@ def serve(
             possess_at=possess_at,
             parts=parts,
             stop_after=seconds,
-            physics=_playground(chosen.physics, [actor.character]),
+            physics=playground,
             health=HealthMonitor(
                 chosen.health, fps=getattr(sensor, "fps", None), far=chosen.tracker.scene.far
             ),
