@@ -17,6 +17,11 @@ class ActorSettings:
     place: Literal["meet", "fixed"] = setting(
         "meet", "'meet' puts the mesh where the performer stands, 'fixed' leaves it as modelled."
     )
+    stand: Literal["fitted", "modelled"] = setting(
+        "fitted",
+        "'fitted' moves and turns a mesh from a file until a standing person fits into it best; 'modelled' "
+        "keeps its own origin and front (+Z).",
+    )
     how: Literal["inside", "beside", "mapped"] = setting(
         "inside",
         "'inside': the performer stands in the mesh; 'beside': the mesh stays where it stands and moves as "

@@ -14,6 +14,7 @@ from enliven.mesh import Mesh, fit_height, refine
 from enliven.mesh_files import load_mesh
 from enliven.shapes import make_chair
 from enliven_edge.actor import Actor, ActorSettings
+from enliven_edge.standing import stood_in
 
 log = logging.getLogger(__name__)
 
@@ -27,8 +28,9 @@ _LONGEST_EDGE = 0.04
 def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: str = "y") -> Actor:
     """The actor of a mesh file, or of a mesh that the project makes.
 
-    A mesh that meets its performer is scaled to a person's height and refined where its triangles are too
-    large to bend; one that stays fixed is taken as modelled, in metres.
+    A mesh that meets its performer is scaled to a person's height, moved to where a standing person fits into
+    it, and refined where its triangles are too large to bend; one that stays fixed is taken as modelled, in
+    metres.
 
     Args:
         spec: a path, or a name of :data:`MADE`.
@@ -62,4 +64,8 @@ def _prepared(spec: str, settings: ActorSettings, up: str) -> tuple[Mesh, float]
     if settings.place == "fixed":
         return mesh, 1.0
     size = float(np.ptp(mesh.vertices[:, "xyz".index(up)])) / _HEIGHT
-    return refine(fit_height(mesh, _HEIGHT, up), _LONGEST_EDGE), size  # type: ignore[arg-type]
+    mesh = fit_height(mesh, _HEIGHT, up)  # type: ignore[arg-type]
+    if settings.stand == "fitted":
+        mesh, fit = stood_in(mesh)
+        log.info("%s: moved to where a standing person fits into it (%.0f %%)", spec, 100 * fit)
+    return refine(mesh, _LONGEST_EDGE), size
