@@ -115,7 +115,8 @@ def serve(
     with contextlib.ExitStack() as stack:
         sensor = _opened(sources, chosen, stack)
         actor = _prepared(mesh, chosen)
-        playground = _playground(chosen.physics, [actor.character])
+        live = any(source.sensor != "replay" for source in sources)
+        playground = _playground(chosen.physics, [actor.character], live)
         outlet = stack.enter_context(Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite))
         outlet.introduce(actor.character)
         service = Edge(
@@ -166,12 +167,14 @@ def _prepared(mesh: str, chosen: EdgeSettings) -> Actor:
     return actor
 
 
-def _playground(chosen: PhysicsSettings, characters: list[Character]) -> Playground | None:
-    """The loose things, ready for the first frame, or None."""
+def _playground(chosen: PhysicsSettings, characters: list[Character], live: bool) -> Playground | None:
+    """The loose things, ready for the first frame, or None; a recording gives the same every time."""
     if chosen.world == "none":
         return None
     from enliven_edge.physics.playground import Playground
 
+    if not live:
+        chosen = dataclasses.replace(chosen, engine=dataclasses.replace(chosen.engine, budget=0.0))
     playground = Playground(chosen, characters)
     playground.warm_up()
     return playground

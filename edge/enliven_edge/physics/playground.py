@@ -108,7 +108,10 @@ class Playground:
             if self._ground is None:
                 return None
             self.game.begin(self.world, self._ground)
+        late = self.world.left_out
         trouble = self.world.advance(seconds)
+        if self.world.left_out > late == 0.0:
+            log.warning("the physics take longer than engine.budget, so now and then they lag behind")
         if trouble:
             self._reset(trouble)
         self._note = self.game.play(self.world, spheres, names, owners, seconds)

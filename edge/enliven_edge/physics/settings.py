@@ -20,7 +20,10 @@ class EngineSettings:
         0.1, "Time made up after a pause; more is left out.", unit="s", low=0.0, high=2.0
     )
     budget: float = setting(
-        0.02, "Wall time a frame may take; what is left of it is left out. 0: no bound.", unit="s", low=0.0
+        0.02,
+        "Wall time a live frame may take; the rest of it is left out. 0: no bound.",
+        unit="s",
+        low=0.0,
     )
     gravity: float = setting(9.81, "Downwards.", unit="m/s²", low=-50.0, high=50.0)
     stiffness: float = setting(0.02, "Time in which a contact settles.", unit="s", low=0.001, high=0.2)
