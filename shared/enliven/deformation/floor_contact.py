@@ -1,0 +1,139 @@
+"""The mesh's own feet on the floor: nothing sinks into it, and a foot that stands does not slide."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from enliven.arrays import Float, Int
+from enliven.character import Character
+from enliven.deformation.planes import PlaneConstraints
+from enliven.deformation.soft import Points, joined_planes, spread
+from enliven.settings import setting
+
+_SOLES = 96
+"""Points that stand for all feet."""
+_ELSEWHERE = 160
+"""Points that stand for the rest of the mesh."""
+_LOW = 0.04
+"""Share of the height up to which a vertex belongs to a foot."""
+
+
+@dataclass(frozen=True)
+class FloorSettings:
+    """What the mesh does on the floor; lengths are shares of the mesh's height."""
+
+    use: Literal["off", "above", "stand"] = setting(
+        "off", "'above': nothing of the mesh sinks into the floor; 'stand': and feet that stand do not slide."
+    )
+    touch: float = setting(0.02, "A foot so near the floor may stand.", low=0.0, high=1.0)
+    still: float = setting(0.12, "A foot slower than this, in heights a second, stands.", low=0.0, high=10.0)
+    dwell: float = setting(0.1, "After so long.", unit="s", low=0.0, high=10.0)
+    give: float = setting(0.08, "A foot that is drawn so far from where it stood lets go.", low=0.0, high=1.0)
+    ease: float = setting(0.2, "Time to let go, and to stand.", unit="s", low=0.0, high=10.0)
+    weight: float = setting(1.0, "How hard the floor holds, beside a bone's sample.", low=0.0, high=1000.0)
+
+
+@dataclass
+class Foot:
+    """One foot, and whether it stands.
+
+    Attributes:
+        points: which of the soles' points.
+        stood: (P, 2) metres, x and z where it stands; None while it does not.
+        firm: 0..1 how firmly it is held.
+        since: seconds for which it has been still.
+        last: (P, 3) metres, where its points were a frame ago.
+    """
+
+    points: Int
+    stood: Float | None = None
+    firm: float = 0.0
+    since: float = 0.0
+    last: Float | None = None
+    letting_go: bool = False
+
+
+class FloorContact:
+    """The floor under one mesh, in its rest space."""
+
+    def __init__(self, character: Character, settings: FloorSettings | None = None) -> None:
+        self.settings = settings or FloorSettings()
+        y = character.vertices[:, 1].astype(np.float64)
+        self.height = float(np.ptp(y)) or 1.0
+        low = np.flatnonzero(y < y.min() + _LOW * self.height)
+        soles = low[spread(character.vertices[low], _SOLES)]
+        rest = spread(character.vertices, _ELSEWHERE)
+        self.soles = Points.of(character, soles)
+        self._all = Points.of(character, np.concatenate([soles, np.setdiff1d(rest, soles)]))
+        self._lowest = float(y.min())
+        self.feet = [Foot(group) for group in _groups(self.soles.at, 2.0 * _LOW * self.height)]
+
+    def reset(self) -> None:
+        """No foot stands any more: the mesh was put elsewhere."""
+        self.feet = [Foot(foot.points) for foot in self.feet]
+
+    def planes(
+        self, linear: Float, positions: Float, seconds: float, floor: float = 0.0
+    ) -> PlaneConstraints | None:
+        """The floor's planes for the mesh as it is.
+
+        Args:
+            linear: (N, 3, 3) of the nodes now.
+            positions: (N, 3) of the nodes now.
+            seconds: since the last call.
+            floor: metres, the floor's height in the rest space.
+        """
+        own = self.settings
+        floor = min(floor, self._lowest)
+        now = self._all.moved(linear, positions)
+        near = np.flatnonzero(now[:, 1] < floor + 0.1 * self.height)
+        up = np.tile([0.0, 1.0, 0.0], (len(near), 1))
+        sets = [self._all.planes(near, up, floor, own.weight, True)]
+        if own.use == "stand":
+            for foot in self.feet:
+                self._judge(foot, now[foot.points], seconds, floor)
+            sets += [planes for foot in self.feet if foot.firm > 0 for planes in self._pins(foot)]
+        return joined_planes(sets)
+
+    def _judge(self, foot: Foot, now: Float, seconds: float, floor: float) -> None:
+        """Whether a foot stands, from where its points (P, 3) are now."""
+        own, tall = self.settings, self.height
+        speed = np.inf
+        if foot.last is not None and seconds > 0:
+            speed = float(np.linalg.norm((now - foot.last).mean(0))) / seconds
+        foot.last = now
+        down = now[:, 1].min() < floor + own.touch * tall
+        if foot.stood is not None and not foot.letting_go:
+            drawn = float(np.linalg.norm((now[:, [0, 2]] - foot.stood).mean(0)))
+            foot.letting_go = not down or drawn > own.give * tall
+        step = seconds / own.ease if own.ease > 0 else 1.0
+        if foot.stood is None:
+            foot.since = foot.since + seconds if down and speed < own.still * tall else 0.0
+            if foot.since > own.dwell:
+                foot.stood, foot.firm, foot.letting_go = now[:, [0, 2]].copy(), min(step, 1.0), False
+        else:
+            foot.firm = max(0.0, foot.firm - step) if foot.letting_go else min(1.0, foot.firm + step)
+            if foot.firm == 0.0:
+                foot.stood, foot.since = None, 0.0
+
+    def _pins(self, foot: Foot) -> list[PlaneConstraints]:
+        """Planes across x and z that hold a foot where it stands."""
+        assert foot.stood is not None
+        weight = self.settings.weight * foot.firm
+        count = len(foot.points)
+        return [
+            self.soles.planes(foot.points, np.tile(way, (count, 1)), foot.stood[:, k], weight, False)
+            for k, way in enumerate(([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]))
+        ]
+
+
+def _groups(points: Float, gap: float) -> list[Int]:
+    """The points in groups that are no farther than ``gap`` from one another over the floor."""
+    apart = np.linalg.norm(points[:, None, [0, 2]] - points[None][:, :, [0, 2]], axis=2)
+    count, label = connected_components(csr_matrix(apart < gap), directed=False)
+    return [np.flatnonzero(label == k) for k in range(count)]
