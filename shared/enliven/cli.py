@@ -18,7 +18,7 @@ from enliven import __version__
 from enliven.errors import EnlivenError
 from enliven.logs import start_logging
 
-_ORDER = ("run", "edge", "view", "import", "record", "replay", "calibrate", "synthesize", "doctor")
+_ORDER = ("run", "edge", "view", "import", "record", "replay", "calibrate", "synthesize", "graph", "doctor")
 _INTERRUPTED = 130
 
 HELP = """Step into any mesh and bring it alive.
@@ -29,6 +29,7 @@ HELP = """Step into any mesh and bring it alive.
   enliven import depth/*.png -o take.mcap  bring in a recording made by others
   enliven edge --sensor synthetic          the program beside the camera
   enliven view --edge 192.168.1.20         the program on a screen
+  enliven graph horse.obj -o horse.png     what a mesh is possessed by
   enliven doctor                           what this machine lacks, and how to mend it
 
 Exit codes: 0 done, 1 a fault of enliven, 2 wrong usage, 3 an input that cannot be used, 4 something this

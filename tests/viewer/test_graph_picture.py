@@ -1,0 +1,100 @@
+"""enliven graph, end to end: the picture of a real graph, with each colour where it belongs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from enliven.cli import run
+from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.isosurface import surface_of
+from enliven.mesh import Mesh
+from enliven.mesh_files import save_mesh
+from enliven_viewer.graph_picture import BRIDGE, HEADER, SIDES, fitted, graph_rows, view_of
+from enliven_viewer.render.skinned import linear
+
+SIZE = 320
+
+
+@pytest.fixture(scope="module")
+def balls():
+    """Two balls that do not touch: their graphs hang together by one bridge."""
+    centres = np.array([[0.0, 0.3, 0.0], [0.0, 1.3, 0.0]])
+
+    def field(points):
+        return np.min(np.linalg.norm(points[:, None] - centres, axis=2) - 0.3, axis=1)
+
+    return Mesh(*surface_of(field, np.array([-0.4, -0.1, -0.4]), np.array([0.4, 1.7, 0.4]), 0.04), "balls")
+
+
+def close_to(pixels, colour, tolerance=60):
+    return np.abs(pixels.astype(int) - np.array(colour)).max(-1) < tolerance
+
+
+@pytest.mark.usefixtures("gl")
+def test_the_bridge_is_red_where_it_is(balls, tmp_path, capsys):
+    save_mesh(balls, tmp_path / "balls.obj")
+    picture = tmp_path / "new folder" / "graph.png"
+    arguments = ["graph", str(tmp_path / "balls.obj"), "-o", str(picture), "--nodes", "40", "--height", "0"]
+    assert run([*arguments, "--size", str(SIZE)]) == 0
+    assert "1 bridges and 2 cut vertices" in capsys.readouterr().out
+    pixels = np.asarray(Image.open(picture).convert("RGB"))
+    height = SIZE * 5 // 4
+    assert pixels.shape[1] == 3 * SIZE
+    graph = DeformationGraph.build(balls, 40)
+    shown, nodes, _ = fitted(character_from(balls, graph, "balls"), graph)
+    box = (shown.vertices.min(0).astype(float), shown.vertices.max(0).astype(float))
+    middle = nodes[graph.edges[graph.bridges][0]].mean(0)
+    for number, turn in enumerate(SIDES):
+        x, y = view_of(box, SIZE / height, turn).project(middle[None])[0]
+        column, row = round((number + 0.5 + x / 2) * SIZE), round(HEADER + (0.5 - y / 2) * height)
+        around = pixels[row - 2 : row + 3, column - 2 : column + 3]
+        assert close_to(around, BRIDGE).any(), f"view {number}"
+        # Nothing else in the panel is of that colour but the bridge.
+        red = close_to(pixels[HEADER : HEADER + height, number * SIZE : (number + 1) * SIZE], BRIDGE)
+        assert red.any(1).sum() < height / 3
+
+
+def test_rows_mark_what_is_weak(balls):
+    graph = DeformationGraph.build(balls, 40)
+    rows = graph_rows(graph, graph.positions, 0.2, 0.001)
+    edges = rows[: len(graph.edges)]
+    np.testing.assert_array_equal((edges[:, 8:11] == linear(np.array(BRIDGE))).all(1), graph.bridges)
+    balls_of_nodes = rows[len(graph.edges) :]
+    assert balls_of_nodes[graph.cut_vertices, 3].min() > balls_of_nodes[~graph.cut_vertices, 3].max()
+    # However many nodes, nothing is thinner than a pixel.
+    assert graph_rows(graph, graph.positions, 0.0001, 0.001)[:, 3].min() >= 0.0008
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "told"),
+    [
+        (["missing.obj", "-o", "out.png"], 3, "no such file"),
+        (["points.ply", "-o", "out.png"], 3, "no faces"),
+        (["chair", "-o", "out.xyz"], 3, "cannot write .xyz"),
+        (["chair", "-o", "out.png", "--radius", "-1"], 3, "radius"),
+        (["tri.obj", "-o", "out.png", "--height", "-2"], 3, "height"),
+        (["chair", "-o", "out.png", "--up", "w"], 2, "up"),
+        (["chair"], 2, "output"),
+    ],
+)
+def test_what_cannot_be_drawn(arguments, code, told, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("points.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        "end_header\n0 0 0\n1 0 0\n0 1 0\n"
+    )
+    Path("tri.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert run(["graph", *arguments]) == code
+    assert told in capsys.readouterr().err.lower()
+    assert not Path("out.png").exists()
+
+
+@pytest.mark.usefixtures("gl")
+def test_a_place_that_cannot_be_written(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "tri.obj").write_text("v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nf 1 2 3\n")
+    arguments = [str(tmp_path / "tri.obj"), "-o", str(tmp_path / "file" / "out.png"), "--nodes", "5"]
+    assert run(["graph", *arguments, "--size", "160", "--height", "0"]) == 4
+    assert "cannot be written" in capsys.readouterr().err

@@ -1,0 +1,67 @@
+"""enliven graph: a picture of the deformation graph of any mesh."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from enliven.errors import InputError
+
+CHAIR = "chair"
+_LONGEST_EDGE = 0.04
+"""Metres: as the edge refines what it puts on stage, so that the graph is the same."""
+_WRITABLE = (".png", ".jpg", ".jpeg", ".webp")
+
+
+def graph(
+    mesh: Annotated[str, typer.Argument(help='A mesh file, or "chair".')],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The picture to make: png, jpg or webp.")],
+    nodes: Annotated[int, typer.Option(min=1, max=65535, help="How many nodes.")] = 128,
+    radius: Annotated[
+        float | None, typer.Option(help="Metres between nodes instead; their number follows.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Another seed is another choice of nodes.")] = 0,
+    up: Annotated[Literal["x", "y", "z"], typer.Option(help="The mesh's own axis that points up.")] = "y",
+    height: Annotated[
+        float, typer.Option(help="Metres that the mesh is scaled to; 0 takes it as modelled.")
+    ] = 1.75,
+    size: Annotated[int, typer.Option(min=160, max=4096, help="Width of each of the three views.")] = 640,
+) -> None:
+    """Draw the deformation graph that a mesh would be possessed by, from three sides.
+
+    \b
+      enliven graph horse.obj -o horse.png
+      enliven graph chair -o chair.png --nodes 256
+      enliven graph scan.ply -o scan.png --up z --radius 0.1
+
+    Nodes that part the graph, and the edges that a part hangs by, are marked: KinEtre's E_rig acts there.
+    """
+    if output.suffix.lower() not in _WRITABLE:
+        known = ", ".join(ending[1:] for ending in _WRITABLE)
+        raise InputError(
+            f"cannot write {output.suffix or 'no'} pictures", where=str(output), mend=f"Known: {known}."
+        )
+    # Heavy modules are imported only here, so that the help is quick.
+    from enliven.deformation.graph import DeformationGraph, character_from
+    from enliven.mesh import fit_height, refine
+    from enliven.mesh_files import load_mesh
+    from enliven.shapes import make_chair
+    from enliven_viewer.graph_picture import write_graph_picture
+
+    if mesh == CHAIR:
+        shape = make_chair()
+    else:
+        shape, notes = load_mesh(mesh)
+        for note in notes:
+            typer.echo(f"enliven: {note}", err=True)
+        if height != 0:
+            shape = refine(fit_height(shape, height, up), _LONGEST_EDGE * height / 1.75)
+    made = DeformationGraph.build(shape, nodes=nodes, seed=seed, radius=radius)
+    name = CHAIR if mesh == CHAIR else Path(mesh).name
+    counts = write_graph_picture(output, character_from(shape, made, name), made, name, (size, size * 5 // 4))
+    typer.echo(
+        f"enliven: {counts.nodes} nodes, {counts.edges} edges, {counts.bridges} bridges and "
+        f"{counts.cut_vertices} cut vertices are in {output}"
+    )
