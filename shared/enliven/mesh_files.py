@@ -14,8 +14,9 @@ from enliven.errors import InputError, ResourceError
 from enliven.mesh import Mesh, weld
 from enliven.mesh_repair import repair
 from enliven.mesh_text import read_medit, read_off
+from enliven.scan_surface import read_pcd, surface_through
 
-READABLE = (".obj", ".off", ".ply", ".stl", ".glb", ".gltf", ".mesh")
+READABLE = (".obj", ".off", ".ply", ".stl", ".glb", ".gltf", ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
 _TEXT_READERS = {".off": read_off, ".mesh": read_medit}
 
@@ -75,6 +76,8 @@ def _read(path: Path, suffix: str) -> Mesh:
     if suffix in _TEXT_READERS:
         vertices, faces = _TEXT_READERS[suffix](path)
         return Mesh(vertices, faces, path.stem)
+    if suffix == ".pcd":
+        return surface_through(*read_pcd(path), name=path.stem)
     log = logging.getLogger("trimesh")
     level, log.level = log.level, logging.CRITICAL
     try:
