@@ -129,7 +129,10 @@ class _Studio:
         since = second - self._possessed_at - self.settings.film.overlay_seconds
         left = 1 - min(max(since / 1.2, 0.0), 1.0)
         shown = left * left * (3 - 2 * left)
-        return Look(body=shown, reveal=shown, cues=shown)
+        # Whoever plays along without a mesh has nothing else to be seen by.
+        holding = sum(cues.state == "possessed" for cues in moment.cues.values())
+        playing = moment.props is not None and len(moment.bodies) > holding
+        return Look(body=1.0 if playing else shown, reveal=shown, cues=shown)
 
     def _caption(self, moment: Moment, second: float) -> None:
         """The time, and whether somebody holds the mesh, in the lower right corner."""

@@ -71,7 +71,8 @@ class Dodgeball:
         if here and self._wait >= self.settings.every and not self._target[self._next]:
             self._wait = 0.0
             self._throw(world, here, spheres, names, owners)
-        return "  ".join(f"{name} hit {self.hits[name]}" for name in names if self.hits[name])
+        told = {1: "once", 2: "twice"}
+        return ", ".join(f"{n} hit {told.get(h, f'{h} times')}" for n in names if (h := self.hits[n]))
 
     def _middle(self, name: str, spheres: Float, names: list[str], owners: list[int]) -> Float | None:
         """(3,) the middle of a target's spheres, None where it has none."""

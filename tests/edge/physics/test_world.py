@@ -144,6 +144,24 @@ def test_chaos_stays_finite(seed):
         assert np.linalg.norm(world.velocities[:, :3], axis=1).max() <= UNBOUND.fastest_prop * (1 + 1e-9)
 
 
+def test_five_minutes_of_rampage_stay_in_the_room():
+    """Limbs that swing through a pile again and again, and now and then leap."""
+    world, rng = tower(4), np.random.default_rng(2)
+    limb = np.stack([np.zeros(6), np.linspace(0.1, 0.9, 6), np.zeros(6)], 1)
+    farthest = 0.0
+    for k in range(9000):
+        if k % 300 == 0:
+            world.put(slice(None), np.array([[0, 0.1 + 0.2 * j, 0] for j in range(4)]))
+        swing = 0.6 * np.sin(0.3 * k * np.array([1.0, 0.0, 0.73]))
+        leap = rng.normal(size=3) if rng.random() < 0.02 else np.zeros(3)
+        world.move(limb + swing + leap, np.full(6, 0.08))
+        assert world.advance(FRAME) == "", k
+        farthest = max(farthest, float(np.abs(world.positions).max()))
+        assert world.positions[:, 1].min() > -0.05, "through the floor"
+    # Boxes are flung some metres in the ten seconds before they are put back, no farther.
+    assert farthest < 40
+
+
 def test_a_world_gone_wrong_says_so_and_begins_anew():
     world = tower()
     world.velocities[1, 2] = np.nan

@@ -1,0 +1,108 @@
+"""Both programs with physics: a performer walks a chair through a tower, a late viewer sees the boxes too."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import av
+import msgspec
+import numpy as np
+import pytest
+
+from enliven.body import Body
+from enliven.frames import BodyFrame
+from enliven.props import Props
+from enliven.recording import Recorder, Recording
+from enliven.wire.convert import message_to_props, props_to_message
+from enliven.wire.messages import PropsMessage
+from enliven_edge.publisher import Publisher
+from enliven_edge.tracking.model import lengths_for_height
+from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.ranges import standing
+from enliven_viewer.link import Link
+
+pytestmark = pytest.mark.system
+FRAMES = 42
+with_engine = pytest.mark.skipif(
+    importlib.util.find_spec("mujoco") is None,
+    reason="the physics engine is an extra: pip install ./edge[physics]",
+)
+
+
+def walk(path: Path) -> None:
+    """A recording of somebody who stands for half a second, and then walks to their left."""
+    with Recorder(path) as recorder:
+        for k in range(FRAMES):
+            hip = np.array([max(0.0, 0.045 * (k - 15)), 0.95, 0.0])
+            posture = Posture(hip, standing(elbow=1.5), lengths_for_height(1.75))
+            body = Body(1, posture.joints(), np.ones(20))
+            recorder.write_frame(BodyFrame([body], k * 33_333_333, "walker"))
+
+
+@with_engine
+def test_a_chair_walks_through_a_tower(tmp_path):
+    walk(tmp_path / "walk.mcap")
+    command = [sys.executable, "-m", "enliven", "run", "--recording", str(tmp_path / "walk.mcap")]
+    command += ["--physics", "boxes", "--film", "--possess-at", "0.1", "--out", str(tmp_path)]
+    take = tmp_path / "take.mcap"
+    done = subprocess.run([*command, "--record", str(take)], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    props = [
+        message_to_props(msgspec.msgpack.decode(data, type=PropsMessage))
+        for _, data in Recording(take).messages("props")
+    ]
+    assert [p.time_ns for p in props] == [k * 33_333_333 for k in range(FRAMES)]
+    first, last = props[0].positions, props[-1].positions
+    assert np.abs(props[10].positions - first).max() < 0.005, "the towers do not stand"
+    # The first tower, 0.62 m to the left, is in the way; its boxes go where the chair goes.
+    assert (last[:24, 1] - first[:24, 1]).min() < -0.3
+    assert (last[:24, 0] - first[:24, 0]).mean() > 0.15
+    half = float(props[0].sizes[0, 0])
+    assert all(p.positions[:, 1].min() > 0.9 * half for p in props)
+    assert "boxes down" in props[-1].note
+    with av.open(str(tmp_path / "enliven.mp4")) as film:
+        picture = next(film.decode(film.streams.video[0])).to_ndarray(format="rgb24").astype(float)
+    # The second layer is green, the fourth violet, colours that the chair and the floor do not have.
+    green = (picture[..., 1] > 1.15 * picture[..., 0]) & (picture[..., 1] > 1.1 * picture[..., 2])
+    assert green.sum() > 500, "no box is in the picture"
+
+
+def test_without_the_engine_it_says_what_to_install(tmp_path):
+    """As on a machine without the extra: the engine cannot be found."""
+    blind = "import importlib.util as u, sys; find = u.find_spec\n"
+    blind += "u.find_spec = lambda name, *more: None if name == 'mujoco' else find(name, *more)\n"
+    blind += (
+        "from enliven.cli import main; sys.argv = ['enliven', 'edge', '--physics', 'boxes']; sys.exit(main())"
+    )
+    done = subprocess.run([sys.executable, "-c", blind], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 4, done.stderr
+    assert "enliven-edge[physics]" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_a_late_joiner_sees_what_lies_about():
+    props = Props(
+        5,
+        np.arange(2),
+        np.array([0, 1], np.uint8),
+        np.full((2, 3), 0.1, np.float32),
+        np.full((2, 3), 9, np.uint8),
+        np.array([[1.0, 0.1, 0.0], [2.0, 0.1, 0.0]]),
+        np.tile([1.0, 0, 0, 0], (2, 1)),
+    )
+    with Publisher(name=f"props-{time.monotonic_ns()}", pose_port=0, control_port=0) as publisher:
+        publisher.publish(props_to_message(props))
+        late = Link([publisher.endpoint])
+        found: list[Props] = []
+        deadline = time.monotonic() + 10
+        while not found and time.monotonic() < deadline:
+            publisher.poll()
+            late.poll()
+            found += late.take_props()
+            time.sleep(0.002)
+        late.close()
+    assert found and np.allclose(found[0].positions, props.positions, atol=3e-4)

@@ -1,0 +1,141 @@
+"""Loose things in the viewer: on the timeline, between moments, from a take, in the picture."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+
+from enliven.character import Character
+from enliven.props import BALL, BOX, Props
+from enliven.recording import Recorder
+from enliven.rotation import from_rotation_vector
+from enliven.wire.convert import character_to_message, pose_to_message, props_to_message
+from enliven.wire.posecode import PoseCodec
+from enliven_viewer.camera import OrbitCamera
+from enliven_viewer.document import Document
+from enliven_viewer.interpolation import blend_props
+from enliven_viewer.render.props import block_template, prop_rows
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import Look, Scene, scene_of
+from enliven_viewer.takes import Take
+from enliven_viewer.timeline import NS, Timeline
+
+
+def loose(time_ns: int = 0, shift: float = 0.0, ids: tuple[int, ...] = (0, 1), turn: float = 0.0) -> Props:
+    """A box at the left and a ball at the right, or more such."""
+    count = len(ids)
+    positions = np.array([[-0.5 + k, 0.2, shift] for k in range(count)])
+    turns = np.tile(from_rotation_vector(np.array([0.0, turn, 0.0])), (count, 1))
+    shapes = np.array([BOX, BALL] * count, np.uint8)[:count]
+    colours = np.array([(200, 40, 40), (40, 200, 40)] * count, np.uint8)[:count]
+    return Props(
+        time_ns, np.array(ids), shapes, np.full((count, 3), 0.2, np.float32), colours, positions, turns, "x"
+    )
+
+
+def test_things_are_blended_by_their_ids() -> None:
+    before, after = loose(0, ids=(3, 4)), loose(100, 0.2, ids=(4, 3), turn=1.0)
+    between = blend_props(before, after, 0.25, 25)
+    assert between is not None and between.time_ns == 25 and between.ids.tolist() == [3, 4]
+    # Thing 3 goes from the left to the right by a metre: it was put there and did not fly.
+    np.testing.assert_allclose(between.positions, before.positions)
+    near = blend_props(loose(0), loose(100, 0.2, turn=1.0), 0.25, 25)
+    np.testing.assert_allclose(near.positions[:, 2], 0.05)
+    np.testing.assert_allclose(
+        near.turns, np.tile(from_rotation_vector(np.array([0, 0.25, 0])), (2, 1)), atol=1e-9
+    )
+    late = blend_props(loose(0), loose(100, 0.2, turn=1.0), 0.75, 75)
+    np.testing.assert_allclose(late.positions[:, 2], 0.15)
+
+
+def test_what_only_one_moment_has_is_the_nearers() -> None:
+    few, many = loose(ids=(1,)), loose(ids=(1, 2))
+    assert len(blend_props(few, many, 0.4, 0)) == 1 and len(blend_props(few, many, 0.6, 0)) == 2
+    assert blend_props(None, many, 0.1, 0) is many and blend_props(None, None, 0.1, 0) is None
+
+
+def test_things_stay_while_their_own_message_is_on_its_way(box: Character) -> None:
+    timeline = Timeline()
+    timeline.add_props(loose(NS))
+    timeline.add_pose(box.rest_pose(NS + NS // 30))
+    assert timeline.at(timeline.end_ns).props is not None
+    timeline.add_pose(box.rest_pose(3 * NS))
+    assert timeline.at(3 * NS).props is None, "long without a word: they are gone"
+
+
+def test_a_take_brings_them_back(tmp_path, box: Character) -> None:
+    codec = PoseCodec(box)
+    with Recorder(tmp_path / "take.mcap") as recorder:
+
+        def put(topic: str, message: object, time_ns: int) -> None:
+            data = msgspec.msgpack.encode(message)
+            recorder.write(topic, f"enliven.{topic}", "{}", "jsonschema", "msgpack", data, time_ns)
+
+        put("character", character_to_message(box, 1), 0)
+        for k in range(5):
+            put("pose", pose_to_message(box.rest_pose(k * NS), codec, revision=1), k * NS)
+            put("props", props_to_message(loose(k * NS, 0.1 * k)), k * NS)
+    document, take = Document(Timeline(bounded=False)), Take(tmp_path / "take.mcap")
+    while take.poll(document):
+        pass
+    assert take.unreadable == 0 and len(document.timeline) == 5
+    found = document.timeline.at(3 * NS).props
+    np.testing.assert_allclose(found.positions, loose(0, 0.3).positions, atol=3e-4)
+    assert found.note == "x"
+
+
+@pytest.mark.parametrize("fineness", [2, 3, 6])
+def test_a_template_is_closed_and_faces_outwards(fineness: int) -> None:
+    vertices, faces = block_template(fineness)
+    direction, corner = vertices[:, :3], vertices[:, 3:]
+    np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1, atol=1e-6)
+    assert set(np.unique(corner)) == {-1.0, 1.0} and (direction * corner >= -1e-6).all()
+    pulled = corner * 0.5 + 0.1 * direction
+    a, b, c = pulled[faces].swapaxes(0, 1)
+    volume = np.einsum("fa,fa->f", a, np.cross(b, c)).sum() / 6
+    # A box of a metre with bevels of 0.1 around it: a little less than 1.2 cubed, if no face is missing.
+    assert 1.6 < volume <= 1.2**3 + 1e-6
+
+
+def test_rows_hold_what_the_shader_takes() -> None:
+    props = loose(turn=0.5)
+    props.positions[0, 1] = np.nan
+    assert len(prop_rows(props, BOX)) == 0 and len(prop_rows(None, BALL)) == 0
+    (row,) = prop_rows(props, BALL)
+    np.testing.assert_allclose(row[:4], [0.5, 0.2, 0.0, 0.2], atol=1e-6)
+    np.testing.assert_allclose(row[4:8], props.turns[1, [1, 2, 3, 0]], atol=1e-6)
+
+
+def test_the_camera_looks_at_what_is_near_and_not_at_what_rolled_away(box: Character) -> None:
+    document = Document()
+    document.add_character(box)
+    document.add_pose(box.rest_pose(0))
+    alone = scene_of(document, document.timeline.at(0), Look()).box
+    document.add_props(loose())
+    both = scene_of(document, document.timeline.at(0), Look())
+    assert both.props is not None and both.box[1][0] > alone[1][0]
+    far = loose()
+    far.positions[:] += [30.0, 0, 0]
+    document.add_props(far)
+    np.testing.assert_allclose(scene_of(document, document.timeline.at(0), Look()).box, alone)
+
+
+def test_boxes_and_balls_are_drawn_and_cast_shadows(gl) -> None:
+    renderer = Renderer(gl, (160, 120))
+    camera = OrbitCamera(0.6)
+    low, high = np.array([-1.0, 0.0, -0.6]), np.array([1.0, 0.8, 0.6])
+    camera.frame((low, high), 4 / 3, at_once=True)
+    view = camera.view(4 / 3)
+    floor = drawn(renderer, Scene(), view)
+    found = drawn(renderer, Scene(props=loose()), view)
+    reddish = (found[..., 0] > 1.6 * found[..., 1]).sum()
+    greenish = (found[..., 1] > 1.6 * found[..., 0]).sum()
+    assert 200 < reddish < 6000 and 150 < greenish < reddish * 1.5
+    grey = np.abs(found - found.mean(-1, keepdims=True)).max(-1) < 12
+    assert ((floor.mean(-1) - found.mean(-1) > 12) & grey).sum() > 60, "there is no shadow on the floor"
+
+
+def drawn(renderer: Renderer, scene: Scene, view) -> np.ndarray:
+    renderer.draw(scene, view)
+    return renderer.pixels().astype(float)
