@@ -37,7 +37,14 @@ def in_a_window(*arguments: str) -> dict[str, Any]:
 def test_a_window_shows_the_scene_and_heeds_its_keys() -> None:
     said = in_a_window()
     assert said["frames"] >= 15 and said["spread"] > 5 and said["errors"] == []
-    assert said["asked"] == [["possess", "box"], ["release", "box"]]
+    assert said["asked"] == [
+        ["possess", "box", None, "all", "alone"],
+        ["possess", "box", None, "legs", "preview"],
+        ["possess", "box", 7, "legs", "preview"],
+        ["possess", "box", 7, "legs", "join"],
+        ["possess", "box", 7, "legs", "extend"],
+        ["release", "box", 7],
+    ]
     assert said["help"] and said["look"] == {"body": 0.0, "reveal": 0.0, "cues": 0.0, "graph": 1.0}
     assert not said["live"] and said["paused"] and said["speed"] == 2.0
     assert said["sizes"] == [400, 260] and said["notice"] == ""

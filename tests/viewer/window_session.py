@@ -8,6 +8,7 @@ import sys
 import glfw
 import numpy as np
 
+from enliven.body import Body
 from enliven.character import Character, Pose, SkinWeights
 from enliven_viewer.app import App
 from enliven_viewer.document import Document, EdgeState
@@ -16,6 +17,10 @@ from enliven_viewer.timeline import NS
 
 PRESSED = [
     glfw.KEY_P,
+    glfw.KEY_3,
+    glfw.KEY_B,
+    glfw.KEY_J,
+    glfw.KEY_E,
     glfw.KEY_R,
     glfw.KEY_H,
     glfw.KEY_G,
@@ -46,14 +51,15 @@ class Feed:
         rest = self.box.rest_pose(self.count * NS // 30)
         moved = rest.positions + np.float32([0.01 * self.count, 0, 0])
         document.add_pose(Pose("box", rest.time_ns, rest.linear, moved))
+        document.add_bodies(rest.time_ns, [Body(7, np.ones((20, 3)), np.ones(20))])
         self.count += 1
         return 1
 
-    def possess(self, character_id: str) -> None:
-        self.asked.append(["possess", character_id])
+    def possess(self, character_id: str, body=None, parts="all", mode="alone") -> None:
+        self.asked.append(["possess", character_id, body, parts, mode])
 
-    def release(self, character_id: str) -> None:
-        self.asked.append(["release", character_id])
+    def release(self, character_id: str, body=None) -> None:
+        self.asked.append(["release", character_id, body])
 
     def close(self) -> None: ...
 

@@ -10,10 +10,12 @@ from typing import Any
 import glfw
 
 from enliven.commands.processes import parent_is_gone
+from enliven.wire.messages import Mode
 from enliven_viewer.camera import OrbitCamera
 from enliven_viewer.controls import Controls
 from enliven_viewer.document import Document
 from enliven_viewer.feed import Feed
+from enliven_viewer.grasp import Grasp
 from enliven_viewer.hud import Hud, HudState, timeline_area
 from enliven_viewer.playback import Playhead
 from enliven_viewer.render.context import window_context
@@ -51,6 +53,7 @@ class App:
         self.camera = OrbitCamera(self.settings.render.opening)
         self.look, self.help, self.scale = Look(), False, 1.0
         self._take, self._with_hud = take, hud
+        self.grasp = Grasp()
         self._framed: tuple[str, ...] | None = None
         self._size = (1, 1)
         self._scene = Scene()
@@ -84,15 +87,25 @@ class App:
                     on_frame(self, renderer)
                 last = now
 
-    def possess(self) -> None:
-        """Ask the feed that whoever is in view takes hold of every character."""
+    def possess(self, mode: Mode = "alone") -> None:
+        """Ask the feed that the chosen performer takes hold of every character with the chosen parts."""
         for name in self.document.characters:
-            self.feed.possess(name)
+            self.feed.possess(name, self.grasp.body, self.grasp.parts, mode)
 
     def release(self) -> None:
-        """Ask the feed that every character is let go."""
+        """Ask the feed that the chosen performer, or everybody, lets go of every character."""
         for name in self.document.characters:
-            self.feed.release(name)
+            self.feed.release(name, self.grasp.body)
+
+    def choose_parts(self, number: int) -> None:
+        """What the next possession takes hold with, and is previewed with from now on."""
+        self.grasp.choose(number)
+        self.possess("preview")
+
+    def choose_performer(self) -> None:
+        """Who the next possession is of: the next one in view, or whoever comes."""
+        self.grasp.next_performer(body.id for body in self._scene.bodies)
+        self.possess("preview")
 
     def frame_all(self) -> None:
         """Bring everything into the picture, seen from the front right."""
@@ -152,6 +165,7 @@ class App:
             speed=head.speed,
             notice=self._notice(),
             help=self.help,
+            grasp="" if self._take else self.grasp.words,
         )
 
     def _notice(self) -> str:

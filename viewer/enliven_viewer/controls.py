@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import glfw
 
+from enliven_viewer.grasp import PARTS
 from enliven_viewer.hud import timeline_fraction
 from enliven_viewer.window import toggle_full_screen
 
@@ -36,7 +37,9 @@ class Controls:
         if action == glfw.RELEASE:
             return
         app, head = self._app, self._app.playhead
-        if action == glfw.PRESS and key in _ONCE:
+        if action == glfw.PRESS and glfw.KEY_1 <= key < glfw.KEY_1 + len(PARTS):
+            app.choose_parts(key - glfw.KEY_1)
+        elif action == glfw.PRESS and key in _ONCE:
             _ONCE[key](app)
         elif action == glfw.PRESS and key == glfw.KEY_ESCAPE:
             glfw.set_window_should_close(window, True)
@@ -127,7 +130,10 @@ _ONCE = {
     glfw.KEY_SPACE: lambda app: app.playhead.toggle_pause(),
     glfw.KEY_L: lambda app: app.playhead.go_live(),
     glfw.KEY_P: lambda app: app.possess(),
+    glfw.KEY_J: lambda app: app.possess("join"),
+    glfw.KEY_E: lambda app: app.possess("extend"),
     glfw.KEY_R: lambda app: app.release(),
+    glfw.KEY_B: lambda app: app.choose_performer(),
     glfw.KEY_F: lambda app: app.frame_all(),
     glfw.KEY_A: lambda app: app.frame_all(),
     glfw.KEY_G: _toggle("graph"),

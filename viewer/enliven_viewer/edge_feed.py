@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 from enliven.wire.convert import messages_to_health
+from enliven.wire.messages import Mode
 from enliven_viewer.document import Document, EdgeState
 from enliven_viewer.link import Link
 from enliven_viewer.received import ReceivedCues, ReceivedPose
@@ -45,13 +46,15 @@ class EdgeFeed:
         document.edge = self._state()
         return len(poses) + len(bodies)
 
-    def possess(self, character_id: str) -> None:
-        """Ask that whoever is in view takes hold of a character."""
-        self._link.possess(character_id)
+    def possess(
+        self, character_id: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
+    ) -> None:
+        """Ask that a performer, or whoever is in view, takes hold of a character."""
+        self._link.possess(character_id, body, parts, mode=mode)
 
-    def release(self, character_id: str) -> None:
-        """Ask that whoever holds a character lets go."""
-        self._link.release(character_id)
+    def release(self, character_id: str, body: int | None = None) -> None:
+        """Ask that a performer, or whoever holds it, lets a character go."""
+        self._link.release(character_id, body=body)
 
     def close(self) -> None:
         """Let the sockets go."""
@@ -61,7 +64,8 @@ class EdgeFeed:
         """Cues that are new, each at its own time; none for what the edge has forgotten."""
         current = self._link.cues
         for cues in self._link.take_cues():
-            document.set_cues(Cues(cues.character, cues.nodes, cues.strengths, cues.state), cues.time_ns)
+            shown = Cues(cues.character, cues.nodes, cues.strengths, cues.state, cues.owners, cues.held)
+            document.set_cues(shown, cues.time_ns)
         for name in self._shown_cues.keys() - current.keys():
             document.forget_cues(name)
         self._shown_cues = current

@@ -18,6 +18,7 @@ from enliven.wire.convert import (
     message_to_bodies,
     message_to_character,
     message_to_cues,
+    message_to_owners,
     message_to_pose,
     message_to_props,
 )
@@ -270,7 +271,16 @@ class EdgeLink:
             return
         nodes, strengths = message_to_cues(message)
         shown = self._label(self.name, message.character)
-        self.cues[shown] = ReceivedCues(shown, message.state, nodes, strengths, message.body, message.time_ns)
+        self.cues[shown] = ReceivedCues(
+            shown,
+            message.state,
+            nodes,
+            strengths,
+            message.body,
+            message.time_ns,
+            message_to_owners(message),
+            message.held,
+        )
         self.new_cues.append(self.cues[shown])
 
     def _ask(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from enliven.wire.messages import Mode
 from enliven_viewer.document import Document
 
 
@@ -19,12 +20,20 @@ class Feed(Protocol):
         """Apply what has arrived since the last call, without waiting; 0 where nothing had."""
         ...
 
-    def possess(self, character_id: str) -> None:
-        """Ask that whoever is in view takes hold of a character."""
+    def possess(
+        self, character_id: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
+    ) -> None:
+        """Ask that a performer takes hold of a character.
+
+        Args:
+            body: who; None: whoever is in view.
+            parts: what of the body, as in :data:`enliven.body.PARTS`.
+            mode: who else holds it then; "preview": only show what would be held.
+        """
         ...
 
-    def release(self, character_id: str) -> None:
-        """Ask that whoever holds a character lets go."""
+    def release(self, character_id: str, body: int | None = None) -> None:
+        """Ask that a performer, or whoever holds it, lets a character go."""
         ...
 
     def close(self) -> None:

@@ -16,7 +16,11 @@ KEYS = (
     ("Left / Right", "one pose back, forward"),
     ("Up / Down", "faster, slower"),
     ("L", "live"),
-    ("P / R", "possess, release"),
+    ("P / J", "possess alone, beside others"),
+    ("E", "hold with these parts as well"),
+    ("R", "release"),
+    ("1 ... 9", "with what: all, upper body, legs, ..."),
+    ("B", "whose: anybody's, performer by performer"),
     ("F", "frame everything"),
     ("G / S", "graph, skeleton"),
     ("H", "this help"),
@@ -52,6 +56,7 @@ class HudState:
         live, paused, speed: of the playhead.
         notice: one line for the middle of the picture, or empty.
         help: whether the keys are listed.
+        grasp: what the next possession takes, or empty.
     """
 
     edge: EdgeState | None = None
@@ -65,6 +70,7 @@ class HudState:
     speed: float = 1.0
     notice: str = ""
     help: bool = False
+    grasp: str = ""
 
 
 def timeline_area(size: tuple[int, int], scale: float) -> tuple[float, float, float, float]:
@@ -226,6 +232,8 @@ def _state_lines(state: HudState) -> list[str]:
         if edge.pose_to_screen_ms is not None:
             text += f", to screen {edge.sensor_to_pose_ms + edge.pose_to_screen_ms:.0f} ms"
         lines.append(text)
+    if edge is not None and edge.connected and state.grasp:
+        lines.append(state.grasp)
     if edge is not None and edge.message:
         lines.append(edge.message[:58])
     return lines

@@ -12,7 +12,7 @@ import zmq
 from enliven.character import Character
 from enliven.errors import InputError
 from enliven.props import Props
-from enliven.wire.messages import Answer, Possess, Refused, Release, Smooth, StatusMessage
+from enliven.wire.messages import Answer, Mode, Possess, Refused, Release, Smooth, StatusMessage
 from enliven.wire.posecode import warm_up
 from enliven.wire.sockets import Endpoint, parse_endpoint
 from enliven_viewer.edge_link import EdgeLink
@@ -130,19 +130,26 @@ class Link:
         body: int | None = None,
         parts: str = "all",
         on_reply: Callable[[Answer], None] | None = None,
+        mode: Mode = "alone",
     ) -> None:
         """Ask that a body take hold of a character; a refusal comes as a notice.
 
         Args:
             body: the performer's id; None: whoever is in view.
-            parts: a name of :data:`enliven.body.PARTS`.
+            parts: names of :data:`enliven.body.PARTS`, joined with "+".
             on_reply: called from a later :meth:`poll` with Done or Refused, or at once where nobody is there.
+            mode: who else holds it then, see :class:`~enliven.wire.messages.Possess`.
         """
-        self._command(character, lambda own: Possess(own, body, parts), on_reply)
+        self._command(character, lambda own: Possess(own, body, parts, mode), on_reply)
 
-    def release(self, character: str, on_reply: Callable[[Answer], None] | None = None) -> None:
-        """Ask that a character be let go; see :meth:`possess`."""
-        self._command(character, Release, on_reply)
+    def release(
+        self,
+        character: str,
+        on_reply: Callable[[Answer], None] | None = None,
+        body: int | None = None,
+    ) -> None:
+        """Ask that a performer, or everybody, lets a character go; see :meth:`possess`."""
+        self._command(character, lambda own: Release(own, body), on_reply)
 
     def smooth(
         self, body: int, amount: float | None = None, on_reply: Callable[[Answer], None] | None = None

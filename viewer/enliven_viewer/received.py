@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
+
+import numpy as np
 
 from enliven.arrays import Float32, Int32
 from enliven.body import Body
@@ -65,8 +67,10 @@ class ReceivedCues:
         state: "free", "preview" or "possessed".
         nodes: (K,) int32 indices of pivots.
         strengths: (K,) float32 in [0, 1].
-        body: the performer's id, -1 for nobody.
+        body: the performer's id, the first of several; -1 for nobody.
         time_ns: the sensor's clock.
+        owners: (K,) whose each node is, by id; empty where nobody said.
+        held: how many of the first nodes are held, the others would be; None: all or, in a preview, none.
     """
 
     character: str
@@ -75,6 +79,8 @@ class ReceivedCues:
     strengths: Float32
     body: int
     time_ns: int = 0
+    owners: Int32 = field(default_factory=lambda: np.empty(0, np.int32))
+    held: int | None = None
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,18 @@ from enliven.wire.convert import (
     message_to_bodies,
     message_to_character,
     message_to_cues,
+    message_to_owners,
     message_to_pose,
     message_to_props,
 )
-from enliven.wire.messages import BodiesMessage, CharacterMessage, CuesMessage, PoseMessage, PropsMessage
+from enliven.wire.messages import (
+    BodiesMessage,
+    CharacterMessage,
+    CuesMessage,
+    Mode,
+    PoseMessage,
+    PropsMessage,
+)
 from enliven.wire.posecode import PoseCodec
 from enliven_viewer.document import Document, EdgeState
 from enliven_viewer.timeline import Cues
@@ -71,10 +79,12 @@ class Take:
         document.edge = self._state
         return count
 
-    def possess(self, character_id: str) -> None:
+    def possess(
+        self, character_id: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
+    ) -> None:
         """A take is what was performed and never changes."""
 
-    def release(self, character_id: str) -> None:
+    def release(self, character_id: str, body: int | None = None) -> None:
         """A take is what was performed and never changes."""
 
     def close(self) -> None:
@@ -102,7 +112,10 @@ class Take:
             document.add_props(message_to_props(msgspec.msgpack.decode(data, type=PropsMessage)))
         else:
             cues = msgspec.msgpack.decode(data, type=CuesMessage)
-            document.set_cues(Cues(cues.character, *message_to_cues(cues), cues.state), cues.time_ns)
+            shown = Cues(
+                cues.character, *message_to_cues(cues), cues.state, message_to_owners(cues), cues.held
+            )
+            document.set_cues(shown, cues.time_ns)
 
 
 def _merged(recording: Recording, topics: list[str]) -> Iterator[tuple[int, str, bytes]]:

@@ -6,7 +6,9 @@ import bisect
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from enliven.arrays import Float32, Int32
+import numpy as np
+
+from enliven.arrays import Bool, Float32, Int32
 from enliven.body import Body
 from enliven.character import Pose
 from enliven.props import Props
@@ -25,12 +27,22 @@ class Cues:
         nodes: (A,) int32 pivots that the body is attached to.
         strengths: (A,) float32 in [0, 1], how firmly.
         state: "possessed"; or "preview", what would be held if the body took hold now.
+        owners: (A,) whose each pivot is, by id; empty: everything is one performer's.
+        held: how many of the first pivots are held, the others are a preview; None: as the state says.
     """
 
     character: str
     nodes: Int32
     strengths: Float32
     state: str = "possessed"
+    owners: Int32 = field(default_factory=lambda: np.empty(0, np.int32))
+    held: int | None = None
+
+    @property
+    def firm(self) -> Bool:
+        """(A,) whether each pivot is held, and not only previewed."""
+        every = len(self.nodes) if self.state == "possessed" else 0
+        return np.arange(len(self.nodes)) < (every if self.held is None else self.held)
 
 
 @dataclass(frozen=True)

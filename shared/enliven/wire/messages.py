@@ -270,6 +270,10 @@ class GetState(Struct, tag=True, frozen=True):
     character: Name
 
 
+Mode = Literal["alone", "join", "extend", "preview"]
+"""Who else holds a character after somebody took hold of it, see :class:`Possess`."""
+
+
 class Possess(Struct, tag=True, frozen=True):
     """A body takes hold of a character.
 
@@ -286,7 +290,7 @@ class Possess(Struct, tag=True, frozen=True):
     character: Name
     body: Identity | None = None
     parts: Annotated[str, Meta(min_length=1, max_length=160)] = "all"
-    mode: Literal["alone", "join", "extend", "preview"] = "alone"
+    mode: Mode = "alone"
 
 
 class Release(Struct, tag=True, frozen=True):

@@ -9,7 +9,14 @@ from enliven.arrays import Float32
 from enliven_viewer.render.program import load_program, set_uniform
 from enliven_viewer.render.scene import Actor, Scene
 
-CUE_TINT = (1.0, 0.74, 0.22)
+CUE_TINTS = (
+    (1.0, 0.74, 0.22),
+    (0.25, 0.86, 1.0),
+    (1.0, 0.42, 0.66),
+    (0.55, 0.95, 0.38),
+    (0.72, 0.56, 1.0),
+)
+"""Of the first, second, ... performer who holds or would hold a mesh, by their ids."""
 NODE_TINT = (0.30, 0.62, 1.0)
 EDGE_TINT = (0.30, 0.62, 1.0, 0.34)
 CUE_RADIUS = 0.030
@@ -27,8 +34,11 @@ def cue_rows(actor: Actor, strength: float) -> Float32:
     rows = np.empty((int(known.sum()), 8), np.float32)
     rows[:, :3] = actor.pose.positions[cues.nodes[known]]
     rows[:, 3] = CUE_RADIUS * (0.65 + 0.35 * held)
-    rows[:, 4:7] = CUE_TINT
-    rows[:, 7] = strength * (0.35 + 0.65 * held) * (1.0 if cues.state == "possessed" else 0.45)
+    rows[:, 4:7] = CUE_TINTS[0]
+    if len(cues.owners) == len(known):
+        _, which = np.unique(cues.owners, return_inverse=True)
+        rows[:, 4:7] = np.array(CUE_TINTS)[which[known] % len(CUE_TINTS)]
+    rows[:, 7] = strength * (0.35 + 0.65 * held) * np.where(cues.firm[known], 1.0, 0.45)
     return rows
 
 
