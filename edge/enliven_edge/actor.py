@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from enliven.character import Character, Pose
 from enliven.deformation.attachment import Growth, attach
 from enliven.deformation.embedded import EmbeddedSolver
 from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.observed import Seen
 from enliven.errors import InputError
 from enliven_edge.actor_settings import ActorSettings
 from enliven_edge.carrying import Carrying
@@ -20,6 +22,7 @@ from enliven_edge.cues import Cues, State, cues_of
 from enliven_edge.fading import Fading
 from enliven_edge.hold import Grip, Hold, joined
 from enliven_edge.placement import AS_MODELLED, resettled
+from enliven_edge.soft_terms import SoftTerms
 from enliven_edge.whereabouts import Whereabouts
 
 __all__ = ["Actor", "ActorSettings", "Cues", "Mode"]
@@ -55,6 +58,7 @@ class Actor:
         self._met = self.settings.place == "fixed"
         self._solver: EmbeddedSolver | None = None
         self._fading = Fading(self.settings.fade)
+        self._soft = SoftTerms(character, graph, self.settings)
         self._time_ns = 0
         self._seen = False
         self._would: tuple[int | None, str] = (None, "all")
@@ -127,13 +131,17 @@ class Actor:
         parts_named(parts)
         self._would = (body, parts)
 
-    def perform(self, bodies: list[Body], time_ns: int) -> Pose:
-        """The pose at a moment: of the possession, or of the mesh waiting where it stands."""
+    def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> Pose:
+        """The pose at a moment: of the possession, or of the mesh waiting where it stands.
+
+        Args:
+            seen: the surface that the sensor sees of each performer, where it sees depth.
+        """
         if not self._met and bodies and not self.holds:
             self._placement, self._met = self._where.waits(bodies[0]), True
         self._hand_over(bodies, time_ns)
         self._look_for_performers(bodies, time_ns)
-        world = self._placement.state_to_world(*self._solved())
+        world = self._placement.state_to_world(*self._solved(seen or {}, time_ns))
         linear, positions = self._fading(*world, time_ns)
         self._time_ns = time_ns
         return Pose(self.character.id, time_ns, linear.astype(np.float32), positions.astype(np.float32))
@@ -207,6 +215,7 @@ class Actor:
     def _hold(self, holds: list[Hold], start: tuple[Float, Float] | None) -> None:
         """From now on these hold; what is shown eases over."""
         self.holds = holds
+        self._soft.moved_elsewhere()
         self._solver = EmbeddedSolver(self.graph, joined(holds), self.settings.embedded, start)
         self._fading.tear()
 
@@ -235,11 +244,19 @@ class Actor:
             if body is not None:
                 hold.see(body, time_ns)
 
-    def _solved(self) -> tuple[Float, Float]:
+    def _solved(self, seen: Mapping[int, Seen], time_ns: int) -> tuple[Float, Float]:
         """The graph's linear parts and positions in the rest space; as they were where nobody is there."""
         if self._solver is None:
             return np.tile(np.eye(3), (len(self.graph.positions), 1, 1)), self.graph.positions
         if not self._seen:
             return self._solver.state()
-        targets, pulls = zip(*(hold.targets for hold in self.holds), strict=True)
-        return self._solver.solve(np.concatenate(targets), np.concatenate(pulls))
+        own = [hold.targets for hold in self.holds]
+        if self.settings.follow == "surface":
+            unseen = [hold.body not in seen for hold in self.holds]
+            own = [(where, pulls * alone) for (where, pulls), alone in zip(own, unseen, strict=True)]
+        targets, pulls = (np.concatenate(part) for part in zip(*own, strict=True))
+        floor = float(self._placement.to_rest(np.zeros(3))[1])
+        seconds = max(time_ns - self._time_ns, 0) * 1e-9
+        planes = self._soft.planes(self._solver.state(), self.holds, seen, floor, seconds)
+        also: dict[str, Any] = {} if planes is None else {"planes": planes}
+        return self._solver.solve(targets, pulls, **also)

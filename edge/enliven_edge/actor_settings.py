@@ -7,6 +7,9 @@ from typing import Literal
 
 from enliven.deformation.attachment import AttachmentSettings
 from enliven.deformation.embedded import EmbeddedSettings
+from enliven.deformation.floor_contact import FloorSettings
+from enliven.deformation.observed import ObservedSettings
+from enliven.deformation.self_contact import SelfContactSettings
 from enliven.settings import setting
 
 
@@ -42,6 +45,10 @@ class ActorSettings:
         "Who is brought to the other's height: the mesh grows or shrinks, or the performer's moves do; "
         "'nobody': metre for metre.",
     )
+    follow: Literal["skeleton", "surface", "both"] = setting(
+        "skeleton",
+        "What drives the mesh: the tracked bones, the surface that the depth sensor sees, or both.",
+    )
     height_ratio: float = setting(1.0, "The mesh's height over the performer's.", low=0.05, high=20.0)
     fade: float = setting(0.5, "Time to ease over any change of who holds.", unit="s", low=0.0, high=10.0)
     patience: float = setting(
@@ -59,3 +66,6 @@ class ActorSettings:
     farthest_reach: float = setting(0.45, "Longest reach that is tried.", unit="m", low=0.0, high=5.0)
     attachment: AttachmentSettings = setting(AttachmentSettings, "How bones take hold.")
     embedded: EmbeddedSettings = setting(EmbeddedSettings, "The deformation's weights.")
+    observed: ObservedSettings = setting(ObservedSettings, "How the surface follows what is seen.")
+    limbs: SelfContactSettings = setting(SelfContactSettings, "How the mesh's limbs keep out of each other.")
+    floor: FloorSettings = setting(FloorSettings, "What the mesh does on the floor.")

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Float, Float32
 from enliven.body import PARENTS, Body, J, Joint
 from enliven.deformation.bones import bone_rotations, filled
 from enliven.deformation.likeness import Likeness
@@ -29,6 +29,9 @@ class Carrying(Protocol):
 
     def __call__(self, joints: Float) -> Float:
         """(20, 3) joints in the rest space, from (20, 3) in the world."""
+
+    def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
+        """(M, 3) points and (M, 3) normals of the performer's surface in the rest space."""
 
     def handed_over(self, body: Body) -> None:
         """Another body goes on from where the last one was."""
@@ -63,10 +66,18 @@ class Placed:
             self._hip = joints[_HIP, [0, 2]].copy()
             if self.home is None:
                 self.home = self._hip
-        joints = np.array(joints, np.float64)
+        return self._at_rest(joints)
+
+    def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
+        """(M, 3) points and (M, 3) normals of the performer's surface in the rest space."""
+        return self._at_rest(points), np.asarray(normals @ self.placement.rotation, np.float64)
+
+    def _at_rest(self, points: Float | Float32) -> Float:
+        """(M, 3) of the world in the rest space, less the share of the way that the mesh does not go."""
+        points = np.array(points, np.float64)
         if self._hip is not None and self.home is not None:
-            joints[:, [0, 2]] -= (1.0 - self.travel) * (self._hip - self.home)
-        return self.placement.to_rest(joints)
+            points[:, [0, 2]] -= (1.0 - self.travel) * (self._hip - self.home)
+        return self.placement.to_rest(points)
 
     def handed_over(self, body: Body) -> None:
         """Another body goes on from where the last one was; in the mesh, from where it is itself."""
@@ -117,6 +128,10 @@ class Mapped:
             parent = PARENTS[child]
             out[child] = out[parent] + turns[child - 1] @ (own[child] - own[parent])
         return out
+
+    def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
+        """Nothing: no surface of a person lies on a mesh of another shape."""
+        return np.empty((0, 3)), np.empty((0, 3))
 
     def handed_over(self, body: Body) -> None:
         """Another body goes on from where the last one was."""

@@ -52,6 +52,11 @@ class Hold:
     _targets: Float | None = field(default=None, repr=False)
     _pulls: Float | None = field(default=None, repr=False)
 
+    @property
+    def carrying(self) -> Carrying:
+        """How the performer's surface comes into the rest space: as with the last grip."""
+        return self.grips[-1].carrying
+
     def __len__(self) -> int:
         return sum(len(grip.attachment) for grip in self.grips)
 

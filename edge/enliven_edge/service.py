@@ -98,7 +98,8 @@ class Edge:
             self.outlet.ail(self._ails())
             return
         bodies = self._bodies(frame)
-        poses = self.stage.perform(bodies, frame.time_ns)
+        looks = self.stage.looks and isinstance(frame, DepthFrame)
+        poses = self.stage.perform(bodies, frame.time_ns, self.tracker.surfaces() if looks else None)
         props = self._props(poses, bodies, frame.time_ns)
         self.outlet.publish(frame, bodies, poses, self.stage.cues(), read_ns, props)
         self.pace.took(read_ns, time.time_ns())

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from enliven.body import Body
 from enliven.character import Pose
+from enliven.deformation.observed import Seen
 from enliven.errors import InputError
 from enliven_edge.actor import Actor, Cues, Mode
 
@@ -15,15 +18,21 @@ class Stage:
         self.actors = {actor.character.id: actor for actor in actors}
         self._bodies: list[Body] = []
 
-    def perform(self, bodies: list[Body], time_ns: int) -> list[Pose]:
+    @property
+    def looks(self) -> bool:
+        """Whether some character follows what the sensor sees of its performers' surfaces."""
+        return any(actor.settings.follow != "skeleton" for actor in self.actors.values())
+
+    def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> list[Pose]:
         """One pose a character.
 
         Args:
             bodies: everybody in view, world frame.
             time_ns: the sensor's clock.
+            seen: the surface that the sensor sees of each performer, where it sees depth.
         """
         self._bodies = bodies
-        return [actor.perform(bodies, time_ns) for actor in self.actors.values()]
+        return [actor.perform(bodies, time_ns, seen) for actor in self.actors.values()]
 
     @property
     def holders(self) -> set[int]:

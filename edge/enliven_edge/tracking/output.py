@@ -73,7 +73,7 @@ class Output:
         self._forget(time_ns)
         made = [self._person(body.id)(body, time_ns, self.ahead) for body in bodies]
         if self.settings.output.mirror:
-            plane = _mirror_of(world_from_camera)
+            plane = mirror_of(world_from_camera)
             made = [mirrored(body, *plane) for body in made]
         return made
 
@@ -131,7 +131,7 @@ class _Person:
         )
 
 
-def _mirror_of(world_from_camera: Float | None) -> tuple[Float, Float]:
+def mirror_of(world_from_camera: Float | None) -> tuple[Float, Float]:
     """A point and the unit normal of the upright plane in which the sensor looks straight ahead."""
     if world_from_camera is None:
         return np.zeros(3), np.array([1.0, 0.0, 0.0])

@@ -6,17 +6,19 @@ from collections.abc import Iterable
 
 from enliven.arrays import Float, Int
 from enliven.body import Body
+from enliven.deformation.observed import Seen
 from enliven.frames import DepthFrame
 from enliven_edge.landmarks.eye import ColourEye
 from enliven_edge.tracking.crowd import Crowd
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.health import TrackerState
 from enliven_edge.tracking.mounting import Mounting
-from enliven_edge.tracking.output import Output
+from enliven_edge.tracking.output import Output, mirror_of
 from enliven_edge.tracking.person import Person
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.room import Room
 from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.surfaces import mirrored_surfaces, seen_surfaces
 from enliven_edge.tracking.view import View
 
 
@@ -36,6 +38,7 @@ class Tracker:
         self._crowd = Crowd(self.settings, Fitter(self.settings.fit))
         self._room: Room | None = None
         self._owner: Int | None = None
+        self._view: View | None = None
         self.output = Output(self.settings)
         self.colour = colour
 
@@ -72,6 +75,15 @@ class Tracker:
         performers = self.performers
         return performers[0].follower.posture if performers else None
 
+    def surfaces(self) -> dict[int, Seen]:
+        """What the last frame shows of each performer's surface, by id; mirrored as the bodies are."""
+        if self._view is None or self._owner is None:
+            return {}
+        found = seen_surfaces(self._view, self._owner, self._crowd.owners())
+        if self.settings.output.mirror:
+            return mirrored_surfaces(found, *mirror_of(self.world_from_camera))
+        return found
+
     def lock(self, ids: Iterable[int] | None = None) -> None:
         """Only these people, or all who are followed now, are performers; newcomers are bystanders."""
         self._crowd.lock_to(ids)
@@ -90,12 +102,13 @@ class Tracker:
         view = self._mounting.view(frame, nobody=not self._crowd.people)
         room = self._room_of(view)
         if self._mounting.falling:
+            self._view = None
             return []
         scene = self.settings.scene
         kind = room.classify(view, scene.near, scene.far, scene.floor_band)
         segments = self._crowd.follow(view, kind)
         hold = self._crowd.look(view, kind, segments, room, believe=not self._mounting.suspected)
-        self._owner = segments.owner
+        self._owner, self._view = segments.owner, view
         room.guard(segments.owner, self._crowd.owners(), view.z)
         agreement = room.learn(view.z, segments.owner >= 0, view.time_ns, hold)
         self._mounting.watch(view, agreement, segments.owner < 0)

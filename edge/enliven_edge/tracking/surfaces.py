@@ -1,0 +1,36 @@
+"""What a frame shows of each performer's surface, for meshes that follow it without a skeleton."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.deformation.observed import Seen
+from enliven_edge.tracking.observation import sampled, surface_samples
+from enliven_edge.tracking.view import View
+
+
+def seen_surfaces(view: View, owner: Int, ids: Int, points: int = 1200) -> dict[int, Seen]:
+    """Points and normals of each performer, by id; world frame.
+
+    Args:
+        owner: (h, w) whose each pixel is, an index into ``ids``; -1 nobody's.
+        ids: (K,) the people's ids; below 0 for who is no performer.
+        points: at most so many of each.
+    """
+    surfaces = {}
+    for index, person in enumerate(ids.tolist()):
+        mask = np.asarray(owner == index)
+        if person >= 0 and mask.any():
+            found, normals = surface_samples(view.points, view.z, sampled(mask, points), view.eye)
+            surfaces[person] = Seen(found, normals)
+    return surfaces
+
+
+def mirrored_surfaces(surfaces: dict[int, Seen], point: Float, normal: Float) -> dict[int, Seen]:
+    """The surfaces in a mirror through ``point`` (3,) with the unit ``normal`` (3,)."""
+    flip = np.eye(3) - 2 * np.outer(normal, normal)
+    return {
+        person: Seen((seen.points - point) @ flip + point, seen.normals @ flip)
+        for person, seen in surfaces.items()
+    }
