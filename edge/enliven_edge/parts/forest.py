@@ -5,13 +5,14 @@ from __future__ import annotations
 import zipfile
 import zlib
 from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32, Int, Int32, UInt8, UInt16
 from enliven.errors import InputError
-from enliven_edge.parts.features import find_leaves, mean_shares, millimetres
+from enliven_edge.parts.features import find_leaves, mean_shares, millimetres, packed_nodes
 from enliven_edge.parts.labels import FACINGS, PARTS
 
 FORMAT = 2
@@ -71,6 +72,12 @@ class PartForest:
     def __init__(self, features: Float32, trees: Trees) -> None:
         self.features, self.trees = features, trees
 
+    @cached_property
+    def _nodes(self) -> Float32:
+        """(n, 8) what a walk asks."""
+        t = self.trees
+        return packed_nodes(self.features, t.feature, t.threshold, t.child)
+
     def probabilities(
         self, z: Float, camera: Float, rows: Int, columns: Int, *, roll: float = 0.0
     ) -> Float32:
@@ -102,17 +109,12 @@ class PartForest:
             roll: radians that the person's upright is turned clockwise in the image: pi for a sensor that
                 hangs upside down.
         """
-        features = self.features
-        if roll != 0.0:
-            c, s = np.cos(roll), np.sin(roll)
-            turn = np.array([[c, s], [-s, c]])
-            features = (features.reshape(-1, 2) @ turn).reshape(-1, 4).astype(np.float32)
         out = np.empty((len(rows), len(self.trees.roots)), np.int32)
         bordered = millimetres(z)
-        t = self.trees
+        turn = (np.float32(np.cos(roll)), np.float32(np.sin(roll)))
         find_leaves(
-            bordered.ravel(), *bordered.shape, rows + 1, columns + 1, camera[0], camera[1], features,
-            t.roots, t.feature, t.threshold, t.child, out,
+            bordered.ravel(), *bordered.shape, rows + 1, columns + 1, camera[0], camera[1], turn,
+            self.trees.roots, self._nodes, out,
         )  # fmt: skip
         return out
 

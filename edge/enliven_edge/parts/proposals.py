@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Float32
 from enliven_edge.parts.anatomy import ANCHOR_FRAMES, ANCHORS, BELOW, CARRIES, USUAL_AREA
@@ -16,6 +15,7 @@ from enliven_edge.parts.modes import Modes, part_modes
 from enliven_edge.parts.sideless import merged
 from enliven_edge.tracking import model, ranges
 from enliven_edge.tracking.alignment import align
+from enliven_edge.tracking.capsules import nearest_capsules
 from enliven_edge.tracking.observation import Observation
 from enliven_edge.tracking.posture import Posture, forward, rotation
 
@@ -23,8 +23,10 @@ _TRUNK = np.array([Part.HEAD, 1, 2, 3, 4, Part.UPPER_ARM_LEFT, Part.UPPER_ARM_RI
 _TRUNK_TRUST = np.array([0.6, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.4, 0.4])
 _WIDTHS = (1.0, 0.35)
 """Metres beyond which a mode is doubted, one alignment after the other."""
+_STEPS = 10
 _CARRY = CARRIES.T.astype(np.float32)
 _CARRY_EITHER = np.maximum(_CARRY, _CARRY[MIRRORED])
+_NO_AFFINITY = np.zeros((0, 0), np.float32)
 _YAWS = (0.0, np.pi, 0.5 * np.pi, -0.5 * np.pi)
 
 
@@ -45,6 +47,17 @@ class Seen:
     area: Float
     facing: Float
 
+    def thinned(self, step: int) -> Seen:
+        """The same of every ``step``-th point; how people face is of all of them."""
+        some = slice(None, None, step)
+        points, probabilities = self.points[some], self.probabilities[some]
+        return Seen(
+            np.ascontiguousarray(points),
+            np.ascontiguousarray(probabilities),
+            step * self.area[some],
+            self.facing,
+        )
+
     @cached_property
     def modes(self) -> Modes:
         """Where the 17 parts are."""
@@ -60,14 +73,21 @@ class Seen:
         """(M, 20) how likely each point is on each capsule of the model."""
         return np.asarray(self.probabilities @ _CARRY)
 
+    @cached_property
+    def surface(self) -> Float32:
+        """(6, M) the points without normals, as :func:`capsules.nearest_capsules` takes them."""
+        out = np.zeros((6, len(self.points)), np.float32)
+        out[:3] = self.points.T
+        return out
+
     def affinity(self, metres: float) -> Float32:
-        """(M, 20) metres by which a point is farther from a capsule than it seems, at most ``metres``."""
-        return np.asarray((metres * (1.0 - self.likelihood)).astype(np.float32))
+        """(20, M) metres by which a point is farther from a capsule than it seems, at most ``metres``."""
+        return np.ascontiguousarray((np.float32(metres) * (1.0 - self.likelihood)).T)
 
     def sideless_affinity(self, metres: float) -> Float32:
         """The same where a left part is as good as a right one."""
         either = np.minimum(1.0, self.probabilities @ _CARRY_EITHER)
-        return np.asarray((metres * (1.0 - either)).astype(np.float32))
+        return np.ascontiguousarray((np.float32(metres) * (1.0 - either)).T)
 
 
 def look(forest: PartForest, observation: Observation) -> Seen:
@@ -125,7 +145,9 @@ def _aligned(start: Posture, targets: Float, mass: Float) -> tuple[float, Postur
     """A start brought to the modes: at first wherever they are, then doubting those that do not fit."""
     weights, posture, energy = 0.03 * trust(mass), start, 0.0
     for width in _WIDTHS:
-        posture, energy = align(posture, ANCHOR_FRAMES, ANCHORS, targets, weights, width=width)
+        posture, energy = align(
+            posture, ANCHOR_FRAMES, ANCHORS, targets, weights, width=width, iterations=_STEPS
+        )
     return energy, posture
 
 
@@ -135,12 +157,12 @@ def _starts(targets: Float, mass: Float, lengths: Float, eye: Float) -> list[Pos
     facing = float(np.arctan2(eye[0] - centre[0], eye[2] - centre[2]))
     turns = [rotation(y=facing + yaw) for yaw in _YAWS]
     weights = trust(mass)[_TRUNK] * _TRUNK_TRUST
-    relaxed = _anchor_points(Posture(np.zeros(3), ranges.standing(), lengths))[_TRUNK]
+    relaxed = _anchor_points(Posture(np.zeros(3), ranges.RELAXED, lengths))[_TRUNK]
     if weights.sum() > 1.0:
         turns.insert(0, _turn_between(relaxed, targets[_TRUNK], weights))
     made = []
     for turn in turns:
-        rotations = ranges.standing()
+        rotations = ranges.RELAXED.copy()
         rotations[model.PELVIS] = turn
         moved = targets[_TRUNK] - relaxed @ turn.T
         position = np.average(moved, axis=0, weights=weights + 1e-6)
@@ -183,7 +205,9 @@ def agreement(seen: Seen, posture: Posture) -> float:
 
     The agreement of a posture and of one turned about tells front from back, and left from right.
     """
-    return float(_agreement(seen.points, *posture.capsules(), seen.likelihood))
+    which = np.empty(len(seen.points), np.int32)
+    nearest_capsules(which, seen.surface, _NO_AFFINITY, *posture.capsules(), np.float32(0.0))
+    return float(seen.likelihood[np.arange(len(which)), which].mean())
 
 
 def facing_score(seen: Seen, posture: Posture, eye: Float) -> float:
@@ -197,25 +221,3 @@ def facing_score(seen: Seen, posture: Posture, eye: Float) -> float:
     share = turns - before
     ways = seen.facing - seen.facing.max()
     return float((1.0 - share) * ways[before % FACINGS] + share * ways[(before + 1) % FACINGS])
-
-
-@njit(cache=True, nogil=True)
-def _agreement(points, ends, radii, likelihood):  # type: ignore[no-untyped-def]
-    """The mean likelihood of each point's nearest capsule."""
-    total = 0.0
-    for i in range(len(points)):
-        best, nearest = 0, np.inf
-        for c in range(len(ends)):
-            along, square, length = 0.0, 0.0, 1e-12
-            for a in range(3):
-                axis = ends[c, 1, a] - ends[c, 0, a]
-                along += (points[i, a] - ends[c, 0, a]) * axis
-                length += axis * axis
-            t = min(1.0, max(0.0, along / length))
-            for a in range(3):
-                square += (points[i, a] - ends[c, 0, a] - t * (ends[c, 1, a] - ends[c, 0, a])) ** 2
-            distance = abs(np.sqrt(square) - radii[c, 0] - t * (radii[c, 1] - radii[c, 0]))
-            if distance < nearest:
-                best, nearest = c, distance
-        total += likelihood[i, best]
-    return total / max(1, len(points))

@@ -14,6 +14,7 @@ from enliven_edge.parts.labels import PARTS, Part
 from enliven_edge.parts.modes import Modes
 from enliven_edge.tracking import model, ranges
 from enliven_edge.tracking.alignment import align
+from enliven_edge.tracking.kinematics import exponential
 from enliven_edge.tracking.posture import Posture, forward, rotation
 
 KIND = (np.arange(PARTS) + 1) // 2
@@ -21,6 +22,8 @@ KIND = (np.arange(PARTS) + 1) // 2
 _HEAD, _CHEST, _BELLY = 0, 1, 2
 _LIMBS = ((3, 6), (4, 7), (5, 8))
 """Kinds from the trunk outward: upper arms and thighs, forearms and shanks, hands and feet."""
+_STEPS = 8
+"""Of each alignment: those on the way need not be exact, and after the last one comes the fit."""
 _SECOND = 0.2
 """Share of the first mode's mass from which a second one is the other limb."""
 _CENTRES = np.array([Part.HEAD, Part.CHEST_LEFT, Part.BELLY_LEFT])
@@ -88,14 +91,15 @@ def _proposed(targets: Float, sure: Float, mass: Float, lengths: Float, yaw: flo
                     wanted.append(targets[kind, mode])
                     weights.append(sure[kind, mode])
         posture, _ = align(
-            posture, np.array(frames), np.array(local), np.array(wanted), 0.05 * np.array(weights), width=0.6
-        )
+            posture, np.array(frames), np.array(local), np.array(wanted), 0.05 * np.array(weights),
+            width=0.6, iterations=_STEPS,
+        )  # fmt: skip
     return posture
 
 
 def _upright(targets: Float, mass: Float, yaw: float) -> Float:
     """(13, 3, 3) relaxed, the trunk along from belly to chest (and head), facing ``yaw``."""
-    rotations = ranges.standing()
+    rotations = ranges.RELAXED.copy()
     along = np.array([0.0, 0.15, 0.0])
     if mass[_BELLY, 0] > 0.01 and mass[_CHEST, 0] > 0.01:
         along = along + targets[_CHEST, 0] - targets[_BELLY, 0]
@@ -103,12 +107,11 @@ def _upright(targets: Float, mass: Float, yaw: float) -> Float:
         along = along + targets[_HEAD, 0] - targets[_CHEST if mass[_CHEST, 0] > 0.01 else _BELLY, 0]
     up = along / np.linalg.norm(along)
     turned = rotation(y=yaw)
-    axis = np.cross([0.0, 1.0, 0.0], up)
-    sine, cosine = float(np.linalg.norm(axis)), float(up[1])
+    # The turn from upright to this axis: about (up cross it), by the angle between them.
+    sine = float(np.hypot(up[0], up[2]))
     if sine > 1e-3:
-        a = axis / sine
-        cross = np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
-        turned = (np.eye(3) + sine * cross + (1.0 - cosine) * cross @ cross) @ turned
+        angle = float(np.arctan2(sine, up[1]))
+        turned = exponential(np.array([up[2], 0.0, -up[0]]) * (angle / sine)) @ turned
     rotations[model.PELVIS] = turned
     return rotations
 

@@ -27,6 +27,12 @@ _SAME = 0.12
 _FACINGS = (0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, np.pi)
 """Radians from facing the sensor."""
 _LOOSE = np.full(len(model.LENGTHS), 30.0)
+_COARSE_POINTS, _COARSE_STEPS, _WIDE = 160, 8, 0.25
+"""Points and steps of the coarse fits of who is followed already, and all coarse fits' width in metres."""
+_MIDDLE_POINTS, _LEFT = 250, 1.6
+"""Points of the first half of a refinement, and how many times the least energy makes one be left then."""
+_PROMISING = 1.0
+"""Share of what the present posture costs below which another one is worth being refined."""
 _AFFINITY = 0.15
 """Metres: how far, at first, what a point looks like outweighs where it is."""
 _DISAGREEMENT = 4.0
@@ -51,7 +57,7 @@ def detect(
 ) -> tuple[Posture, FitReport]:
     """The posture that explains the observation best from scratch.
 
-    A short coarse fit of every hypothesis ranks them by energy, and the best three are refined.
+    A short coarse fit of every hypothesis ranks them, and the best three are refined.
 
     Args:
         eye: (3,) the sensor's position, world frame.
@@ -59,20 +65,66 @@ def detect(
         forest: what knows the parts of a body; None to do without.
         lengths: (12,) metres, the person's own where they are known already.
     """
-    builds = [lengths] if lengths is not None else _builds(observation, height)
     seen = None if forest is None else look(forest, observation)
-    coarse = []
-    for start in _starts(observation, seen, eye, builds):
-        posture, report = fitter.fit(_guided(observation, seen, _AFFINITY), start, iterations=8, width=0.25)
-        coarse.append((report.energy + _oddness(seen, posture, eye, height), posture))
-    refined = [
-        _refined(fitter, observation, seen, start, height) for start in _best_distinct(coarse, _REFINED)
-    ]
-    best = min(refined, key=lambda found: found[0])
+    coarse = _Coarse(fitter, observation, seen, eye, height)
+    ranked = [coarse.fitted(start) for start in _starts(observation, seen, eye, height, lengths)]
+    best = _refined(fitter, observation, seen, _best_distinct(ranked, _REFINED), height)
     # A front is easily taken for a back: the best is tried turned about as well.
-    other = _refined(fitter, observation, seen, turned_about(best[1]), height)
+    other = _refined(fitter, observation, seen, [turned_about(best[1])], height)
     _, posture, report = min(best, other, key=lambda found: found[0])
     return posture, report
+
+
+def detect_another(
+    fitter: Fitter,
+    observation: Observation,
+    seen: Seen | None,
+    eye: Float,
+    height: float,
+    now: Posture,
+    lengths: Float | None = None,
+) -> tuple[Posture, FitReport] | None:
+    """A posture from scratch that may explain the observation better than ``now``; None: there is none.
+
+    The present posture is fitted as coarsely as all others: what is no better than it then is hardly ever
+    better in the end, and is not refined.
+
+    Args:
+        seen: what the forest says of this observation; None without one.
+        eye, height, lengths: as of :func:`detect`.
+    """
+    coarse = _Coarse(fitter, observation, seen, eye, height, _COARSE_POINTS)
+    mark, _ = coarse.fitted(now)
+    ranked = [coarse.fitted(start) for start in _starts(observation, seen, eye, height, lengths)]
+    promising = [pair for pair in ranked if pair[0] < _PROMISING * mark]
+    if not promising:
+        return None
+    _, posture, report = _refined(fitter, observation, seen, _best_distinct(promising, _REFINED), height)
+    return posture, report
+
+
+class _Coarse:
+    """Short fits, to so many of the points, which tell good hypotheses from bad ones."""
+
+    def __init__(
+        self,
+        fitter: Fitter,
+        observation: Observation,
+        seen: Seen | None,
+        eye: Float,
+        height: float,
+        points: int | None = None,
+    ) -> None:
+        step = 1 if points is None else max(1, len(observation.points) // points)
+        self._fitter, self._eye, self._height = fitter, eye, height
+        self._seen = None if seen is None else seen.thinned(step)
+        self._observation = _guided(observation.thinned(step), self._seen, _AFFINITY)
+
+    def fitted(self, start: Posture) -> tuple[float, Posture]:
+        """What a hypothesis costs, and its posture."""
+        fit = self._fitter.fit
+        posture, report = fit(self._observation, start, iterations=_COARSE_STEPS, width=_WIDE)
+        return report.energy + _oddness(self._seen, posture, self._eye, self._height), posture
 
 
 def _best_distinct(ranked: list[tuple[float, Posture]], most: int) -> list[Posture]:
@@ -87,31 +139,47 @@ def _best_distinct(ranked: list[tuple[float, Posture]], most: int) -> list[Postu
     return [posture for _, posture in kept]
 
 
-def _starts(observation: Observation, seen: Seen | None, eye: Float, builds: list[Float]) -> list[Posture]:
-    """Where to begin.
+def _starts(
+    observation: Observation, seen: Seen | None, eye: Float, height: float, lengths: Float | None
+) -> list[Posture]:
+    """Where to begin, by the parts, standing, and of the bank.
 
     Args:
-        builds: (12,) lengths each: the likeliest person's, and where it differs one who just stands there.
+        lengths: (12,) the person's own; None: the likeliest person's, and those of one who just stands there.
     """
     z, mask, _, camera, pose = observation.view
+    builds = [lengths] if lengths is not None else _builds(observation, height)
     by_parts = []
     if seen is not None:
-        for lengths in builds:
-            by_parts += [posture for _, posture in proposals(seen, lengths, eye)]
-            by_parts += facing_proposals(seen.kinds, lengths, eye, _FACINGS)
+        for build in builds:
+            by_parts += [posture for _, posture in proposals(seen, build, eye)]
+            by_parts += facing_proposals(seen.kinds, build, eye, _FACINGS)
     ends = extremities(z, mask, camera, pose)
     banked = banked_starts(observation, ends, eye, builds[0], _BANKED if seen is None else _BANKED_BESIDES)
     return [*by_parts, *standing_starts(observation, eye, builds[-1]), *banked]
 
 
 def _refined(
-    fitter: Fitter, observation: Observation, seen: Seen | None, start: Posture, height: float
+    fitter: Fitter, observation: Observation, seen: Seen | None, starts: list[Posture], height: float
 ) -> tuple[float, Posture, FitReport]:
-    """A hypothesis fitted to the end, its proportions too, and what it costs."""
-    guided = _guided(observation, seen, 0.4 * _AFFINITY)
-    posture, _ = fitter.fit(guided, start, iterations=15, width=0.12, proportions=_LOOSE)
-    posture, report = fitter.fit(observation, posture, iterations=15, proportions=_LOOSE)
-    return report.energy + _oddness(seen, posture, observation.view[4][:3, 3], height), posture, report
+    """The best of some hypotheses fitted to the end, their proportions too, and what it costs.
+
+    At first to half of the points; what is much worse than another by then is left.
+    """
+    step = max(1, len(observation.points) // _MIDDLE_POINTS)
+    few = _guided(observation.thinned(step), None if seen is None else seen.thinned(step), 0.4 * _AFFINITY)
+    halfway = []
+    for start in starts:
+        posture, report = fitter.fit(few, start, iterations=15, width=0.12, proportions=_LOOSE)
+        halfway.append((report.energy, posture))
+    least = min(energy for energy, _ in halfway)
+    ready = []
+    for energy, posture in halfway:
+        if energy < _LEFT * least:
+            posture, report = fitter.fit(observation, posture, iterations=15, proportions=_LOOSE)
+            odd = _oddness(seen, posture, observation.view[4][:3, 3], height)
+            ready.append((report.energy + odd, posture, report))
+    return min(ready, key=lambda found: found[0])
 
 
 def _guided(observation: Observation, seen: Seen | None, metres: float) -> Observation:

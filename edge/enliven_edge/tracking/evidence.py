@@ -117,7 +117,8 @@ def uncertainty(fitter: Fitter, posture: Posture, observation: Observation) -> F
     """
     matrix = fitter.information(posture, observation)
     world, pivots, by_length = forward(posture.position, posture.rotations, posture.lengths)
-    body = (*(world, pivots, by_length, model.MOVES, model.DOF_FRAME, model.DOF_AXIS), model.CAPSULE_UNKNOWNS)
+    turns = (model.MOVES, model.DOF_FRAME, model.DOF_AXIS)
+    body = (world, pivots, by_length, *turns, model.CAPSULE_UNKNOWNS, model.FRAME_PARENTS)
     return np.asarray(_joint_spread(matrix, posture.joints(), model.JOINT_FRAMES, model.JOINT_OFFSETS, body))
 
 

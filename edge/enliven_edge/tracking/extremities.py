@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from enliven.arrays import Bool, Float
+from enliven_edge.tracking.observation import world_points
 
 _NODES = 1200
 """The surface is thinned to about so many points."""
@@ -71,10 +72,11 @@ def extremities(
 
 def _placed(z: Float, step: int, camera: Float, pose: Float) -> Float:
     """(h, w, 3) world-frame points of every ``step``-th pixel."""
-    v, u = np.mgrid[: z.shape[0], : z.shape[1]] * float(step)
     fx, fy, cx, cy = camera
-    local = np.stack([(u - cx) / fx * z, (v - cy) / fy * z, z], -1)
-    return np.ascontiguousarray(local @ pose[:3, :3].T + pose[:3, 3])
+    ray = np.empty((*z.shape, 2))
+    ray[..., 0] = (np.arange(z.shape[1]) * float(step) - cx) / fx
+    ray[..., 1] = ((np.arange(z.shape[0]) * float(step) - cy) / fy)[:, None]
+    return world_points(z, ray, pose)
 
 
 @njit(cache=True, nogil=True, inline="always")

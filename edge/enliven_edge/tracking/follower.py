@@ -11,7 +11,7 @@ from enliven_edge.parts.proposals import Seen, look, turned_about
 from enliven_edge.parts.shipped import shipped_forest
 from enliven_edge.tracking import model
 from enliven_edge.tracking.confidence import confidence
-from enliven_edge.tracking.detection import cost, detect, quality
+from enliven_edge.tracking.detection import cost, detect, detect_another, quality
 from enliven_edge.tracking.evidence import NAMES, evidence
 from enliven_edge.tracking.facing import Facing
 from enliven_edge.tracking.fit import FitReport, Fitter
@@ -155,9 +155,8 @@ class Follower:
         self._since_detected = 0
         plain = replace(observation, affinity=_NO_AFFINITY)
         known = posture.lengths if self._fitted > _KNOWN_AFTER else None
-        forest = shipped_forest() if self.settings.parts else None
-        found = detect(self._fitter, plain, eye, height, forest, known)
-        if cost(found[1], found[0], seen, eye, height) > _CLEARLY * now:
+        found = detect_another(self._fitter, plain, seen, eye, height, posture, known)
+        if found is None or cost(found[1], found[0], seen, eye, height) > _CLEARLY * now:
             return None
         self._fitted = self._fitted if known is not None else 0
         self._second_thoughts, self._facing = SecondThoughts(self._fitter), Facing()

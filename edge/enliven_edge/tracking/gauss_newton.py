@@ -13,7 +13,7 @@ from enliven_edge.tracking.kinematics import capsules_into, forward_into, turn
 
 _DOFS = 30
 _SIDE = 0.04
-"""Metres; see :func:`data_term.nearest_capsule`."""
+"""Metres; see :func:`capsules.nearest_capsules`."""
 _FREE_WIDTH = 0.25
 """Metres: the robust width of what is seen through; a whole forearm may be in the wrong place."""
 _SAMPLES, _PAIR_SAMPLES = 5, 3
@@ -33,7 +33,7 @@ def minimise(  # type: ignore[no-untyped-def]
 
     Args:
         position, rotations, lengths: (3,), (13, 3, 3), (12,), as in :class:`Posture`.
-        seen: (points, normals, affinity, view), as the terms take them.
+        seen: (points with their normals, affinity, view), as the terms take them.
         shape: the body, see :func:`fit.shape`.
         prior: (predicted rotations, stiffness (13,), rest rotations, relaxedness (13,), middle, reach,
             reference lengths (12,), their weights (12,), or (0,) where the lengths are frozen).
@@ -76,7 +76,7 @@ def minimise(  # type: ignore[no-untyped-def]
 def assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated):  # type: ignore[no-untyped-def]
     """The normal equations (upper triangle) and the energy at a posture; returns (energy, explained)."""
     position, rotations, lengths = state
-    points, normals, affinity, view = seen
+    surface, affinity, view = seen
     parents, offsets, moves, dof_frame, dof_axis, frames, local, thickness, unknowns, pairs = shape
     predicted, stiffness, rest, relaxedness, middle, reach, reference, firmness = prior
     matrix[:], gradient[:] = 0.0, 0.0
@@ -85,9 +85,9 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
     forward_into(world, pivots, by_length, position, rotations, lengths, parents, offsets)
     ends, radii = np.empty((len(frames), 2, 3)), np.empty((len(frames), 2))
     capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness)
-    body = (world, pivots, by_length, moves, dof_frame, dof_axis, unknowns)
+    body = (world, pivots, by_length, moves, dof_frame, dof_axis, unknowns, parents)
     energy, explained = data_term.depth_to_model(
-        matrix, gradient, points, normals, affinity, ends, radii, frames, local, body,
+        matrix, gradient, surface, affinity, ends, radii, frames, local, body,
         weights[0], weights[4], _SIDE, support,
     )  # fmt: skip
     energy += terms.free_space(

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy.optimize import linear_sum_assignment
 
-from enliven.arrays import Float, Int
+from enliven.arrays import Float, Float32, Int
 from enliven_edge.tracking import model
 from enliven_edge.tracking.alignment import align
+from enliven_edge.tracking.capsules import misfits
 from enliven_edge.tracking.extremities import Extremities
 from enliven_edge.tracking.observation import Observation
 from enliven_edge.tracking.posture import Posture, rotation
-from enliven_edge.tracking.ranges import mirrored, standing
+from enliven_edge.tracking.ranges import RELAXED, mirrored, standing
 
 _ARMS = (
     {"arm_raise": 0.12, "elbow": 0.2},
@@ -25,7 +25,8 @@ _LEFT_ARM = [model.UPPER_ARM_L, model.FOREARM_L]
 _RIGHT_ARM = [model.UPPER_ARM_R, model.FOREARM_R]
 _SIDE_YAW = 1.2
 _YAWS = (0.0, 1.57, 3.14, -1.57)
-_THINNED = 150
+_THINNED, _FARTHEST_POINT = 100, 0.4
+"""Points that a posture of the bank is judged by, and metres beyond which one is just far."""
 
 
 def _bent(
@@ -81,33 +82,37 @@ def standing_starts(observation: Observation, eye: Float, lengths: Float) -> lis
         eye: (3,) the sensor's position, world frame.
         lengths: (12,) the person's, or an average person's.
     """
-    facing = _towards(eye, np.median(observation.points, axis=0))
-    held = [standing(facing, **arms) for arms in _ARMS]
-    held += [_one_raised(facing, limbs) for limbs in (_LEFT_ARM, _RIGHT_ARM)]
-    held += [standing(facing + yaw) for yaw in (_SIDE_YAW, -_SIDE_YAW)]
-    return [_under_crown(observation, rotations, lengths) for rotations in held]
+    centre = np.median(observation.points, axis=0).astype(np.float64)
+    facing = _towards(eye, centre)
+    return [
+        _under_crown(observation, centre, _turned(rotations, facing + yaw), lengths)
+        for rotations, yaw in _STANDING
+    ]
 
 
 def banked_starts(
-    observation: Observation, ends: Extremities, eye: Float, lengths: Float, most: int
+    observation: Observation, extremities: Extremities, eye: Float, lengths: Float, most: int
 ) -> list[Posture]:
     """The postures of the bank that are most like the points, brought to the extremities.
 
     Args:
         most: how many are returned.
     """
-    points = observation.points[:: max(1, len(observation.points) // _THINNED)].astype(np.float64)
-    centre = np.median(points, axis=0)
+    points = np.ascontiguousarray(observation.points[:: max(1, len(observation.points) // _THINNED)])
+    centre = np.median(points, axis=0).astype(np.float64)
     facing = _towards(eye, centre)
-    placed = []
-    for rotations in (*BANK, standing()):
-        for yaw in _YAWS:
-            turned = rotations.copy()
-            turned[model.PELVIS] = rotation(y=facing + yaw) @ rotations[model.PELVIS]
-            posture = _around(points, centre, turned, eye, lengths)
-            placed.append((_misfit(points, *posture.capsules()), posture))
-    placed.sort(key=lambda pair: pair[0])
-    return [_reaching(posture, ends, eye) for _, posture in placed[:most]]
+    held = [Posture(np.zeros(3), rotations, lengths) for rotations in (*BANK, RELAXED)]
+    shapes = np.stack([posture.capsules()[0] for posture in held])
+    turns = np.stack([rotation(y=facing + yaw) for yaw in _YAWS])
+    ends = np.einsum("yij,pcej->pycei", turns, shapes).reshape(-1, *shapes.shape[1:])
+    radii = held[0].capsules()[1]
+    positions = _around(points, centre, ends, radii, eye)
+    misfit = misfits(np.ascontiguousarray(points.T), ends + positions[:, None, None], radii, _FARTHEST_POINT)
+    made = []
+    for index in np.argsort(misfit, kind="stable")[:most]:
+        rotations = _turned(held[index // len(turns)].rotations, facing + _YAWS[index % len(turns)])
+        made.append(_reaching(Posture(positions[index], rotations, lengths.copy()), extremities, eye))
+    return made
 
 
 def _towards(eye: Float, centre: Float) -> float:
@@ -115,20 +120,34 @@ def _towards(eye: Float, centre: Float) -> float:
     return float(np.arctan2(eye[0] - centre[0], eye[2] - centre[2]))
 
 
-def _one_raised(facing: float, limbs: list[int]) -> Float:
+def _turned(rotations: Float, yaw: float) -> Float:
+    """(13, 3, 3) the posture turned about the vertical."""
+    made = rotations.copy()
+    made[model.PELVIS] = rotation(y=yaw) @ rotations[model.PELVIS]
+    return made
+
+
+def _one_raised(limbs: list[int]) -> Float:
     """(13, 3, 3) one arm up and out, the other hanging."""
-    rotations = standing(facing)
-    rotations[limbs] = standing(facing, arm_raise=2.2, elbow=0.2)[limbs]
+    rotations = standing()
+    rotations[limbs] = standing(arm_raise=2.2, elbow=0.2)[limbs]
     return rotations
 
 
-def _under_crown(observation: Observation, rotations: Float, lengths: Float) -> Posture:
+_STANDING = [
+    *((standing(**arms), 0.0) for arms in _ARMS),
+    *((_one_raised(limbs), 0.0) for limbs in (_LEFT_ARM, _RIGHT_ARM)),
+    *((RELAXED, yaw) for yaw in (_SIDE_YAW, -_SIDE_YAW)),
+]
+"""Postures and radians from facing the sensor."""
+
+
+def _under_crown(observation: Observation, centre: Float, rotations: Float, lengths: Float) -> Posture:
     """A posture whose head's top, or raised hands, are at the top of the observed points."""
     posture = Posture(np.zeros(3), rotations, lengths.copy())
     ends, radii = posture.capsules()
     tops = (ends[..., 1] + radii).max(1)
     highest = int(np.argmax(tops))
-    centre = np.median(observation.points, axis=0)
     crown = observation.crown
     # A head is the crown's neighbour sideways; a raised hand is not.
     under = 0.5 * (crown[0] + centre[0]) if model.CAPSULES.frame[highest] == model.HEAD else centre[0]
@@ -141,19 +160,21 @@ def _under_crown(observation: Observation, rotations: Float, lengths: Float) -> 
     return posture
 
 
-def _around(points: Float, centre: Float, rotations: Float, eye: Float, lengths: Float) -> Posture:
-    """A posture with its middle, its top and its bottom where the points have theirs, behind the surface."""
-    posture = Posture(np.zeros(3), rotations, lengths.copy())
-    ends, radii = posture.capsules()
-    middle = ends.mean((0, 1))
-    low, high = (ends[..., 1] - radii).min(), (ends[..., 1] + radii).max()
+def _around(points: Float32, centre: Float, ends: Float, radii: Float, eye: Float) -> Float:
+    """(N, 3) where N postures have their middle, top and bottom where the points have theirs.
+
+    Behind the seen surface.
+
+    Args:
+        ends: (N, C, 2, 3) the capsules of the postures about the origin, of (C, 2) radii.
+    """
     away = centre - eye
     away[1] = 0.0
     away /= max(1e-6, float(np.linalg.norm(away)))
-    position = centre - middle + 0.08 * away
-    position[1] = 0.5 * (points[:, 1].min() + points[:, 1].max()) - 0.5 * (low + high)
-    posture.position = position
-    return posture
+    positions = centre + 0.08 * away - ends.mean((1, 2))
+    low, high = (ends[..., 1] - radii).min((1, 2)), (ends[..., 1] + radii).max((1, 2))
+    positions[:, 1] = 0.5 * (points[:, 1].min() + points[:, 1].max()) - 0.5 * (low + high)
+    return np.asarray(positions)
 
 
 def _end_anchors() -> tuple[Int, Float]:
@@ -189,25 +210,3 @@ def _reaching(posture: Posture, ends: Extremities, eye: Float) -> Posture:
     weights = np.full(len(frames), 0.02)
     made, _ = align(posture, frames, local, wanted, weights, width=0.3, iterations=10)
     return made
-
-
-@njit(cache=True, nogil=True)
-def _misfit(points, ends, radii):  # type: ignore[no-untyped-def]
-    """Metres from the points to the nearest capsule's surface, and from the capsules to the nearest point."""
-    total = 0.0
-    closest = np.full(len(ends), np.inf)
-    for i in range(len(points)):
-        nearest = np.inf
-        for c in range(len(ends)):
-            along, square, length = 0.0, 0.0, 1e-12
-            for a in range(3):
-                axis = ends[c, 1, a] - ends[c, 0, a]
-                along += (points[i, a] - ends[c, 0, a]) * axis
-                length += axis * axis
-            t = min(1.0, max(0.0, along / length))
-            for a in range(3):
-                square += (points[i, a] - ends[c, 0, a] - t * (ends[c, 1, a] - ends[c, 0, a])) ** 2
-            distance = abs(np.sqrt(square) - radii[c, 0] - t * (radii[c, 1] - radii[c, 0]))
-            nearest, closest[c] = min(nearest, distance), min(closest[c], distance)
-        total += min(nearest, 0.4)
-    return total / len(points) + closest.mean()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -85,7 +86,7 @@ class Observation:
         pixels: (M, 2) row and column of the points in the working image.
         view: (z, mask, nearest, camera, world_from_camera) as ``terms.free_space`` takes it.
         cut: whether the person runs out of the image at its lower border.
-        affinity: (M, C) float32 metres by which a point is farther from a capsule than it seems, by what it
+        affinity: (C, M) float32 metres by which a point is farther from a capsule than it seems, by what it
             looks like; (0, 0) where nothing says so.
     """
 
@@ -96,12 +97,24 @@ class Observation:
     cut: bool
     affinity: Float32 = field(default_factory=lambda: np.zeros((0, 0), np.float32))
 
-    @property
+    @cached_property
     def seen(self) -> tuple[Any, ...]:
-        """(points, normals, affinity, view), as the compiled fit takes them."""
-        return self.points, self.normals, self.affinity, self.view
+        """(points with their normals (6, M), affinity, view), as the compiled fit takes them."""
+        surface = np.empty((6, len(self.points)), np.float32)
+        surface[:3], surface[3:] = self.points.T, self.normals.T
+        return surface, self.affinity, self.view
 
-    @property
+    def thinned(self, step: int) -> Observation:
+        """The same with every ``step``-th of the points."""
+        return replace(
+            self,
+            points=np.ascontiguousarray(self.points[::step]),
+            normals=np.ascontiguousarray(self.normals[::step]),
+            pixels=np.ascontiguousarray(self.pixels[::step]),
+            affinity=np.ascontiguousarray(self.affinity[:, ::step]),
+        )
+
+    @cached_property
     def crown(self) -> Float:
         """(3,) the top of the head, or of whatever is highest: the mean of the topmost points."""
         order = np.argsort(-self.points[:, 1])

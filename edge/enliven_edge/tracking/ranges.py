@@ -89,3 +89,7 @@ def standing(
     rotations[model.THIGH_L] = rotation(x=-hip, z=0.06)
     rotations[model.SHIN_L] = rotation(x=knee)
     return _with_right_side(rotations)
+
+
+RELAXED = standing()
+"""(13, 3, 3) standing relaxed, facing +Z; to be copied."""

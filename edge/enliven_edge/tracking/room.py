@@ -16,7 +16,9 @@ ROOM, BEFORE, UNSEEN, UNLIKELY = 0, 1, 2, 3
 than it is around there; or about as near as it is around there."""
 _FLICKERS = 6.0
 """A pixel that has come to the same nearer depth and gone so often is an edge: the nearer is the room."""
-_FILL_EVERY_NS = 300_000_000
+_FILL_EVERY_NS, _FILL_SHARE, _FILL_AFTER = 300_000_000, 0.002, 6
+"""Between two looks at how much of the room is known; the change, as a share of the image, at which what is
+guessed of the rest is made anew; and the looks after which it is made anew all the same."""
 _LONGEST_STEP = 0.5
 """Seconds: a gap in the stream ages nothing by more."""
 
@@ -54,6 +56,7 @@ class Room:
         self._guarded, self._guard_z = np.full(shape, -1, np.int64), np.zeros(shape)
         self._learnt_ns: int | None = None
         self._filled_ns: int | None = None
+        self._known = self._stale = 0
 
     def classify(self, view: View, near: float, far: float, floor_band: float) -> UInt8:
         """(h, w) what every pixel is: ROOM, BEFORE, UNSEEN or UNLIKELY."""
@@ -105,9 +108,11 @@ class Room:
     def _fill(self, time_ns: int) -> None:
         """Renews the guess of what was never seen, now and then."""
         if self._filled_ns is None or not 0 <= time_ns - self._filled_ns < _FILL_EVERY_NS:
-            self._guess, self._filled_ns = filled(self.z), time_ns
-            if not (self.z > 0).any():
-                self._filled_ns = None
+            known = int(np.count_nonzero(self.z))
+            if abs(known - self._known) > _FILL_SHARE * self.z.size or self._stale > _FILL_AFTER:
+                self._guess, self._known, self._stale = filled(self.z), known, 0
+            self._stale += 1
+            self._filled_ns = time_ns if known else None
 
 
 @njit(cache=True, nogil=True)

@@ -14,6 +14,7 @@ from numba import njit
 
 from enliven.arrays import Bool, Float, Int, UInt8
 from enliven.union_find import join, root_of
+from enliven_edge.tracking.capsules import foot
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.room import ROOM, UNLIKELY
 from enliven_edge.tracking.view import View
@@ -139,10 +140,10 @@ def claim(points, kind, boxes, ends, radii, handicap, reach, reach_unlikely, own
                 if kind[v, u] == ROOM:
                     continue
                 x, y, z = points[v, u, 0], points[v, u, 1], points[v, u, 2]
-                best = _surface(x, y, z, ends[k, last], radii[k, last])
+                _, best = foot(x, y, z, ends[k, last], radii[k, last])
                 if best > _ON_SURFACE:
                     for c in range(capsules):
-                        d = _surface(x, y, z, ends[k, c], radii[k, c])
+                        _, d = foot(x, y, z, ends[k, c], radii[k, c])
                         if d < best:
                             best, last = d, c
                             if d < _ON_SURFACE:
@@ -151,17 +152,6 @@ def claim(points, kind, boxes, ends, radii, handicap, reach, reach_unlikely, own
                 limit = reach_unlikely if kind[v, u] == UNLIKELY else reach
                 if best < limit and best < distance[v, u]:
                     owner[v, u], distance[v, u] = k, best
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _surface(x, y, z, ends, radii):  # type: ignore[no-untyped-def]
-    """Metres from a point to the surface of a tapered capsule; negative inside."""
-    ax, ay, az = x - ends[0, 0], y - ends[0, 1], z - ends[0, 2]
-    dx, dy, dz = ends[1, 0] - ends[0, 0], ends[1, 1] - ends[0, 1], ends[1, 2] - ends[0, 2]
-    t = (ax * dx + ay * dy + az * dz) / (dx * dx + dy * dy + dz * dz + 1e-12)
-    t = min(1.0, max(0.0, t))
-    ax, ay, az = ax - t * dx, ay - t * dy, az - t * dz
-    return np.sqrt(ax * ax + ay * ay + az * az) - radii[0] - t * (radii[1] - radii[0])
 
 
 @njit(cache=True, nogil=True)

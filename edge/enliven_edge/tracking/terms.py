@@ -19,18 +19,24 @@ _GIRTH = 11
 @njit(cache=True, nogil=True)
 def add(matrix, gradient, row, residual, weight):  # type: ignore[no-untyped-def]
     """One weighted residual into the upper triangle of the normal equations; most of a row is zero."""
-    filled = np.empty(len(row), np.int64)
+    filled, values = np.empty(len(row), np.int64), np.empty(len(row))
     count = 0
     for i in range(len(row)):
         if row[i] != 0.0:
-            filled[count] = i
+            filled[count], values[count] = i, row[i]
             count += 1
+    _add_few(matrix, gradient, filled, values, count, residual, weight)
+
+
+@njit(cache=True, nogil=True)
+def _add_few(matrix, gradient, filled, values, count, residual, weight):  # type: ignore[no-untyped-def]
+    """The same for a row of which only ``count`` entries, the ``values`` at ``filled``, are not zero."""
     for m in range(count):
         i = filled[m]
-        scaled = weight * row[i]
+        scaled = weight * values[m]
         gradient[i] += scaled * residual
         for n in range(m, count):
-            matrix[i, filled[n]] += scaled * row[filled[n]]
+            matrix[i, filled[n]] += scaled * values[n]
 
 
 @njit(cache=True, nogil=True)
@@ -39,10 +45,10 @@ def point_row(row, scale, frame, point, normal, local, body):  # type: ignore[no
 
     Args:
         local: (3, 12) derivative of the point, in its frame, by the lengths.
-        body: (world, pivots, by_length, moves, dof_frame, dof_axis, capsule_unknowns) of the posture; the
-            row has no places for the lengths where they are frozen.
+        body: (world, pivots, by_length, moves, dof_frame, dof_axis, capsule_unknowns, parents) of a posture;
+            the row has no places for the lengths where they are frozen.
     """
-    world, pivots, by_length, moves, dof_frame, dof_axis, _ = body
+    world, pivots, by_length, moves, dof_frame, dof_axis, _, _ = body
     for a in range(3):
         row[a] += scale * normal[a]
     for k in range(len(dof_frame)):
@@ -163,8 +169,8 @@ def self_intersection(  # type: ignore[no-untyped-def]
     matrix, gradient, ends, radii, capsule_frame, capsule_local, body, pairs, weight, samples
 ):
     """Limbs do not enter each other: samples on the first capsule of a pair stay outside the second."""
-    row, normal = np.empty(matrix.shape[0]), np.empty(3)
-    point, centre, offset = np.empty(3), np.empty(3), np.empty((3, capsule_local.shape[3]))
+    filled, values = np.empty(matrix.shape[0], np.int64), np.empty(matrix.shape[0])
+    normal, point, centre = np.empty(3), np.empty(3), np.empty(3)
     energy = 0.0
     for k in range(len(pairs)):
         i, j = pairs[k]
@@ -189,14 +195,52 @@ def self_intersection(  # type: ignore[no-untyped-def]
                 continue
             for a in range(3):
                 normal[a] = (point[a] - centre[a]) / distance
-            row[:] = 0.0
-            between(offset, capsule_local[i], t)
-            point_row(row, -1.0, capsule_frame[i], point, normal, offset, body)
-            between(offset, capsule_local[j], along)
-            point_row(row, 1.0, capsule_frame[j], centre, normal, offset, body)
+            first = (capsule_frame[i], point, capsule_local[i], t)
+            second = (capsule_frame[j], centre, capsule_local[j], along)
+            count = _parting_row(filled, values, first, second, normal, body, matrix.shape[0] > _DOFS)
             energy += weight * residual * residual
-            add(matrix, gradient, row, residual, weight)
+            _add_few(matrix, gradient, filled, values, count, residual, weight)
     return energy
+
+
+@njit(cache=True, nogil=True)
+def _parting_row(filled, values, first, second, normal, body, with_lengths):  # type: ignore[no-untyped-def]
+    """normal . d(second - first)/d(unknowns) of two points, ``normal`` along the line between them.
+
+    What carries both points turns that line without making it longer, so only the unknowns that move one of
+    them count: a few of the forearm against the chest. Returns how many were filled.
+    """
+    world, pivots, by_length, moves, dof_frame, dof_axis, _, _ = body
+    one, point, one_local, t = first
+    other, centre, other_local, along = second
+    count = 0
+    for k in range(len(dof_frame)):
+        if moves[one, k] == moves[other, k]:
+            continue
+        f, axis = dof_frame[k], dof_axis[k]
+        side = -1.0 if moves[one, k] else 1.0
+        at = point if moves[one, k] else centre
+        ax, ay, az = world[f, 0, axis], world[f, 1, axis], world[f, 2, axis]
+        x, y, z = at[0] - pivots[f, 0], at[1] - pivots[f, 1], at[2] - pivots[f, 2]
+        filled[count] = 3 + k
+        values[count] = side * (
+            normal[0] * (ay * z - az * y) + normal[1] * (az * x - ax * z) + normal[2] * (ax * y - ay * x)
+        )
+        count += 1
+    if not with_lengths:
+        return count
+    for p in range(by_length.shape[2]):
+        apart = 0.0
+        for a in range(3):
+            change = by_length[other, a, p] - by_length[one, a, p]
+            for b in range(3):
+                here = (1.0 - t) * one_local[0, b, p] + t * one_local[1, b, p]
+                there = (1.0 - along) * other_local[0, b, p] + along * other_local[1, b, p]
+                change += world[other, a, b] * there - world[one, a, b] * here
+            apart += normal[a] * change
+        filled[count], values[count] = _DOFS + p, apart
+        count += 1
+    return count
 
 
 @njit(cache=True, nogil=True)

@@ -1,0 +1,103 @@
+"""Distances from points to tapered capsules, compiled: the inner loop of the fit, and of what is like it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_NUMBER = 31
+"""The bits of a cost that its capsule's number takes: at most 32 capsules."""
+_FAST = {"nsz", "arcp", "contract", "reassoc", "nnan", "ninf"}
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
+def nearest_capsules(which, seen, affinity, ends, radii, side):  # type: ignore[no-untyped-def]
+    """The capsule on whose surface each observed point lies, into ``which``.
+
+    A surface that faces away from the observed normal costs up to twice ``side`` metres more, so that a
+    point on the front of an arm is not explained by the chest behind it.
+
+    Args:
+        which: (M,) int32.
+        seen: (6, M) float32 the points, world frame, and their outward unit normals: one row a number, so
+            that many points are searched at once.
+        affinity: (C, M) float32 metres added to each capsule's cost, by what the point looks like; or (0, 0).
+        ends, radii: (C, 2, 3) and (C, 2) metres, world frame; C is at most 32.
+        side: float32 metres.
+    """
+    which[:] = np.int32(0x7FFFFFFF)
+    zero, one = np.float32(0.0), np.float32(1.0)
+    liked = len(affinity) > 0
+    for c in range(len(ends)):
+        sx, sy, sz = np.float32(ends[c, 0, 0]), np.float32(ends[c, 0, 1]), np.float32(ends[c, 0, 2])
+        dx, dy, dz = (
+            np.float32(ends[c, 1, 0]) - sx,
+            np.float32(ends[c, 1, 1]) - sy,
+            np.float32(ends[c, 1, 2]) - sz,
+        )
+        share = one / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
+        start, growth = np.float32(radii[c, 0]), np.float32(radii[c, 1] - radii[c, 0])
+        likes = affinity[c] if liked else seen[0]
+        scale = one if liked else zero
+        for i in range(len(which)):
+            px, py, pz = seen[0, i] - sx, seen[1, i] - sy, seen[2, i] - sz
+            t = min(one, max(zero, (px * dx + py * dy + pz * dz) * share))
+            px, py, pz = px - t * dx, py - t * dy, pz - t * dz
+            length = np.sqrt(px * px + py * py + pz * pz) + np.float32(1e-9)
+            facing = (px * seen[3, i] + py * seen[4, i] + pz * seen[5, i]) / length
+            cost = abs(length - (start + t * growth)) + side * max(zero, one - facing) + scale * likes[i]
+            # Costs are not negative, so they are ordered as their bits are: with the capsule's number in the
+            # last ones, the least is found without a branch.
+            bits = (np.float32(cost).view(np.int32) & np.int32(~_NUMBER)) | np.int32(c)
+            which[i] = min(which[i], bits)
+    for i in range(len(which)):
+        which[i] &= np.int32(_NUMBER)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def foot(x, y, z, ends, radii):  # type: ignore[no-untyped-def]
+    """(t, signed distance): how far along the axis a point's foot is, and metres to the surface."""
+    ax, ay, az = x - ends[0, 0], y - ends[0, 1], z - ends[0, 2]
+    dx, dy, dz = ends[1, 0] - ends[0, 0], ends[1, 1] - ends[0, 1], ends[1, 2] - ends[0, 2]
+    t = (ax * dx + ay * dy + az * dz) / (dx * dx + dy * dy + dz * dz + 1e-12)
+    t = min(1.0, max(0.0, t))
+    ax, ay, az = ax - t * dx, ay - t * dy, az - t * dz
+    return t, np.sqrt(ax * ax + ay * ay + az * az) - radii[0] - t * (radii[1] - radii[0])
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
+def misfits(points, ends, radii, far):  # type: ignore[no-untyped-def]
+    """(N,) the mean metres from points to the nearest surface, and from capsules to the nearest point.
+
+    Args:
+        points: (3, M) float32.
+        ends: (N, C, 2, 3) the capsules of N postures, whose (C, 2) radii are the same.
+        far: metres beyond which a point is just far.
+    """
+    out = np.empty(len(ends))
+    zero, one = np.float32(0.0), np.float32(1.0)
+    nearest = np.empty(points.shape[1], np.float32)
+    for k in range(len(ends)):
+        nearest[:] = np.float32(far)
+        total = 0.0
+        for c in range(ends.shape[1]):
+            sx, sy, sz = (
+                np.float32(ends[k, c, 0, 0]),
+                np.float32(ends[k, c, 0, 1]),
+                np.float32(ends[k, c, 0, 2]),
+            )
+            dx, dy = np.float32(ends[k, c, 1, 0]) - sx, np.float32(ends[k, c, 1, 1]) - sy
+            dz = np.float32(ends[k, c, 1, 2]) - sz
+            share = one / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
+            start, growth = np.float32(radii[c, 0]), np.float32(radii[c, 1] - radii[c, 0])
+            closest = np.float32(1e6)
+            for i in range(points.shape[1]):
+                px, py, pz = points[0, i] - sx, points[1, i] - sy, points[2, i] - sz
+                t = min(one, max(zero, (px * dx + py * dy + pz * dz) * share))
+                px, py, pz = px - t * dx, py - t * dy, pz - t * dz
+                distance = abs(np.sqrt(px * px + py * py + pz * pz) - (start + t * growth))
+                nearest[i] = min(nearest[i], distance)
+                closest = min(closest, distance)
+            total += closest / ends.shape[1]
+        out[k] = total + nearest.mean()
+    return out
