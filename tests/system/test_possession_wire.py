@@ -1,0 +1,133 @@
+"""From the viewer's keys to the held nodes and back: an edge, a link and an app over real sockets."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from enliven.body import Body
+from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.frames import BodyFrame, Frame
+from enliven.shapes import make_chair
+from enliven_edge.actor import Actor, ActorSettings
+from enliven_edge.outlet import Outlet
+from enliven_edge.service import Edge
+from enliven_edge.settings import WireSettings
+from enliven_edge.stage import Stage
+from enliven_edge.tracking import model
+from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.ranges import standing
+from enliven_edge.tracking.tracker import Tracker
+from enliven_viewer.app import App
+from enliven_viewer.document import Document
+from enliven_viewer.edge_feed import EdgeFeed
+from enliven_viewer.link import Link
+from enliven_viewer.render.scene import scene_of
+
+STEP = 33_333_333
+
+
+class TwoPeople:
+    """A sensor of bodies that sees two people, in and beside each other, for as long as it is read."""
+
+    name = "two people"
+
+    def __init__(self) -> None:
+        posture = Posture(
+            np.array([0.0, 1.0, -2.5]), standing(arm_forward=0.1, elbow=1.5), model.lengths_for_height(1.75)
+        )
+        self._joints, self._count = posture.joints(), 0
+
+    def read(self, timeout: float | None = None) -> Frame | None:
+        self._count += 1
+        people = [Body(k, self._joints.copy(), np.ones(20), stature=1.75) for k in (1, 2)]
+        people[1].joints[:, 0] += 0.05
+        return BodyFrame(people, self._count * STEP, self.name)
+
+    def close(self) -> None: ...
+
+
+class House:
+    """An edge and a viewer without a window, stepped in turn."""
+
+    def __init__(self, outlet: Outlet) -> None:
+        mesh = make_chair(0.05)
+        graph = DeformationGraph.build(mesh, nodes=48, seed=0)
+        self.actor = Actor(character_from(mesh, graph, "chair"), graph, ActorSettings(fade=0.1))
+        outlet.introduce(self.actor.character)
+        self.edge = Edge(TwoPeople(), Tracker(), Stage([self.actor]), outlet)
+        self.document = Document()
+        self.feed = EdgeFeed(Link([outlet.publisher.endpoint]))
+        self.app = App(self.feed, self.document)
+
+    def step(self) -> None:
+        frame = self.edge.sensor.read()
+        assert frame is not None
+        self.edge.step(frame)
+        self.edge._listen()
+        self.feed.poll(self.document)
+        self.app._scene = scene_of(self.document, self.app.playhead.moment(), self.app.look)
+        time.sleep(0.002)
+
+    def until(self, done) -> None:
+        deadline = time.monotonic() + 20
+        while not done():
+            assert time.monotonic() < deadline, "it never came to be"
+            self.step()
+
+    @property
+    def cues(self):
+        moment = self.document.timeline.at(self.document.timeline.end_ns)
+        return moment.cues.get("chair") if moment else None
+
+    @property
+    def holders(self) -> dict[int, list[str]]:
+        return {hold.body: [grip.parts for grip in hold.grips] for hold in self.actor.holds}
+
+
+@pytest.fixture
+def house() -> Iterator[House]:
+    wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
+    with Outlet(wire, "two people") as outlet:
+        made = House(outlet)
+        made.until(lambda: made.cues and made.document.characters and len(made.app._scene.bodies) == 2)
+        yield made
+        made.feed.close()
+
+
+def test_two_performers_take_hold_with_their_parts_from_the_keys(house: House) -> None:
+    assert house.cues.state == "preview" and not house.cues.firm.any()
+    house.app.choose_parts(2)
+    whole = set(house.cues.nodes)
+    house.until(lambda: set(house.cues.nodes) < whole)
+    shown = dict(zip(house.cues.nodes.tolist(), house.cues.strengths.tolist(), strict=True))
+    house.app.possess()
+    house.until(lambda: house.cues.state == "possessed" and house.cues.held)
+    assert house.holders == {1: ["legs"]}
+    held = {int(n): s for n, s in house.actor.holds[0].nodes.items()}
+    assert held.keys() == shown.keys() and all(abs(held[n] - shown[n]) < 1 / 255 for n in held)
+    house.app.choose_performer()
+    house.app.choose_performer()
+    assert house.app.grasp.words == "P takes hold: legs of performer 2"
+    house.app.choose_parts(1)
+    house.app.possess("join")
+    house.until(lambda: set(house.cues.owners[house.cues.firm].tolist()) == {1, 2})
+    assert house.holders == {1: ["legs"], 2: ["upper body"]}
+    house.app.choose_parts(8)
+    house.app.possess("extend")
+    house.until(lambda: len(house.holders[2]) == 2 or house.holders[2] == ["head"])
+    house.app.release()
+    house.until(lambda: house.holders == {1: ["legs"]})
+    house.app.grasp.body = None
+    house.app.release()
+    house.until(lambda: house.holders == {})
+
+
+def test_what_is_refused_is_said(house: House) -> None:
+    house.app.grasp.body = 9
+    house.app.possess()
+    house.until(lambda: "performer 9 is not in view" in house.document.edge.message)

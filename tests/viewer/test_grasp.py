@@ -1,0 +1,49 @@
+"""What the next possession is asked for with, and the colours of who holds what."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.parts import parts_named
+from enliven_viewer.grasp import PARTS, Grasp
+from enliven_viewer.hud import KEYS
+from enliven_viewer.render.marks import CUE_TINTS, cue_rows
+from enliven_viewer.render.scene import Actor
+from enliven_viewer.timeline import Cues
+
+
+def test_every_key_names_parts_that_there_are() -> None:
+    assert len(PARTS) == 9 and all(parts_named(name) for name in PARTS)
+    grasp = Grasp()
+    for number, name in enumerate(PARTS):
+        grasp.choose(number)
+        assert grasp.parts == name
+
+
+def test_the_choice_goes_round_those_in_view() -> None:
+    grasp, seen = Grasp(), []
+    for present in ([7, 3], [7, 3], [7, 3], [3], [], [5]):
+        grasp.next_performer(present)
+        seen.append(grasp.body)
+    assert seen == [3, 7, None, 3, None, 5]
+    assert grasp.words == "P takes hold: the whole of performer 5"
+
+
+def test_the_help_tells_the_keys_of_possession() -> None:
+    told = " ".join(key for key, _ in KEYS)
+    assert all(key in told for key in ("P / J", "E", "R", "1 ... 9", "B"))
+
+
+def test_nodes_are_tinted_by_their_performers_and_previews_are_fainter(box) -> None:
+    nodes, strengths = np.arange(5, dtype=np.int32), np.ones(5, np.float32)
+    owners = np.array([4, 9, 4, 9, 9], np.int32)
+    rows = cue_rows(Actor(box, box.rest_pose(), Cues("box", nodes, strengths, "possessed", owners, 3)), 1.0)
+    assert [tuple(np.round(r, 4)) for r in rows[:, 4:7]] == [CUE_TINTS[k] for k in (0, 1, 0, 1, 1)]
+    assert (rows[:3, 7] == rows[0, 7]).all() and (rows[3:, 7] < 0.5 * rows[0, 7]).all()
+
+
+def test_cues_that_name_no_owner_look_as_ever(box) -> None:
+    nodes, strengths = np.arange(3, dtype=np.int32), np.ones(3, np.float32)
+    held = cue_rows(Actor(box, box.rest_pose(), Cues("box", nodes, strengths)), 1.0)
+    shown = cue_rows(Actor(box, box.rest_pose(), Cues("box", nodes, strengths, "preview")), 1.0)
+    assert np.allclose(held[:, 4:7], CUE_TINTS[0]) and (shown[:, 7] < held[:, 7]).all()
