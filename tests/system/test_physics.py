@@ -56,9 +56,11 @@ def test_a_chair_walks_through_a_tower(tmp_path):
         message_to_props(msgspec.msgpack.decode(data, type=PropsMessage))
         for _, data in Recording(take).messages("props")
     ]
-    assert [p.time_ns for p in props] == [k * 33_333_333 for k in range(FRAMES)]
+    # They are there as soon as the performer has shown where, in every frame from then on.
+    times = [k * 33_333_333 for k in range(FRAMES)]
+    assert 30 < len(props) < FRAMES and [p.time_ns for p in props] == times[-len(props) :]
     first, last = props[0].positions, props[-1].positions
-    assert np.abs(props[10].positions - first).max() < 0.005, "the towers do not stand"
+    assert np.abs(props[3].positions - first).max() < 0.005, "the towers do not stand"
     # The first tower, 0.62 m to the left, is in the way; its boxes go where the chair goes.
     assert (last[:24, 1] - first[:24, 1]).min() < -0.3
     assert (last[:24, 0] - first[:24, 0]).mean() > 0.15
@@ -66,10 +68,15 @@ def test_a_chair_walks_through_a_tower(tmp_path):
     assert all(p.positions[:, 1].min() > 0.9 * half for p in props)
     assert "boxes down" in props[-1].note
     with av.open(str(tmp_path / "enliven.mp4")) as film:
-        picture = next(film.decode(film.streams.video[0])).to_ndarray(format="rgb24").astype(float)
-    # The second layer is green, the fourth violet, colours that the chair and the floor do not have.
-    green = (picture[..., 1] > 1.15 * picture[..., 0]) & (picture[..., 1] > 1.1 * picture[..., 2])
-    assert green.sum() > 500, "no box is in the picture"
+        pictures = [frame.to_ndarray(format="rgb24") for frame in film.decode(film.streams.video[0])]
+    before, picture = (greens(pictures[k]) for k in (0, 15))
+    assert picture > before + 500, "no box is in the picture"
+
+
+def greens(picture: np.ndarray) -> int:
+    """Pixels as green as the boxes of the second layer, unlike the chair and the floor."""
+    red, green, blue = picture.astype(float).transpose(2, 0, 1)
+    return int(((green > 1.15 * red) & (green > 1.1 * blue)).sum())
 
 
 def test_without_the_engine_it_says_what_to_install(tmp_path):

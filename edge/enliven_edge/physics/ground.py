@@ -10,6 +10,9 @@ from enliven.arrays import Float
 from enliven.body import Body, Joint
 from enliven_edge.placement import facing
 
+_STILL = 0.12
+"""Metres that somebody who stands still may sway."""
+
 
 @dataclass(frozen=True)
 class Ground:
@@ -37,6 +40,34 @@ class Ground:
 
 FIXED = Ground(np.zeros(3), 0.0)
 """The world's own x and z."""
+
+
+class Standing:
+    """Finds where somebody stands still: who walks in does not want the world at the door.
+
+    Args:
+        seconds: so long.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds = seconds
+        self._since: dict[int, tuple[Ground, int]] = {}
+
+    def find(self, bodies: list[Body], time_ns: int) -> Ground | None:
+        """The place of the first of everybody in view who has stood still for long enough, or None."""
+        seen: dict[int, tuple[Ground, int]] = {}
+        for body in bodies:
+            ground = ground_under(body)
+            if ground is None:
+                continue
+            begin = self._since.get(body.id, (ground, time_ns))
+            if np.linalg.norm(ground.at - begin[0].at) > _STILL:
+                begin = ground, time_ns
+            seen[body.id] = begin
+            if (time_ns - begin[1]) * 1e-9 >= self.seconds:
+                return ground
+        self._since = seen
+        return None
 
 
 def ground_under(body: Body) -> Ground | None:

@@ -14,7 +14,7 @@ from enliven.deformation.spheres import SphereProxies, pack_spheres
 from enliven.errors import InputError
 from enliven.props import Props
 from enliven_edge.physics.dodgeball import Dodgeball
-from enliven_edge.physics.ground import FIXED, Ground, ground_under
+from enliven_edge.physics.ground import FIXED, Ground, Standing
 from enliven_edge.physics.performers import body_spheres
 from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.physics.towers import Towers
@@ -44,7 +44,7 @@ class Game(Protocol):
 class Playground:
     """Props, the spheres of characters and performers among them, and a game.
 
-    Nothing is there until the place is known: where the first performer first stands, or at once where the
+    Nothing is there until the place is known: where a performer first stands still, or at once where the
     settings say fixed. The same frames give the same props, as long as the budget leaves nothing out.
     """
 
@@ -64,6 +64,7 @@ class Playground:
         self._proxies: dict[str, tuple[Character, SphereProxies]] = {}
         self._slots: dict[str, slice] = {}
         self._ground: Ground | None = None
+        self._standing = Standing(settings.stand)
         self._time_ns: int | None = None
         self._note = ""
         for character in characters or []:
@@ -96,7 +97,8 @@ class Playground:
         seconds = 0.0 if self._time_ns is None else (time_ns - self._time_ns) * 1e-9
         self._time_ns = time_ns
         if seconds < 0.0:
-            seconds, self._ground = 0.0, None  # a replay that begins again
+            # A replay that begins again.
+            seconds, self._ground, self._standing = 0.0, None, Standing(self.settings.stand)
         before = self._slots
         spheres, radii, names, owners = self._spheres(poses, bodies, holders)
         self.world.move(spheres, radii)
@@ -104,7 +106,7 @@ class Playground:
             if before.get(name) != self._slots[name]:
                 self.world.appear(self._slots[name])
         if self._ground is None:
-            self._ground = self._place(bodies)
+            self._ground = self._place(bodies, time_ns)
             if self._ground is None:
                 return None
             self.game.begin(self.world, self._ground)
@@ -117,11 +119,11 @@ class Playground:
         self._note = self.game.play(self.world, spheres, names, owners, seconds)
         return self._props(time_ns)
 
-    def _place(self, bodies: list[Body]) -> Ground | None:
+    def _place(self, bodies: list[Body], time_ns: int) -> Ground | None:
         """Where the world is laid out, as soon as that is known."""
         if self.settings.place == "fixed":
             return FIXED
-        return next((g for g in map(ground_under, bodies) if g is not None), None)
+        return self._standing.find(bodies, time_ns)
 
     def _spheres(
         self, poses: list[Pose], bodies: list[Body], holders: set[int]

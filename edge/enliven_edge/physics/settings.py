@@ -43,7 +43,7 @@ class BoxesSettings:
 
     at: tuple[tuple[float, float], ...] = setting(
         ((0.62, 0.15), (-0.05, 0.98)),
-        "The towers: metres to the performer's left and ahead of where they first stood; or x and z.",
+        "The towers: metres to the performer's left and ahead; or x and z of the world.",
         unit="m",
     )
     wide: int = setting(2, "Boxes along each side of a tower.", low=1, high=6)
@@ -78,8 +78,9 @@ class PhysicsSettings:
 
     world: WorldName = setting("none", "'boxes' are towers to knock over; in 'dodgeball' balls are thrown.")
     place: Literal["performer", "fixed"] = setting(
-        "performer", "Where: about where the first performer first stood, or in the world's own x and z."
+        "performer", "Where: about where a performer first stood still, or in the world's own x and z."
     )
+    stand: float = setting(0.3, "Standing still for this long shows the place.", unit="s", low=0.0, high=60.0)
     bodies: Literal["never", "free", "always"] = setting(
         "free", "Whether performers push too: 'free' are those who hold no character."
     )

@@ -76,9 +76,13 @@ def test_the_same_frames_give_the_same_props():
 def test_nothing_is_there_before_somebody_shows_the_place():
     made = playground(place="performer")
     assert made.step([at((9, 0, 9))], [], set(), 0) is None
-    props = made.step([], [person((2.0, -3.0))], set(), NS)
-    assert np.allclose(props.positions[:, [0, 2]].mean(0), [2.5, -3.0], atol=0.05)
-    again = made.step([], [person((-1.0, -1.0))], set(), 2 * NS)
+    for k in range(1, 20):
+        assert made.step([], [person((0.05 * k, -3.0))], set(), k * NS) is None, "they still walk"
+    for k in range(20, 28):
+        assert made.step([], [person((2.0, -3.0))], set(), k * NS) is None
+    props = made.step([], [person((2.02, -3.0))], set(), 32 * NS)
+    assert np.allclose(props.positions[:, [0, 2]].mean(0), [2.52, -3.0], atol=0.05)
+    again = made.step([], [person((-1.0, -1.0))], set(), 33 * NS)
     assert np.allclose(again.positions, props.positions, atol=0.01), "the place is known once and for all"
 
 
