@@ -7,7 +7,7 @@ import numpy as np
 from enliven.parts import parts_named
 from enliven_viewer.grasp import PARTS, Grasp
 from enliven_viewer.hud import KEYS
-from enliven_viewer.render.marks import CUE_TINTS, cue_rows
+from enliven_viewer.render.marks import CUE_TINT, CUE_TINTS, cue_rows
 from enliven_viewer.render.scene import Actor
 from enliven_viewer.timeline import Cues
 
@@ -37,8 +37,11 @@ def test_the_help_tells_the_keys_of_possession() -> None:
 def test_nodes_are_tinted_by_their_performers_and_previews_are_fainter(box) -> None:
     nodes, strengths = np.arange(5, dtype=np.int32), np.ones(5, np.float32)
     owners = np.array([4, 9, 4, 9, 9], np.int32)
-    rows = cue_rows(Actor(box, box.rest_pose(), Cues("box", nodes, strengths, "possessed", owners, 3)), 1.0)
-    assert [tuple(np.round(r, 4)) for r in rows[:, 4:7]] == [CUE_TINTS[k] for k in (0, 1, 0, 1, 1)]
+    actor = Actor(box, box.rest_pose(), Cues("box", nodes, strengths, "possessed", owners, 3))
+    rows = cue_rows(actor, 1.0, [9, 4])
+    np.testing.assert_allclose(rows[:, 4:7], [CUE_TINTS[k] for k in (1, 0, 1, 0, 0)])
+    away = cue_rows(actor, 1.0, [9])
+    np.testing.assert_allclose(away[:, 4:7], rows[:, 4:7], err_msg="who is out of view comes last")
     assert (rows[:3, 7] == rows[0, 7]).all() and (rows[3:, 7] < 0.5 * rows[0, 7]).all()
 
 
@@ -46,4 +49,4 @@ def test_cues_that_name_no_owner_look_as_ever(box) -> None:
     nodes, strengths = np.arange(3, dtype=np.int32), np.ones(3, np.float32)
     held = cue_rows(Actor(box, box.rest_pose(), Cues("box", nodes, strengths)), 1.0)
     shown = cue_rows(Actor(box, box.rest_pose(), Cues("box", nodes, strengths, "preview")), 1.0)
-    assert np.allclose(held[:, 4:7], CUE_TINTS[0]) and (shown[:, 7] < held[:, 7]).all()
+    assert np.allclose(held[:, 4:7], CUE_TINT) and (shown[:, 7] < held[:, 7]).all()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import moderngl
 import numpy as np
 
@@ -9,14 +11,9 @@ from enliven.arrays import Float32
 from enliven_viewer.render.program import load_program, set_uniform
 from enliven_viewer.render.scene import Actor, Scene
 
-CUE_TINTS = (
-    (1.0, 0.74, 0.22),
-    (0.25, 0.86, 1.0),
-    (1.0, 0.42, 0.66),
-    (0.55, 0.95, 0.38),
-    (0.72, 0.56, 1.0),
-)
-"""Of the first, second, ... performer who holds or would hold a mesh, by their ids."""
+CUE_TINT = (1.0, 0.74, 0.22)
+CUE_TINTS = ((0.22, 0.90, 0.86), (1.0, 0.70, 0.20), (0.72, 0.52, 1.0), (0.50, 0.95, 0.36))
+"""Where several performers hold a mesh: of the first, second, ... body, as its skeleton's."""
 NODE_TINT = (0.30, 0.62, 1.0)
 EDGE_TINT = (0.30, 0.62, 1.0, 0.34)
 CUE_RADIUS = 0.030
@@ -24,8 +21,12 @@ NODE_RADIUS = 0.012
 _SQUARE = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
 
 
-def cue_rows(actor: Actor, strength: float) -> Float32:
-    """(A, 8) float32 of an actor's attachment points: xyz and radius, rgb and strength."""
+def cue_rows(actor: Actor, strength: float, bodies: Sequence[int] = ()) -> Float32:
+    """(A, 8) float32 of an actor's attachment points: xyz and radius, rgb and strength.
+
+    Args:
+        bodies: the ids of those in the picture, in the order of their tints.
+    """
     cues = actor.cues
     if cues is None or strength <= 0:
         return np.zeros((0, 8), np.float32)
@@ -34,10 +35,12 @@ def cue_rows(actor: Actor, strength: float) -> Float32:
     rows = np.empty((int(known.sum()), 8), np.float32)
     rows[:, :3] = actor.pose.positions[cues.nodes[known]]
     rows[:, 3] = CUE_RADIUS * (0.65 + 0.35 * held)
-    rows[:, 4:7] = CUE_TINTS[0]
-    if len(cues.owners) == len(known):
-        _, which = np.unique(cues.owners, return_inverse=True)
-        rows[:, 4:7] = np.array(CUE_TINTS)[which[known] % len(CUE_TINTS)]
+    rows[:, 4:7] = CUE_TINT
+    owners = cues.owners[known] if len(cues.owners) == len(known) else np.empty(0, np.int32)
+    if len(set(owners.tolist())) > 1:
+        everybody = dict.fromkeys([*bodies, *sorted(owners.tolist())])
+        number = {body: k % len(CUE_TINTS) for k, body in enumerate(everybody)}
+        rows[:, 4:7] = np.array(CUE_TINTS)[[number[owner] for owner in owners.tolist()]]
     rows[:, 7] = strength * (0.35 + 0.65 * held) * np.where(cues.firm[known], 1.0, 0.45)
     return rows
 
@@ -72,7 +75,8 @@ class Marks:
         if scene.look.graph > 0:
             for actor in scene.actors:
                 self._draw_graph(actor, scene.look.graph)
-        rows = [cue_rows(actor, scene.look.cues) for actor in scene.actors]
+        bodies = [body.id for body in scene.bodies]
+        rows = [cue_rows(actor, scene.look.cues, bodies) for actor in scene.actors]
         self._draw_dots(np.concatenate(rows) if rows else np.zeros((0, 8), np.float32), 3.0, 1.1)
 
     def _draw_graph(self, actor: Actor, strength: float) -> None:
