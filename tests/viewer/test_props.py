@@ -14,6 +14,7 @@ from enliven.wire.convert import character_to_message, pose_to_message, props_to
 from enliven.wire.posecode import PoseCodec
 from enliven_viewer.camera import OrbitCamera
 from enliven_viewer.document import Document
+from enliven_viewer.hud import HudState, _state_lines
 from enliven_viewer.interpolation import blend_props
 from enliven_viewer.render.props import block_template, prop_rows
 from enliven_viewer.render.renderer import Renderer
@@ -139,3 +140,8 @@ def test_boxes_and_balls_are_drawn_and_cast_shadows(gl) -> None:
 def drawn(renderer: Renderer, scene: Scene, view) -> np.ndarray:
     renderer.draw(scene, view)
     return renderer.pixels().astype(float)
+
+
+def test_the_score_is_told_in_the_window() -> None:
+    assert "chair hit twice" in _state_lines(HudState(score="chair hit twice"))
+    assert len(_state_lines(HudState())) == len(_state_lines(HudState(score="x"))) - 1

@@ -166,6 +166,7 @@ class App:
             notice=self._notice(),
             help=self.help,
             grasp="" if self._take else self.grasp.words,
+            score=self._scene.props.note if self._scene.props is not None else "",
         )
 
     def _notice(self) -> str:

@@ -57,6 +57,7 @@ class HudState:
         notice: one line for the middle of the picture, or empty.
         help: whether the keys are listed.
         grasp: what the next possession takes, or empty.
+        score: what is said of loose things, or empty.
     """
 
     edge: EdgeState | None = None
@@ -71,6 +72,7 @@ class HudState:
     notice: str = ""
     help: bool = False
     grasp: str = ""
+    score: str = ""
 
 
 def timeline_area(size: tuple[int, int], scale: float) -> tuple[float, float, float, float]:
@@ -234,6 +236,8 @@ def _state_lines(state: HudState) -> list[str]:
         lines.append(text)
     if edge is not None and edge.connected and state.grasp:
         lines.append(state.grasp)
+    if state.score:
+        lines.append(state.score[:58])
     if edge is not None and edge.message:
         lines.append(edge.message[:58])
     return lines
