@@ -70,6 +70,9 @@ def stood_in(mesh: Mesh) -> tuple[Mesh, float]:
 def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, float]:
     """How figures are best put into a mesh, all in the same way: turned about +Y, then moved over the floor.
 
+    What counts is how near their bones are to the surface, how much of the surface is near to them, and, for
+    one figure, that the mesh is alike on both sides of it.
+
     Args:
         figures: (20, 3) metres each, as tall as the mesh wants them; about the origin, facing +Z.
 
@@ -96,8 +99,9 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
         moved[..., [0, 2]] -= shifts[:, None]
         own = moved @ turn
         held *= np.max([field(own) for field in touched], axis=0).mean(1)
-        across = near((own * [-1.0, 1.0, 1.0]) @ turn.T + (pieces[None] - moved))
-        held *= (across.mean(1) / alike) ** 2
+        if len(figures) == 1:
+            across = near((own * [-1.0, 1.0, 1.0]) @ turn.T + (pieces[None] - moved))
+            held *= (across.mean(1) / alike) ** 2
         ahead = (head - shifts) @ front
         ahead = np.sign(ahead) * np.maximum(np.abs(ahead) - _NO_HEAD, 0.0)
         worth = held + _HEAD_FIRST * held * ahead

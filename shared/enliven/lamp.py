@@ -11,15 +11,18 @@ from enliven.mesh import Mesh
 
 _CREAM, _STEEL, _DARK = (233, 226, 208), (158, 164, 170), (74, 78, 86)
 _INSIDE, _BULB = (250, 236, 200), (255, 221, 130)
-_BESIDE = -0.12
-"""Metres: the lamp stands between the hip and the right shoulder of who takes hold of it."""
-_FOOT, _ELBOW = np.array([_BESIDE, 0.44, 0.02]), np.array([_BESIDE, 1.40, -0.13])
-_HEAD = np.array([_BESIDE, 1.545, 0.50])
-_LOOKS = np.array([0.0, -0.6, 0.8])
+_FOOT, _ELBOW, _HEAD = (
+    np.array([-0.11, 0.44, 0.0]),
+    np.array([-0.17, 1.40, 0.0]),
+    np.array([-0.80, 1.51, 0.0]),
+)
+"""Metres: where the lower arm stands on the post, where both arms meet, where the shade hangs."""
+_LOOKS = np.array([-0.8, -0.6, 0.0])
 """Unit direction in which the shade opens."""
+_PIN = np.array([0.0, 0.0, 1.0])
+"""Along the pins about which everything turns."""
 _HOOKED = 0.48
 """Where along an arm its springs end."""
-_SIDE = np.array([1.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True)
@@ -40,10 +43,10 @@ class _Shell:
 def make_lamp(cell: float = 0.016) -> Mesh:
     """A sprung lamp 1.7 m tall that a standing person can possess with "hip and right arm".
 
-    It faces +Z and stands on y = 0, its base a little to the right of the origin. A person who stands there,
-    facing +Z, with the right arm held forward and a little up, has the hip beside the lower arm, the
-    shoulder at the lamp's elbow at 1.4 m, the arm in the upper arm and the hand at the shade. Eighteen
-    closed shells, each running into its neighbours; the vertices have colours.
+    It stands on y = 0 and reaches to the right. A person who stands at the origin facing +Z, with the right
+    arm held out to the side, has the hip beside the lower arm, the shoulder at the lamp's elbow at 1.4 m, the
+    arm in the upper arm and the hand at the shade. Eighteen closed shells, each running into its neighbours;
+    the vertices have colours.
 
     Args:
         cell: metres, about the longest edge.
@@ -82,12 +85,12 @@ def _base(cell: float) -> _Shell:
 def _arm(start: Float, end: Float, cell: float) -> list[_Shell]:
     """Two parallel bars, a spring on either side near the arm's lower end, and the pin that holds both."""
     along = (end - start) / np.linalg.norm(end - start)
-    apart = np.cross(_SIDE, along)
+    apart = np.cross(_PIN, along)
     bars = [_bar(start + s * 0.030 * apart, end + s * 0.030 * apart, cell) for s in (-1.0, 1.0)]
     hook = start + (_HOOKED * (end - start)) + 0.030 * apart
     pin = [(0.0, -0.050), (0.008, -0.048), (0.008, 0.048), (0.0, 0.050)]
-    held = _painted(_revolved(np.array(pin), hook, _SIDE, cell), _DARK)
-    springs = (_spring(start, hook, s * 0.042 * _SIDE) for s in (-1.0, 1.0))
+    held = _painted(_revolved(np.array(pin), hook, _PIN, cell), _DARK)
+    springs = (_spring(start, hook, s * 0.042 * _PIN) for s in (-1.0, 1.0))
     return [*bars, held, *springs]
 
 
@@ -113,9 +116,9 @@ def _joints(cell: float) -> list[_Shell]:
     """The pins about which the arms turn, with plates beside the bars at the elbow."""
     pin = [(0.0, -0.036), (0.030, -0.036), (0.036, -0.030), (0.036, 0.030), (0.030, 0.036), (0.0, 0.036)]
     plate = [(0.0, -0.006), (0.058, -0.006), (0.062, 0.0), (0.058, 0.006), (0.0, 0.006)]
-    shells = [_painted(_revolved(np.array(pin), at, _SIDE, cell), _DARK) for at in (_FOOT, _ELBOW, _HEAD)]
+    shells = [_painted(_revolved(np.array(pin), at, _PIN, cell), _DARK) for at in (_FOOT, _ELBOW, _HEAD)]
     for side in (-0.024, 0.024):
-        shells.append(_painted(_revolved(np.array(plate), _ELBOW + side * _SIDE, _SIDE, cell), _CREAM))
+        shells.append(_painted(_revolved(np.array(plate), _ELBOW + side * _PIN, _PIN, cell), _CREAM))
     return shells
 
 
@@ -201,7 +204,7 @@ def _wrapped(
     """
     rings, around = radius.shape
     axis = axis / np.linalg.norm(axis)
-    u = np.cross(axis, _SIDE if abs(axis[0]) < 0.9 else np.array([0.0, 0.0, 1.0]))
+    u = np.cross(axis, _PIN if abs(axis @ _PIN) < 0.9 else np.array([1.0, 0.0, 0.0]))
     u /= np.linalg.norm(u)
     angle = np.arange(around) / around * 2 * np.pi
     spoke = np.cos(angle)[:, None] * u + np.sin(angle)[:, None] * np.cross(axis, u)

@@ -39,8 +39,8 @@ def test_its_size(lamp):
     assert np.linalg.norm(corners - np.roll(corners, -1, 1), axis=2).max() < 0.025
     foot = lamp.vertices[lamp.vertices[:, 1] < 0.01]
     assert np.ptp(foot[:, 0]) > 0.4
-    # The shade is in front, at the height of a hand that is held forward.
-    shade = lamp.vertices[lamp.vertices[:, 2] > 0.6]
+    # The shade is to the right, at the height of a hand that is held out.
+    shade = lamp.vertices[lamp.vertices[:, 0] < -0.85]
     assert 1.1 < shade[:, 1].mean() < 1.6
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from enliven.arrays import Bool, Float, Int, Int32
-from enliven.body import PARENTS, J, parts_named
+from enliven.body import PARENTS, J, Joint, parts_named
 from enliven.deformation.bones import bone_rotations, bone_samples, filled
 from enliven.deformation.graph import DeformationGraph
 from enliven.deformation.reach import carried_back, nearest_facing
@@ -22,6 +22,10 @@ from enliven.errors import InputError
 from enliven.settings import setting
 
 _PARENT = np.array(PARENTS)
+_LIMBS = np.array([0, 0, 0, 0, *[1] * 4, *[2] * 4, *[3] * 4, *[4] * 4])
+"""(20,) the trunk, the arms and the legs, by the joint that a bone ends at."""
+_ARMS = (1, 2)
+_ON_PELVIS = (int(Joint.SPINE), int(Joint.HIP_LEFT), int(Joint.HIP_RIGHT))
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,10 @@ class AttachmentSettings:
 
 @dataclass(frozen=True)
 class Growth:
-    """How far to reach where a body does not fit the mesh.
+    """How far to reach where a body does not fit the mesh: limb by limb, each until enough of it holds.
+
+    An arm of somebody who holds with all that they have needs to reach nothing: where a mesh has no place
+    for arms, they would take hold of its flanks. The arms then reach as far as the whole needs.
 
     Attributes:
         enough: share of the bones that must take hold before the reach stops growing.
@@ -50,17 +57,26 @@ class Growth:
     enough: float
     farthest: float
 
-    def reach(self, reach: float, bone: Int, nearest: Float, bones: int) -> float:
-        """Metres: ``reach``, or the next longer one at which enough of the bones take hold.
+    def reaches(self, reach: float, bone: Int, nearest: Float) -> Float:
+        """(L,) metres for each sample: ``reach``, or the next longer one at which enough bones take hold.
 
         Args:
             bone: (L,) the bone of each sample.
             nearest: (L,) metres from each sample to the nearest node, infinite where there is none.
-            bones: how many bones there are to take hold.
         """
         first = np.full(J, np.inf)
         np.minimum.at(first, bone, nearest)
-        while np.count_nonzero(first < reach) < self.enough * bones and reach < self.farthest:
+        whole = len(np.unique(bone)) >= J - 1
+        out = np.full(len(bone), self._grown(reach, first[np.unique(bone)]))
+        for limb in np.unique(_LIMBS[bone]):
+            if not (whole and limb in _ARMS):
+                own = _LIMBS[bone] == limb
+                out[own] = self._grown(reach, first[np.unique(bone[own])])
+        return out
+
+    def _grown(self, reach: float, first: Float) -> float:
+        """The reach at which enough of these bones hold, each ``first`` (B,) metres from what it would."""
+        while np.count_nonzero(first < reach) < self.enough * len(first) and reach < self.farthest:
             reach = min(1.5 * reach + 0.01, self.farthest)
         return reach
 
@@ -192,9 +208,9 @@ def attach(
     farthest = max(settings.reach, grow.farthest)
     cosine = math.cos(settings.normal_angle)
     indices, lengths = nearest_facing(points, normals, starts, node_points, node_normals, farthest, cosine)
-    reach = grow.reach(settings.reach, bone, lengths[:, 0], int((usable & chosen).sum()))
+    reach = grow.reaches(settings.reach, bone, lengths[:, 0])
     held = lengths[:, 0] < reach
-    weights = np.maximum(1.0 - lengths[held] / reach, 0.0) if held.any() else np.empty((0, 4))
+    weights = np.maximum(1.0 - lengths[held] / reach[held, None], 0.0) if held.any() else np.empty((0, 4))
     weights /= weights.sum(1, keepdims=True)
     indices = np.where(weights > 0, indices[held], 0).astype(np.int32)
     points = points[held]
@@ -216,9 +232,18 @@ def _samples(
     where, facing = [points[bones].reshape(-1, 3)], [normals[bones].reshape(-1, 3)]
     starts = count * np.arange(len(bones) + 1)
     bone, along = [np.repeat(bones + 1, count)], [np.tile(fraction, len(bones))]
+    if chosen[0] and not chosen[[*_ON_PELVIS]].any() and usable[:2].all():
+        # The root ends no bone: who holds with the hip alone holds with the lower half of the spine, so that
+        # the hip turns what it holds.
+        pelvis = fraction < 0.5
+        where.append(points[0][pelvis])
+        facing.append(normals[0][pelvis])
+        bone.append(np.ones(int(pelvis.sum()), int))
+        along.append(fraction[pelvis])
+        starts = np.append(starts, starts[-1] + int(pelvis.sum()))
     if settings.joints:
         own = np.flatnonzero(usable & chosen)
-        # The root ends no bone; it is the start of the first one.
+        # The root is the start of the first bone.
         first = own == 0
         own = own[~first | usable[1]]
         first = own == 0
