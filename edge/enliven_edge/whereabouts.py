@@ -28,9 +28,11 @@ class Whereabouts:
         return stands if self.settings.how == "inside" else beside(stands, self.settings.aside)
 
     def stands(self, body: Body) -> Placement:
-        """The mesh where the performer stands."""
+        """The mesh where the performer stands, its front where they face."""
         alike = self.settings.scaled == "mesh"
-        return under(body, self._performer_scale(body) if alike else self.size)
+        place = under(body, self._performer_scale(body) if alike else self.size)
+        front = 0.0 if self._likeness is None else self._likeness.yaw
+        return Placement(place.scale, place.yaw - front, place.offset)
 
     def ways(self, body: Body, placement: Placement, taken: list[Carrying]) -> list[Carrying]:
         """How a body may come to the mesh, the best first.

@@ -25,6 +25,8 @@ _ON_FLOOR = 0.15
 """Share of the height up to which a tip is a foot."""
 _LONG = 1.5
 """A mesh so much longer than wide has its front at the head."""
+_LEAN = 0.15
+"""Share of the height by which a head is ahead of a body that is not upright."""
 _LEG = ((Joint.HIP_LEFT, 0.95), (Joint.KNEE_LEFT, 0.5), (Joint.ANKLE_LEFT, 0.12), (Joint.FOOT_LEFT, 0.0))
 _ARM = (
     (Joint.SHOULDER_LEFT, 0.95),
@@ -66,10 +68,16 @@ def likeness(graph: DeformationGraph) -> Likeness:
     feet, free = np.flatnonzero(level < _ON_FLOOR), np.flatnonzero(level >= _ON_FLOOR)
     free = free[np.argsort(-level[free])]
     heads = free[level[free] > level[free].max(initial=0.0) - 0.1][:2] if len(free) else free
-    yaw = _front(limbs, heads)
+    yaw = _front(limbs, heads, feet)
     left, ahead = np.array([np.cos(yaw), 0, -np.sin(yaw)]), np.array([np.sin(yaw), 0, np.cos(yaw)])
     joints = np.full((J, 3), np.nan)
-    legs, arms = _shared_out(limbs.at, feet, [int(t) for t in free if t not in heads], left, ahead)
+    legs, arms = _shared_out(
+        limbs.at,
+        feet,
+        sorted(set(free.tolist()) - set(heads.tolist()), key=lambda t: -limbs.out[t]),
+        left,
+        ahead,
+    )
     _put(joints, limbs, _LEG, legs)
     _put(joints, limbs, _ARM, arms)
     _trunk(joints, limbs, heads, floor, height)
@@ -149,6 +157,7 @@ class _Limbs:
 
     Attributes:
         at: (T, 3) the tips.
+        out: (T,) metres by which each tip stands out.
         length: (T,) metres from each tip to where its limb ends: half-way to the nearest other tip, or where
             it meets another's, whichever is farther.
     """
@@ -157,6 +166,7 @@ class _Limbs:
         self.positions, self.at, self._ways = positions, positions[tips], ways
         apart = ways[:, tips] + np.where(np.eye(len(tips), dtype=bool), np.inf, 0.0)
         half = np.where(np.isfinite(apart), apart, 0.0).min(1, where=np.isfinite(apart), initial=np.inf) / 2
+        self.out = lengths
         self.length = np.maximum(lengths, np.where(np.isfinite(half), half, 0.0))
         self._owner = ways.argmin(0)
 
@@ -173,14 +183,31 @@ class _Limbs:
         return np.asarray(middle + slope * step)
 
 
-def _front(limbs: _Limbs, heads: Int) -> float:
-    """Radians about +Y from +Z to the front: where the head is along a long mesh, else +Z."""
-    flat = limbs.positions[:, [0, 2]] - limbs.positions[:, [0, 2]].mean(0)
+def _front(limbs: _Limbs, heads: Int, feet: Int) -> float:
+    """Radians about +Y from +Z to the front.
+
+    Of who stands on four feet or more and is long: along the length, where the head is. Of who stands on two:
+    across the line between the legs, to where the head is ahead of the body, or else the toes of the legs.
+    Of all others, and of who looks alike from both sides: +Z, or the side that is nearer to it.
+    """
+    middle = limbs.positions.mean(0)
+    head = limbs.at[heads].mean(0) - middle if len(heads) else np.zeros(3)
+    flat = (limbs.positions - middle)[:, [0, 2]]
     sizes, axes = np.linalg.eigh(flat.T @ flat)
-    if not len(heads) or sizes[1] < _LONG**2 * max(sizes[0], 1e-12):
+    if len(feet) == 2:
+        knees = np.array([limbs.ring(int(t), 0.4) for t in feet])
+        along = np.array([-(knees[1] - knees[0])[2], (knees[1] - knees[0])[0]])
+        toes = (limbs.at[feet] - knees).mean(0)
+        leans = abs(head[[0, 2]] @ along) > _LEAN * np.ptp(limbs.positions[:, 1]) * np.linalg.norm(along)
+        ahead = head if leans else toes
+    elif len(feet) >= 4 and sizes[1] > _LONG**2 * max(sizes[0], 1e-12):
+        along, ahead = axes[:, 1], head
+    else:
         return 0.0
-    to_head = (limbs.at[heads].mean(0) - limbs.positions.mean(0))[[0, 2]]
-    along = axes[:, 1] if axes[:, 1] @ to_head >= 0 else -axes[:, 1]
+    share = float(along @ ahead[[0, 2]]) / max(float(np.linalg.norm(along)), 1e-12)
+    small = abs(share) < 0.02 * np.ptp(limbs.positions[:, 1])
+    if (along[1] if small else share) < 0:
+        along = -along
     return float(np.arctan2(along[0], along[1]))
 
 
@@ -196,7 +223,7 @@ def _shared_out(
     legs = sides(by_depth[:2]) if len(by_depth) >= 2 else []
     arms = by_depth[-2:] if len(by_depth) >= 4 else by_depth[2:3] * 2
     if not arms and len(others) >= 2:
-        arms = [int(t) for t in others[:2]]
+        arms = others[:2]
     return legs, sides(arms)
 
 
