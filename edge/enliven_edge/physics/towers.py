@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.errors import InputError
 from enliven.props import BOX
 from enliven_edge.physics.ground import Ground
 from enliven_edge.physics.settings import BoxesSettings
@@ -14,6 +15,7 @@ _GAP = 0.003
 """Metres between neighbours, which would rub against each other otherwise."""
 _STILL, _MOVED = 0.05, 0.5
 """Metres a second below which a box is still; and in edges of a box, how far one has gone that fell."""
+_MOST = 300
 _COLOURS = np.array(
     [(214, 96, 77), (236, 178, 82), (104, 160, 138), (88, 124, 168), (226, 214, 190), (150, 108, 150)]
 )
@@ -21,9 +23,19 @@ _COLOURS = np.array(
 
 
 def tower_props(settings: BoxesSettings) -> PropSpecs:
-    """The boxes of all towers, tower by tower, from below."""
+    """The boxes of all towers, tower by tower, from below.
+
+    Raises:
+        InputError: for more than the engine could follow.
+    """
     layer = np.repeat(np.arange(settings.high), settings.wide**2)
     count = len(settings.at) * len(layer)
+    if count > _MOST:
+        raise InputError(
+            f"the towers have {count} boxes, at most {_MOST} keep pace with a camera",
+            where="physics.boxes",
+            mend="Ask for fewer, lower or narrower towers.",
+        )
     # Neighbours and layers differ, so that a turn of a box is seen.
     nth = np.tile(layer + np.arange(len(layer)) % settings.wide, len(settings.at))
     return PropSpecs(

@@ -197,6 +197,14 @@ def test_towers_stand_on_the_floor_and_touch_nothing():
     assert apart.min() >= settings.side - 1e-9
 
 
+def test_too_many_boxes_are_refused_and_none_are_a_world_too():
+    with pytest.raises(InputError, match="432 boxes"):
+        tower_props(BoxesSettings(at=((0, 0),) * 2, wide=6, high=6))
+    bare = playground(boxes=BoxesSettings(at=()))
+    props = bare.step([at((0, 0, 0))], [], set(), 0)
+    assert len(bare.step([at((0.1, 0, 0))], [], set(), NS)) == 0 == len(props) and props.note == ""
+
+
 def test_settings_are_read_and_checked():
     read = load_settings(PhysicsSettings, {"world": "boxes", "boxes": {"at": [[1, 2]], "high": 3}})
     assert read.boxes.at == ((1.0, 2.0),) and read.boxes.high == 3
