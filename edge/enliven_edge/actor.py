@@ -155,11 +155,12 @@ class Actor:
         """What is held, and what the next performer would hold if they took hold now, beside those who do."""
         who, parts = self._would
         body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
-        held = [(hold.body, hold.nodes) for hold in self.holds if hold.active]
+        count = len(self.graph.positions)
+        held = [(hold.body, hold.strengths(count)) for hold in self.holds if hold.active]
         preview = None
         if body is not None and self._met:
             others = [hold for hold in self.holds if hold.body != body.id]
-            preview = body.id, Hold(body.id, [self._grip(body, parts, others)]).nodes
+            preview = body.id, Hold(body.id, [self._grip(body, parts, others)]).strengths(count)
         return cues_of(held, preview)
 
     @property

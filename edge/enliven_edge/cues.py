@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -34,31 +34,25 @@ class Cues:
     held: int = 0
 
 
-def cues_of(
-    held: Iterable[tuple[int, dict[int, float]]], preview: tuple[int, dict[int, float]] | None
-) -> Cues:
+def cues_of(held: Sequence[tuple[int, Float]], preview: tuple[int, Float] | None) -> Cues:
     """The cues of who holds what, by performer, and of who would; a node is the one's who holds it firmest.
 
     Args:
-        held: performer and strengths by node, of everybody who holds.
+        held: performer and (N,) strengths by node, of everybody who holds.
         preview: the same of who would take hold.
     """
-    firmest: dict[int, tuple[float, int]] = {}
-    holders = list(held)
-    for body, nodes in holders:
-        for node, strength in nodes.items():
-            if strength > firmest.get(node, (0.0, 0))[0]:
-                firmest[node] = (strength, body)
-    rows = [(node, strength, body) for node, (strength, body) in sorted(firmest.items())]
-    taken = len(rows)
+    holders = [body for body, _ in held]
+    nodes, strengths, owners = np.empty(0, np.int64), np.empty(0), np.empty(0, np.int64)
+    if held:
+        every = np.stack([strength for _, strength in held])
+        firmest = every.max(0)
+        nodes = np.flatnonzero(firmest > 0)
+        strengths, owners = firmest[nodes], np.array(holders)[every.argmax(0)[nodes]]
+    taken = len(nodes)
     if preview is not None:
-        rows += [(n, s, preview[0]) for n, s in sorted(preview[1].items()) if n not in firmest]
-    first = holders[0][0] if holders else preview[0] if preview is not None and rows else -1
-    return Cues(
-        "possessed" if holders else "free",
-        np.array([row[0] for row in rows], np.int64),
-        np.array([row[1] for row in rows], np.float64),
-        first,
-        np.array([row[2] for row in rows], np.int64),
-        taken,
-    )
+        also = np.flatnonzero(preview[1] > 0)
+        also = also[~np.isin(also, nodes)]
+        nodes, strengths = np.concatenate([nodes, also]), np.concatenate([strengths, preview[1][also]])
+        owners = np.concatenate([owners, np.full(len(also), preview[0])])
+    first = holders[0] if holders else int(owners[0]) if len(owners) else -1
+    return Cues("possessed" if holders else "free", nodes, strengths, first, owners, taken)

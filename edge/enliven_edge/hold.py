@@ -99,14 +99,13 @@ class Hold:
             return np.zeros((count, 3)), np.zeros(count)
         return self._targets, self._pulls
 
-    @property
-    def nodes(self) -> dict[int, float]:
-        """The nodes held, and how strongly, in (0, 1]."""
-        found: dict[int, float] = {}
+    def strengths(self, count: int) -> Float:
+        """(N,) how strongly each of so many nodes is held, the firmest 1; 0 where not at all."""
+        firm = np.zeros(count)
         for grip in self.grips:
-            for node, strength in zip(*grip.attachment.nodes, strict=True):
-                found[int(node)] = max(found.get(int(node), 0.0), float(strength))
-        return found
+            nodes, strengths = grip.attachment.nodes
+            firm[nodes] = np.maximum(firm[nodes], strengths)
+        return firm
 
 
 @dataclass(frozen=True)
