@@ -1,4 +1,4 @@
-"""A picture of a deformation graph over its mesh: nodes, edges, bridges and cut vertices, from three sides."""
+"""A picture of a deformation graph over its mesh: nodes, edges, bridges, cut vertices, from three sides."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from enliven.character import Character, SkinWeights
 from enliven.deformation.connectivity import joints, weak_edges
 from enliven.deformation.sampling import SurfaceSamples, distance_matrix, poisson_disk
 from enliven.deformation.surface import Territories, between_nodes, net_of, territories, ways_from_nodes
-from enliven.deformation.weights import DETOUR, blending_weights, carriers
+from enliven.deformation.weights import DETOUR, SLACK, blending_weights, carriers
 from enliven.errors import InputError
 from enliven.mesh import Mesh, weld
 
@@ -128,7 +128,7 @@ def _mean_spacing(area: float, count: int) -> float:
 def _detours(positions: Float, ways: Float, spacing: float) -> Bool:
     """(N, N) true where the way along the surface is much longer than the straight one."""
     straight = np.linalg.norm(positions[:, None] - positions[None], axis=2)
-    return np.asarray(ways > DETOUR * straight + spacing)
+    return np.asarray(ways > DETOUR * straight + SLACK * spacing)
 
 
 def _through(positions: Float, normals: Float, spacing: float) -> Bool:
@@ -149,12 +149,14 @@ def _linked(samples: SurfaceSamples, land: Territories) -> DeformationGraph:
     apart = distance_matrix(samples)
     straight = np.linalg.norm(samples.positions[:, None] - samples.positions[None], axis=2)
     ways = between_nodes(count, land.borders, land.lengths)
-    far = _detours(samples.positions, ways, spacing) | (ways > _REACH * spacing)
+    detours = _detours(samples.positions, ways, spacing)
+    far = detours | (ways > _REACH * spacing)
     # What D cannot judge comes after all that it can, by the way along the surface.
-    around = np.where(np.isfinite(ways), apart[np.isfinite(apart)].max(initial=0.0) + ways, np.inf)
+    around = np.where(detours, np.inf, apart[np.isfinite(apart)].max(initial=0.0) + ways)
     np.fill_diagonal(around, np.inf)
     edges = _nearest_edges(np.where(far | np.isinf(apart), around, apart), NEIGHBOURS)
-    opposite = np.where(_through(samples.positions, samples.normals, spacing), straight, np.inf)
+    through = _through(samples.positions, samples.normals, spacing) & ~detours
+    opposite = np.where(through, straight, np.inf)
     edges = np.concatenate([edges, _nearest_edges(opposite, 1)])
     across = np.where(np.isfinite(apart), apart, straight)
     # Ways along the surface come first: no way between shells is shorter than any of them.

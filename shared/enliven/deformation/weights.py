@@ -1,11 +1,12 @@
 """Blending weights: which nodes a point follows, and how much (KinÊtre, below eq. 2).
 
-A vertex follows the four nearest nodes with linear fall-off 1 - d / d_max, d_max to the fifth, sum one. Where
+A vertex follows the four nearest nodes with linear fall-off 1 - d / d_max, d_max to the fifth (or two node
+spacings, whichever is less, so that the tip of an arm does not follow the other arms), sum one. Where
 d is continuous along the surface, so are these weights, whichever nodes enter and leave the four: a node
 enters with weight zero. So nothing tears. KinÊtre's d is Euclidean, which lets a vertex of one leg follow
 the other leg. Ours is
 
-    d(v, j) = e + 2 max(0, g - 1.5 e - s)
+    d(v, j) = e + 2 max(0, g - 1.5 e - s / 2)
 
 with e the Euclidean distance, g the way along the surface and s the node spacing: e itself, until the way
 along the surface is a detour; from there it grows with the detour. Straight distances make both faces of a
@@ -28,10 +29,13 @@ from enliven.arrays import Float, Int, Int32
 from enliven.character import SkinWeights
 from enliven.deformation.surface import Net, members, points_around
 
-DETOUR = 1.5
-"""How much longer than the straight way, beyond one node spacing, the way along the surface may be."""
-_APART = 0.7
+DETOUR, SLACK = 1.5, 0.5
+"""A way along the surface is a detour where it is longer than 1.5 times the straight way and half a node
+spacing."""
+_APART = 0.6
 """How many node spacings two nodes that carry vertices are apart at least."""
+_FARTHEST = 2.0
+"""How many node spacings away a node has no weight any more, unless it is the nearest or nearly so."""
 _BLUR = 1.7
 """Cells of the net: a vertex takes its ways along the surface from the points that are as near as this."""
 _AROUND = 48
@@ -92,7 +96,7 @@ def blending_weights(
 @njit(cache=True, nogil=True, inline="always")
 def _distance(straight, way, spacing):  # type: ignore[no-untyped-def]
     """d of the module's docstring."""
-    return straight + 2.0 * max(0.0, way - 1.5 * straight - spacing)
+    return straight + 2.0 * max(0.0, way - DETOUR * straight - SLACK * spacing)
 
 
 @njit(cache=True, nogil=True)
@@ -126,7 +130,7 @@ def _candidates(points, radii, offsets, nodes, ways, positions, spacing, k):  # 
                 points[c, 1] - positions[j, 1],
                 points[c, 2] - positions[j, 2],
             )
-            if ways[m] + 2.6 * radii[c] > 1.5 * np.sqrt(x * x + y * y + z * z) + spacing:
+            if ways[m] + 2.6 * radii[c] > DETOUR * np.sqrt(x * x + y * y + z * z) + SLACK * spacing:
                 detours[c] = True
         slack = 8.0 if detours[c] else 2.0
         for i in range(found):
@@ -187,7 +191,7 @@ def _blend(vertices, starts, order, points, spread, chosen, detours, around, nea
                 if detours[c]:
                     length = _distance(length, mean[m], spacing)
                 found = insert(best, who, found, length, j)
-            _fall_off(best, who, found, k, indices[v], weights[v])
+            _fall_off(best, who, found, k, _FARTHEST * spacing, indices[v], weights[v])
     return indices, weights
 
 
@@ -216,10 +220,11 @@ def _average(vertex, points, around, ways, mean, count, width):  # type: ignore[
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _fall_off(near, who, found, k, indices, weights):  # type: ignore[no-untyped-def]
+def _fall_off(near, who, found, k, farthest, indices, weights):  # type: ignore[no-untyped-def]
     """The nodes (4,) and weights (4,) of one vertex from its nearest nodes."""
     # With too few nodes there is no next one: the farthest keeps a little weight.
     most = near[k] if found > k else 1.25 * near[found - 1] + 1e-12
+    most = min(most, max(farthest, 1.5 * near[0]))
     total = 0.0
     for m in range(min(found, k)):
         total += max(0.0, 1.0 - near[m] / most)

@@ -1,0 +1,113 @@
+"""What a graph and its weights cost on a mesh of a million vertices, and of five million faces.
+
+The mesh is a sphere with folds (a bent, closed surface of one shell) as a regular grid: no file is needed.
+The peer does the same job with ready parts on the same mesh, as Sumner's plain graph is usually built:
+trimesh samples 80 points a node over the area, a greedy Poisson disk keeps the nodes (scipy's kd-tree), and
+scipy's kd-tree finds the five nearest nodes of every vertex for the linear weights. It knows nothing of the
+surface: no geodesics, no orientation, no joints between parts.
+"""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+import trimesh
+from figure import Figure
+from scipy.spatial import cKDTree
+
+from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.mesh import Mesh
+
+NODES, RUNS = 128, 5
+
+
+def figures() -> Iterator[Figure]:
+    """``embedded.graph_s_1m`` and what five million faces need."""
+    mesh = folded_sphere(1_000_000)
+    ours = _median(lambda: character_from(mesh, DeformationGraph.build(mesh, NODES), "mesh"))
+    theirs = _median(lambda: plain(mesh))
+    yield Figure(
+        "embedded.graph_s_1m", ours, "s", "trimesh sampling + scipy kd-tree, Euclidean", theirs / ours
+    )
+    # In a process of its own: how much memory was needed is a process's largest ever.
+    with ProcessPoolExecutor(1, get_context("spawn")) as alone:
+        seconds, peak_mib = alone.submit(_large).result()
+    yield Figure("embedded.graph_s_5m_faces", seconds, "s")
+    yield Figure("embedded.graph_peak_mib_5m_faces", peak_mib, "MiB")
+
+
+def _large() -> tuple[float, float]:
+    """Seconds for five million faces, and the most MiB that the process had, the mesh's own 115 included."""
+    small = folded_sphere(2000)
+    character_from(small, DeformationGraph.build(small, NODES), "warm")
+    large = folded_sphere(2_500_000)
+    start = time.perf_counter()
+    character_from(large, DeformationGraph.build(large, NODES), "mesh")
+    return time.perf_counter() - start, _peak_mib()
+
+
+def folded_sphere(vertices: int) -> Mesh:
+    """A closed surface of about so many vertices, 1.75 m tall, with five deep folds along it."""
+    rings = max(int(np.sqrt(vertices / 2)), 3)
+    around = 2 * rings
+    up, turn = np.meshgrid(
+        np.linspace(0.01, np.pi - 0.01, rings), np.arange(around) * 2 * np.pi / around, indexing="ij"
+    )
+    radius = 0.5 * np.sin(up) * (1 + 0.45 * np.cos(5 * turn + 2 * up))
+    points = np.stack([radius * np.cos(turn), 0.875 * (1 - np.cos(up)), radius * np.sin(turn)], -1).reshape(
+        -1, 3
+    )
+    n = np.arange(rings * around).reshape(rings, around)
+    a, b = n[:-1], np.roll(n, -1, 1)[:-1]
+    c, d = n[1:], np.roll(n, -1, 1)[1:]
+    faces = np.concatenate([np.stack([a, c, b], -1).reshape(-1, 3), np.stack([b, c, d], -1).reshape(-1, 3)])
+    ends = [
+        np.stack([np.roll(ring, -s), ring, np.full(around, tip)], 1)
+        for ring, s, tip in ((n[0], 1, n.size), (n[-1], -1, n.size + 1))
+    ]
+    tips = np.array([points[n[0]].mean(0), points[n[-1]].mean(0)])
+    return Mesh(np.concatenate([points, tips]), np.concatenate([faces, *ends]), "folded sphere")
+
+
+def plain(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The peer: nodes (N, 3), edges (E, 2), and each vertex's nodes and weights (V, 4)."""
+    whole = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    darts, _ = trimesh.sample.sample_surface(whole, 80 * NODES, seed=0)
+    radius = 0.75 * np.sqrt(whole.area / NODES)
+    free, tree, kept = np.ones(len(darts), bool), cKDTree(darts), []
+    for i in range(len(darts)):
+        if free[i]:
+            kept.append(i)
+            free[tree.query_ball_point(darts[i], radius)] = False
+    nodes = cKDTree(darts[kept])
+    neighbours = nodes.query(darts[kept], 5)[1][:, 1:]
+    pairs = np.stack([np.repeat(np.arange(len(kept)), 4), neighbours.ravel()], 1)
+    lengths, nearest = nodes.query(mesh.vertices, 5)
+    fall = 1 - lengths[:, :4] / lengths[:, 4:]
+    return (
+        darts[kept],
+        np.unique(np.sort(pairs, 1), axis=0),
+        nearest[:, :4],
+        fall / fall.sum(1, keepdims=True),
+    )
+
+
+def _median(job: Callable[[], object]) -> float:
+    """Seconds, after one run that compiles."""
+    job()
+    took = []
+    for _ in range(RUNS):
+        start = time.perf_counter()
+        job()
+        took.append(time.perf_counter() - start)
+    return float(np.median(took))
+
+
+def _peak_mib() -> float:
+    """The largest memory that this process ever had."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
