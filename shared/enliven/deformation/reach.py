@@ -7,12 +7,16 @@ from numba import njit
 
 from enliven.deformation.weights import insert
 
+_INNER = 0.35
+"""Share of the reach that is looked at first."""
+
 
 @njit(cache=True, nogil=True)
 def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):  # type: ignore[no-untyped-def]
     """The four nearest nodes of each sample that face as it does, nearest first.
 
-    Samples come in groups (of one bone), and a node that is out of reach of a whole group is looked at once.
+    Samples come in groups (of one bone). A node that is out of reach of a whole group is looked at once, and
+    those in the outer part of the reach only by samples that find too few in the inner part.
 
     Args:
         points: (L, 3) metres.
@@ -34,12 +38,14 @@ def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
     centre = np.empty(3)
     for g in range(starts.shape[0] - 1):
         first, last = starts[g], starts[g + 1]
-        kept = _close_to_group(points, first, last, nodes, reach, centre, close)
+        inner, kept = _close_to_group(points, first, last, nodes, reach, centre, close)
         for i in range(first, last):
-            found = 0
+            found, most = 0, reach
             n = normals[i]
             free = n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0
             for c in range(kept):
+                if c == inner and most <= _INNER * reach:
+                    break
                 j = close[c]
                 dx, dy, dz = (
                     points[i, 0] - nodes[j, 0],
@@ -47,11 +53,13 @@ def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
                     points[i, 2] - nodes[j, 2],
                 )
                 square = dx * dx + dy * dy + dz * dz
-                if not square < reach * reach:
+                if not square < most * most:
                     continue
                 facing = n[0] * node_normals[j, 0] + n[1] * node_normals[j, 1] + n[2] * node_normals[j, 2]
                 if free or facing > cosine:
                     found = insert(near, who, found, np.sqrt(square), j)
+                    if found == 4:
+                        most = near[3]
             for m in range(found):
                 indices[i, m], lengths[i, m] = who[m], near[m]
     return indices, lengths
@@ -59,7 +67,8 @@ def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
 
 @njit(cache=True, nogil=True)
 def _close_to_group(points, first, last, nodes, reach, centre, close):  # type: ignore[no-untyped-def]
-    """Fills ``close`` with the nodes within ``reach`` of the ball around a group; returns how many."""
+    """Fills ``close`` with the nodes within ``reach`` of the ball around a group, those within the inner part
+    of it first; returns how many these are, and how many there are in all."""
     for a in range(3):
         low, high = np.inf, -np.inf
         for i in range(first, last):
@@ -71,14 +80,19 @@ def _close_to_group(points, first, last, nodes, reach, centre, close):  # type: 
         for a in range(3):
             square += (points[i, a] - centre[a]) ** 2
         ball = max(ball, square)
-    limit = (np.sqrt(ball) + reach) ** 2
-    kept = 0
+    ball = np.sqrt(ball)
+    limit, inside = (ball + reach) ** 2, (ball + _INNER * reach) ** 2
+    inner = kept = 0
     for j in range(nodes.shape[0]):
         dx, dy, dz = nodes[j, 0] - centre[0], nodes[j, 1] - centre[1], nodes[j, 2] - centre[2]
-        if dx * dx + dy * dy + dz * dz < limit:
+        square = dx * dx + dy * dy + dz * dz
+        if square < limit:
             close[kept] = j
+            if square < inside:
+                close[inner], close[kept] = j, close[inner]
+                inner += 1
             kept += 1
-    return kept
+    return inner, kept
 
 
 @njit(cache=True, nogil=True)
