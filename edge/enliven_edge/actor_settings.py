@@ -61,7 +61,7 @@ class ActorSettings:
         low=0.0,
     )
     enough: float = setting(
-        0.25, "Share of the bones that must take hold before the reach stops growing.", low=0.0, high=1.0
+        0.5, "Share of a limb's bones that must take hold before its reach stops growing.", low=0.0, high=1.0
     )
     farthest_reach: float = setting(0.45, "Longest reach that is tried.", unit="m", low=0.0, high=5.0)
     attachment: AttachmentSettings = setting(AttachmentSettings, "How bones take hold.")
