@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 from enliven.body import Body
 from enliven.character import Pose
 from enliven.commands.processes import parent_is_gone
-from enliven.errors import EnlivenError, InputError
+from enliven.errors import EnlivenError
 from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.health import HealthState, worst_first
 from enliven.props import Props
 from enliven.wire.messages import Possess
 from enliven_edge.fusion.fused_sensor import FusedFrame, FusedSensors
+from enliven_edge.opening import Opening
 from enliven_edge.outlet import Outlet
 from enliven_edge.pace import Pace
 from enliven_edge.sensors.base import Sensor
@@ -38,7 +39,7 @@ class Edge:
 
     Args:
         possess_at: seconds after the first frame at which the first performer takes hold, or None.
-        parts: what of the body takes hold then.
+        parts: what of the body takes hold then; of several performers, divided by "/".
         stop_after: seconds of the sensor's clock after which the edge ends, or None.
         health: says what is wrong; None makes one.
         physics: loose things among the characters, or None.
@@ -62,7 +63,7 @@ class Edge:
         self.pace = Pace()
         self.frames = 0
         self._heard = time.monotonic()
-        self._possess_at, self._parts, self._stop_after = possess_at, parts, stop_after
+        self._opening, self._stop_after = Opening(stage, possess_at, parts), stop_after
         self._first_ns: int | None = None
         self._stopped = False
 
@@ -106,7 +107,8 @@ class Edge:
         self.frames += 1
         self.outlet.ail(self._ails())
         self.outlet.report(self.pace, "tracking" if bodies else "watching", len(bodies))
-        self._take_hold_when_due(frame.time_ns)
+        first = frame.time_ns if self._first_ns is None else self._first_ns
+        self._opening.take_hold((frame.time_ns - first) * 1e-9)
 
     def _frames(self) -> Iterator[Frame | None]:
         """The sensor's frames, and None whenever none is due."""
@@ -156,22 +158,6 @@ class Edge:
         if isinstance(self.sensor, FusedSensors):
             return worst_first([*self.health.states, *self.sensor.ails])
         return self.health.states
-
-    def _take_hold_when_due(self, time_ns: int) -> None:
-        """The possession that was asked for on the command line, as soon as somebody is there."""
-        first = time_ns if self._first_ns is None else self._first_ns
-        if self._possess_at is None or (time_ns - first) * 1e-9 < self._possess_at:
-            return
-        for name in self.stage.actors:
-            try:
-                self.stage.possess(name, parts=self._parts)
-                log.info("%s is possessed at %.2f s", name, (time_ns - first) * 1e-9)
-                self._possess_at = None
-            except InputError as error:
-                # Nobody there yet is worth waiting for; an unknown part or a mesh out of reach is said once.
-                if "in view" not in error.what:
-                    log.error("%s", error)
-                    self._possess_at = None
 
     def _listen(self) -> None:
         """Carries out what viewers asked for; what cannot be done is refused with its reason."""

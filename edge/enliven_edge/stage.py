@@ -67,6 +67,10 @@ class Stage:
         joining = actor.next_performer(present) if mode == "join" else None
         actor.possess(joining or present[0], parts, mode)
 
+    def idle(self, character: str) -> Body | None:
+        """The first in view who does not hold a character."""
+        return self._actor(character).next_performer(self._bodies)
+
     def preview(self, character: str, body: int | None = None, parts: str = "all") -> None:
         """From now on the cues show what this performer, or whoever is next, would hold with these parts."""
         self._actor(character).preview(body, parts)

@@ -15,6 +15,7 @@ from enliven.errors import InputError
 from enliven.shapes import make_chair
 from enliven_edge.actor import Actor, ActorSettings
 from enliven_edge.fading import Fading
+from enliven_edge.opening import Opening
 from enliven_edge.placement import turn_about_y
 from enliven_edge.stage import Stage
 from enliven_edge.tracking import model
@@ -310,3 +311,32 @@ def test_an_unattached_body_is_told_what_to_do(chair):
     house.perform([unseen], FRAME)
     with pytest.raises(InputError, match="no joint is seen"):
         house.possess("chair", 2, "all", "join")
+
+
+def test_the_play_opens_with_each_performer_as_they_come(chair):
+    house = stage(chair)
+    opening = Opening(house, 1.0, "legs / upper body")
+    house.perform([person()], 0)
+    opening.take_hold(0.5)
+    assert house.actors["chair"].state == "free"
+    opening.take_hold(1.0)
+    for i in range(1, 4):
+        house.perform([person()], i * FRAME)
+        opening.take_hold(1.0 + i / 30)
+    assert [[h.body, h.grips[0].parts] for h in house.actors["chair"].holds] == [[1, "legs"]]
+    house.perform([person(), person(id=2)], 4 * FRAME)
+    opening.take_hold(2.0)
+    house.release("chair", 1)
+    opening.take_hold(2.1)
+    assert [[h.body, h.grips[0].parts] for h in house.actors["chair"].holds] == [[2, "upper body"]]
+
+
+def test_an_opening_that_cannot_be_is_said_once(chair, caplog):
+    house = stage(chair)
+    opening = Opening(house, 0.0, "tail")
+    house.perform([person()], 0)
+    for _ in range(3):
+        opening.take_hold(0.0)
+    assert sum("tail" in record.message for record in caplog.records) == 1
+    Opening(house, None).take_hold(100.0)
+    assert house.actors["chair"].state == "free"

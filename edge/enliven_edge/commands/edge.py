@@ -55,7 +55,9 @@ def edge(
     possess_at: Annotated[
         float | None, typer.Option(help="Take hold this many seconds after the start.")
     ] = None,
-    parts: Annotated[str, typer.Option(help="What takes hold: all, legs, 'upper body', ...")] = "all",
+    parts: Annotated[
+        str, typer.Option(help="What takes hold: all, legs, 'upper body', ...; of two: 'legs / torso'.")
+    ] = "all",
     physics: Annotated[
         str | None, typer.Option(help="Loose things to knock about: boxes, dodgeball, or none.")
     ] = None,
