@@ -15,7 +15,7 @@ _GAP = 0.003
 """Metres between neighbours, which would rub against each other otherwise."""
 _STILL, _MOVED = 0.05, 0.5
 """Metres a second below which a box is still; and in edges of a box, how far one has gone that fell."""
-_MOST = 300
+_MOST = 200
 _COLOURS = np.array(
     [(214, 96, 77), (236, 178, 82), (104, 160, 138), (88, 124, 168), (226, 214, 190), (150, 108, 150)]
 )

@@ -63,7 +63,8 @@ def test_a_character_knocks_the_tower_over():
     made = playground()
     places = performed(made, across)
     assert np.abs(places[8] - places[0]).max() < 0.005
-    assert (places[-1][:, 0] > 0.7).all() and places[-1][:, 1].max() < 0.35
+    # Two lie on the floor beyond; the third may have come to ride on the block.
+    assert (places[-1][:, 0] > 0.7).all() and (places[-1][:, 1] < 0.1).sum() >= 2
     props = made.step([at(across(60))], [], set(), 60 * NS)
     assert props.note == "3 of 3 boxes down"
 
