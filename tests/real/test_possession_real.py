@@ -1,0 +1,68 @@
+"""Real meshes possessed from beside them: limb for limb, whatever they are."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from enliven.body import Body, Joint
+from enliven.deformation.likeness import likeness
+from enliven_edge.actor import ActorSettings
+from enliven_edge.casting import cast
+from enliven_edge.stage import Stage
+from enliven_edge.tracking import model
+from enliven_edge.tracking.posture import Posture, rotation
+from enliven_edge.tracking.ranges import standing
+
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
+BEASTS = ("libigl/horse_quad.obj", "common3d/cow.obj", "libigl/camel_b.obj")
+MESHES = DATA / "meshes"
+FRAME = 33_333_333
+
+pytestmark = [
+    pytest.mark.real,
+    pytest.mark.skipif(not MESHES.exists(), reason=f"no real meshes in {DATA} (set ENLIVEN_DATA)"),
+]
+
+
+def person(reach=0.0) -> Body:
+    """Standing with hanging arms, the right one raised ahead by radians."""
+    rotations = standing(arm_forward=0.1, elbow=0.1)
+    rotations[model.UPPER_ARM_R] = rotation(x=-reach) @ rotations[model.UPPER_ARM_R]
+    joints = Posture(np.array([0.0, 1.0, -2.5]), rotations, model.lengths_for_height(1.75)).joints()
+    return Body(1, joints, np.ones(20), stature=1.75)
+
+
+@pytest.mark.parametrize("name", BEASTS)
+def test_on_four_feet_arms_are_forelegs(name):
+    graph = cast(str(MESHES / name), 128).graph
+    like = likeness(graph)
+    ahead = np.array([np.sin(like.yaw), 0.0, np.cos(like.yaw)])
+    left = np.array([np.cos(like.yaw), 0.0, -np.sin(like.yaw)])
+    hands, feet = (like.joints[[j, j + 4]] for j in (Joint.HAND_LEFT, Joint.FOOT_LEFT))
+    low, tall = graph.positions[:, 1].min(), np.ptp(graph.positions[:, 1])
+    assert max(hands[:, 1].max(), feet[:, 1].max()) < low + 0.2 * tall
+    assert (hands @ ahead).min() > (feet @ ahead).max() + 0.3 * tall
+    assert all((pair[0] - pair[1]) @ left > 0 for pair in (hands, feet))
+    assert (like.joints[Joint.HEAD] - like.joints[Joint.HIP_CENTER]) @ ahead > 0.3 * tall
+
+
+@pytest.mark.parametrize("name", BEASTS)
+def test_a_raised_arm_raises_a_foreleg_and_no_other(name):
+    actor = cast(str(MESHES / name), 128, ActorSettings(how="mapped", fade=0.0))
+    (key,) = (house := Stage([actor])).actors
+    house.perform([person()], 0)
+    house.possess(key)
+    still = house.perform([person()], FRAME)[0]
+    for i in range(26):
+        pose = house.perform([person(0.8 * i / 25)], (i + 2) * FRAME)[0]
+    moved = np.linalg.norm(pose.positions - still.positions, axis=1)
+    joints = likeness(actor.graph).joints
+    apart = np.linalg.norm(actor.graph.positions[:, None] - joints, axis=2)
+    at = {
+        j: moved[apart[:, j].argmin()]
+        for j in (Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT)
+    }
+    assert at[Joint.HAND_RIGHT] > 0.2
+    assert max(value for joint, value in at.items() if joint != Joint.HAND_RIGHT) < 0.3 * at[Joint.HAND_RIGHT]
