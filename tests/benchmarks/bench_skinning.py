@@ -1,0 +1,85 @@
+"""Skinning on one thread of the processor, against libigl's linear blend skinning.
+
+libigl's way (tutorial 403): ``lbs_matrix(V, W)`` once, a dense (V, 4 J) matrix, and every frame its product
+with the stacked transforms; normals by ``per_vertex_normals`` of the result. The product is numpy's here
+(double precision, as libigl's own), kept to one thread. At a million vertices that matrix would take 4 GB, so
+there the peer multiplies the matrix of the first 100,000 ten times.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+import igl
+import numpy as np
+from figure import Figure
+from graph_figures import folded_sphere
+from threadpoolctl import threadpool_limits
+
+from enliven import rotation
+from enliven.character import Character, Pose
+from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.deformation.skinning import skin_normals, skin_vertices
+
+NODES, SIZES, MOST = 128, (10_000, 100_000, 1_000_000), 100_000
+
+
+def figures() -> Iterator[Figure]:
+    """Vertices and normals a second at three sizes; the largest gives the figures without a size."""
+    for size in SIZES:
+        mesh = folded_sphere(size)
+        character = character_from(mesh, DeformationGraph.build(mesh, NODES), "mesh")
+        pose = _waving(character)
+        count = len(character.vertices)
+        rest = mesh.vertex_normals().astype(np.float32)
+        out = np.empty((count, 3), np.float32)
+        vertices = count / _least(lambda: skin_vertices(character, pose, out))  # noqa: B023
+        normals = count / _least(lambda: skin_normals(character, pose, rest, out))  # noqa: B023
+        with threadpool_limits(1):
+            their_vertices, their_normals = _peer(character, pose)
+        label = {10_000: "_10k", 100_000: "_100k", 1_000_000: ""}[size]
+        yield Figure(
+            f"skinning.vertices_per_s{label}", vertices, "1/s", "libigl LBS", vertices / their_vertices
+        )
+        yield Figure(
+            f"skinning.normals_per_s{label}",
+            normals,
+            "1/s",
+            "libigl per-vertex normals",
+            normals / their_normals,
+        )
+
+
+def _waving(character: Character) -> Pose:
+    """Every node turned and moved by where it is."""
+    turns = np.sin(3 * character.pivots.astype(np.float64))
+    linear = rotation.to_matrix(rotation.from_rotation_vector(turns)).astype(np.float32)
+    return Pose(character.id, 0, linear, (character.pivots + 0.1 * turns).astype(np.float32))
+
+
+def _peer(character: Character, pose: Pose) -> tuple[float, float]:
+    """libigl's vertices and normals a second; its vertices are checked against ours."""
+    count = min(len(character.vertices), MOST)
+    weights = np.zeros((count, len(character.pivots)))
+    np.put_along_axis(
+        weights, character.skin.indices[:count].astype(np.int64), character.skin.weights[:count], 1
+    )
+    whole = character.vertices.astype(np.float64)
+    matrix = igl.lbs_matrix(whole[:count], weights)
+    stacked = np.concatenate(list(pose.matrices(character.pivots).transpose(0, 2, 1)), 0).astype(np.float64)
+    np.testing.assert_allclose(matrix @ stacked, skin_vertices(character, pose)[:count], atol=1e-4)
+    faces = character.faces.astype(np.int64)
+    vertices = count / _least(lambda: matrix @ stacked)
+    return vertices, len(whole) / _least(lambda: igl.per_vertex_normals(whole, faces))
+
+
+def _least(job: Callable[[], object], seconds: float = 1.0) -> float:
+    """Seconds of the quickest run of as many as fit into ``seconds``, three at least."""
+    job()
+    took: list[float] = []
+    while len(took) < 3 or sum(took) < seconds:
+        start = time.perf_counter()
+        job()
+        took.append(time.perf_counter() - start)
+    return min(took)
