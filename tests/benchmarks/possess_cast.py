@@ -1,0 +1,117 @@
+"""The actors of the films that need more than a mesh's name: a person's own scan, and a horse for two."""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.body import PARENTS, Body, Joint
+from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.frames import BodyFrame
+from enliven.mesh import Mesh, fit_height, refine
+from enliven.mesh_files import load_mesh
+from enliven.rotation import rotate, swing
+from enliven_edge.actor import Actor, ActorSettings
+from enliven_edge.importing.body_scanner import level_from_tilted
+from enliven_edge.placement import turn_about_y
+from enliven_edge.standing import best_stand
+from enliven_edge.synthesis.choreography import choreography
+from enliven_edge.synthesis.exercises import exercise, exercise_names
+from enliven_edge.synthesis.performer import Performer
+
+_SCALES = (0.7, 0.8, 0.9, 1.0, 1.1)
+_STEP_NS = 33_333_333
+
+
+def actor_of(mesh: Mesh, nodes: int = 128, settings: ActorSettings | None = None) -> Actor:
+    """An actor that stands in the world as the mesh is."""
+    graph = DeformationGraph.build(mesh, nodes=nodes)
+    fixed = replace(settings or ActorSettings(), place="fixed")
+    return Actor(character_from(mesh, graph, mesh.name), graph, fixed)
+
+
+def scan_in_world(pcd: Path, table: Path, body: Body) -> Mesh:
+    """The scan of a person in the world in which their joints were read, on the same floor."""
+    with table.open() as file:
+        rows = {row[0]: np.array(row[1:4], float) for row in csv.reader(file) if row[0] != "Joints"}
+    level = level_from_tilted(math.radians(float(rows["Degree"][0])))
+    offset = body.joints[Joint.HEAD] - level @ rows["Head"]
+    mesh = load_mesh(pcd).mesh
+    return Mesh(mesh.vertices @ level.T + offset, mesh.faces, "scan")
+
+
+def as_if_by(own: Body, frames: list[BodyFrame], begin_ns: int) -> list[BodyFrame]:
+    """What somebody did, done by another: from their own posture, in their own size.
+
+    Each bone swings from where it points as the other's has swung since their first frame; so at the first
+    frame the posture is their own.
+    """
+    first = frames[0].bodies[0]
+    made = []
+    ratio = own.height / first.height
+    for frame in frames:
+        if not frame.bodies:
+            continue
+        other = frame.bodies[0]
+        joints = own.joints.copy()
+        joints[0] = own.joints[0] + ratio * (other.joints[0] - first.joints[0])
+        for joint, parent in enumerate(PARENTS):
+            if parent >= 0:
+                turn = swing(_direction(first.joints, joint), _direction(other.joints, joint))
+                joints[joint] = joints[parent] + rotate(turn, own.joints[joint] - own.joints[parent])
+        time_ns = begin_ns + frame.time_ns - frames[0].time_ns
+        made.append(BodyFrame([replace(other, id=own.id, joints=joints)], time_ns, frame.sensor))
+    return made
+
+
+def held_still(body: Body, seconds: float) -> list[BodyFrame]:
+    """One moment, for a while."""
+    count = round(seconds * 1e9 / _STEP_NS)
+    return [BodyFrame([body], n * _STEP_NS, "still") for n in range(count)]
+
+
+def danced(moves: str, fps: float = 30.0) -> list[BodyFrame]:
+    """What the project's own performer does, every joint seen."""
+    performer = Performer()
+    plan = exercise(moves) if moves in exercise_names() else choreography(moves)
+    made = []
+    for n in range(int(plan.duration * fps)):
+        joints = performer.pose(plan.posture(n / fps)).joints
+        body = Body(0, joints, np.ones(len(Joint)), stature=performer.proportions.height)
+        made.append(BodyFrame([body], round(n * 1e9 / fps), "performer"))
+    return made
+
+
+def cut(frames: list[BodyFrame], *pieces: tuple[float, float]) -> list[BodyFrame]:
+    """The pieces from second to second, one after the other without a pause."""
+    made: list[BodyFrame] = []
+    for start, stop in pieces:
+        inside = [f for f in frames if start <= (f.time_ns - frames[0].time_ns) * 1e-9 <= stop]
+        begin = made[-1].time_ns + _STEP_NS if made else 0
+        made += [replace(f, time_ns=begin + f.time_ns - inside[0].time_ns) for f in inside]
+    return made
+
+
+def shared_by(path: Path, bodies: list[Body]) -> Mesh:
+    """A mesh from a file, as large and so placed that these people stand in it, wherever they stand."""
+    middle = np.mean([body.joints[Joint.HIP_CENTER] for body in bodies], axis=0) * [1.0, 0.0, 1.0]
+    figures = [body.joints - middle for body in bodies]
+    plain = load_mesh(path).mesh
+    found = []
+    for scale in _SCALES:
+        mesh = fit_height(plain, 1.75 * scale)
+        yaw, offset, score = best_stand(mesh, figures)
+        found.append((score, scale, yaw, offset))
+    _, scale, yaw, offset = max(found, key=lambda f: f[0])
+    mesh = refine(fit_height(plain, 1.75 * scale), 0.04)
+    return Mesh((mesh.vertices - offset) @ turn_about_y(yaw) + middle, mesh.faces, mesh.name, mesh.colours)
+
+
+def _direction(joints: Float, joint: int) -> Float:
+    way = joints[joint] - joints[PARENTS[joint]]
+    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))

@@ -1,0 +1,129 @@
+"""Draws a take on the viewer's own renderer: the performers step out of the mesh and stand beside it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from possess_take import Shot, Take
+
+from enliven.arrays import UInt8
+from enliven.body import Body
+from enliven_viewer.camera import FilmCamera
+from enliven_viewer.encoder import FilmWriter
+from enliven_viewer.hud import clock
+from enliven_viewer.render.canvas import Canvas
+from enliven_viewer.render.context import offscreen_context
+from enliven_viewer.render.renderer import EMPTY_BOX, Renderer
+from enliven_viewer.render.scene import Actor, Look, Scene
+from enliven_viewer.sheet import Tile, write_sheet
+from enliven_viewer.timeline import Cues
+
+SIZE, RATE, BIT_RATE = (1280, 720), 30.0, 5.0
+_TEXT = 18
+_RIGHT = np.array([math.cos(math.radians(32)), 0.0, -math.sin(math.radians(32))])
+"""To the right in the picture of the film's camera."""
+_STEP_OUT, _STEPPING, _ASIDE = 1.2, 1.0, 0.75
+"""Seconds in the mesh after taking hold, seconds of stepping out, and how far in heights."""
+_TILES, _COLUMNS, _TILE_WIDTH = 12, 4, 480
+
+
+class Studio:
+    """One renderer for all films."""
+
+    def __init__(self, size: tuple[int, int] = SIZE) -> None:
+        self.size = size
+        self._renderer = Renderer(offscreen_context(), size)
+        self._canvas = Canvas(self._renderer.ctx, (_TEXT,))
+
+    def film(self, take: Take, path: Path, title: str) -> int:
+        """The film and its contact sheet; the number of pictures."""
+        times = _times(take)
+        tiles = set(np.linspace(0.03 * len(times), 0.97 * len(times), _TILES).astype(int).tolist())
+        kept = []
+        camera = FilmCamera()
+        with FilmWriter(path.with_suffix(".mp4"), self.size, RATE, BIT_RATE) as writer:
+            for n, time_ns in enumerate(times):
+                picture = self._draw(take, time_ns, camera, title)
+                writer.add(picture)
+                if n in tiles:
+                    kept.append(Tile(n / RATE, _smaller(picture)))
+        _sheet(path, kept, title, len(times))
+        return len(times)
+
+    def sheet(self, take: Take, path: Path, title: str, count: int = _TILES) -> None:
+        """The contact sheet alone, of ``count`` moments; the camera goes all the way."""
+        times = _times(take)
+        tiles = set(np.linspace(0.03 * len(times), 0.97 * len(times), count).astype(int).tolist())
+        kept, camera = [], FilmCamera()
+        for n, time_ns in enumerate(times):
+            scene = self._scene(take, time_ns)
+            camera.follow(scene.box or EMPTY_BOX, 1 / RATE, self.size[0] / self.size[1])
+            if n in tiles:
+                kept.append(Tile(n / RATE, _smaller(self._picture(scene, camera, title, take, time_ns))))
+        _sheet(path, kept, title, len(times))
+
+    def _draw(self, take: Take, time_ns: int, camera: FilmCamera, title: str) -> UInt8:
+        scene = self._scene(take, time_ns)
+        camera.follow(scene.box or EMPTY_BOX, 1 / RATE, self.size[0] / self.size[1])
+        return self._picture(scene, camera, title, take, time_ns)
+
+    def _picture(self, scene: Scene, camera: FilmCamera, title: str, take: Take, time_ns: int) -> UInt8:
+        self._renderer.draw(scene, camera.view(self.size[0] / self.size[1]))
+        width, height = self.size
+        second = (time_ns - take.shots[0].time_ns) * 1e-9
+        word = "possessed" if _since(take, time_ns) >= 0 else "free"
+        places = ((28, 28, title, 0.0), (width - 28, height - 46, f"{clock(second)}  ·  {word}", 1.0))
+        for x, y, text, align in places:
+            self._canvas.text(x + 1, y + 1, text, _TEXT, (0.0, 0.0, 0.0, 0.5), align=align)
+            self._canvas.text(x, y, text, _TEXT, (0.95, 0.96, 0.98, 0.8), align=align)
+        self._canvas.draw(self._renderer.picture.resolved)
+        return self._renderer.pixels()
+
+    def _scene(self, take: Take, time_ns: int) -> Scene:
+        """What is to be seen at a time: the nearest shot, its bodies stepping out of the mesh."""
+        shot = _shot_at(take, time_ns)
+        since = _since(take, time_ns)
+        share = min(max((since - _STEP_OUT) / _STEPPING, 0.0), 1.0)
+        share = share * share * (3 - 2 * share)
+        bodies = tuple(_aside(body, share) for body in shot.bodies)
+        cues = Cues(
+            take.character.id, shot.cues.nodes.astype(np.int32), shot.cues.strengths.astype(np.float32)
+        )
+        actor = Actor(take.character, shot.pose, cues)
+        # Beside it, the performer makes nothing transparent, and what is held need glow no more.
+        return Scene((actor,), bodies, Look(body=1.0, reveal=1.0 - share, cues=1.0 - share))
+
+
+def _aside(body: Body, share: float) -> Body:
+    """The body, so much of the way out of the mesh."""
+    return replace(body, joints=body.joints + share * _ASIDE * body.height * _RIGHT)
+
+
+def _since(take: Take, time_ns: int) -> float:
+    """Seconds since the first hold; negative before."""
+    return (time_ns - take.held_ns[0]) * 1e-9 if take.held_ns else -1.0
+
+
+def _times(take: Take) -> list[int]:
+    first, last = take.shots[0].time_ns, take.shots[-1].time_ns
+    return [first + round(n * 1e9 / RATE) for n in range(int((last - first) * 1e-9 * RATE) + 1)]
+
+
+def _shot_at(take: Take, time_ns: int) -> Shot:
+    times = np.array([shot.time_ns for shot in take.shots])
+    return take.shots[int(np.abs(times - time_ns).argmin())]
+
+
+def _smaller(picture: UInt8) -> UInt8:
+    from PIL import Image
+
+    height = round(picture.shape[0] * _TILE_WIDTH / picture.shape[1])
+    small = Image.fromarray(picture).resize((_TILE_WIDTH, height), Image.Resampling.LANCZOS)
+    return np.asarray(small, np.uint8)
+
+
+def _sheet(path: Path, tiles: list[Tile], title: str, count: int) -> None:
+    write_sheet(path.with_suffix(".png"), tiles, _COLUMNS, title, clock(count / RATE))

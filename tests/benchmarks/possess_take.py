@@ -1,0 +1,72 @@
+"""What bodies do to a mesh, without sockets: the edge's own output and stage, frame by frame, kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from enliven.body import Body
+from enliven.character import Character, Pose
+from enliven.frames import BodyFrame
+from enliven_edge.actor import Actor, Cues
+from enliven_edge.stage import Stage
+from enliven_edge.tracking.output import Output
+from enliven_edge.tracking.settings import TrackerSettings
+
+
+@dataclass(frozen=True)
+class Act:
+    """Somebody takes hold.
+
+    Attributes:
+        seconds: after the take's first frame.
+        parts: what of the body.
+        body: the performer's id; None for whoever is first in view.
+        mode: "alone", "join" or "extend".
+    """
+
+    seconds: float
+    parts: str = "all"
+    body: int | None = None
+    mode: str = "alone"
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One frame's outcome."""
+
+    time_ns: int
+    bodies: list[Body]
+    pose: Pose
+    cues: Cues
+
+
+@dataclass
+class Take:
+    """A character and what was done with it.
+
+    Attributes:
+        held_ns: when each act was carried out.
+    """
+
+    character: Character
+    shots: list[Shot] = field(default_factory=list)
+    held_ns: list[int] = field(default_factory=list)
+
+
+def perform(
+    frames: Sequence[BodyFrame], actor: Actor, acts: Sequence[Act], tracker: TrackerSettings | None = None
+) -> Take:
+    """Every frame's way through the edge."""
+    output, stage, name = Output(tracker), Stage([actor]), actor.character.id
+    take, waiting = Take(actor.character), sorted(acts, key=lambda act: act.seconds)
+    for frame in frames:
+        bodies = output(frame.bodies, frame.time_ns)
+        (pose,) = stage.perform(bodies, frame.time_ns)
+        take.shots.append(Shot(frame.time_ns, bodies, pose, stage.cues()[name]))
+        second = (frame.time_ns - frames[0].time_ns) * 1e-9
+        while waiting and second >= waiting[0].seconds and bodies:
+            act = waiting.pop(0)
+            stage.possess(name, act.body, act.parts, act.mode)  # type: ignore[arg-type]
+            take.held_ns.append(frame.time_ns)
+    return take

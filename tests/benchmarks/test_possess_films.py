@@ -1,0 +1,142 @@
+"""What is measured of driven meshes: the rulers tell the truth, and the shipped meshes fare well."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import numpy as np
+import pytest
+from possess_cast import as_if_by, cut, danced, held_still
+from possess_measures import Measures, measure
+from possess_take import Act, Shot, Take, perform
+
+from enliven.body import PARENTS, Joint
+from enliven.character import Character, Pose, SkinWeights
+from enliven_edge.casting import cast
+from enliven_edge.cues import Cues
+
+NOBODY = Cues("possessed", np.empty(0, np.int64), np.empty(0), -1)
+SECOND = 1_000_000_000
+
+
+def boxes(apart: float = 0.01) -> Character:
+    """Two unit cubes above each other, a transform each."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
+    faces = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6],
+                      [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]], np.int32)  # fmt: skip
+    above = np.array([0, 1 + apart, 0], np.float32)
+    indices, weights = np.zeros((16, 4), np.uint16), np.zeros((16, 4), np.float32)
+    indices[8:, 0], weights[:, 0] = 1, 1
+    return Character(
+        "boxes", np.concatenate([corners, corners + above]), np.concatenate([faces, faces + 8]),
+        SkinWeights(indices, weights), np.array([[0.5, 0.5, 0.5], [0.5, 1.5 + apart, 0.5]], np.float32),
+        np.array([[0, 1]], np.int32),
+    )  # fmt: skip
+
+
+def taken(character: Character, *changes) -> Measures:
+    """Measured of a take of one shot after another, a second apart; each change is (linear, shift) by node."""
+    take = Take(character, [], [0])
+    for n, (linear, shift) in enumerate(changes):
+        rest = character.rest_pose(n * SECOND // 10)
+        pose = Pose(
+            "boxes", rest.time_ns, np.array(linear, np.float32), rest.positions + np.array(shift, np.float32)
+        )
+        take.shots.append(Shot(pose.time_ns, [], pose, NOBODY))
+    return measure(take, 1)
+
+
+STILL = ([np.eye(3)] * 2, [[0, 0, 0]] * 2)
+
+
+def test_a_mesh_at_rest_is_whole() -> None:
+    found = taken(boxes(), STILL)
+    assert found.stretch_100 == pytest.approx(1.0)
+    assert found.squeeze_5 == pytest.approx(1.0)
+    assert found.inverted == 0.0
+    assert found.volume == pytest.approx((1.0, 1.0))
+    assert found.gap == pytest.approx(0.0, abs=1e-6)
+    assert found.lowest == pytest.approx(0.0)
+
+
+def test_stretch_and_volume_are_those_of_the_boxes() -> None:
+    found = taken(boxes(), STILL, ([np.diag([1, 1, 2]), np.eye(3)], [[0, 0, 0]] * 2))
+    # Of the mesh's own size, the middle of its transforms', nothing is said.
+    size = (2 ** (1 / 3) + 1) / 2
+    assert found.stretch_100 == pytest.approx(2.0 / size)
+    assert found.volume[1] == pytest.approx(1.5 / size**3)
+
+
+def test_shells_that_part_leave_a_gap_and_speed_is_seen() -> None:
+    found = taken(boxes(), STILL, ([np.eye(3)] * 2, [[0, 0, 0], [0, 0.3, 0]]))
+    assert found.gap == pytest.approx(0.3, abs=1e-3)
+    assert found.hold_speed == pytest.approx(3.0, rel=1e-3)
+    assert found.hold_push == pytest.approx(3.0, rel=1e-3)
+
+
+def test_a_box_turned_inside_out_is_seen() -> None:
+    """Corners that cross over face away from where their transforms turn them."""
+    character = boxes()
+    character.skin.indices[[1, 3, 5, 7], 0] = 1
+    found = taken(character, STILL, ([np.eye(3)] * 2, [[0, 0, 2], [0, 0, -2]]))
+    assert found.inverted > 0.1
+
+
+@pytest.fixture(scope="module")
+def driven() -> dict[str, Measures]:
+    made = {"chair": ("chair", Act(1.0)), "lamp": ("overhead", Act(1.65, "hip and right arm"))}
+    return {
+        mesh: measure(perform(danced(moves, 15.0), cast(mesh), [act]), 2)
+        for mesh, (moves, act) in made.items()
+    }
+
+
+@pytest.mark.parametrize("mesh", ["chair", "lamp"])
+def test_the_shipped_meshes_fare_well(driven, mesh) -> None:
+    """Seen with the films: the chair 1.59 (its arms flap by 90 degrees), 12.7 for its worst edge, 0.6 %
+    inverted in the armpits, volume 0.93..1.17; the lamp 1.01, 1.6, none, 0.99..1.00."""
+    found = driven[mesh]
+    assert found.stretch_95 < (2.0 if mesh == "chair" else 1.2)
+    assert found.squeeze_5 > 0.7
+    assert found.inverted < (0.02 if mesh == "chair" else 0.002)
+    assert 0.8 < found.volume[0] <= found.volume[1] < 1.4
+    assert found.lowest > -0.3
+
+
+def test_the_lamp_stays_in_one_piece(driven) -> None:
+    assert driven["lamp"].gap < 0.02
+
+
+def test_nothing_leaps_when_somebody_takes_hold(driven) -> None:
+    """The nodes are no faster than the joints and what they carry at an arm's end."""
+    for found in driven.values():
+        assert found.hold_push < 3.0
+
+
+def test_another_persons_moves_begin_in_ones_own_posture() -> None:
+    frames = danced("overhead")
+    own = danced("kneel")[0].bodies[0]
+    made = as_if_by(own, frames, 5 * SECOND)
+    np.testing.assert_allclose(made[0].bodies[0].joints, own.joints, atol=1e-9)
+    assert made[0].time_ns == 5 * SECOND
+    for frame, other in zip(made[::20], frames[::20], strict=True):
+        joints = frame.bodies[0].joints
+        for joint, parent in enumerate(PARENTS[1:], 1):
+            length = np.linalg.norm(own.joints[joint] - own.joints[parent])
+            assert np.linalg.norm(joints[joint] - joints[parent]) == pytest.approx(length, abs=1e-9)
+        raised = other.bodies[0].joints[Joint.HAND_LEFT, 1] > other.bodies[0].joints[Joint.HEAD, 1] + 0.2
+        assert not raised or joints[Joint.HAND_LEFT, 1] > joints[Joint.SHOULDER_LEFT, 1]
+
+
+def test_pieces_follow_one_another_without_a_pause() -> None:
+    frames = danced("overhead")
+    made = cut(frames, (1.0, 2.0), (4.0, 5.0))
+    times = np.diff([frame.time_ns for frame in made])
+    assert times.min() > 0
+    assert times.max() < 0.05 * SECOND
+    assert made[0].time_ns == 0
+    still = held_still(frames[0].bodies[0], 0.5)
+    assert len(still) == 15
