@@ -38,7 +38,7 @@ def boxes(apart: float = 0.01) -> Character:
 
 
 def taken(character: Character, *changes) -> Measures:
-    """Measured of a take of one shot after another, a second apart; each change is (linear, shift) by node."""
+    """Measured of shots a tenth of a second apart; each change is (linear, shift) by node."""
     take = Take(character, [], [0])
     for n, (linear, shift) in enumerate(changes):
         rest = character.rest_pose(n * SECOND // 10)
