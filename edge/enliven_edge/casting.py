@@ -20,6 +20,7 @@ log = logging.getLogger(__name__)
 
 MADE = {"chair": make_chair, "lamp": make_lamp}
 """The meshes that the project makes itself, by name instead of by path."""
+_OWN_PARTS = {"lamp": "hip and right arm"}
 _HEIGHT = 1.75
 """Metres: meshes are brought to a person's height, from which the performer's own is a small factor."""
 _LONGEST_EDGE = 0.04
@@ -44,6 +45,11 @@ def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up:
     mesh, size = _prepared(spec, settings, up)
     graph = DeformationGraph.build(mesh, nodes=nodes)
     return Actor(character_from(mesh, graph, name_of(spec)), graph, settings, size)
+
+
+def parts_for(spec: str) -> str:
+    """What of the body a mesh is made to be held with, where nobody says it."""
+    return _OWN_PARTS.get(spec, "all")
 
 
 def name_of(spec: str) -> str:

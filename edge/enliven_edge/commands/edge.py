@@ -56,8 +56,9 @@ def edge(
         float | None, typer.Option(help="Take hold this many seconds after the start.")
     ] = None,
     parts: Annotated[
-        str, typer.Option(help="What takes hold: all, legs, 'upper body', ...; of two: 'legs / torso'.")
-    ] = "all",
+        str | None,
+        typer.Option(help="What takes hold: all, legs, 'upper body', ...; of two: 'legs / torso'."),
+    ] = None,
     physics: Annotated[
         str | None, typer.Option(help="Loose things to knock about: boxes, dodgeball, or none.")
     ] = None,
@@ -102,9 +103,10 @@ def edge(
 def serve(
     chosen: EdgeSettings,
     sources: list[Source],
-    run: tuple[str, float | None, str, Path | None, bool, float, float | None],
+    run: tuple[str, float | None, str | None, Path | None, bool, float, float | None],
 ) -> None:
     """Opens everything, serves, and closes everything; heavy modules are imported only here."""
+    from enliven_edge.casting import parts_for
     from enliven_edge.outlet import Outlet
     from enliven_edge.service import Edge
     from enliven_edge.stage import Stage
@@ -127,7 +129,7 @@ def serve(
             Stage([actor]),
             outlet,
             possess_at=possess_at,
-            parts=parts,
+            parts=parts or parts_for(mesh),
             stop_after=seconds,
             physics=playground,
             health=HealthMonitor(

@@ -21,7 +21,7 @@ def run(
     sensor: str | None = typer.Option(None, help="Use this sensor instead of a recording."),
     mesh: str = typer.Option("chair", help="The mesh to possess: a file, 'chair' or 'lamp'."),
     possess_at: float = typer.Option(1.5, help="Seconds after the first frame at which the body takes hold."),
-    parts: str = typer.Option("all", help="What takes hold: 'legs', 'upper body', ..."),
+    parts: str | None = typer.Option(None, help="What takes hold: 'legs', 'upper body', ...; else all."),
     out: Path = typer.Option(Path("out"), help="Folder for the film and the contact sheet."),
     film: bool | None = typer.Option(
         None, "--film/--window", help="A film or a window; by the display where not said."
@@ -87,13 +87,14 @@ def _edge_arguments(
     sensor: str | None,
     mesh: str,
     possess_at: float,
-    parts: str,
+    parts: str | None,
     seconds: float | None,
     ports: tuple[int, ...],
     as_film: bool,
 ) -> list[str]:
     """The edge's command line; a film loses no frame, so the edge waits for its viewer before it starts."""
-    arguments = ["edge", "--mesh", mesh, "--possess-at", str(possess_at), "--parts", parts]
+    arguments = ["edge", "--mesh", mesh, "--possess-at", str(possess_at)]
+    arguments += ["--parts", parts] if parts else []
     arguments += ["--port", str(ports[0]), "--control-port", str(ports[1]), "--name", f"run-{os.getpid()}"]
     arguments += ["--wait-for-viewer", "60"]
     if sensor is not None:
