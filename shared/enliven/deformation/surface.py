@@ -28,9 +28,9 @@ _CELLS = 6
 """Cells of the net along one node spacing."""
 _LONGEST = 1 / 3
 """Edges are halved until they are shorter than this many node spacings."""
-_CROWDED = 50_000
+_CROWDED = 20_000
 _PIECES = 6
-"""Pieces to a cell, in the mean, from which on a net of more than 50,000 points is a soup's."""
+"""Pieces to a cell, in the mean, from which on a net of more than 20,000 points is a soup's."""
 _THIN = 1 / 2
 """Two points that lie behind each other are linked where they are nearer than this many spacings."""
 _SEAM = 1 / 2
@@ -232,6 +232,8 @@ def ways_from_nodes(
 ) -> tuple[Int, Int32, Float]:
     """Which nodes lie within ``reach`` metres of each point of the net along the surface, and how far.
 
+    Where that leaves a point without any, the reach is longer for all.
+
     Args:
         nodes: (M,) the nodes that are asked for, ascending.
         joints: (E, 2) pairs of nodes between which no way leads; they count as ``spacing`` metres apart.
@@ -245,8 +247,12 @@ def ways_from_nodes(
         np.concatenate([land.web.lengths, np.full(len(joints), spacing)]),
     )
     offsets, neighbours, lengths = _adjacency(web, int(web.edges.max(initial=0)) + 1)
-    ends, which, metres = kernels.ways(offsets, neighbours, lengths, count + nodes, count, reach)
-    return ends, nodes.astype(np.int32)[which], metres
+    while True:
+        ends, which, metres = kernels.ways(offsets, neighbours, lengths, count + nodes, count, reach)
+        # Few nodes on a long thing may leave a point alone.
+        if (np.diff(ends) > 0).all() or np.isinf(reach):
+            return ends, nodes.astype(np.int32)[which], metres
+        reach = 4 * reach if reach < 100 * spacing else np.inf
 
 
 def points_around(net: Net, reach: float) -> tuple[Int, Int32]:
