@@ -115,7 +115,8 @@ def test_the_camera_looks_at_what_is_near_and_not_at_what_rolled_away(box: Chara
     alone = scene_of(document, document.timeline.at(0), Look()).box
     document.add_props(loose())
     both = scene_of(document, document.timeline.at(0), Look())
-    assert both.props is not None and both.box[1][0] > alone[1][0]
+    assert both.box[0][0] < alone[0][0] and both.lit_box[0][0] < alone[0][0], "the box, at the left"
+    assert both.box[1][0] == alone[1][0] < both.lit_box[1][0], "a ball has a shadow, but moves no camera"
     far = loose()
     far.positions[:] += [30.0, 0, 0]
     document.add_props(far)
@@ -145,3 +146,17 @@ def drawn(renderer: Renderer, scene: Scene, view) -> np.ndarray:
 def test_the_score_is_told_in_the_window() -> None:
     assert "chair hit twice" in _state_lines(HudState(score="chair hit twice"))
     assert len(_state_lines(HudState())) == len(_state_lines(HudState(score="x"))) - 1
+
+
+def test_what_rolls_away_lets_go_of_the_camera_without_a_jerk(box: Character) -> None:
+    document = Document()
+    document.add_character(box)
+    rolled = loose(ids=(0,))
+    widths = []
+    for k in range(120):
+        rolled.positions[:] = [[0.3 + 0.02 * k, 0.2, 0.0]]
+        document.add_props(rolled)
+        low, high = scene_of(document, document.timeline.at(0), Look()).box
+        widths.append(high[0] - low[0])
+    assert max(np.abs(np.diff(widths))) < 0.021, "the box jumps"
+    assert max(widths) > widths[0] + 0.5 and widths[-1] == pytest.approx(min(widths))

@@ -90,7 +90,7 @@ class Renderer:
         """Draw a scene into :attr:`picture` and resolve it."""
         self.picture.drawn.use()  # without a framebuffer OpenGL refuses even what draws nothing
         meshes = self._skinned(scene)
-        box = scene.box or EMPTY_BOX
+        box = scene.lit_box or EMPTY_BOX
         self._write_frame(box, view)
         capsules = capsules_of(scene.bodies if scene.look.body > 0 else (), scene.look.body)
         self._capsules.load(capsules)

@@ -9,13 +9,13 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.body import Body
 from enliven.character import Character, Pose
-from enliven.props import Props
+from enliven.props import BOX, Props
 from enliven_viewer.camera import Box
 from enliven_viewer.document import Document, bounds_of
 from enliven_viewer.timeline import Cues, Moment
 
-_PROP_REACH = 0.7
-"""Metres from characters and bodies within which what is loose belongs into the picture."""
+_BOX_REACH, _SHADOW_REACH = 0.7, 1.4
+"""Metres from characters and bodies within which boxes belong into the picture, and things have shadows."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +56,22 @@ class Scene:
     @property
     def box(self) -> Box | None:
         """What a camera should have in its picture; None when there is nothing."""
+        boxes = None if self.props is None else self.props.positions[self.props.shapes == BOX]
+        return self._around(boxes, _BOX_REACH)  # balls come and go too fast for a camera
+
+    @property
+    def lit_box(self) -> Box | None:
+        """Where shadows are drawn: a little more than :attr:`box`."""
+        return self._around(None if self.props is None else self.props.positions, _SHADOW_REACH)
+
+    def _around(self, loose: Float | None, reach: float) -> Box | None:
+        """A box with room around characters, bodies, and what of the loose things is within reach of them."""
         points = [actor.pose.positions for actor in self.actors] + [body.joints for body in self.bodies]
         bounds = bounds_of(points)
         if bounds is None:
             return None
-        if self.props is not None:
-            near = _near(self.props.positions, bounds)
-            bounds = bounds_of([*(np.stack([b]) for b in bounds), near]) or bounds
+        if loose is not None and len(loose):
+            bounds = bounds_of([np.stack(bounds), _drawn_in(loose, bounds, reach)]) or bounds
         margin = np.array([0.12, 0.12, 0.12])
         low, high = bounds[0] - margin, bounds[1] + margin
         low[1] = min(low[1], 0.0)
@@ -82,10 +91,16 @@ def scene_of(document: Document, moment: Moment | None, look: Look) -> Scene:
     return Scene(tuple(actors), present, look, moment.props if moment else None)
 
 
-def _near(positions: Float, box: Box) -> Float:
-    """(N, 3) the props that a picture should hold: what rolled away does not pull the camera after it."""
-    reach = np.array([_PROP_REACH, _PROP_REACH, _PROP_REACH])
-    return np.asarray(positions[((positions > box[0] - reach) & (positions < box[1] + reach)).all(1)])
+def _drawn_in(positions: Float, box: Box, reach: float) -> Float:
+    """(N, 3) positions; those outside the box by more than ``reach`` are drawn in, the farther the more.
+
+    So what rolls away lets go of the camera gently, and at twice the reach it is forgotten.
+    """
+    inside = np.clip(positions, box[0], box[1])
+    out = positions - inside
+    length = np.linalg.norm(out, axis=1, keepdims=True)
+    share = np.clip(2 * reach / np.maximum(length, 1e-9) - 1, 0.0, 1.0)
+    return np.asarray(inside + share * out)
 
 
 def corners(box: Box) -> Float:
