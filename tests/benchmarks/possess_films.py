@@ -58,7 +58,6 @@ def read(pattern: str) -> list[BodyFrame]:
 
 LIFT, TWO = "skeletons/js6450_kinect2_json/1person_lift*", "skeletons/kinect_multitrack/Study_24*"
 WING, WAVE = (f"skeletons/ms_labanotation_kinect2/Ges0{name}*" for name in ("6", "1"))
-NEARER = "skeletons/ms_labanotation_kinect2/joints.csv"
 STROLL = "bvh/bandai_namco/dataset-1_walk_musical_001.bvh"
 HORSE = "meshes/libigl/horse_quad.obj"
 CHAIR = "gltf/quaternius_static/house_interior_pack_Chair_1.glb"
@@ -75,7 +74,6 @@ def real_films() -> dict[str, Film]:
         # Its legs stand farther apart than a person's: more of each leg's bones must find them.
         "real-chair": Film("A chair from a game", _of(CHAIR, LIFT, settings=wide), (Act(0.45, TRUNK),)),
         "horse": Film("A horse, by one Kinect's skeleton", _of(HORSE, LIFT), (Act(0.45, TRUNK),)),
-        "horse-near": Film("A horse comes nearer", _of(HORSE, NEARER, (1.9, 9.3)), (Act(0.6, TRUNK),)),
         # The sensor saw the right arm of this person in their thigh; so it holds nothing.
         "scan": Film(
             "Half a scan of a person, by their own joints", _scan, (Act(0.6, f"{TRUNK} + left arm"),)
