@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-import logging
-import threading
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.frames import BodyFrame, DepthFrame
 from enliven_edge.fusion.merge import in_world
+from enliven_edge.fusion.reading import PATIENCE, SensorThread
 from enliven_edge.fusion.rigid import inverse
 from enliven_edge.fusion.tracks import BodyStream, stream_of
 from enliven_edge.sensors.base import Sensor
 from enliven_edge.tracking.tracker import Tracker
 
-log = logging.getLogger(__name__)
 
-_PATIENCE = 0.1
-
-
-class Collector:
+class Collector(SensorThread):
     """Tracks one sensor in a thread and keeps what it saw.
 
     Args:
@@ -30,28 +25,13 @@ class Collector:
 
     Attributes:
         frames: how many were tracked.
-        ended: nothing more will come.
-        failure: why not, where it was no ordinary end.
     """
 
     def __init__(self, name: str, sensor: Sensor, tracker: Tracker, seconds: float | None = None) -> None:
-        self.name, self.sensor = name, sensor
-        self.frames, self.ended, self.failure = 0, False, ""
-        self.recorded = bool(getattr(sensor, "recorded", False))
+        super().__init__(name, sensor)
+        self.frames = 0
         self._tracker, self._seconds = tracker, seconds
         self._kept: list[tuple[BodyFrame, Float | None]] = []
-        self._stopped = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"sensor {name}", daemon=True)
-
-    def start(self) -> None:
-        """Begins to read."""
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Ends the thread."""
-        self._stopped.set()
-        if self._thread.is_alive():
-            self._thread.join(timeout=5.0)
 
     @property
     def level_from_camera(self) -> Float | None:
@@ -72,19 +52,11 @@ class Collector:
         final = self.level_from_camera
         return [_put_right(frame, mount, final) for frame, mount in kept]
 
-    def _run(self) -> None:
-        try:
-            self._collect()
-        except Exception as error:  # told to the user, who still has the other sensors
-            self.failure = str(error) or type(error).__name__
-            log.debug("sensor %s failed", self.name, exc_info=True)
-        self.ended = True
-
-    def _collect(self) -> None:
+    def _read(self) -> None:
         first: int | None = None
         while not self._stopped.is_set():
             try:
-                frame = self.sensor.read(_PATIENCE)
+                frame = self.sensor.read(PATIENCE)
             except TimeoutError:
                 continue
             if frame is None:

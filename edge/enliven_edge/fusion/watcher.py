@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import logging
 import threading
 import time
 from collections import deque
@@ -14,15 +13,12 @@ from enliven.errors import InputError
 from enliven.frames import BodyFrame, Frame
 from enliven.health import HealthKind, HealthState
 from enliven_edge.fusion.merge import in_world
+from enliven_edge.fusion.reading import PATIENCE, SensorThread
 from enliven_edge.fusion.space import Place
 from enliven_edge.sensors.base import Sensor
 from enliven_edge.tracking.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
 
-log = logging.getLogger(__name__)
-
-_PATIENCE = 0.1
-"""Seconds to wait for a frame before looking whether to stop."""
 _WAITING = 2
 """Sets of bodies that wait to be fused; the sensor is read no faster than they are taken."""
 
@@ -45,7 +41,7 @@ class Seen:
     frozen: bool
 
 
-class Watcher:
+class Watcher(SensorThread):
     """Reads and tracks one sensor until it ends, fails, or is stopped.
 
     Args:
@@ -57,9 +53,6 @@ class Watcher:
     Attributes:
         ails: what is wrong with the sensor now, the gravest first.
         seen: what waits to be fused, the oldest first; guarded by ``changed``.
-        ended: nothing more will come.
-        failure: why not, where it was no ordinary end.
-        recorded: it is a recording, whose frames may wait for those of others.
     """
 
     def __init__(
@@ -71,43 +64,30 @@ class Watcher:
         health: HealthMonitor,
         changed: threading.Condition,
     ) -> None:
-        self.name, self.sensor, self.place = name, sensor, place
-        self.recorded = bool(getattr(sensor, "recorded", False))
+        super().__init__(name, sensor)
+        self.place = place
         self.seen: deque[Seen] = deque()
-        self.ended, self.failure = False, ""
         self.ails: list[HealthState] = []
         self._tracker, self._health, self._changed = tracker, health, changed
-        self._stopped = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"sensor {name}", daemon=True)
-
-    def start(self) -> None:
-        """Begins to read."""
-        self._thread.start()
 
     def stop(self) -> None:
         """Ends the thread and lets the sensor go."""
         self._stopped.set()
         with self._changed:
             self._changed.notify_all()
-        if self._thread.is_alive():
-            self._thread.join(timeout=5.0)
+        super().stop()
         self.sensor.close()
 
-    def _run(self) -> None:
-        try:
-            self._watch()
-        except Exception as error:  # one sensor's failure is told, and stops no other
-            self.failure = str(error) or type(error).__name__
-            log.debug("sensor %s failed", self.name, exc_info=True)
+    def _end(self) -> None:
         with self._changed:
             self.ended = True
             self._changed.notify_all()
 
-    def _watch(self) -> None:
+    def _read(self) -> None:
         heard = time.monotonic()
         while not self._stopped.is_set():
             try:
-                frame = self.sensor.read(_PATIENCE)
+                frame = self.sensor.read(PATIENCE)
             except TimeoutError:
                 self._health.silent(time.monotonic() - heard)
                 self.ails = self._health.states
@@ -126,7 +106,7 @@ class Watcher:
         """Waits for room, so that a recording is not read faster than it is used."""
         with self._changed:
             while len(self.seen) >= _WAITING and not self._stopped.is_set():
-                self._changed.wait(_PATIENCE)
+                self._changed.wait(PATIENCE)
             self.seen.append(seen)
             self._changed.notify_all()
 

@@ -16,6 +16,7 @@ from enliven_edge.parts.proposals import Seen, agreement, facing_score, look, pr
 from enliven_edge.parts.sideless import facing_proposals
 from enliven_edge.tracking import model
 from enliven_edge.tracking.extremities import extremities
+from enliven_edge.tracking.facing import backward
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.hypotheses import banked_starts, standing_starts
 from enliven_edge.tracking.observation import Observation
@@ -39,6 +40,8 @@ _DISAGREEMENT = 4.0
 """Square centimetres a point that it costs to be of other parts than the forest says, all of them."""
 _FACING = 6.0
 """Square centimetres a point that it costs to face another way than the likeliest, by log likelihood."""
+_BACKWARD = 12.0
+"""Square centimetres a point that it costs to lean backward, a sine."""
 _STATURE, _SPREAD = 2.0, 0.15
 """Square centimetres a point that the unlikeliest stature costs, a third of it one spread (metres) away."""
 _SHORTEST, _TALLEST, _ALIKE = 0.9, 2.1, 0.08
@@ -195,11 +198,11 @@ def cost(report: FitReport, posture: Posture, seen: Seen | None, eye: Float, hei
 def _oddness(seen: Seen | None, posture: Posture, eye: Float, height: float) -> float:
     """What a posture costs besides what the depth says.
 
-    For points that the forest takes for other parts, for facing another way than it says, and for a stature
-    that is far from the likeliest.
+    For points that the forest takes for other parts, for facing another way than it says, for leaning
+    backward, and for a stature that is far from the likeliest.
     """
     unlike = ((model.height_of(posture.lengths) - height) / _SPREAD) ** 2
-    stature = _STATURE * unlike / (unlike + 2.0)
+    stature = _STATURE * unlike / (unlike + 2.0) + _BACKWARD * backward(posture)
     if seen is None:
         return stature
     facing = facing_score(seen, posture, eye)

@@ -21,6 +21,10 @@ _STROLL, _WALK = 0.45, 0.9
 """Metres a second from which walking says something, and from which it says all it can."""
 _FORWARD = 0.45
 """What walking ahead is worth, as a mean log likelihood."""
+_UPRIGHT = 1.5
+"""What it costs to lean backward, as a mean log likelihood a sine."""
+_LEANS, _LIES = 0.15, 0.4
+"""Sine from which a trunk leans backward, and of its rise below which it lies rather than leans."""
 
 
 class Facing:
@@ -40,6 +44,7 @@ class Facing:
         """
         advantage = facing_score(seen, posture, eye) - facing_score(seen, turned_about(posture), eye)
         advantage += _FORWARD * _walking(velocity[[0, 2]], forward_in_plan(posture))
+        advantage += _UPRIGHT * (backward(turned_about(posture)) - backward(posture))
         self._frames += 1
         self._advantage += max(1.0 / _MEMORY, 1.0 / self._frames) * (advantage - self._advantage)
         if self._frames < _PATIENCE:
@@ -57,6 +62,14 @@ def forward_in_plan(posture: Posture) -> Float:
     left = chest[:, 0]
     ahead = np.array([-left[2], left[0]])
     return np.asarray(ahead / (np.linalg.norm(ahead) + 1e-9))
+
+
+def backward(posture: Posture) -> float:
+    """How far the trunk leans backward, as the sine beyond what is usual: people bend forward."""
+    up = posture.rotations[model.PELVIS] @ posture.rotations[model.CHEST][:, 1]
+    if up[1] < _LIES:
+        return 0.0
+    return max(0.0, -float(up[[0, 2]] @ forward_in_plan(posture)) - _LEANS)
 
 
 def _walking(velocity: Float, ahead: Float) -> float:

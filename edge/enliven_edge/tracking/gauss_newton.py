@@ -21,6 +21,8 @@ _SCALE = 0.1
 """How much less a person's size is held than their proportions."""
 _FLOOR_SLACK = 0.02
 """Metres that the floor may be wrong."""
+_ENOUGH = 1e-3
+"""Share of the energy that a step must gain for another one to be worth it."""
 _LARGEST_TURN = 0.5
 """Radians a joint in one step."""
 
@@ -67,7 +69,7 @@ def minimise(  # type: ignore[no-untyped-def]
         matrix, trial_matrix = trial_matrix, matrix
         gradient, trial_gradient = trial_gradient, gradient
         energy, explained, damping = lower, better, max(1e-6, damping / 4.0)
-        if gain < 1e-4 * energy:
+        if gain < _ENOUGH * energy:
             break
     return energy, explained
 

@@ -85,6 +85,16 @@ def turn(rotations, step, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def carry_on(rotations, before, share, fastest):  # type: ignore[no-untyped-def]
+    """Turns every frame on by a share of its turn since ``before``, by at most so many radians, in place."""
+    for f in range(len(rotations)):
+        vector = share * deviation(before[f], rotations[f])
+        angle = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+        vector *= min(1.0, fastest / max(1e-9, angle))
+        rotations[f] = product(rotations[f], exponential(vector))
+
+
+@njit(cache=True, nogil=True)
 def product(a, b):  # type: ignore[no-untyped-def]
     """(3, 3) a b, without a call of BLAS."""
     out = np.empty((3, 3))

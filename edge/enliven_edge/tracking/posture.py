@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.rotation import from_matrix
 from enliven_edge.tracking import model
-from enliven_edge.tracking.kinematics import capsules_into, exponential, forward_into, logarithm
+from enliven_edge.tracking.kinematics import capsules_into, carry_on, forward_into
 
 
 @dataclass
@@ -79,8 +79,5 @@ def continued(before: Posture, now: Posture) -> Posture:
     made = now.copy()
     step = _CARRY_ON * (now.position - before.position)
     made.position += step * min(1.0, _FASTEST_STEP / max(1e-9, float(np.linalg.norm(step))))
-    for f in range(len(made.rotations)):
-        turn = _CARRY_ON * logarithm(before.rotations[f].T @ now.rotations[f])
-        turn *= min(1.0, _FASTEST_TURN / max(1e-9, float(np.linalg.norm(turn))))
-        made.rotations[f] = now.rotations[f] @ exponential(turn)
+    carry_on(made.rotations, before.rotations, _CARRY_ON, _FASTEST_TURN)
     return made

@@ -42,6 +42,8 @@ _LEGS = (
     (model.THIGH_L, model.SHIN_L, model.FOOT_L),
     (model.THIGH_R, model.SHIN_R, model.FOOT_R),
 )
+_OUTER = {limb: np.flatnonzero(np.isin(model.CAPSULES.frame, limb[1:])) for limb in (*_ARMS, *_LEGS)}
+"""The capsules of each limb beyond its first bone."""
 _DOUBTFUL, _SURE = 0.5, 0.9
 _BETTER, _MUCH_BETTER = 0.985, 0.8
 """Share of the energy that a limb, and a whole body, must fall below to be moved elsewhere."""
@@ -104,7 +106,7 @@ class SecondThoughts:
         """The limbs that explain little of the picture; those that explain much are remembered."""
         doubtful: list[tuple[int, ...]] = []
         for limb in (*_ARMS, *_LEGS):
-            sure = float(np.min(confidence[np.isin(model.CAPSULES.frame, limb[1:])]))
+            sure = float(confidence[_OUTER[limb]].min())
             if sure > _SURE:
                 self._remembered[limb] = posture.rotations[list(limb)].copy()
             elif sure < _DOUBTFUL:

@@ -225,19 +225,17 @@ def _measured(z, points, labels, groups, owner, people, pixel):  # type: ignore[
 
 def _judged(table: Float, groups: int, people: int) -> tuple[list[Loose], Int]:
     """The loose groups that stay, and (groups + 1,) whose the others are, -1 for nobody's."""
+    area, contacts = table[:, 0], table[:, 15:]
     joined = np.full(groups + 1, -1)
-    loose = []
-    order = 1 + np.argsort(-table[1:, 0], kind="stable")
-    for g in order:
-        row = table[g]
-        if row[0] < SPECKLE and not row[15:].any():
-            continue
-        size = float(np.linalg.norm(row[4:7] - row[1:4]))
-        if people and row[15:].any() and row[0] < _LIMB_AREA and size < _LIMB_LENGTH:
-            joined[g] = int(np.argmax(row[15:]))
-        elif row[0] >= SPECKLE:
-            loose.append(_loose(int(g), row))
-    return loose, joined
+    limbs = np.zeros(groups + 1, bool)
+    if people:
+        with np.errstate(invalid="ignore"):
+            short = np.linalg.norm(table[:, 4:7] - table[:, 1:4], axis=1) < _LIMB_LENGTH
+        limbs = contacts.any(1) & (area < _LIMB_AREA) & short
+        joined[limbs] = np.argmax(contacts[limbs], axis=1)
+    large = np.flatnonzero((area >= SPECKLE) & ~limbs)
+    large = large[np.argsort(-area[large], kind="stable")]
+    return [_loose(int(g), table[g]) for g in large if g > 0], joined
 
 
 def _loose(g: int, row: Float) -> Loose:

@@ -9,10 +9,8 @@ from enliven.arrays import Float
 from enliven_edge.tracking.settings import SmoothingSettings
 
 
-class OneEuro:
-    """Low-pass whose cut-off rises with speed: still joints are calm, fast joints are on time.
-
-    The joints are filtered as one vector each, so that the result does not depend on the world's axes.
+class _Filter:
+    """What both filters share: when they are off, when they begin anew, and the time between two values.
 
     Attributes:
         amount: 0 is off, more is smoother; may be changed at any time.
@@ -22,7 +20,7 @@ class OneEuro:
         self.settings = settings
         self.amount = settings.amount if amount is None else amount
         self._value: Float | None = None
-        self._velocity: Float | None = None
+        self._velocity = np.zeros((0, 3))
         self._time_ns = 0
 
     def reset(self) -> None:
@@ -30,74 +28,58 @@ class OneEuro:
         self._value = None
 
     def __call__(self, value: Float, time_ns: int) -> Float:
-        """The filtered (20, 3) joints; the input itself where the amount is 0.
+        """The filtered value; the input itself where the amount is 0.
 
         Args:
-            value: (20, 3) metres.
+            value: (20, 3) metres, or (20, 4) unit quaternions.
             time_ns: the sensor's clock; not after the last call resets the filter.
         """
         seconds = (time_ns - self._time_ns) * 1e-9
         if self.amount == 0.0:
             self._value = None
             return value
-        if self._value is None or self._velocity is None or not 0.0 < seconds < 1.0:
-            self._value, self._velocity, self._time_ns = value.copy(), np.zeros_like(value), time_ns
+        self._time_ns = time_ns
+        if self._value is None or not 0.0 < seconds < 1.0:
+            self._value, self._velocity = value.copy(), np.zeros((len(value), 3))
             return value
-        velocity = (value - self._value) / seconds
+        self._value = self._stepped(self._value, value, seconds)
+        return self._value.copy()
+
+    def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
+        """The filtered value after one more; moves the velocity on."""
+        raise NotImplementedError
+
+
+class OneEuro(_Filter):
+    """Low-pass whose cut-off rises with speed: still joints are calm, fast joints are on time.
+
+    Each of the (20, 3) joints is filtered as one vector: the result does not depend on the world's axes.
+    """
+
+    def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
+        velocity = (value - filtered) / seconds
         self._velocity = self._velocity + _alpha(np.array(1.0), seconds) * (velocity - self._velocity)
         speed = np.linalg.norm(self._velocity, axis=1, keepdims=True)
         cutoff = (self.settings.cutoff + self.settings.speed * speed) / self.amount
-        self._value = self._value + _alpha(cutoff, seconds) * (value - self._value)
-        self._time_ns = time_ns
-        return self._value.copy()
+        return filtered + _alpha(cutoff, seconds) * (value - filtered)
+
+
+class OneEuroTurns(_Filter):
+    """The same on (20, 4) rotations: differences are rotation vectors in the filtered bone's own frame.
+
+    So the result turns with the world, and with whatever the bone is called.
+    """
+
+    def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
+        raw = np.ascontiguousarray(value, np.float64)
+        cutoff, slope = self.settings.cutoff / self.amount, self.settings.turn / self.amount
+        filter_turns(filtered, self._velocity, raw, seconds, cutoff, slope)
+        return filtered
 
 
 def _alpha(cutoff: Float, seconds: float) -> Float:
     """The smoothing factor of a first-order low-pass, equation (5) of the paper."""
     return np.asarray(1.0 / (1.0 + 1.0 / (2 * np.pi * cutoff * seconds)))
-
-
-class OneEuroTurns:
-    """The same filter on rotations: its differences are rotation vectors in the filtered bone's own frame.
-
-    So the result turns with the world, and with whatever the bone is called.
-
-    Attributes:
-        amount: 0 is off, more is smoother; may be changed at any time.
-    """
-
-    def __init__(self, settings: SmoothingSettings, amount: float | None = None) -> None:
-        self.settings = settings
-        self.amount = settings.amount if amount is None else amount
-        self._value: Float | None = None
-        self._velocity: Float | None = None
-        self._time_ns = 0
-
-    def reset(self) -> None:
-        """Forgets the past, as after a jump."""
-        self._value = None
-
-    def __call__(self, value: Float, time_ns: int) -> Float:
-        """The filtered (20, 4) orientations; the input itself where the amount is 0.
-
-        Args:
-            value: (20, 4) unit quaternions.
-            time_ns: the sensor's clock; not after the last call resets the filter.
-        """
-        seconds = (time_ns - self._time_ns) * 1e-9
-        if self.amount == 0.0:
-            self._value = None
-            return value
-        if self._value is None or self._velocity is None or not 0.0 < seconds < 1.0:
-            self._value, self._velocity, self._time_ns = value.copy(), np.zeros((len(value), 3)), time_ns
-            return value
-        settings = self.settings
-        filter_turns(
-            self._value, self._velocity, np.ascontiguousarray(value, np.float64), seconds,
-            settings.cutoff / self.amount, settings.turn / self.amount,
-        )  # fmt: skip
-        self._time_ns = time_ns
-        return self._value.copy()
 
 
 @njit(cache=True, nogil=True)

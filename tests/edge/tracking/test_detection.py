@@ -18,8 +18,8 @@ from enliven_edge.parts.proposals import facing_score, look, proposals, turned_a
 from enliven_edge.parts.shipped import shipped_forest
 from enliven_edge.parts.sideless import facing_proposals
 from enliven_edge.synthesis.performer import Figure, Performer
-from enliven_edge.tracking import model
-from enliven_edge.tracking.detection import detect, quality
+from enliven_edge.tracking import model, ranges
+from enliven_edge.tracking.detection import detect, detect_another, quality
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.observation import Observation, WorkingCamera, observe, world_points
 from enliven_edge.tracking.settings import FitSettings
@@ -144,3 +144,18 @@ def test_somebody_known_is_found_with_their_own_bones():
             posture, _ = detect(fitter, observation, eye, 1.3, shipped_forest(), given)
             found.append(np.linalg.norm(posture.joints() - figure.joints, axis=1).mean())
     assert np.mean(known) < np.mean(unknown)
+
+
+def test_another_posture_is_found_only_where_it_may_be_better():
+    """Who is fitted rightly is left as they are; who is fitted as somebody else stands is found again."""
+    observation, _ = seen_person("one leg up", SEEDS[0])
+    fitter, eye = Fitter(FitSettings()), observation.view[4][:3, 3]
+    seen = look(shipped_forest(), observation)
+    right, report = detect(fitter, observation, eye, 1.72, shipped_forest())
+    again = detect_another(fitter, observation, seen, eye, 1.72, right)
+    assert again is None or np.linalg.norm(again[0].joints() - right.joints(), axis=1).mean() < 0.05
+    wrong = right.copy()
+    wrong.rotations = ranges.standing(2.0, arm_raise=1.4)
+    found = detect_another(fitter, observation, seen, eye, 1.72, wrong)
+    assert found is not None
+    assert found[1].energy < 1.2 * report.energy

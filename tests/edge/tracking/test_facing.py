@@ -6,7 +6,7 @@ import pytest
 from enliven_edge.parts.labels import FACINGS, facing_of
 from enliven_edge.parts.proposals import Seen, turned_about
 from enliven_edge.tracking import model, ranges
-from enliven_edge.tracking.facing import Facing, forward_in_plan
+from enliven_edge.tracking.facing import Facing, backward, forward_in_plan
 from enliven_edge.tracking.posture import Posture, rotation
 
 EYE = np.array([0.0, 1.2, 0.0])
@@ -61,3 +61,24 @@ def test_forward_does_not_turn_over_when_somebody_bends_over():
     bent = standing(0.4)
     bent.rotations[model.CHEST] = rotation(x=2.0)
     np.testing.assert_allclose(forward_in_plan(bent), [np.sin(0.4), np.cos(0.4)], atol=1e-9)
+
+
+def bent(pitch: float, yaw: float = 0.0) -> Posture:
+    """Standing, the trunk bent forward by so many radians."""
+    posture = standing(yaw)
+    posture.rotations[model.PELVIS] = posture.rotations[model.PELVIS] @ rotation(x=pitch)
+    return posture
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.1, np.pi, -2.0])
+def test_people_bend_forward(yaw):
+    """Who bows towards the sensor does not lean backward away from it, though the forest says nothing."""
+    assert backward(bent(0.0, yaw)) == 0.0
+    assert backward(bent(0.6, yaw)) == 0.0
+    assert backward(bent(-0.6, yaw)) == pytest.approx(np.sin(0.6) - 0.15, abs=1e-6)
+    assert any(verdicts(turned_about(bent(0.6, yaw)), seen_facing(None)))
+    assert not any(verdicts(bent(0.6, yaw), seen_facing(None)))
+
+
+def test_who_lies_on_the_back_does_not_lean():
+    assert backward(bent(-1.5)) == 0.0

@@ -11,7 +11,7 @@ from enliven_edge.tracking.fit import shape
 from enliven_edge.tracking.gauss_newton import solve_damped, stepped
 from enliven_edge.tracking.kinematics import exponential, logarithm
 from enliven_edge.tracking.observation import nearest_columns, nearest_pixel, sampled
-from enliven_edge.tracking.posture import Posture, forward
+from enliven_edge.tracking.posture import Posture, continued, forward
 
 TURNS = (model.DOF_FRAME, model.DOF_AXIS)
 PAIRS = shape()[-1]
@@ -421,3 +421,15 @@ def test_samples_are_different_pixels_of_the_person_evenly_spread(seed, points):
     order = np.array([index[tuple(pair)] for pair in kept])
     assert (np.diff(order) > 0).all()
     assert np.ptp(np.diff(order)) <= 1 if len(order) > 2 else True
+
+
+def test_a_posture_goes_on_as_it_turned():
+    """A share of the last turn again, and never faster than a person turns."""
+    before, now = random_posture(1, 0.1), random_posture(1, 0.1)
+    slow, fast = np.array([0.1, -0.05, 0.02]), np.array([0.0, 2.0, 0.0])
+    now.rotations[model.HEAD] = before.rotations[model.HEAD] @ exponential(slow)
+    now.rotations[model.CHEST] = before.rotations[model.CHEST] @ exponential(fast)
+    made = continued(before, now)
+    for frame, turn in ((model.HEAD, 0.8 * slow), (model.CHEST, np.array([0.0, 0.25, 0.0]))):
+        expected = now.rotations[frame] @ exponential(turn)
+        np.testing.assert_allclose(made.rotations[frame], expected, atol=1e-9)

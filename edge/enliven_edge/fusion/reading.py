@@ -1,0 +1,59 @@
+"""A sensor that is read in a thread of its own until it ends, fails, or is stopped."""
+
+from __future__ import annotations
+
+import logging
+import threading
+
+from enliven_edge.sensors.base import Sensor
+
+log = logging.getLogger(__name__)
+
+PATIENCE = 0.1
+"""Seconds to wait for a frame before looking whether to stop."""
+
+
+class SensorThread:
+    """Runs :meth:`_read` for one sensor; a failure is kept for the user, who still has the other sensors.
+
+    Args:
+        name: the sensor's identity.
+
+    Attributes:
+        ended: nothing more will come.
+        failure: why not, where it was no ordinary end.
+        recorded: it is a recording, whose frames may wait for those of others.
+    """
+
+    def __init__(self, name: str, sensor: Sensor) -> None:
+        self.name, self.sensor = name, sensor
+        self.ended, self.failure = False, ""
+        self.recorded = bool(getattr(sensor, "recorded", False))
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"sensor {name}", daemon=True)
+
+    def start(self) -> None:
+        """Begins to read."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ends the thread."""
+        self._stopped.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=5.0)
+
+    def _run(self) -> None:
+        try:
+            self._read()
+        except Exception as error:
+            self.failure = str(error) or type(error).__name__
+            log.debug("sensor %s failed", self.name, exc_info=True)
+        self._end()
+
+    def _read(self) -> None:
+        """Reads until the end, or until :attr:`_stopped` is set."""
+        raise NotImplementedError
+
+    def _end(self) -> None:
+        """Nothing more will come."""
+        self.ended = True
