@@ -134,7 +134,7 @@ def _first_equal(rows):  # type: ignore[no-untyped-def]
     while size < 2 * count:
         size *= 2
     mask = np.uint64(size - 1)
-    table = np.full(size, -1, np.int64)
+    table = np.full(size, -1, np.int32)
     first = np.empty(count, np.int64)
     for i in range(count):
         slot = np.int64(_mix(rows[i, 0] + _mix(rows[i, 1] + _mix(rows[i, 2]))) & mask)

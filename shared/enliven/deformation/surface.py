@@ -255,22 +255,19 @@ def ways_from_nodes(
         reach = 4 * reach if reach < 100 * spacing else np.inf
 
 
-def points_around(net: Net, reach: float) -> tuple[Int, Int32]:
-    """CSR: offsets (C + 1,) and the points within ``reach`` metres along the net of each, nearest first.
+def points_around(net: Net, reach: float) -> tuple[Int, Int32, Float]:
+    """The points within ``reach`` metres along the net of each point, itself first, then the nearest.
 
-    Points that stand for one position have none but themselves.
+    Returns:
+        CSR: offsets (C + 1,), points (K,) and metres (K,).
     """
-    count = len(net.points)
-    sources = np.flatnonzero(net.radii > 0)
-    ends, which, metres = kernels.ways(*_adjacency(net.web, count), sources, count, reach)
-    # Ways are the same in both directions, so what reached a point is around it.
-    order = np.lexsort((metres, np.repeat(np.arange(count), np.diff(ends))))
-    return ends, sources.astype(np.int32)[which[order]]
+    ends, points, metres = kernels.around(*_adjacency(net.web, len(net.points)), reach)
+    return ends, points, metres
 
 
-def members(of_vertex: Int32, count: int) -> tuple[Int, Int32]:
+def members(net: Net) -> tuple[Int, Int32]:
     """CSR: offsets (C + 1,) and the vertices of each point."""
-    starts, order = kernels.by_label(of_vertex, count)
+    starts, order = kernels.by_label(net.of_vertex, len(net.points))
     return starts, order
 
 

@@ -275,36 +275,17 @@ def ways(offsets, neighbours, lengths, sources, count, limit):  # type: ignore[n
         CSR over the ``count`` first points: offsets (count + 1,), (K,) the number of each source that reached
         the point, ascending, and (K,) metres.
     """
-    total = offsets.shape[0] - 1
-    metres = np.full(total, np.inf)
-    keys = np.empty(neighbours.shape[0] + 2)
-    items = np.empty(keys.shape[0], np.int64)
-    reached = np.empty(total, np.int64)
+    metres, keys, items, reached = _room(offsets, neighbours)
+    total = metres.shape[0]
     point, told, number = np.empty(4 * total, np.int32), np.empty(4 * total), np.empty(4 * total, np.int32)
     ends = np.zeros(count + 1, np.int64)
     end = 0
     for n in range(sources.shape[0]):
-        metres[sources[n]] = 0.0
-        size = _push(keys, items, 0, 0.0, sources[n])
-        reached[0], touched = sources[n], 1
-        while size > 0:
-            length, v = keys[0], items[0]
-            size = _pop(keys, items, size)
-            if length > metres[v]:
-                continue
-            for e in range(offsets[v], offsets[v + 1]):
-                u = neighbours[e]
-                further = length + lengths[e]
-                if further < metres[u] and further <= limit:
-                    if metres[u] == np.inf:
-                        reached[touched] = u
-                        touched += 1
-                    metres[u] = further
-                    size = _push(keys, items, size, further, u)
-        if end + touched > point.shape[0]:
-            needed = end + touched
+        settled = _settle(offsets, neighbours, lengths, sources[n], limit, metres, keys, items, reached)
+        if end + settled > point.shape[0]:
+            needed = end + settled
             point, told, number = _longer(point, needed), _longer(told, needed), _longer(number, needed)
-        for r in range(touched):
+        for r in range(settled):
             u = reached[r]
             if u < count:
                 point[end], told[end], number[end] = u, metres[u], n
@@ -320,6 +301,56 @@ def ways(offsets, neighbours, lengths, sources, count, limit):  # type: ignore[n
         which[at], way[at] = number[m], told[m]
         fill[point[m]] += 1
     return ends, which, way
+
+
+@njit(cache=True, nogil=True)
+def around(offsets, neighbours, lengths, limit):  # type: ignore[no-untyped-def]
+    """CSR: offsets (C + 1,), the points within ``limit`` metres of each, nearest first, and their metres."""
+    metres, keys, items, reached = _room(offsets, neighbours)
+    count = metres.shape[0]
+    point, told = np.empty(16 * count, np.int32), np.empty(16 * count)
+    ends = np.zeros(count + 1, np.int64)
+    for c in range(count):
+        settled = _settle(offsets, neighbours, lengths, c, limit, metres, keys, items, reached)
+        end = ends[c] + settled
+        if end > point.shape[0]:
+            point, told = _longer(point, end), _longer(told, end)
+        for r in range(settled):
+            u = reached[r]
+            point[ends[c] + r], told[ends[c] + r] = u, metres[u]
+            metres[u] = np.inf
+        ends[c + 1] = end
+    return ends, point[: ends[count]], told[: ends[count]]
+
+
+@njit(cache=True, nogil=True)
+def _room(offsets, neighbours):  # type: ignore[no-untyped-def]
+    """What :func:`_settle` works in: metres (infinite), the heap's keys and items, and what was reached."""
+    total = offsets.shape[0] - 1
+    room = neighbours.shape[0] + 2
+    return np.full(total, np.inf), np.empty(room), np.empty(room, np.int64), np.empty(total, np.int64)
+
+
+@njit(cache=True, nogil=True)
+def _settle(offsets, neighbours, lengths, source, limit, metres, keys, items, reached):  # type: ignore[no-untyped-def]
+    """Dijkstra from one source: how many points lie within ``limit``; ``reached`` has them, nearest first."""
+    metres[source] = 0.0
+    size = _push(keys, items, 0, 0.0, source)
+    settled = 0
+    while size > 0:
+        length, v = keys[0], items[0]
+        size = _pop(keys, items, size)
+        if length > metres[v]:
+            continue
+        reached[settled] = v
+        settled += 1
+        for e in range(offsets[v], offsets[v + 1]):
+            u = neighbours[e]
+            further = length + lengths[e]
+            if further < metres[u] and further <= limit:
+                metres[u] = further
+                size = _push(keys, items, size, further, u)
+    return settled
 
 
 @njit(cache=True, nogil=True)

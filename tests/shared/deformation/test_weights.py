@@ -42,24 +42,37 @@ def coarse():
 
 
 def slow_weights(mesh, graph, spacing):
-    """The docstring's definition, on a net that is the mesh itself: (V, N) weights."""
+    """The three steps of the module's docstring, on a net that is the mesh itself: (V, N) weights."""
     net = net_of(mesh, spacing)
     assert (net.radii == 0).all(), net.radii
     land = graph.land
     count, nodes = len(net.points), len(graph.positions)
-    a, b = land.web.edges.T
-    web = csr_matrix((land.web.lengths, (a, b)), (count + nodes, count + nodes))
-    ways = dijkstra(web, directed=False, indices=count + np.arange(nodes))[:, net.of_vertex].T
+
+    def ways_over(web, size, sources):
+        a, b = web.edges.T
+        return dijkstra(csr_matrix((web.lengths, (a, b)), (size, size)), directed=False, indices=sources)
+
+    ways = ways_over(land.web, count + nodes, count + np.arange(nodes))[:, :count].T
     followed = carriers(graph.positions, between_nodes(nodes, land.borders, land.lengths), spacing)
-    straight = np.linalg.norm(mesh.vertices[:, None] - graph.positions, axis=2)
+    straight = np.linalg.norm(net.points[:, None] - graph.positions, axis=2)
     distance = straight + 2 * np.maximum(0, ways - 1.5 * straight - spacing / 2)
-    out = np.zeros((len(mesh.vertices), nodes))
+    steep = np.zeros((count, nodes))
     for v, row in enumerate(distance):
         near = followed[np.argsort(row[followed], kind="stable")[:5]]
         most = min(row[near[4]], max(2 * spacing, 1.5 * row[near[0]]))
         fall = np.maximum(0, 1 - row[near[:4]] / most)
-        out[v, near[:4]] = fall / fall.sum()
-    return out
+        steep[v, near[:4]] = fall / fall.sum()
+    between = ways_over(net.web, count, np.arange(count))
+    radius = 0.6 * spacing
+    share = np.where(between < radius, (1 - (between / radius) ** 2) ** 2, 0)
+    mean = (share @ steep) / share.sum(1, keepdims=True)
+    apart = np.linalg.norm(mesh.vertices[:, None] - net.points, axis=2)[:, :]
+    close = np.maximum(0, 1 - (apart / (1.8 * net.cell)) ** 2) ** 2
+    close[between[net.of_vertex] > 2.7 * net.cell] = 0
+    mean = close @ mean
+    fifth = np.sort(mean, 1)[:, -5:-4]
+    kept = np.maximum(0, mean - fifth)
+    return kept / kept.sum(1, keepdims=True)
 
 
 def dense(skin, nodes):
@@ -88,7 +101,7 @@ def test_weights_are_what_their_definition_says(nodes):
     mesh = folded()
     graph = DeformationGraph.build(mesh, nodes)
     expected = slow_weights(mesh, graph, np.sqrt(mesh.area / nodes))
-    np.testing.assert_allclose(dense(graph.skin(mesh), nodes), expected, atol=2e-6)
+    np.testing.assert_allclose(dense(graph.skin(mesh), nodes), expected, atol=2e-5)
     plain = np.linalg.norm(mesh.vertices[:, None] - graph.positions, axis=2).argmin(1)
     # The guard: the wings do stand so near that straight distances would mix them.
     assert (plain != expected.argmax(1)).sum() > 10
@@ -108,8 +121,8 @@ def test_a_finer_mesh_of_the_same_surface_has_nearly_the_same_weights(coarse):
         *(getattr(whole, name) for name in ("edges", "rigid", "bridges", "cut_vertices", "radius")),
     )
     apart = np.abs(dense(graph.skin(fine), 24)[: len(coarse.vertices)] - dense(whole.skin(coarse), 24)).sum(1)
-    assert np.quantile(apart, 0.95) < 0.1
-    assert apart.mean() < 0.03
+    assert np.quantile(apart, 0.95) < 0.15
+    assert apart.mean() < 0.05
 
 
 def jumps(mesh, skin, nodes):
@@ -164,5 +177,5 @@ def test_the_chair_does_not_tear_where_no_node_is_near_another():
     """Neighbouring vertices of the chair follow nearly the same nodes."""
     chair = make_chair()
     differ, _ = jumps(chair, DeformationGraph.build(chair, 128).skin(chair), 128)
-    assert np.quantile(differ, 0.999) < 0.9
-    assert differ.mean() < 0.16
+    assert np.quantile(differ, 0.999) < 0.65
+    assert differ.mean() < 0.13
