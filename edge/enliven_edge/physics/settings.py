@@ -42,7 +42,7 @@ class BoxesSettings:
     """Towers of boxes to knock over."""
 
     at: tuple[tuple[float, float], ...] = setting(
-        ((0.62, 0.15), (-0.05, 0.98)),
+        ((0.62, 0.15), (0.12, 0.90)),
         "The towers: metres to the performer's left and ahead; or x and z of the world.",
         unit="m",
     )
