@@ -179,6 +179,9 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
                     some += 1
                 if place[j] >= 0:
                     table[b - first, place[j]] = shares[around[b], m]
+        for m in range(some):
+            place[union[m]] = -1
+        some = _hopeful(table, last - first, union, some, largest, who)
         for i in range(starts[c], starts[c + 1]):
             v = order[i]
             mean[:some] = 0.0
@@ -205,9 +208,33 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
             for m in range(min(found, k)):
                 indices[v, m] = union[who[m]]
                 weights[v, m] = (-largest[m] - least) / total if total > 0.0 else 1.0 / min(found, k)
-        for m in range(some):
-            place[union[m]] = -1
     return indices, weights
+
+
+@njit(cache=True, nogil=True)
+def _hopeful(table, rows, union, some, largest, who):  # type: ignore[no-untyped-def]
+    """Keep the columns that may be among the largest of a mean of the rows; returns how many.
+
+    A column whose largest entry is below the smallest entries of k + 1 others never is.
+    """
+    found = 0
+    for m in range(some):
+        least = table[0, m]
+        for b in range(1, rows):
+            least = min(least, table[b, m])
+        found = insert(largest, who, found, -least, m)
+    bar = -largest[found - 1] if found == largest.shape[0] else 0.0
+    kept = 0
+    for m in range(some):
+        most = table[0, m]
+        for b in range(1, rows):
+            most = max(most, table[b, m])
+        if most > 0.0 and most >= bar:
+            union[kept] = union[m]
+            for b in range(rows):
+                table[b, kept] = table[b, m]
+            kept += 1
+    return kept
 
 
 @njit(cache=True, nogil=True)
