@@ -37,7 +37,7 @@ _ZONE_MARGIN = 0.15
 _CLEARLY = 0.05
 """How much better a less likely group of pixels must be explained to be taken for a person."""
 _TRIES = 3
-_SHOWN, _FAINT = 0.6, 0.3
+_SHOWN, _FAINT = 0.6, 0.36
 """Share of the trunk that must be seen where one is found, and how sure the joints must be at the least."""
 _CERTAIN, _CLEAR = 0.8, 0.68
 """How well somebody in an unlikely posture must be explained, and how sure the joints, among others."""
@@ -76,6 +76,10 @@ class Crowd:
     def performers(self) -> list[Person]:
         """Who is followed, known, and let in by zone and lock."""
         return [p for p in self.people if p.id != UNDECIDED and self.lock.admits(p.id)]
+
+    def indexed(self) -> Int:
+        """(K,) the ids of those whose pixels the last frame's segments show."""
+        return np.array([p.id for p in self._indexed], np.int64)
 
     def owners(self) -> Int:
         """(K,) the ids of those whose pixels the last frame's segments show; -1 for who has never moved."""

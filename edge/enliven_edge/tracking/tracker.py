@@ -79,7 +79,7 @@ class Tracker:
         """What the last frame shows of each performer's surface, by id; mirrored as the bodies are."""
         if self._view is None or self._owner is None:
             return {}
-        found = seen_surfaces(self._view, self._owner, self._crowd.owners())
+        found = seen_surfaces(self._view, self._owner, self._crowd.indexed())
         if self.settings.output.mirror:
             return mirrored_surfaces(found, *mirror_of(self.world_from_camera))
         return found

@@ -33,9 +33,9 @@ class FloorSettings:
     touch: float = setting(0.02, "A foot so near the floor may stand.", low=0.0, high=1.0)
     still: float = setting(0.12, "A foot slower than this, in heights a second, stands.", low=0.0, high=10.0)
     dwell: float = setting(0.1, "After so long.", unit="s", low=0.0, high=10.0)
-    give: float = setting(0.08, "A foot that is drawn so far from where it stood lets go.", low=0.0, high=1.0)
+    give: float = setting(0.08, "A foot that the mesh leaves so far behind lets go.", low=0.0, high=1.0)
     ease: float = setting(0.2, "Time to let go, and to stand.", unit="s", low=0.0, high=10.0)
-    weight: float = setting(1.0, "How hard the floor holds, beside a bone's sample.", low=0.0, high=1000.0)
+    weight: float = setting(50.0, "How hard the floor holds, times embedded.planes.", low=0.0, high=1000.0)
 
 
 @dataclass
@@ -45,16 +45,20 @@ class Foot:
     Attributes:
         points: which of the soles' points.
         stood: (P, 2) metres, x and z where it stands; None while it does not.
-        firm: 0..1 how firmly it is held.
+        whole: (N, 2) metres, x and z of all nodes when it came to stand.
+        firm: 0..1 how firmly it is held; while it lets go, how far it still is from where it is drawn to.
+        drawn: (P, 2) metres, x and z where the mesh as a whole would take it.
         since: seconds for which it has been still.
         last: (P, 3) metres, where its points were a frame ago.
     """
 
     points: Int
     stood: Float | None = None
+    whole: Float | None = None
     firm: float = 0.0
     since: float = 0.0
     last: Float | None = None
+    drawn: Float | None = None
     letting_go: bool = False
 
 
@@ -71,7 +75,11 @@ class FloorContact:
         self.soles = Points.of(character, soles)
         self._all = Points.of(character, np.concatenate([soles, np.setdiff1d(rest, soles)]))
         self._lowest = float(y.min())
-        self.feet = [Foot(group) for group in _groups(self.soles.at, 2.0 * _LOW * self.height)]
+        groups = _groups(self.soles.at, 2.0 * _LOW * self.height)
+        self.feet = [Foot(group) for group in groups]
+        nodes = self.soles.pivots[:, 1]
+        upper = np.flatnonzero(nodes > self._lowest + 0.4 * self.height)
+        self._upper = upper if len(upper) > 2 else np.arange(len(nodes))
 
     def reset(self) -> None:
         """No foot stands any more: the mesh was put elsewhere."""
@@ -96,40 +104,56 @@ class FloorContact:
         sets = [self._all.planes(near, up, floor, own.weight, True)]
         if own.use == "stand":
             for foot in self.feet:
-                self._judge(foot, now[foot.points], seconds, floor)
+                self._judge(foot, now[foot.points], positions[self._upper][:, [0, 2]], seconds, floor)
             sets += [planes for foot in self.feet if foot.firm > 0 for planes in self._pins(foot)]
         return joined_planes(sets)
 
-    def _judge(self, foot: Foot, now: Float, seconds: float, floor: float) -> None:
-        """Whether a foot stands, from where its points (P, 3) are now."""
+    def _judge(self, foot: Foot, now: Float, whole: Float, seconds: float, floor: float) -> None:
+        """Whether a foot stands, from where its points (P, 3), and x and z of the nodes above (M, 2), are."""
         own, tall = self.settings, self.height
         speed = np.inf
         if foot.last is not None and seconds > 0:
             speed = float(np.linalg.norm((now - foot.last).mean(0))) / seconds
         foot.last = now
         down = now[:, 1].min() < floor + own.touch * tall
-        if foot.stood is not None and not foot.letting_go:
-            drawn = float(np.linalg.norm((now[:, [0, 2]] - foot.stood).mean(0)))
-            foot.letting_go = not down or drawn > own.give * tall
+        if foot.stood is not None and foot.whole is not None:
+            foot.drawn = _carried(foot.whole, whole, foot.stood)
+            far = float(np.linalg.norm((foot.drawn - foot.stood).mean(0))) > own.give * tall
+            foot.letting_go = foot.letting_go or not down or far
         step = seconds / own.ease if own.ease > 0 else 1.0
         if foot.stood is None:
             foot.since = foot.since + seconds if down and speed < own.still * tall else 0.0
             if foot.since > own.dwell:
-                foot.stood, foot.firm, foot.letting_go = now[:, [0, 2]].copy(), min(step, 1.0), False
+                foot.stood, foot.whole = now[:, [0, 2]].copy(), whole
+                foot.firm, foot.letting_go = min(step, 1.0), False
         else:
             foot.firm = max(0.0, foot.firm - step) if foot.letting_go else min(1.0, foot.firm + step)
             if foot.firm == 0.0:
-                foot.stood, foot.since = None, 0.0
+                foot.stood, foot.whole, foot.since = None, None, 0.0
 
     def _pins(self, foot: Foot) -> list[PlaneConstraints]:
-        """Planes across x and z that hold a foot where it stands."""
+        """Planes across x and z that hold a foot where it stands, or take it to where it is drawn."""
         assert foot.stood is not None
-        weight = self.settings.weight * foot.firm
+        weight, places = self.settings.weight * foot.firm**4, foot.stood
+        if foot.letting_go and foot.drawn is not None:
+            share = 1.0 - foot.firm
+            share = share * share * (3 - 2 * share)
+            weight = self.settings.weight * foot.firm**2
+            places = places + share * (foot.drawn - places)
         count = len(foot.points)
         return [
-            self.soles.planes(foot.points, np.tile(way, (count, 1)), foot.stood[:, k], weight, False)
+            self.soles.planes(foot.points, np.tile(way, (count, 1)), places[:, k], weight, False)
             for k, way in enumerate(([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]))
         ]
+
+
+def _carried(start: Float, end: Float, points: Float) -> Float:
+    """(P, 2) the points moved as (M, 2) others were: turned and shifted over the floor (Procrustes)."""
+    a, b = start - start.mean(0), end - end.mean(0)
+    cosine, sine = float((a * b).sum()), float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
+    length = np.hypot(cosine, sine)
+    c, s = (cosine / length, sine / length) if length > 1e-12 else (1.0, 0.0)
+    return np.asarray((points - start.mean(0)) @ np.array([[c, s], [-s, c]]) + end.mean(0))
 
 
 def _groups(points: Float, gap: float) -> list[Int]:

@@ -37,7 +37,7 @@ class ObservedSettings:
     )
     points: int = setting(500, "Most seen points a frame that draw.", low=10, high=20_000)
     surface: int = setting(1500, "Points of the mesh that can be drawn.", low=10, high=100_000)
-    weight: float = setting(0.3, "How hard they draw, beside a bone's sample.", low=0.0, high=1000.0)
+    weight: float = setting(3.0, "How hard they draw, times embedded.planes.", low=0.0, high=1000.0)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ class SelfContactSettings:
     detour: float = setting(
         3.0, "Parts may touch that are so many times farther apart along the mesh.", low=1.0, high=100.0
     )
-    weight: float = setting(1.0, "How hard they push, beside a bone's sample.", low=0.0, high=1000.0)
+    weight: float = setting(10.0, "How hard they push, times embedded.planes.", low=0.0, high=1000.0)
 
 
 class SelfContact:

@@ -1,0 +1,279 @@
+"""Floor, limbs and what is seen, through the actor and its solver: what each is for, and that it is off."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from enliven.body import PARTS, Body
+from enliven.camera import Intrinsics
+from enliven.deformation.embedded import EmbeddedSettings, EmbeddedSolver
+from enliven.deformation.floor_contact import FloorSettings
+from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.deformation.observed import ObservedSurface, Seen
+from enliven.deformation.self_contact import SelfContact, SelfContactSettings
+from enliven.deformation.skinning import skin_vertices
+from enliven.deformation.soft import Points
+from enliven.isosurface import surface_of
+from enliven.mesh import Mesh
+from enliven.shapes import make_chair
+from enliven_edge.actor import Actor, ActorSettings
+from enliven_edge.sensors.synthetic import SyntheticSensor
+from enliven_edge.stage import Stage
+from enliven_edge.synthesis.flesh import TAPER, Flesh
+from enliven_edge.synthesis.render import Renderer
+from enliven_edge.tracking.model import lengths_for_height
+from enliven_edge.tracking.observation import surface_samples, world_points
+from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.ranges import standing
+from enliven_edge.tracking.surfaces import inner_pixels
+from enliven_edge.tracking.tracker import Tracker
+
+FRAME = 33_333_333
+UPPER = sorted(PARTS["upper body"])
+
+
+@pytest.fixture(scope="module")
+def chair():
+    mesh = make_chair(0.04)
+    graph = DeformationGraph.build(mesh, nodes=64, seed=0)
+    return character_from(mesh, graph, "chair"), graph
+
+
+def person(down=0.0, sway=0.0, ahead=0.0) -> Body:
+    """Standing in the chair with the forearms forward, but lower, swayed aside above the hip, farther on."""
+    posture = Posture(
+        np.array([0.0, 1.0, -2.5]), standing(arm_forward=0.1, elbow=1.5), lengths_for_height(1.75)
+    )
+    joints = posture.joints()
+    joints += [0.5 * sway, -down, ahead]
+    joints[UPPER] += [0.5 * sway, 0.0, 0.0]
+    return Body(1, joints, np.ones(20), stature=1.75)
+
+
+def played(chair, bodies, **options):
+    """(F, V, 3) the vertices, frame by frame, after the first body took hold; and the actor."""
+    actor = Actor(*chair, ActorSettings(**{"fade": 0.0} | options))
+    house = Stage([actor])
+    house.perform([bodies[0]], 0)
+    house.possess("chair")
+    poses = [house.perform([body], (i + 1) * FRAME)[0] for i, body in enumerate(bodies)]
+    return np.stack([skin_vertices(chair[0], pose) for pose in poses]), actor
+
+
+def test_who_crouches_does_not_push_the_mesh_through_the_floor(chair):
+    bodies = [person(down=0.006 * min(i, 30)) for i in range(40)]
+    off, above = (played(chair, bodies, floor=FloorSettings(use=use))[0] for use in ("off", "above"))
+    assert off[-1, :, 1].min() < -0.15
+    assert above[:, :, 1].min() > -0.02
+    top = chair[0].vertices[:, 1] > 1.0
+    assert off[-1, top, 1].mean() == pytest.approx(above[-1, top, 1].mean(), abs=0.12), "the rest comes down"
+
+
+def test_feet_that_stand_do_not_slide_while_the_performer_sways(chair):
+    bodies = [person(sway=0.04 * np.sin(i / 5)) for i in range(60)]
+    soles = chair[0].vertices[:, 1] < 0.05
+    slides = {}
+    for use in ("off", "stand"):
+        vertices, actor = played(chair, bodies, floor=FloorSettings(use=use))
+        slides[use] = np.ptp(vertices[15:, soles][..., [0, 2]], axis=0).max()
+    assert [foot.firm for foot in actor._soft._floor.feet] == [1.0] * 4
+    assert slides["stand"] < 0.012 and slides["stand"] < 0.4 * slides["off"]
+
+
+def test_feet_let_go_of_the_floor_when_the_performer_walks_off(chair):
+    bodies = [person() for _ in range(15)] + [person(ahead=0.03 * min(i, 30)) for i in range(60)]
+    vertices, _ = played(chair, bodies, floor=FloorSettings(use="stand"))
+    moved = (vertices[-1] - vertices[14])[:, 2]
+    assert moved.min() > 0.8 and moved.max() < 1.0
+    steps = np.linalg.norm(np.diff(vertices[15:], axis=0), axis=2).max(1)
+    assert steps.max() < 0.12, "a foot catches up, it does not leap"
+
+
+LEGS = np.array(
+    [
+        [[-0.15, 0.06, 0], [-0.15, 0.8, 0]],
+        [[0.15, 0.06, 0], [0.15, 0.8, 0]],
+        [[-0.15, 0.8, 0], [0.15, 0.8, 0]],
+    ]
+)
+
+
+def to_capsules(points, ends, radius):
+    """(N,) metres from points to capsules, negative inside."""
+    best = np.full(len(points), np.inf)
+    for a, b in ends:
+        share = np.clip((points - a) @ (b - a) / max((b - a) @ (b - a), 1e-12), 0, 1)
+        best = np.minimum(best, np.linalg.norm(points - a - share[:, None] * (b - a), axis=1))
+    return best - radius
+
+
+@pytest.fixture(scope="module")
+def trousers():
+    """Two legs hanging from a bar."""
+    low, high = np.array([-0.3, -0.1, -0.15]), np.array([0.3, 1.0, 0.15])
+    mesh = Mesh(*surface_of(lambda p: to_capsules(p, LEGS, 0.06), low, high, 0.03), "trousers")
+    graph = DeformationGraph.build(mesh, nodes=64, seed=0)
+    return character_from(mesh, graph, "trousers"), graph
+
+
+@dataclasses.dataclass
+class Held:
+    """Nodes held at their own places."""
+
+    points: np.ndarray
+    node_indices: np.ndarray
+    node_weights: np.ndarray
+
+
+def held_at(graph, places) -> Held:
+    nodes = [int(np.argmin(np.linalg.norm(graph.positions - place, axis=1))) for place in places]
+    indices = np.zeros((len(nodes), 4), np.int32)
+    indices[:, 0] = nodes
+    return Held(graph.positions[nodes].copy(), indices, np.tile([1.0, 0, 0, 0], (len(nodes), 1)))
+
+
+def crossing(trousers, across, use):
+    """The states while the left leg's end is driven ``across`` metres to the right, the right one held."""
+    character, graph = trousers
+    left, right, bar = (
+        [(0.15, 0.1, 0), (0.15, 0.4, 0)],
+        [(-0.15, 0.1, 0), (-0.15, 0.4, 0)],
+        [(0.15, 0.8, 0), (-0.15, 0.8, 0)],
+    )
+    held = held_at(graph, [*left, *right, *bar])
+    solver, contact = (
+        EmbeddedSolver(graph, held),
+        SelfContact(character, graph, SelfContactSettings(use=True)),
+    )
+    states = []
+    for share in np.linspace(0, 1, 25):
+        targets = held.points.copy()
+        targets[:2, 0] -= across * share * np.array([1.0, 0.5])
+        planes = contact.planes(*solver.state()) if use else None
+        states.append(solver.solve(targets, None, planes))
+    return states, contact
+
+
+def depth_in_each_other(trousers, states, contact):
+    """Metres by which the left leg's surface is in the right leg's balls, at worst."""
+    character, graph = trousers
+    left = np.flatnonzero((character.vertices[:, 0] > 0.08) & (character.vertices[:, 1] < 0.6))
+    right = np.flatnonzero((graph.positions[:, 0] < -0.08) & (graph.positions[:, 1] < 0.65))
+    surface, worst = Points.of(character, left), 0.0
+    for state in states:
+        centres = contact._balls.moved(*state)[right]
+        gaps = np.linalg.norm(surface.moved(*state)[:, None] - centres, axis=2) - contact.radii[right]
+        worst = max(worst, -float(gaps.min()))
+    return worst
+
+
+def test_legs_driven_through_each_other_stay_beside_each_other(trousers):
+    off, on = (depth_in_each_other(trousers, *crossing(trousers, 0.25, use)) for use in (False, True))
+    assert off > 0.03 and on < 0.35 * off
+
+
+def test_nothing_changes_where_nothing_touches(trousers):
+    (off, _), (on, _) = crossing(trousers, 0.06, False), crossing(trousers, 0.06, True)
+    for a, b in zip(off, on, strict=True):
+        np.testing.assert_allclose(a[1], b[1], atol=2e-4)
+
+
+def test_soft_terms_are_off_unless_asked_for(chair):
+    _, actor = played(chair, [person()])
+    assert actor._soft.planes(actor._solver.state(), actor.holds, {}, 0.0, 0.03) is None
+    assert "planes" not in actor._solver.energy or actor._solver.energy["planes"] == 0.0
+
+
+RADIUS, ELBOW, END = 0.07, np.array([0.0, 0.0, 0.0]), 0.4
+CAMERA = Intrinsics(160, 120, 150.0, 150.0, 79.5, 59.5)
+WORLD_FROM_CAMERA = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 1.5], [0, 0, 0, 1]])
+
+
+def arm(bend):
+    """(2, 2, 3) the two halves of an arm along x, the left one bent up and towards the camera by radians."""
+    tip = END * np.array([np.cos(bend), 0.8 * np.sin(bend), 0.6 * np.sin(bend)])
+    return np.array([[ELBOW, [-END, 0, 0]], [ELBOW, tip]])
+
+
+def seen_of(ends) -> Seen:
+    """What a depth camera sees of the arm: rendered by the project's own renderer."""
+    flipped = np.diag([1.0, -1.0, -1.0])
+    ends = (ends - WORLD_FROM_CAMERA[:3, 3]) @ flipped
+    shape, hull = np.zeros((2, 16)), np.zeros((2, 7))
+    for k, (a, b) in enumerate(ends):
+        shape[k, :3], shape[k, 3:6], shape[k, 6], shape[k, 7] = a, b - a, 1 / ((b - a) @ (b - a)), RADIUS
+        hull[k] = [*a, *b, RADIUS]
+    numbers = np.zeros(2, np.int64)
+    depth, material = np.full((120, 160), np.inf), np.zeros((120, 160), np.uint8)
+    Renderer(CAMERA).draw(Flesh(shape, np.full(2, TAPER), numbers, numbers, hull), depth, material)
+    z = np.where(np.isfinite(depth), depth, 0.0)
+    points = world_points(z, Renderer(CAMERA).ray, WORLD_FROM_CAMERA)
+    pixels = np.argwhere(inner_pixels(z, np.where(z > 0, 0, -1), 0))[::2]
+    return Seen(*surface_samples(points, z, pixels, WORLD_FROM_CAMERA[:3, 3]))
+
+
+def test_the_surface_follows_what_is_seen_without_a_skeleton():
+    """Non-rigid ICP: from depth alone, a bending arm's mesh stays on the bending arm."""
+    low, high = np.array([-0.6, -0.2, -0.2]), np.array([0.6, 0.2, 0.2])
+    mesh = Mesh(*surface_of(lambda p: to_capsules(p, arm(0.0), RADIUS), low, high, 0.025), "arm")
+    graph = DeformationGraph.build(mesh, nodes=48, seed=0)
+    character = character_from(mesh, graph, "arm")
+    surface, solver = (
+        ObservedSurface(character),
+        EmbeddedSolver(graph, held_at(graph, []), EmbeddedSettings()),
+    )
+    every = Points.of(character, np.arange(len(character.vertices)))
+    front = mesh.vertex_normals()[:, 2] > 0.5
+    errors, unmoved = [], []
+    for bend in np.linspace(0, 0.9, 30):
+        seen = seen_of(arm(bend))
+        assert len(seen.points) > 300
+        solver.solve(np.empty((0, 3)), None, surface.planes(*solver.state(), seen.points, seen.normals))
+        now = every.moved(*solver.state())
+        errors.append(np.abs(to_capsules(now, arm(bend), RADIUS)))
+        unmoved.append(np.abs(to_capsules(mesh.vertices, arm(bend), RADIUS)).mean())
+    last = errors[-1]
+    assert unmoved[-1] > 0.06, "without following it would be far off"
+    assert max(e[front].mean() for e in errors) < 0.006 and last[front].max() < 0.03
+    assert max(e.mean() for e in errors) < 0.015, "the side that is not seen comes along"
+
+
+def test_an_error_that_is_there_falls():
+    """From a wrong start the surface comes to what is seen, frame by frame."""
+    low, high = np.array([-0.6, -0.2, -0.2]), np.array([0.6, 0.2, 0.2])
+    mesh = Mesh(*surface_of(lambda p: to_capsules(p, arm(0.0), RADIUS), low, high, 0.03), "arm")
+    graph = DeformationGraph.build(mesh, nodes=48, seed=0)
+    character = character_from(mesh, graph, "arm")
+    surface, solver = ObservedSurface(character), EmbeddedSolver(graph, held_at(graph, []))
+    every, seen = Points.of(character, np.arange(len(character.vertices))), seen_of(arm(0.25))
+    errors = []
+    for _ in range(12):
+        solver.solve(np.empty((0, 3)), None, surface.planes(*solver.state(), seen.points, seen.normals))
+        errors.append(np.abs(to_capsules(every.moved(*solver.state()), arm(0.25), RADIUS)).mean())
+    before = np.abs(to_capsules(mesh.vertices, arm(0.25), RADIUS)).mean()
+    assert errors[0] < 0.6 * before and errors[-1] < 0.4 * before
+    assert np.diff(errors).max() < 0.001, "and does not grow again"
+
+
+@pytest.mark.parametrize("follow", ["surface", "both"])
+def test_what_the_tracker_sees_reaches_the_mesh(chair, follow):
+    """From depth frames: the performer's surface is found, and draws the mesh that they hold."""
+    with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
+        frames = [sensor.read() for _ in range(40)]
+    tracker, house = Tracker(), Stage([Actor(*chair, ActorSettings(follow=follow, fade=0.0))])
+    drawn = 0
+    for frame in frames:
+        bodies = tracker.track(frame)
+        seen = tracker.surfaces()
+        (pose,) = house.perform(bodies, frame.time_ns, seen)
+        actor = house.actors["chair"]
+        if bodies and not actor.holds:
+            house.possess("chair")
+        elif bodies and bodies[0].id in seen:
+            near = np.linalg.norm(seen[bodies[0].id].points[:, None] - bodies[0].joints, axis=2).min(1)
+            assert np.median(near) < 0.2 and np.isfinite(pose.positions).all()
+            drawn += actor._solver.energy["planes"] > 0
+    assert house.looks and drawn > 5
