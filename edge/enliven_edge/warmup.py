@@ -6,6 +6,7 @@ import numpy as np
 
 from enliven.body import Body
 from enliven.camera import Intrinsics
+from enliven.deformation.observed import Seen
 from enliven.frames import DepthFrame
 from enliven_edge.actor import Actor
 from enliven_edge.stage import Stage
@@ -21,6 +22,7 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
     tracker = Tracker(settings)
     for i in range(4):
         tracker.track(_cardboard_figure(i * 33_333_333))
+        tracker.surfaces()
     empty = _cardboard_figure(0)
     tracker.track(DepthFrame(np.zeros_like(empty.depth), empty.intrinsics, 200_000_000, "warm-up"))
 
@@ -38,7 +40,8 @@ def warm_up_stage(actor: Actor) -> None:
         return
     for i in range(3):
         moved = Body(0, body.joints + 0.01 * i, body.confidence * (1 - 0.1 * i))
-        stage.perform([moved], (i + 1) * 33_333_333)
+        seen = Seen(moved.joints, np.tile([0.0, 0.0, 1.0], (20, 1)))
+        stage.perform([moved], (i + 1) * 33_333_333, {0: seen})
 
 
 def _cardboard_figure(time_ns: int) -> DepthFrame:
