@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -11,26 +10,23 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.body import Body, parts_named
 from enliven.character import Character, Pose
-from enliven.deformation.attachment import Growth, attach
 from enliven.deformation.embedded import EmbeddedSolver
 from enliven.deformation.graph import DeformationGraph
 from enliven.deformation.observed import Seen
 from enliven.errors import InputError
 from enliven_edge.actor_settings import ActorSettings
-from enliven_edge.carrying import Carrying
 from enliven_edge.cues import Cues, State, cues_of
 from enliven_edge.fading import Fading
 from enliven_edge.hold import Grip, Hold, joined
 from enliven_edge.placement import AS_MODELLED, resettled
 from enliven_edge.soft_terms import SoftTerms
+from enliven_edge.taking import gripped, out_of_reach
 from enliven_edge.whereabouts import Whereabouts
 
 __all__ = ["Actor", "ActorSettings", "Cues", "Mode"]
 
 Mode = Literal["alone", "join", "extend"]
 """Who else holds after somebody took hold: nobody, everybody who did, or they themselves too, with more."""
-_ALL = 0.9
-"""Share of the bones that take hold where they are put into the mesh."""
 
 
 class Actor:
@@ -89,7 +85,9 @@ class Actor:
         own = next((hold for hold in self.holds if mode == "extend" and hold.body == body.id), None)
         grip = self._grip(body, parts, others if own is None else [own, *others])
         if not len(grip.attachment):
-            raise self._refusal(body, grip)
+            state = self._shown_at_rest()
+            nodes = self.graph.positions if state is None else state[1]
+            raise out_of_reach(self.character.id, self.settings, body, grip, nodes)
         hold = Hold(body.id, [grip], self._time_ns) if own is None else own.with_grip(grip)
         kept = others or own is not None or self._stays
         start = self._solver.state() if kept and self._solver is not None else None
@@ -175,43 +173,15 @@ class Actor:
             deformed = self._shown_at_rest()
         ways = self._where.ways(body, self._placement, [hold.grips[0].carrying for hold in others])
         for carrying in ways:
-            grip = self._tried(body, parts, carrying, deformed)
+            grip = gripped(self.graph, self.settings, body, parts, carrying, deformed)
             if len(grip.attachment):
                 break
         return grip
-
-    def _tried(
-        self, body: Body, parts: str, carrying: Carrying, deformed: tuple[Float, Float] | None
-    ) -> Grip:
-        """What the body holds when it comes to the mesh in one way."""
-        settings, metre = self.settings, 1.0 / carrying.scale
-        near = replace(
-            settings.attachment,
-            radius=metre * settings.attachment.radius,
-            reach=metre * settings.attachment.reach,
-        )
-        grow = Growth(_ALL if carrying.fits else settings.enough, metre * settings.farthest_reach)
-        joints = carrying(body.joints)
-        held = attach(self.graph, joints, body.confidence, parts, near, deformed, grow)
-        return Grip(held, carrying, parts)
 
     def _shown_at_rest(self) -> tuple[Float, Float] | None:
         """The nodes as they are shown, in the rest space: a performer takes hold of what they see."""
         shown = self._fading.shown
         return None if shown is None else self._placement.state_to_rest(*shown)
-
-    def _refusal(self, body: Body, grip: Grip) -> InputError:
-        """Why a body could not take hold, and what to do."""
-        joints = grip.carrying(body.joints)[sorted(parts_named(grip.parts))]
-        state = self._shown_at_rest() or (None, self.graph.positions)
-        apart = np.linalg.norm(joints[:, None] - state[1], axis=2)
-        metres = float(np.nanmin(apart, initial=np.inf)) * grip.carrying.scale
-        away = f"; the nearest is {metres:.1f} m away" if np.isfinite(metres) else "; no joint is seen"
-        return InputError(
-            f"no part of the mesh is within {self.settings.farthest_reach} m of the body{away}",
-            where=f"possessing {self.character.id!r} with {grip.parts}",
-            mend="Step into the mesh, or set place = 'meet', or how = 'beside'.",
-        )
 
     def _hold(self, holds: list[Hold], start: tuple[Float, Float] | None) -> None:
         """From now on these hold; what is shown eases over."""
