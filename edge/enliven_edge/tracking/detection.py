@@ -102,7 +102,8 @@ def detect_another(
     promising = [pair for pair in ranked if pair[0] < _PROMISING * mark]
     if not promising:
         return None
-    _, posture, report = _refined(fitter, observation, seen, _best_distinct(promising, _REFINED), height)
+    kept = _best_distinct(promising, _REFINED)
+    _, posture, report = _refined(fitter, observation, seen, kept, height, _MIDDLE_POINTS)
     return posture, report
 
 
@@ -163,22 +164,32 @@ def _starts(
 
 
 def _refined(
-    fitter: Fitter, observation: Observation, seen: Seen | None, starts: list[Posture], height: float
+    fitter: Fitter,
+    observation: Observation,
+    seen: Seen | None,
+    starts: list[Posture],
+    height: float,
+    points: int | None = None,
 ) -> tuple[float, Posture, FitReport]:
     """The best of some hypotheses fitted to the end, their proportions too, and what it costs.
 
-    At first to half of the points; what is much worse than another by then is left.
+    Args:
+        points: of the first half of the fit, after which what is much worse than another is left; None: all,
+            and nothing is left.
     """
-    step = max(1, len(observation.points) // _MIDDLE_POINTS)
-    few = _guided(observation.thinned(step), None if seen is None else seen.thinned(step), 0.4 * _AFFINITY)
+    few, guide = observation, seen
+    if points is not None:
+        step = max(1, len(observation.points) // points)
+        few, guide = observation.thinned(step), None if seen is None else seen.thinned(step)
     halfway = []
     for start in starts:
-        posture, report = fitter.fit(few, start, iterations=15, width=0.12, proportions=_LOOSE)
+        guided = _guided(few, guide, 0.4 * _AFFINITY)
+        posture, report = fitter.fit(guided, start, iterations=15, width=0.12, proportions=_LOOSE)
         halfway.append((report.energy, posture))
-    least = min(energy for energy, _ in halfway)
+    most = np.inf if points is None else _LEFT * min(energy for energy, _ in halfway)
     ready = []
     for energy, posture in halfway:
-        if energy < _LEFT * least:
+        if energy <= most:
             posture, report = fitter.fit(observation, posture, iterations=15, proportions=_LOOSE)
             odd = _oddness(seen, posture, observation.view[4][:3, 3], height)
             ready.append((report.energy + odd, posture, report))

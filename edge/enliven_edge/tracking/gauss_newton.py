@@ -21,7 +21,7 @@ _SCALE = 0.1
 """How much less a person's size is held than their proportions."""
 _FLOOR_SLACK = 0.02
 """Metres that the floor may be wrong."""
-_ENOUGH = 1e-3
+_ENOUGH = 1e-4
 """Share of the energy that a step must gain for another one to be worth it."""
 _LARGEST_TURN = 0.5
 """Radians a joint in one step."""
