@@ -1,4 +1,7 @@
-"""Preconditioned L-BFGS with exact steps, in compiled loops; see :mod:`enliven.deformation.embedded`."""
+"""A frame's descent: L-BFGS around the frame's own matrix, in compiled loops.
+
+See :mod:`enliven.deformation.embedded` for why it is made like this.
+"""
 
 from __future__ import annotations
 
@@ -7,212 +10,184 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from enliven.arrays import Float, Int
-from enliven.deformation.block_cholesky import factorise, substitute
-from enliven.deformation.energy import CON, REG, RIG, ROT, along_line, best_step, gradient
-from enliven.deformation.safeguards import choose_start, set_upright
+from enliven.arrays import Float
+from enliven.deformation.energy import gradient
+from enliven.deformation.own_terms import own_force, step_of
+from enliven.deformation.rigid_system import outdated, precondition, refactor
+from enliven.deformation.safeguards import set_upright
+from enliven.deformation.warm_start import choose_start
+from enliven.lanes import fma4, load4, store4, total4
 
 _PAIRS = 8
+"""Steps of L-BFGS after which the matrix is made anew: it belongs to where the frame began."""
 _NEGLIGIBLE = 1e-9
 """An energy that nobody sees: with the default weights, every point 3 micrometres off."""
-_TIKHONOV = 1e-6
-"""Keeps the matrix definite where nothing holds a node; the energy itself has no such term."""
+_TURNED, _REPULLED = 0.25, 0.1
+"""How far nodes may turn (radians), and weights change, before the last frame's matrix is made anew."""
+_ARMIJO = 1e-4
+_HALVINGS = 30
 
 
-class Memory(NamedTuple):
-    """The last steps and changes of the gradient that L-BFGS remembers, and room to work in.
+class Room(NamedTuple):
+    """What the descent works in; nothing else is allocated in a frame.
 
     Attributes:
-        steps: (M, 12 N).
-        changes: (M, 12 N).
-        curvatures: (M,) their inner products.
-        room: (3, N, 4, 3).
-        kept: (1,) int64 how many there have been.
+        steps: (P, 16 N) the last steps, s.
+        changes: (P, 16 N) the changes of the gradient, y.
+        curvatures: (P,) s.y.
+        now, before: (16 N,) the derivative in the nodes' own terms, here and one step ago.
+        own: (16 N,) the step in the nodes' own terms.
+        raw, way, bend, from_here, trial: (16 N,) in the plain unknowns.
+        last: (16 N,) the unknowns one frame ago.
+        energies: (6,) of the state: E_rot, E_reg, E_con, E_rig, E_planes, E.
     """
 
     steps: Float
     changes: Float
     curvatures: Float
-    room: Float
-    kept: Int
+    now: Float
+    before: Float
+    own: Float
+    raw: Float
+    way: Float
+    bend: Float
+    from_here: Float
+    trial: Float
+    last: Float
+    energies: Float
 
     @staticmethod
-    def empty(count: int) -> Memory:
-        """Nothing remembered, for ``count`` nodes."""
-        shape = (_PAIRS, 12 * count)
-        return Memory(
-            np.zeros(shape),
-            np.zeros(shape),
-            np.zeros(_PAIRS),
-            np.zeros((3, count, 4, 3)),
-            np.zeros(1, np.int64),
+    def empty(count: int) -> Room:
+        """For ``count`` nodes."""
+        pairs = np.zeros((2, _PAIRS, 16 * count))
+        now, before, own, raw, way, bend, here, trial, last = np.zeros((9, 16 * count))
+        curvatures, energies = np.zeros(_PAIRS), np.zeros(6)
+        return Room(
+            pairs[0], pairs[1], curvatures, now, before, own, raw, way, bend, here, trial, last, energies
         )
 
 
 @njit(cache=True, nogil=True)
-def _add(blocks, start, row, i, j, u, v, w):  # type: ignore[no-untyped-def]
-    """Add w u vᵀ (u, v (4,)) at nodes (i, j), where i >= j; blocks above the diagonal are left out."""
-    if i < j:
-        return
-    low, high = start[j], start[j + 1] - 1
-    while low < high:
-        middle = (low + high) // 2
-        if row[middle] < i:
-            low = middle + 1
-        else:
-            high = middle
-    for r in range(4):
-        for c in range(4):
-            blocks[low, r, c] += w * u[r] * v[c]
-
-
-@njit(cache=True, nogil=True)
-def assemble(t, start, row, product, blocks):  # type: ignore[no-untyped-def]
-    """Kernel: factorise the Gauss-Newton matrix at rest, one coordinate's share, into ``blocks``.
-
-    E_rot is 4 w_rot |dR|^2 there, for what stretches; turning is free, but the matrix must not know about
-    turning, which couples the coordinates, so it is braked like stretching. L-BFGS finds out.
-    """
-    blocks[:] = 0.0
-    forth, back, none = np.zeros(4), np.zeros(4), np.zeros(4)
-    unit = np.eye(4)
-    for j in range(start.shape[0] - 1):
-        for c in range(3):
-            blocks[start[j], c, c] += 4 * t.weights[ROT]
-        for c in range(4):
-            blocks[start[j], c, c] += _TIKHONOV
-    for e in range(t.edges.shape[0]):
-        i, j = t.edges[e, 0], t.edges[e, 1]
-        forth[:3], forth[3] = t.offsets[e], 1.0
-        back[:3], back[3] = -t.offsets[e], 1.0
-        none[3] = -1.0
-        for first, second, a, b in ((forth, none, i, j), (back, none, j, i)):
-            _couple(blocks, start, row, a, b, first, second, t.weights[REG])
-    for m in range(t.rigid.shape[0]):
-        e = t.rigid[m]
-        j, k = t.edges[e, 0], t.edges[e, 1]
-        for c in range(3):
-            _couple(blocks, start, row, j, k, unit[c], -unit[c], t.weights[RIG])
-        forth[:3], forth[3] = 0.5 * t.turning * t.offsets[e], 1.0
-        back[:3], back[3] = 0.5 * t.turning * t.offsets[e], -1.0
-        _couple(blocks, start, row, j, k, forth, back, t.weights[RIG])
-    for m in range(t.nodes.shape[0]):
-        w = t.weights[CON] * t.pulls[m]
-        if w > 0.0:
-            for a in range(4):
-                for b in range(4):
-                    if t.rows[m, a, 3] != 0.0 and t.rows[m, b, 3] != 0.0:
-                        i, j = t.nodes[m, a], t.nodes[m, b]
-                        _add(blocks, start, row, i, j, t.rows[m, a], t.rows[m, b], w)
-    return factorise(start, row, product, blocks)
-
-
-@njit(cache=True, nogil=True)
-def _couple(blocks, start, row, i, j, u, v, w):  # type: ignore[no-untyped-def]
-    """Add w (u; v)(u; v)ᵀ at the nodes i and j."""
-    _add(blocks, start, row, i, i, u, u, w)
-    _add(blocks, start, row, j, j, v, v, w)
-    _add(blocks, start, row, i, j, u, v, w)
-    _add(blocks, start, row, j, i, v, u, w)
-
-
-@njit(cache=True, nogil=True, fastmath=True)
 def _dot(u, v):  # type: ignore[no-untyped-def]
-    total = 0.0
-    for i in range(u.shape[0]):
-        total += u[i] * v[i]
-    return total
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _add_scaled(u, scale, v):  # type: ignore[no-untyped-def]
-    for i in range(u.shape[0]):
-        u[i] += scale * v[i]
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _set_scaled(u, scale, v):  # type: ignore[no-untyped-def]
-    for i in range(u.shape[0]):
-        u[i] = scale * v[i]
+    total = load4(u, 0) * load4(v, 0)
+    for i in range(4, u.shape[0], 4):
+        total = total + load4(u, i) * load4(v, i)
+    return total4(total)
 
 
 @njit(cache=True, nogil=True)
-def solve_frame(x, rest, t, start, row, blocks, memory, most, tolerance):  # type: ignore[no-untyped-def]
+def _add_scaled(u, scale, v):  # type: ignore[no-untyped-def]
+    for i in range(0, u.shape[0], 4):
+        store4(u, i, fma4(scale, load4(v, i), load4(u, i)))
+
+
+@njit(cache=True, nogil=True)
+def solve_frame(x, rest, t, planes, system, room, most, tolerance):  # type: ignore[no-untyped-def]
     """Kernel: minimise the energy from ``x``, in place; returns the number of iterations.
 
     No node is left inside out: where the descent ends with one, it is set upright and the descent goes on.
     """
-    if choose_start(x, rest, t, memory.room[0], memory.room[1]):
-        memory.kept[0] = 0
-    done = descend(x, t, start, row, blocks, memory, most, tolerance)
+    choose_start(x, rest, t, planes, room)
+    done = descend(x, t, planes, system, room, most, tolerance)
     for _ in range(2):
         if not set_upright(x, t.edges):
             return done
-        memory.kept[0] = 0
-        done += descend(x, t, start, row, blocks, memory, most, tolerance)
-    set_upright(x, t.edges)
+        done += descend(x, t, planes, system, room, most, tolerance)
+    if set_upright(x, t.edges):
+        keep(room, gradient(x, t, planes, room.raw))
     return done
 
 
 @njit(cache=True, nogil=True)
-def descend(x, t, start, row, blocks, memory, most, tolerance):  # type: ignore[no-untyped-def]
-    """Kernel: L-BFGS from ``x``, in place, until little is promised; returns the number of iterations.
+def keep(room, energies):  # type: ignore[no-untyped-def]
+    """Note the energies of the state."""
+    for i in range(6):
+        room.energies[i] = energies[i]
 
-    What it remembers is kept from frame to frame: the energy's shape changes less than its minimum.
+
+@njit(cache=True, nogil=True)
+def descend(x, t, planes, system, room, most, tolerance):  # type: ignore[no-untyped-def]
+    """Kernel: L-BFGS from ``x``, in place; returns the number of iterations.
+
+    It ends with the step that promised to lower the energy by less than ``tolerance`` of it: a step leaves a
+    small part of what it promised, and to ask once more whether that is so would cost as much as a step.
     """
-    room, steps, changes = memory.room, memory.steps, memory.changes
-    now, before, way = room[0].reshape(-1), room[1].reshape(-1), room[2].reshape(-1)
-    energy = gradient(x, t, room[0])
+    now, before = room.now, room.before
+    keep(room, gradient(x, t, planes, room.raw))
+    own_force(x, room.raw, now)
+    kept = 0
     for iteration in range(most):
-        slope = _direction(now, memory, start, row, blocks, room[2])
-        if not slope < 0.0 or -slope <= tolerance * energy[4] + _NEGLIGIBLE:
+        if kept == 0 and (iteration > 0 or outdated(x, t, planes, system, _TURNED, _REPULLED)):
+            refactor(x, t, planes, system)
+        slope = _direction(now, room, kept, system)
+        if not -slope > _NEGLIGIBLE:
             return iteration
-        step = best_step(along_line(x, room[2], t))
-        if step == 0.0:
-            return iteration
-        _add_scaled(x.reshape(-1), step, way)
-        _set_scaled(before, 1.0, now)
-        energy = gradient(x, t, room[0])
-        slot = memory.kept[0] % _PAIRS
-        _set_scaled(steps[slot], step, way)
-        _set_scaled(changes[slot], 1.0, now)
-        _add_scaled(changes[slot], -1.0, before)
-        curvature = _dot(steps[slot], changes[slot])
-        if curvature > 1e-12 * abs(slope) * step:
-            memory.curvatures[slot] = curvature
-            memory.kept[0] += 1
-        else:
-            # The slot's old pair is gone, and with it the order of the others.
-            memory.kept[0] = 0
+        before[:] = now
+        energy = room.energies[5]
+        if not _step(x, slope, t, planes, room):
+            if kept == 0:
+                return iteration
+            kept = 0
+            continue
+        if -slope <= 2.0 * tolerance * energy + _NEGLIGIBLE:
+            return iteration + 1
+        kept = _remember(room, kept)
     return most
 
 
 @njit(cache=True, nogil=True)
-def _direction(now, memory, start, row, blocks, out):  # type: ignore[no-untyped-def]
-    """``out`` takes where to go; returns the slope there. What is remembered goes where it misleads."""
-    way = out.reshape(-1)
-    _two_loops(now, memory, start, row, blocks, out)
-    slope = _dot(now, way)
-    if not slope < 0.0 and memory.kept[0] > 0:
-        memory.kept[0] = 0
-        _two_loops(now, memory, start, row, blocks, out)
-        slope = _dot(now, way)
-    return slope
+def _step(x, slope, t, planes, room):  # type: ignore[no-untyped-def]
+    """Go along ``room.own``, bent as the nodes turn, as far as it lowers the energy; False where it does not.
+
+    ``room.now`` takes the derivative there, and ``room.own`` the part that was gone. The full step is nearly
+    always the right one.
+    """
+    here, way, bend = room.from_here, room.way, room.bend
+    here[:] = x
+    step_of(x, room.own, way, bend)
+    energy, length = room.energies[5], 1.0
+    for _ in range(_HALVINGS):
+        for i in range(0, x.shape[0], 4):
+            ahead = fma4(length, load4(way, i), load4(here, i))
+            store4(x, i, fma4(length * length, load4(bend, i), ahead))
+        energies = gradient(x, t, planes, room.raw)
+        if energies[5] <= energy + _ARMIJO * length * slope:
+            keep(room, energies)
+            own_force(x, room.raw, room.now)
+            room.own[:] *= length
+            return True
+        # The parabola through the two energies and the slope.
+        rise = energies[5] - energy - length * slope
+        best = -slope * length * length / (2.0 * rise) if np.isfinite(rise) and rise > 0.0 else 0.0
+        length = max(0.1 * length, min(0.5 * length, best))
+    x[:] = here
+    return False
 
 
 @njit(cache=True, nogil=True)
-def _two_loops(now, memory, start, row, blocks, out):  # type: ignore[no-untyped-def]
-    """The two loops of L-BFGS (J. Nocedal 1980) around the solve with the constant factor."""
-    way, kept = out.reshape(-1), memory.kept[0]
-    _set_scaled(way, -1.0, now)
-    share = np.zeros(_PAIRS)
-    oldest = max(0, kept - _PAIRS)
-    for n in range(kept - 1, oldest - 1, -1):
-        m = n % _PAIRS
-        share[m] = _dot(memory.steps[m], way) / memory.curvatures[m]
-        _add_scaled(way, -share[m], memory.changes[m])
-    substitute(start, row, blocks, out)
-    _set_scaled(way, 0.5, way)
-    for n in range(oldest, kept):
-        m = n % _PAIRS
-        _add_scaled(way, share[m] - _dot(memory.changes[m], way) / memory.curvatures[m], memory.steps[m])
+def _remember(room, kept):  # type: ignore[no-untyped-def]
+    """Keep the last step and what it changed; returns how many are kept, 0 to begin anew."""
+    if kept == _PAIRS:
+        return 0
+    step, change = room.steps[kept], room.changes[kept]
+    step[:] = room.own
+    for i in range(0, step.shape[0], 4):
+        store4(change, i, load4(room.now, i) - load4(room.before, i))
+    room.curvatures[kept] = _dot(step, change)
+    return kept + 1 if room.curvatures[kept] > 0.0 else 0
+
+
+@njit(cache=True, nogil=True)
+def _direction(now, room, kept, system):  # type: ignore[no-untyped-def]
+    """``room.own`` takes where to go; returns the slope there. The two loops of L-BFGS (J. Nocedal 1980)."""
+    way = room.own
+    for i in range(way.shape[0]):
+        way[i] = -now[i]
+    share = np.empty(_PAIRS)
+    for m in range(kept - 1, -1, -1):
+        share[m] = _dot(room.steps[m], way) / room.curvatures[m]
+        _add_scaled(way, -share[m], room.changes[m])
+    precondition(system, way)
+    for m in range(kept):
+        _add_scaled(way, share[m] - _dot(room.changes[m], way) / room.curvatures[m], room.steps[m])
+    return _dot(now, way)
