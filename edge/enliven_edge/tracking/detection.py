@@ -71,9 +71,9 @@ def detect(
     seen = None if forest is None else look(forest, observation)
     coarse = _Coarse(fitter, observation, seen, eye, height)
     ranked = [coarse.fitted(start) for start in _starts(observation, seen, eye, height, lengths)]
-    best = _refined(fitter, observation, seen, _best_distinct(ranked, _REFINED), height)
+    best = _refined(fitter, observation, seen, _best_distinct(ranked, _REFINED), height, _MIDDLE_POINTS)
     # A front is easily taken for a back: the best is tried turned about as well.
-    other = _refined(fitter, observation, seen, [turned_about(best[1])], height)
+    other = _refined(fitter, observation, seen, [turned_about(best[1])], height, _MIDDLE_POINTS)
     _, posture, report = min(best, other, key=lambda found: found[0])
     return posture, report
 
