@@ -174,27 +174,43 @@ def _invert_factor(a):  # type: ignore[no-untyped-def]
 def substitute(start, row, lower, upper, y):  # type: ignore[no-untyped-def]
     """Kernel: solve L Lᵀ y = b in place, ``y`` (8 N,): six numbers a node, and two 0."""
     count = start.shape[0] - 1
+    zero = splat8(np.float32(0.0))
     for k in range(count):
-        own = _weighted(upper, SIZE * start[k], y, 8 * k, splat8(np.float32(0.0)), np.float32(1.0))
-        store8(y, 8 * k, own)
-        for b in range(start[k] + 1, start[k + 1]):
-            at = 8 * row[b]
-            store8(y, at, _weighted(upper, SIZE * b, y, 8 * k, load8(y, at), np.float32(-1.0)))
+        store8(y, 8 * k, _weighted(upper, SIZE * start[k], y, 8 * k, zero, zero))
+        a, b, c = -y[8 * k], -y[8 * k + 1], -y[8 * k + 2]
+        d, e, f = -y[8 * k + 3], -y[8 * k + 4], -y[8 * k + 5]
+        for block in range(SIZE * (start[k] + 1), SIZE * start[k + 1], SIZE):
+            at = 8 * row[block // SIZE]
+            even = fma8(a, load8(upper, block), load8(y, at))
+            odd = splat8(b) * load8(upper, block + 8)
+            even = fma8(c, load8(upper, block + 16), even)
+            odd = fma8(d, load8(upper, block + 24), odd)
+            even = fma8(e, load8(upper, block + 32), even)
+            odd = fma8(f, load8(upper, block + 40), odd)
+            store8(y, at, even + odd)
     for k in range(count - 1, -1, -1):
-        own = load8(y, 8 * k)
+        even, odd = zero, zero
         for b in range(start[k] + 1, start[k + 1]):
-            own = _weighted(lower, SIZE * b, y, 8 * row[b], own, np.float32(-1.0))
-        store8(y, 8 * k, own)
-        own = _weighted(lower, SIZE * start[k], y, 8 * k, splat8(np.float32(0.0)), np.float32(1.0))
-        store8(y, 8 * k, own)
+            at, block = 8 * row[b], SIZE * b
+            even = fma8(y[at], load8(lower, block), even)
+            odd = fma8(y[at + 1], load8(lower, block + 8), odd)
+            even = fma8(y[at + 2], load8(lower, block + 16), even)
+            odd = fma8(y[at + 3], load8(lower, block + 24), odd)
+            even = fma8(y[at + 4], load8(lower, block + 32), even)
+            odd = fma8(y[at + 5], load8(lower, block + 40), odd)
+        store8(y, 8 * k, load8(y, 8 * k) - even - odd)
+        store8(y, 8 * k, _weighted(lower, SIZE * start[k], y, 8 * k, zero, zero))
 
 
 @njit(cache=True, nogil=True)
-def _weighted(blocks, block, y, at, plus, sign):  # type: ignore[no-untyped-def]
-    """``plus`` and sign times the sum of the block's rows, weighted with y[at : at + 6]."""
-    for m in range(6):
-        plus = fma8(sign * y[at + m], load8(blocks, block + 8 * m), plus)
-    return plus
+def _weighted(blocks, block, y, at, even, odd):  # type: ignore[no-untyped-def]
+    """``even``, ``odd`` and the sum of the block's rows, weighted with y[at : at + 6]; two sums at once keep
+    the processor from waiting for either.
+    """
+    for m in range(0, 6, 2):
+        even = fma8(y[at + m], load8(blocks, block + 8 * m), even)
+        odd = fma8(y[at + m + 1], load8(blocks, block + 8 * m + 8), odd)
+    return even + odd
 
 
 def dense_of(pattern: BlockPattern, lower: Float32) -> Float:

@@ -22,7 +22,7 @@ _PAIRS = 8
 """Steps of L-BFGS after which the matrix is made anew: it belongs to where the frame began."""
 _NEGLIGIBLE = 1e-9
 """An energy that nobody sees: with the default weights, every point 3 micrometres off."""
-_TURNED, _REPULLED = 0.25, 0.1
+_TURNED, _REPULLED = 0.3, 0.1
 """How far nodes may turn (radians), and weights change, before the last frame's matrix is made anew."""
 _ARMIJO = 1e-4
 _HALVINGS = 30

@@ -1,0 +1,127 @@
+"""The peer: embedded deformation by sparse Gauss-Newton as a paper's reader would write it with SciPy.
+
+KinÊtre, eq. 3-8, all twelve unknowns a node; Levenberg's damping; a sparse Jacobian whose pattern is made
+once, JᵀJ by SciPy, factorised by SuperLU with a symmetric ordering in every iteration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.sparse import csc_matrix, csr_matrix, identity, vstack
+from scipy.sparse.linalg import splu
+
+from enliven.arrays import Float
+from enliven.deformation.embedded import EmbeddedSettings, PointConstraints
+from enliven.deformation.graph import DeformationGraph
+
+State = tuple[Float, Float]
+
+
+class PlainGaussNewton:
+    """A graph's energy; the unknowns are R (N, 9), row by row, then positions (N, 3)."""
+
+    def __init__(
+        self, graph: DeformationGraph, points: PointConstraints, settings: EmbeddedSettings | None = None
+    ) -> None:
+        self.graph, self.points = graph, points
+        self.settings = settings or EmbeddedSettings()
+        self._count = len(graph.positions)
+        self._linear, self._constant = self._linear_part()
+        rows, columns = [], []
+        for node in range(self._count):
+            for c in range(3):
+                for d in range(3):
+                    for a in range(3):
+                        # d(RᵀR)_cd / dR_ac = R_ad, and / dR_ad = R_ac.
+                        rows += [9 * node + 3 * c + d] * 2
+                        columns += [9 * node + 3 * a + c, 9 * node + 3 * a + d]
+        self._pattern = np.array(rows), np.array(columns)
+
+    def _linear_part(self) -> tuple[csr_matrix, Float]:
+        """E_reg and E_con: residual = matrix x - constant, of which the targets' rows come last."""
+        graph, points, count = self.graph, self.points, self._count
+        i = np.concatenate([graph.edges[:, 0], graph.edges[:, 1]]).astype(np.int64)
+        j = np.concatenate([graph.edges[:, 1], graph.edges[:, 0]]).astype(np.int64)
+        arms, smooth = graph.positions[j] - graph.positions[i], np.sqrt(self.settings.smoothness)
+        rows, columns, values = [], [], []
+        for a in range(3):
+            row = 3 * np.arange(len(i)) + a
+            for c in range(3):
+                rows, columns = [*rows, row], [*columns, 9 * i + 3 * a + c]
+                values.append(smooth * arms[:, c])
+            for node, sign in ((i, 1.0), (j, -1.0)):
+                rows, columns = [*rows, row], [*columns, 9 * count + 3 * node + a]
+                values.append(np.full(len(i), sign * smooth))
+        first, pull = 3 * len(i), np.sqrt(self.settings.constraint)
+        for k in range(4):
+            node, weight = points.node_indices[:, k].astype(np.int64), points.node_weights[:, k]
+            arm = points.points - graph.positions[node]
+            for a in range(3):
+                row = first + 3 * np.arange(len(node)) + a
+                for c in range(3):
+                    rows, columns = [*rows, row], [*columns, 9 * node + 3 * a + c]
+                    values.append(pull * weight * arm[:, c])
+                rows, columns = [*rows, row], [*columns, 9 * count + 3 * node + a]
+                values.append(pull * weight)
+        shape = first + 3 * len(points.points), 12 * count
+        entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+        return csr_matrix(entries, shape), np.zeros(shape[0])
+
+    def aim(self, targets: Float) -> None:
+        """Where the points should go, (L, 3)."""
+        self._constant[-3 * len(targets) :] = np.sqrt(self.settings.constraint) * targets.ravel()
+
+    def pack(self, state: State) -> Float:
+        """The unknowns of (linear parts, positions)."""
+        return np.concatenate([state[0].ravel(), state[1].ravel()])
+
+    def residuals(self, x: Float) -> Float:
+        """All of them, weighted."""
+        r = x[: 9 * self._count].reshape(-1, 3, 3)
+        turned = np.swapaxes(r, 1, 2) @ r - np.eye(3)
+        return np.concatenate(
+            [np.sqrt(self.settings.rotation) * turned.ravel(), self._linear @ x - self._constant]
+        )
+
+    def _jacobian(self, x: Float) -> csc_matrix:
+        r = x[: 9 * self._count].reshape(-1, 3, 3)
+        values = np.empty((self._count, 3, 3, 3, 2))
+        for c in range(3):
+            for d in range(3):
+                values[:, c, d, :, 0] = r[:, :, d]
+                values[:, c, d, :, 1] = r[:, :, c]
+        weight = np.sqrt(self.settings.rotation)
+        shape = 9 * self._count, 12 * self._count
+        upper = csr_matrix((weight * values.ravel(), self._pattern), shape)
+        return vstack([upper, self._linear]).tocsc()
+
+    def solve(self, x: Float, done: Callable[[float], bool], most: int = 100) -> tuple[Float, float, int]:
+        """From ``x`` until ``done`` with the energy, or nothing falls any more: x, energy, iterations."""
+        value, damping = self.residuals(x), 1e-6
+        energy = float(value @ value)
+        for iteration in range(most):
+            if done(energy):
+                return x, energy, iteration
+            jacobian = self._jacobian(x)
+            normal, force = (jacobian.T @ jacobian).tocsc(), -(jacobian.T @ value)
+            while True:
+                factor = splu(
+                    normal + damping * identity(len(x), format="csc"),
+                    permc_spec="MMD_AT_PLUS_A",
+                    diag_pivot_thresh=0.0,
+                    options={"SymmetricMode": True},
+                )
+                ahead = x + factor.solve(force)
+                trial = self.residuals(ahead)
+                if trial @ trial < energy or damping > 1e8:
+                    break
+                damping *= 10.0
+            if damping > 1e8:
+                return x, energy, iteration
+            x, value, damping = ahead, trial, max(damping / 10.0, 1e-9)
+            fallen, energy = energy - float(trial @ trial), float(trial @ trial)
+            if fallen <= 1e-9 * energy:
+                return x, energy, iteration + 1
+        return x, energy, most
