@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint bench films setup setup-dev record-references clean
+.PHONY: help run test lint bench films possess-films setup setup-dev record-references clean
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -22,6 +22,9 @@ bench: setup-dev ## measure: make bench, or make bench ONLY=road
 
 films: setup-dev ## film what the tracker makes of the real recordings, into out/tracking: make films ONLY="uva four"
 	@.venv/bin/python tests/benchmarks/tracking_films.py $(ONLY)
+
+possess-films: setup-dev ## film what real people possess, into out/possess: make possess-films ONLY="chair horse"
+	@.venv/bin/python tests/benchmarks/possess_films.py $(ONLY)
 
 record-references: setup-dev ## record the stored poses and picture of tests/system again, on purpose
 	@.venv/bin/python -m pytest tests/system --record-references

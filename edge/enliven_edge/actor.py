@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from enliven.character import Character, Pose
 from enliven.deformation.embedded import EmbeddedSolver
 from enliven.deformation.graph import DeformationGraph
 from enliven.deformation.observed import Seen
+from enliven.deformation.stiffness import stiffness_at
 from enliven.errors import InputError
 from enliven_edge.actor_settings import ActorSettings
 from enliven_edge.cues import Cues, State, cues_of
@@ -55,6 +56,7 @@ class Actor:
         self._solver: EmbeddedSolver | None = None
         self._fading = Fading(self.settings.fade)
         self._soft = SoftTerms(character, graph, self.settings)
+        self._stiffness = stiffness_at(graph.positions, self.settings.stiffness)
         self._time_ns = 0
         self._seen = False
         self._would: tuple[int | None, str] = (None, "all")
@@ -187,7 +189,9 @@ class Actor:
         """From now on these hold; what is shown eases over."""
         self.holds = holds
         self._soft.moved_elsewhere()
-        self._solver = EmbeddedSolver(self.graph, joined(holds), self.settings.embedded, start)
+        self._solver = EmbeddedSolver(
+            self.graph, joined(holds), self.settings.embedded, start, self._stiffness
+        )
         self._fading.tear()
 
     def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
@@ -229,5 +233,4 @@ class Actor:
         floor = float(self._placement.to_rest(np.zeros(3))[1])
         seconds = max(time_ns - self._time_ns, 0) * 1e-9
         planes = self._soft.planes(self._solver.state(), self.holds, seen, floor, seconds)
-        also: dict[str, Any] = {} if planes is None else {"planes": planes}
-        return self._solver.solve(targets, pulls, **also)
+        return self._solver.solve(targets, pulls, planes=planes)

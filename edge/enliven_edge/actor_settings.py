@@ -65,6 +65,11 @@ class ActorSettings:
     )
     farthest_reach: float = setting(0.45, "Longest reach that is tried.", unit="m", low=0.0, high=5.0)
     attachment: AttachmentSettings = setting(AttachmentSettings, "How bones take hold.")
+    stiffness: tuple[tuple[float, float, float, float, float], ...] = setting(
+        (),
+        "Spots [x, y, z, radius, factor] of the mesh as it is cast, in metres; a factor above 1 bends less, "
+        "below 1 gives way.",
+    )
     embedded: EmbeddedSettings = setting(EmbeddedSettings, "The deformation's weights.")
     observed: ObservedSettings = setting(ObservedSettings, "How the surface follows what is seen.")
     limbs: SelfContactSettings = setting(SelfContactSettings, "How the mesh's limbs keep out of each other.")

@@ -340,3 +340,18 @@ def test_an_opening_that_cannot_be_is_said_once(chair, caplog):
     assert sum("tail" in record.message for record in caplog.records) == 1
     Opening(house, None).take_hold(100.0)
     assert house.actors["chair"].state == "free"
+
+
+def test_a_stiff_spot_of_the_mesh_bends_less(chair):
+    def strain(**more):
+        house = stage(chair, **more)
+        for frame in range(20):
+            house.perform([person(lift=1.2 * min(frame, 5) / 5)], frame * FRAME)
+            if frame == 0:
+                house.possess("chair", 1)
+        actor = house.actors["chair"]
+        linear, _ = actor._solver.state()
+        low = actor.graph.positions[:, 1] < 0.9
+        return np.abs(np.swapaxes(linear, 1, 2) @ linear - np.eye(3))[low].mean()
+
+    assert strain(stiffness=((0.0, 0.5, 0.0, 1.5, 30.0),)) < 0.8 * strain()

@@ -367,6 +367,25 @@ def test_a_frame_of_a_smooth_motion_is_within_two_thousandths():
     assert max(gaps[1:]) < 0.002
 
 
+@settings(deadline=None, max_examples=15)
+@given(st.integers(0, 2**32 - 1))
+def test_a_frame_whose_targets_jump_by_a_metre_is_within_a_hundredth(seed):
+    graph = make_graph(30, seed % 20, tail=True)
+    points = make_points(graph, 30, seed % 20)
+    rng = np.random.default_rng(seed)
+    solver = EmbeddedSolver(graph, points)
+    solver.solve(points.points)
+    way = rng.normal(size=3)
+    turn = rotation.from_rotation_vector(rng.normal(size=3))
+    jumped = rotation.rotate(turn, points.points) + way / np.linalg.norm(way)
+    solver.solve(jumped + 0.05 * rng.normal(size=jumped.shape))
+    jumped += 0.05 * rng.normal(size=jumped.shape)
+    solver.solve(jumped)
+    thorough = EmbeddedSolver(graph, points, EXACT, solver.state())
+    thorough.solve(jumped)
+    assert solver.energy["total"] <= 1.01 * thorough.energy["total"]
+
+
 @settings(deadline=None, max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.booleans())
 def test_a_rigid_motion_of_all_targets_moves_all_nodes_rigidly(seed, tail):

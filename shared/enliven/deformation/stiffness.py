@@ -1,0 +1,37 @@
+"""Stiff and soft spots of a mesh: what bends less, and what gives way (KinÊtre, per-node weights)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+
+Spot = tuple[float, float, float, float, float]
+"""x, y, z and radius in metres of the mesh's rest space, and a factor: above 1 stiffer, below 1 softer."""
+
+
+def stiffness_at(positions: Float, spots: tuple[Spot, ...]) -> Float | None:
+    """(N,) the factor of each node: a spot's own in its middle, easing to 1 at its radius.
+
+    Where spots overlap their factors multiply. None where there is no spot.
+
+    Args:
+        positions: (N, 3) metres, the nodes at rest.
+
+    Raises:
+        InputError: for a radius or factor that is not above 0, or a number that is not finite.
+    """
+    if not spots:
+        return None
+    logarithm = np.zeros(len(positions))
+    for number, (x, y, z, radius, factor) in enumerate(spots, 1):
+        if not (np.isfinite([x, y, z]).all() and 0 < radius < np.inf and 0 < factor < np.inf):
+            raise InputError(
+                f"spot {number} is ({x:g}, {y:g}, {z:g}), radius {radius:g}, factor {factor:g}",
+                where="stiffness",
+                mend="Give x, y, z, a radius above 0 and a factor above 0.",
+            )
+        near = 1.0 - np.minimum(np.linalg.norm(positions - [x, y, z], axis=1) / radius, 1.0)
+        logarithm += np.log(factor) * near * near * (3.0 - 2.0 * near)
+    return np.asarray(np.exp(logarithm))
