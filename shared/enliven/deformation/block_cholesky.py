@@ -29,8 +29,8 @@ class BlockPattern:
     Attributes:
         start: (N + 1,) int32 where each column starts.
         row: (B,) int32 the row of each block.
-        product: (P,) int32 for each column in turn, for each pair of its lower blocks i >= j: the block
-            (i, j) that takes their product.
+        product: (P,) int32 for each column in turn, for each of its lower blocks j, for each i >= j: the
+            block (i, j) that takes their product.
     """
 
     start: Int32
@@ -88,7 +88,7 @@ def analyse(count: int, pairs: Int) -> BlockPattern:
     pattern = BlockPattern(start.astype(np.int32), row, np.empty(0, np.int32))
     products = []
     for lower in rows:
-        i, j = np.tril_indices(len(lower) - 1)
+        j, i = np.triu_indices(len(lower) - 1)
         products.append(np.stack([lower[1:][i], lower[1:][j]], 1))
     return replace(pattern, product=pattern.block_of(np.concatenate(products)))
 
@@ -108,26 +108,32 @@ def factorise(start, row, product, lower, upper):  # type: ignore[no-untyped-def
         for b in range(first + 1, last):
             _times(lower, SIZE * b, upper, SIZE * first)
             transpose6(lower, SIZE * b, upper, SIZE * b)
-        for b in range(first + 1, last):
-            for d in range(first + 1, b + 1):
-                _take_product(lower, SIZE * product[p], SIZE * b, upper, SIZE * d)
-                p += 1
+        for d in range(first + 1, last):
+            p = _take_products(lower, upper, product, p, d, last)
     return True
 
 
 @njit(cache=True, nogil=True)
-def _take_product(lower, target, left, upper, right):  # type: ignore[no-untyped-def]
-    """target -= left rightᵀ, one row a register."""
-    a, b, c = load8(upper, right), load8(upper, right + 8), load8(upper, right + 16)
-    d, e, f = load8(upper, right + 24), load8(upper, right + 32), load8(upper, right + 40)
-    for r in range(0, SIZE, 8):
-        s = fma8(-lower[left + r], a, load8(lower, target + r))
-        s = fma8(-lower[left + r + 1], b, s)
-        s = fma8(-lower[left + r + 2], c, s)
-        s = fma8(-lower[left + r + 3], d, s)
-        s = fma8(-lower[left + r + 4], e, s)
-        s = fma8(-lower[left + r + 5], f, s)
-        store8(lower, target + r, s)
+def _take_products(lower, upper, product, p, first, last):  # type: ignore[no-untyped-def]
+    """Take b firstᵀ off the block of each pair, for the blocks b from ``first`` on to the end of its column;
+    the six rows of the transposed ``first`` stay in registers. Returns the next of ``product``.
+    """
+    at = SIZE * first
+    a, b, c = load8(upper, at), load8(upper, at + 8), load8(upper, at + 16)
+    d, e, f = load8(upper, at + 24), load8(upper, at + 32), load8(upper, at + 40)
+    for block in range(SIZE * first, SIZE * last, SIZE):
+        target = SIZE * product[p]
+        p += 1
+        for r in range(0, SIZE, 8):
+            left = block + r
+            s = fma8(-lower[left], a, load8(lower, target + r))
+            s = fma8(-lower[left + 1], b, s)
+            s = fma8(-lower[left + 2], c, s)
+            s = fma8(-lower[left + 3], d, s)
+            s = fma8(-lower[left + 4], e, s)
+            s = fma8(-lower[left + 5], f, s)
+            store8(lower, target + r, s)
+    return p
 
 
 @njit(cache=True, nogil=True)

@@ -22,7 +22,7 @@ _PAIRS = 8
 """Steps of L-BFGS after which the matrix is made anew: it belongs to where the frame began."""
 _NEGLIGIBLE = 1e-9
 """An energy that nobody sees: with the default weights, every point 3 micrometres off."""
-_TURNED, _REPULLED = 0.3, 0.1
+_TURNED, _REPULLED = 0.4, 0.1
 """How far nodes may turn (radians), and weights change, before the last frame's matrix is made anew."""
 _ARMIJO = 1e-4
 _HALVINGS = 30
@@ -87,11 +87,13 @@ def solve_frame(x, rest, t, planes, system, room, most, tolerance):  # type: ign
 
     No node is left inside out: where the descent ends with one, it is set upright and the descent goes on.
     """
-    choose_start(x, rest, t, planes, room)
+    if not choose_start(x, rest, t, planes, room):
+        keep(room, gradient(x, t, planes, room.raw))
     done = descend(x, t, planes, system, room, most, tolerance)
     for _ in range(2):
         if not set_upright(x, t.edges):
             return done
+        keep(room, gradient(x, t, planes, room.raw))
         done += descend(x, t, planes, system, room, most, tolerance)
     if set_upright(x, t.edges):
         keep(room, gradient(x, t, planes, room.raw))
@@ -107,13 +109,13 @@ def keep(room, energies):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def descend(x, t, planes, system, room, most, tolerance):  # type: ignore[no-untyped-def]
-    """Kernel: L-BFGS from ``x``, in place; returns the number of iterations.
+    """Kernel: L-BFGS from ``x``, in place; returns the number of iterations. ``room.raw`` is the gradient at
+    ``x``, ``room.energies`` are its energies.
 
     It ends with the step that promised to lower the energy by less than ``tolerance`` of it: a step leaves a
     small part of what it promised, and to ask once more whether that is so would cost as much as a step.
     """
     now, before = room.now, room.before
-    keep(room, gradient(x, t, planes, room.raw))
     own_force(x, room.raw, now)
     kept = 0
     for iteration in range(most):

@@ -65,7 +65,7 @@ class EmbeddedSettings:
     planes: float = setting(10.0, "Weight of soft planes: the floor, limbs beside limbs, depth.", low=0.0)
     iterations: int = setting(60, "Most iterations in a frame.", low=1, high=3000)
     tolerance: float = setting(
-        5e-4,
+        7e-4,
         "A frame is done after an iteration that promised to lower the energy by less than this part.",
         low=0.0,
     )

@@ -1,4 +1,9 @@
-"""The mesh's own feet on the floor: nothing sinks into it, and a foot that stands does not slide."""
+"""The mesh's own feet on the floor: nothing sinks into it, and a foot that stands does not slide.
+
+A mesh can be raised as a whole by what would sink, which keeps its shape and never jumps, or bent by planes.
+A straight leg that is pushed up from below can bend to either side, and does so from one frame to the next:
+bend what is soft or hangs from somewhere, raise what stands on stiff legs.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +32,10 @@ _LOW = 0.04
 class FloorSettings:
     """What the mesh does on the floor; lengths are shares of the mesh's height."""
 
-    use: Literal["off", "above", "stand"] = setting(
-        "off", "'above': nothing of the mesh sinks into the floor; 'stand': and feet that stand do not slide."
+    use: Literal["off", "raised", "above", "stand"] = setting(
+        "off",
+        "'raised': the whole mesh is lifted so that nothing of it sinks into the floor; 'above': what would "
+        "sink bends; 'stand': and feet that stand do not slide.",
     )
     touch: float = setting(0.02, "A foot so near the floor may stand.", low=0.0, high=1.0)
     still: float = setting(0.12, "A foot slower than this, in heights a second, stands.", low=0.0, high=10.0)
@@ -85,6 +92,11 @@ class FloorContact:
         """No foot stands any more: the mesh was put elsewhere."""
         self.feet = [Foot(foot.points) for foot in self.feet]
 
+    def raised(self, linear: Float, positions: Float, floor: float = 0.0) -> Float:
+        """(N, 3) metres, the positions, lifted together until no point is below the floor; see ``planes``."""
+        lowest = float(self._all.moved(linear, positions)[:, 1].min())
+        return positions + [0.0, max(min(floor, self._lowest) - lowest, 0.0), 0.0]
+
     def planes(
         self, linear: Float, positions: Float, seconds: float, floor: float = 0.0
     ) -> PlaneConstraints | None:
@@ -99,7 +111,10 @@ class FloorContact:
         own = self.settings
         floor = min(floor, self._lowest)
         now = self._all.moved(linear, positions)
-        near = np.flatnonzero(now[:, 1] < floor + 0.1 * self.height)
+        near = now[:, 1] < floor + 0.1 * self.height
+        # A foot that the floor has pushed high up would fall through it in the frame that forgets it.
+        near[: len(self.soles)] = True
+        near = np.flatnonzero(near)
         up = np.tile([0.0, 1.0, 0.0], (len(near), 1))
         sets = [self._all.planes(near, up, floor, own.weight, True)]
         if own.use == "stand":

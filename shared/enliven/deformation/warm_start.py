@@ -20,19 +20,24 @@ def choose_start(x, rest, t, planes, room):  # type: ignore[no-untyped-def]
 
     The rigid motion is the one that best brings the points to their targets. E_rot and E_reg do not change
     in it, so a body that leaps costs nothing; and a state that wild targets have spoilt is left as soon as
-    the rest pose does better. The rigid ones are tried only where the others are bad.
+    the rest pose does better. The rigid ones are tried only where the others are bad. Returns whether
+    ``room.raw`` and ``room.energies`` are of the start already.
     """
     before = room.energies
     least = before[0] + before[1] + constraint_energy(x, t) + before[3] + before[4]
     settled = before[5]
     _go_on(x, room.last, room.trial)
     room.last[:] = x
-    ahead = gradient(room.trial, t, planes, room.raw)[5]
-    if ahead < least or not np.isfinite(least):
-        least = ahead
+    energies = gradient(room.trial, t, planes, room.raw)
+    goes_on = energies[5] < least or not np.isfinite(least)
+    if goes_on:
+        least = energies[5]
         x[:] = room.trial
     if least <= _FAR * settled + 1e-6:
-        return
+        if goes_on:
+            for i in range(6):
+                before[i] = energies[i]
+        return goes_on
     turn, middle, goal = np.empty((3, 3)), np.empty(3), np.empty(3)
     for origin in (x, rest):
         if _rigid_motion(origin, t, turn, middle, goal):
@@ -41,6 +46,7 @@ def choose_start(x, rest, t, planes, room):  # type: ignore[no-untyped-def]
             if energy < least or not np.isfinite(least):
                 least = energy
                 x[:] = room.trial
+    return False
 
 
 @njit(cache=True, nogil=True)
