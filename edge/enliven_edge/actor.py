@@ -18,7 +18,7 @@ from enliven.errors import InputError
 from enliven_edge.actor_settings import ActorSettings
 from enliven_edge.cues import Cues, State, cues_of
 from enliven_edge.fading import Fading
-from enliven_edge.hold import Grip, Hold, joined
+from enliven_edge.hold import Grip, Hold, depth_of, joined
 from enliven_edge.placement import AS_MODELLED, resettled
 from enliven_edge.soft_terms import SoftTerms
 from enliven_edge.taking import gripped, out_of_reach
@@ -90,7 +90,9 @@ class Actor:
             state = self._shown_at_rest()
             nodes = self.graph.positions if state is None else state[1]
             raise out_of_reach(self.character.id, self.settings, body, grip, nodes)
-        hold = Hold(body.id, [grip], self._time_ns) if own is None else own.with_grip(grip)
+        hold = (
+            Hold(body.id, [grip], self._time_ns, depth=depth_of(body)) if own is None else own.with_grip(grip)
+        )
         kept = others or own is not None or self._stays
         start = self._solver.state() if kept and self._solver is not None else None
         if not kept:
@@ -201,7 +203,7 @@ class Actor:
         idle = [body for body in bodies if body.id not in {hold.body for hold in self.holds}]
         if patience > 0 and away and len(idle) == 1:
             hold = max(away, key=lambda h: h.away(time_ns))
-            hold.body = idle[0].id
+            hold.body, hold.depth = idle[0].id, depth_of(idle[0])
             for grip in hold.grips:
                 grip.carrying.handed_over(idle[0])
             self._fading.tear()
@@ -209,6 +211,9 @@ class Actor:
     def _look_for_performers(self, bodies: list[Body], time_ns: int) -> None:
         """Everybody's targets; who is away for longer than a moment lets go, unless nobody else is there."""
         present = {body.id: body for body in bodies}
+        sunk = {h.body for h in self.holds if h.body in present and not h.believes(present[h.body])}
+        if any(hold.body in present and hold.body not in sunk for hold in self.holds):
+            present = {own: body for own, body in present.items() if own not in sunk}
         self._seen = any(hold.body in present for hold in self.holds)
         for hold in self.holds if self._seen else []:
             gone = hold.away(time_ns) > self.settings.patience
@@ -223,14 +228,14 @@ class Actor:
         """The graph's linear parts and positions in the rest space; as they were where nobody is there."""
         if self._solver is None:
             return np.tile(np.eye(3), (len(self.graph.positions), 1, 1)), self.graph.positions
+        floor = float(self._placement.to_rest(np.zeros(3))[1])
         if not self._seen:
-            return self._solver.state()
+            return self._soft.raised(*self._solver.state(), floor)
         own = [hold.targets for hold in self.holds]
         if self.settings.follow == "surface":
             unseen = [hold.body not in seen for hold in self.holds]
             own = [(where, pulls * alone) for (where, pulls), alone in zip(own, unseen, strict=True)]
         targets, pulls = (np.concatenate(part) for part in zip(*own, strict=True))
-        floor = float(self._placement.to_rest(np.zeros(3))[1])
         seconds = max(time_ns - self._time_ns, 0) * 1e-9
         planes = self._soft.planes(self._solver.state(), self.holds, seen, floor, seconds)
-        return self._solver.solve(targets, pulls, planes=planes)
+        return self._soft.raised(*self._solver.solve(targets, pulls, planes=planes), floor)

@@ -18,6 +18,10 @@ _SETTLING = 0.12
 _FARTHEST = 1e4
 """Metres; a target farther away than this is no measurement."""
 
+_SUNK = 0.06
+"""Metres; whose lowest joint is so much deeper in the floor than when they took hold is not where they are
+said to be: skeletons of somebody who is half hidden drop through the floor before they are gone."""
+
 
 @dataclass
 class Grip:
@@ -43,12 +47,14 @@ class Hold:
         grips: everything that they hold.
         seen_ns: when they were last in view, the sensor's clock; None before the first frame.
         active: whether they count just now.
+        depth: metres by which they stood in the floor when they took hold: it may not be quite where it is.
     """
 
     body: int
     grips: list[Grip]
     seen_ns: int | None = None
     active: bool = True
+    depth: float = 0.0
     _targets: Float | None = field(default=None, repr=False)
     _pulls: Float | None = field(default=None, repr=False)
 
@@ -71,7 +77,11 @@ class Hold:
             replace(g, attachment=g.attachment.only(~np.isin(g.attachment.bone, anew))) for g in self.grips
         ]
         grips = [g for g in grips if len(g.attachment)]
-        return Hold(self.body, [*grips, grip], self.seen_ns, self.active)
+        return Hold(self.body, [*grips, grip], self.seen_ns, self.active, self.depth)
+
+    def believes(self, body: Body) -> bool:
+        """Whether the performer can be where they are said to be, and has not dropped through the floor."""
+        return depth_of(body) <= self.depth + _SUNK
 
     def see(self, body: Body, time_ns: int) -> None:
         """The performer is in view: their targets, and how firmly they pull."""
@@ -106,6 +116,11 @@ class Hold:
             nodes, strengths = grip.attachment.nodes
             firm[nodes] = np.maximum(firm[nodes], strengths)
         return firm
+
+
+def depth_of(body: Body) -> float:
+    """Metres by which the lowest joint is in the floor; 0 where none is."""
+    return max(0.0, -float(np.nanmin(body.joints[:, 1], initial=0.0)))
 
 
 @dataclass(frozen=True)

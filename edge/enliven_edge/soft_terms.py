@@ -24,6 +24,7 @@ class SoftTerms:
         self._surface = ObservedSurface(character, settings.observed) if follows else None
         self._limbs = SelfContact(character, graph, settings.limbs) if settings.limbs.use else None
         self._floor = FloorContact(character, settings.floor) if settings.floor.use != "off" else None
+        self._raises = settings.floor.use == "raised"
 
     def planes(
         self,
@@ -52,10 +53,16 @@ class SoftTerms:
                     sets.append(self._surface.planes(*state, points, normals, metre))
         if self._limbs is not None:
             sets.append(self._limbs.planes(*state))
-        if self._floor is not None:
+        if self._floor is not None and not self._raises:
             above = self._floor.planes(*state, seconds, floor)
             sets += [above] if above is not None else []
         return joined_planes(sets)
+
+    def raised(self, linear: Float, positions: Float, floor: float) -> tuple[Float, Float]:
+        """The state, lifted out of the floor where the settings ask for it; ``floor`` in the rest space."""
+        if self._floor is not None and self._raises:
+            positions = self._floor.raised(linear, positions, floor)
+        return linear, positions
 
     def moved_elsewhere(self) -> None:
         """The mesh was put elsewhere: no foot stands where it did."""

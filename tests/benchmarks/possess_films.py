@@ -59,6 +59,8 @@ def read(pattern: str) -> list[BodyFrame]:
 
 LIFT, TWO = "skeletons/js6450_kinect2_json/1person_lift*", "skeletons/kinect_multitrack/Study_24*"
 WING, WAVE = (f"skeletons/ms_labanotation_kinect2/Ges0{name}*" for name in ("6", "1"))
+RAISED = ActorSettings(floor=FloorSettings(use="raised"))
+"""Legs of wood do not bend where they would sink into the floor: the mesh is lifted."""
 STROLL = "bvh/bandai_namco/dataset-1_walk_musical_001.bvh"
 HORSE = "meshes/libigl/horse_quad.obj"
 CHAIR = "gltf/quaternius_static/house_interior_pack_Chair_1.glb"
@@ -68,7 +70,7 @@ TRUNK = "legs + torso"
 
 def real_films() -> dict[str, Film]:
     """By name, those that need the real recordings."""
-    wide = ActorSettings(enough=0.7)
+    wide = replace(RAISED, enough=0.7)
     return {
         "chair": Film("The chair, by a Kinect's skeleton", _of("chair", LIFT), (Act(0.45),)),
         # From where the feet pass each other: in mid-stride the legs are not where a chair's are.
@@ -108,7 +110,7 @@ def _of(
     mesh: str,
     recording: str,
     piece: tuple[float, float] | None = None,
-    settings: ActorSettings | None = None,
+    settings: ActorSettings = RAISED,
 ) -> Callable[[], tuple[list[BodyFrame], Actor]]:
     """A mesh by name or file, and a recording or a piece of it."""
 
@@ -122,7 +124,7 @@ def _of(
 
 def _made(mesh: str, moves: str) -> Callable[[], tuple[list[BodyFrame], Actor]]:
     """A mesh of the project's own, and its own performer."""
-    return lambda: (danced(moves), cast(mesh))
+    return lambda: (danced(moves), cast(mesh, settings=RAISED))
 
 
 def _scan() -> tuple[list[BodyFrame], Actor]:
@@ -143,9 +145,7 @@ def _two() -> tuple[list[BodyFrame], Actor]:
     frames = cut(read(TWO), (1.2, 7.9), (17.2, 26.6))
     bodies = sorted(frames[0].bodies, key=lambda body: body.id)
     mesh = shared_by(DATA / HORSE, bodies)
-    # While one is hidden from the sensor, their end of the horse leans; it need not sink into the floor.
-    floor = FloorSettings(use="above")
-    return frames, actor_of(replace(mesh, name="horse"), settings=ActorSettings(floor=floor))
+    return frames, actor_of(replace(mesh, name="horse"), settings=RAISED)
 
 
 def main(words: list[str]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -262,6 +263,22 @@ def test_a_crowd_leaves_and_comes_back(chair):
         back = house.perform([person(lift=0.3), person(id=2)], i * FRAME)[0]
     np.testing.assert_allclose(back.positions, pose.positions, atol=0.02)
     assert [h.body for h in house.actors["chair"].holds] == [1, 2]
+
+
+def test_who_drops_through_the_floor_is_out_of_sight(chair):
+    """A skeleton of somebody who is half hidden sinks before it is gone; the mesh does not go with it."""
+    house = stage(chair)
+    house.perform([person(), person(id=2)], 0)
+    house.possess("chair", 1, "legs")
+    house.possess("chair", 2, "upper body", "join")
+    before = house.perform([person(), person(id=2)], FRAME)
+    for i in range(2, 20):
+        sunk = person(id=2)
+        sunk = replace(sunk, joints=sunk.joints - [0.0, 0.05 * i, 0.0])
+        (pose,) = house.perform([person(), sunk], i * FRAME)
+    assert [hold.active for hold in house.actors["chair"].holds] == [True, False]
+    # What two hold less firmly when one lets go moves a little.
+    assert np.abs(pose.positions - before[0].positions).max() < 0.1
 
 
 def test_a_newcomer_goes_on_for_who_was_away_longest(chair):

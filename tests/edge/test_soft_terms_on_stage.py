@@ -72,6 +72,15 @@ def test_who_crouches_does_not_push_the_mesh_through_the_floor(chair):
     assert off[-1, top, 1].mean() == pytest.approx(above[-1, top, 1].mean(), abs=0.12), "the rest comes down"
 
 
+def test_a_chair_whose_performer_crouches_can_be_raised_without_bending(chair):
+    bodies = [person(down=0.006 * min(i, 30)) for i in range(40)]
+    off, raised = (played(chair, bodies, floor=FloorSettings(use=use))[0] for use in ("off", "raised"))
+    assert raised[:, :, 1].min() > -0.02
+    lift = raised - off
+    np.testing.assert_allclose(lift, np.broadcast_to(lift[:, :1], lift.shape), atol=2e-3)
+    assert lift[-1, 0, 1] == pytest.approx(-off[-1, :, 1].min(), abs=0.02)
+
+
 def test_feet_that_stand_do_not_slide_while_the_performer_sways(chair):
     bodies = [person(sway=0.04 * np.sin(i / 5)) for i in range(60)]
     soles = chair[0].vertices[:, 1] < 0.05

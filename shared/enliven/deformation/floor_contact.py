@@ -95,7 +95,7 @@ class FloorContact:
     def raised(self, linear: Float, positions: Float, floor: float = 0.0) -> Float:
         """(N, 3) metres, the positions, lifted together until no point is below the floor; see ``planes``."""
         lowest = float(self._all.moved(linear, positions)[:, 1].min())
-        return positions + [0.0, max(min(floor, self._lowest) - lowest, 0.0), 0.0]
+        return np.asarray(positions + np.array([0.0, max(min(floor, self._lowest) - lowest, 0.0), 0.0]))
 
     def planes(
         self, linear: Float, positions: Float, seconds: float, floor: float = 0.0
@@ -111,10 +111,10 @@ class FloorContact:
         own = self.settings
         floor = min(floor, self._lowest)
         now = self._all.moved(linear, positions)
-        near = now[:, 1] < floor + 0.1 * self.height
+        low = now[:, 1] < floor + 0.1 * self.height
         # A foot that the floor has pushed high up would fall through it in the frame that forgets it.
-        near[: len(self.soles)] = True
-        near = np.flatnonzero(near)
+        low[: len(self.soles)] |= low.any()
+        near = np.flatnonzero(low)
         up = np.tile([0.0, 1.0, 0.0], (len(near), 1))
         sets = [self._all.planes(near, up, floor, own.weight, True)]
         if own.use == "stand":

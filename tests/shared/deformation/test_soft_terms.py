@@ -216,6 +216,21 @@ def test_nothing_sinks_into_the_floor(trousers):
     assert floor.planes(*high, 0.03) is None
 
 
+@given(way=st.floats(-0.5, 0.5), floor=st.floats(-0.2, 0.0))
+def test_what_is_raised_keeps_its_shape_and_touches_the_floor(trousers, way, floor):
+    character, graph, _ = trousers
+    contact = FloorContact(character, FloorSettings(use="raised"))
+    linear, positions = rest(graph)
+    moved = positions + np.array([0.0, way, 0.0])
+    raised = contact.raised(linear, moved, floor)
+    lift = raised - moved
+    np.testing.assert_allclose(lift, np.tile([0.0, lift[0, 1], 0.0], (len(lift), 1)), atol=1e-12)
+    lowest = contact._all.moved(linear, raised)[:, 1].min()
+    ground = min(floor, float(character.vertices[:, 1].min()))
+    assert lowest >= ground - 1e-6
+    assert lift[0, 1] == 0.0 or lowest == pytest.approx(ground, abs=1e-6), "no higher than it must"
+
+
 def play(floor, graph, ways, seconds=1 / 30):
     """The feet's states over frames of the whole mesh moved by ``ways`` (F, 3)."""
     out = []
