@@ -68,7 +68,6 @@ def standing(
     *,
     arm_raise: float = 0.12,
     arm_forward: float = 0.0,
-    arm_twist: float = 0.0,
     elbow: float = 0.15,
     hip: float = 0.0,
     knee: float = 0.05,
@@ -79,14 +78,13 @@ def standing(
         yaw: radians about +Y.
         arm_raise: radians both upper arms are lifted sideways from hanging.
         arm_forward: radians both upper arms are lifted forward.
-        arm_twist: radians both upper arms are turned about themselves, the bent forearms inward.
         elbow: radians both elbows are bent.
         hip: radians both thighs are lifted forward.
         knee: radians both knees are bent.
     """
     rotations = np.tile(np.eye(3), (13, 1, 1))
     rotations[model.PELVIS] = rotation(y=yaw)
-    rotations[model.UPPER_ARM_L] = rotation(x=-arm_forward, z=arm_raise) @ rotation(y=-arm_twist)
+    rotations[model.UPPER_ARM_L] = rotation(x=-arm_forward, z=arm_raise)
     rotations[model.FOREARM_L] = rotation(x=-elbow)
     rotations[model.THIGH_L] = rotation(x=-hip, z=0.06)
     rotations[model.SHIN_L] = rotation(x=knee)

@@ -30,13 +30,6 @@ _ARM_POSES = (
 )
 """Forearm forward, hanging, out, forward, overhead, hand at the face. Before these come the limb as it was
 when last sure, and the other side's mirror image."""
-_ARM_PLACES = (
-    *_ARM_POSES,
-    standing(arm_raise=0.3, arm_forward=0.2, elbow=2.3),
-    standing(arm_raise=0.65, arm_twist=1.3, elbow=1.6),
-    standing(arm_raise=0.2, arm_forward=0.4, arm_twist=1.2, elbow=1.8),
-)
-"""The same, and the hand at the shoulder, before the belly with the elbow out, and across the chest."""
 _LEG_POSES = (
     standing(),
     standing(hip=1.4, knee=1.5),
@@ -60,13 +53,7 @@ _AFFINITY = 0.1
 """Metres: how far what a point looks like outweighs where it is, while a posture is drawn to the parts."""
 _DISAGREEMENT = 4.0
 _ROUTINE = 4
-"""Frames between two looks at whether the parts are elsewhere where nothing is in doubt, and between two
-looks at whether an arm is, half-way between those."""
-_FEW_POINTS, _FEW_STEPS = 160, 3
-"""Points and steps of the short fits that choose where an arm is tried."""
-_ARM_BETTER, _FACES = 0.9, 0.3
-"""Share of the cost that an arm must fall below to be moved without a doubt, and how far the chest must face
-the sensor, or away from it, as a cosine: from the side the trunk hides an arm, and any place is as good."""
+"""Frames between two looks at whether the parts are elsewhere, when there is no reason to doubt."""
 _BADLY = 0.9
 """Share of the points explained (less what was seen through) below which the whole body is doubted."""
 _YAWS = (0.8, -0.8)
@@ -98,8 +85,6 @@ class SecondThoughts:
         doubtful = self._doubtful(posture, confidence)
         badly = report.explained - report.violated.mean() < _BADLY
         self._turn += 1
-        if self._turn % _ROUTINE == _ROUTINE // 2 and _faces(posture, observation.view[4][:3, 3]):
-            posture, report = self._arm_elsewhere(observation, posture, report, seen)
         routine = seen is not None and self._turn % _ROUTINE == 0
         if not (badly or doubtful or routine):
             return posture, report
@@ -160,35 +145,6 @@ class SecondThoughts:
         start = posture.copy()
         start.rotations[index] = places[(turn // len(doubtful)) % len(places)]
         return start
-
-    def _arm_elsewhere(
-        self, observation: Observation, posture: Posture, report: FitReport, seen: Seen | None
-    ) -> tuple[Posture, FitReport]:
-        """The posture, or one with an arm where short fits to few points like it best, if that is far better.
-
-        An arm that is folded before the trunk is explained by the trunk, and the points of the hips explain a
-        forearm that hangs before them: neither seems doubtful.
-        """
-        limb = list(_ARMS[(self._turn // _ROUTINE) % 2])
-        few = observation.thinned(max(1, len(observation.points) // _FEW_POINTS))
-        tried = []
-        for pose in _ARM_PLACES:
-            start = posture.copy()
-            start.rotations[limb] = pose[limb]
-            made, short = self._fitter.fit(few, start, iterations=_FEW_STEPS)
-            tried.append((short.energy, made))
-        best = min(tried, key=lambda pair: pair[0])[1]
-        found = self._fitter.fit(observation, best, iterations=_STEPS)
-        _, same = self._fitter.fit(observation, posture, iterations=1)
-        better = cost(found[1], found[0], seen) < _ARM_BETTER * cost(same, posture, seen)
-        return found if better else (posture, report)
-
-
-def _faces(posture: Posture, eye: Float) -> bool:
-    """Whether the chest faces the sensor, or away from it, rather than to the side."""
-    ahead = (posture.rotations[model.PELVIS] @ posture.rotations[model.CHEST])[:, 2]
-    towards = eye - posture.position
-    return abs(float(ahead @ towards)) > _FACES * float(np.linalg.norm(towards))
 
 
 def cost(report: FitReport, posture: Posture, seen: Seen | None) -> float:
