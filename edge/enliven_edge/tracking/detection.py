@@ -22,7 +22,8 @@ from enliven_edge.tracking.hypotheses import banked_starts, standing_starts
 from enliven_edge.tracking.observation import Observation
 from enliven_edge.tracking.posture import Posture
 
-_REFINED = 3
+_REFINED_AT_FIRST, _REFINED = 8, 3
+"""Hypotheses that are refined of somebody new, to all points because that is once, and of who is followed."""
 _SAME = 0.12
 """Metres: hypotheses all of whose joints are this near to each other's are one."""
 _FACINGS = (0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, np.pi)
@@ -60,7 +61,7 @@ def detect(
 ) -> tuple[Posture, FitReport]:
     """The posture that explains the observation best from scratch.
 
-    A short coarse fit of every hypothesis ranks them, and the best three are refined.
+    A short coarse fit of every hypothesis ranks them, and the best eight are refined to all points.
 
     Args:
         eye: (3,) the sensor's position, world frame.
@@ -71,9 +72,10 @@ def detect(
     seen = None if forest is None else look(forest, observation)
     coarse = _Coarse(fitter, observation, seen, eye, height)
     ranked = [coarse.fitted(start) for start in _starts(observation, seen, eye, height, lengths)]
-    best = _refined(fitter, observation, seen, _best_distinct(ranked, _REFINED), height, _MIDDLE_POINTS)
+    kept = _best_distinct(ranked, _REFINED_AT_FIRST)
+    best = _refined(fitter, observation, seen, kept, height)
     # A front is easily taken for a back: the best is tried turned about as well.
-    other = _refined(fitter, observation, seen, [turned_about(best[1])], height, _MIDDLE_POINTS)
+    other = _refined(fitter, observation, seen, [turned_about(best[1])], height)
     _, posture, report = min(best, other, key=lambda found: found[0])
     return posture, report
 
