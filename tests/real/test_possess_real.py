@@ -20,22 +20,19 @@ pytestmark = [
     pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings (ENLIVEN_DATA) are not here"),
 ]
 STRETCH = {
-    "chair": 1.3,
     "chair-walk": 1.3,
     "real-chair": 1.3,
-    "horse": 1.25,
     "scan": 1.6,  # an arm that is raised high above where it hung, at the edge of an open surface
     "two-on-a-horse": 1.6,  # each walks around the other while both hold
-    "lamp": 1.15,
 }
-"""Of 95 edges in 100; seen: 1.12, 1.09, 1.15, 1.07, 1.31, 1.35, 1.01."""
+"""Of 95 edges in 100; seen: 1.09, 1.17, 1.31, 1.21. What else is filmed is alike, or measured without data."""
 
 
 @pytest.fixture(scope="module", params=STRETCH)
 def filmed(request) -> tuple[str, Measures]:
     film = possess_films.real_films()[request.param]
     frames, actor = film.made()
-    return request.param, measure(perform(frames[: 30 * 6], actor, film.acts), 6)
+    return request.param, measure(perform(frames[: 30 * 6], actor, film.acts), 12)
 
 
 def test_surfaces_stretch_no_more_than_they_must(filmed) -> None:
@@ -56,6 +53,10 @@ def test_legs_do_not_collapse(filmed) -> None:
 
 def test_shells_stay_together(filmed) -> None:
     assert filmed[1].gap < 0.03
+
+
+def test_nothing_stands_in_the_floor(filmed) -> None:
+    assert filmed[1].lowest > -0.03
 
 
 def test_nothing_leaps_when_it_is_taken_hold_of(filmed) -> None:
