@@ -25,7 +25,7 @@ STRETCH = {
     "scan": 1.6,  # an arm that is raised high above where it hung, at the edge of an open surface
     "two-on-a-horse": 1.6,  # each walks around the other while both hold
 }
-"""Of 95 edges in 100; seen: 1.09, 1.17, 1.31, 1.21. What else is filmed is alike, or measured without data."""
+"""Of 95 edges in 100; seen: 1.09, 1.17, 1.31, 1.21. The others are alike."""
 
 
 @pytest.fixture(scope="module", params=STRETCH)
