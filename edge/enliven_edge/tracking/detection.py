@@ -22,8 +22,9 @@ from enliven_edge.tracking.hypotheses import banked_starts, standing_starts
 from enliven_edge.tracking.observation import Observation
 from enliven_edge.tracking.posture import Posture
 
-_REFINED_AT_FIRST, _REFINED = 8, 3
-"""Hypotheses that are refined of somebody new, to all points because that is once, and of who is followed."""
+_REFINED = 3
+"""Hypotheses that are refined. With more of them those win that are turned about: ranking by coarse fits
+tells front from back better."""
 _SAME = 0.12
 """Metres: hypotheses all of whose joints are this near to each other's are one."""
 _FACINGS = (0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, np.pi)
@@ -61,7 +62,7 @@ def detect(
 ) -> tuple[Posture, FitReport]:
     """The posture that explains the observation best from scratch.
 
-    A short coarse fit of every hypothesis ranks them, and the best eight are refined to all points.
+    A short coarse fit of every hypothesis ranks them, and the best three are refined to all points.
 
     Args:
         eye: (3,) the sensor's position, world frame.
@@ -72,7 +73,7 @@ def detect(
     seen = None if forest is None else look(forest, observation)
     coarse = _Coarse(fitter, observation, seen, eye, height)
     ranked = [coarse.fitted(start) for start in _starts(observation, seen, eye, height, lengths)]
-    kept = _best_distinct(ranked, _REFINED_AT_FIRST)
+    kept = _best_distinct(ranked, _REFINED)
     best = _refined(fitter, observation, seen, kept, height)
     # A front is easily taken for a back: the best is tried turned about as well.
     other = _refined(fitter, observation, seen, [turned_about(best[1])], height)
