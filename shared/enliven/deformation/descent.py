@@ -18,12 +18,13 @@ from enliven.deformation.safeguards import set_upright
 from enliven.deformation.warm_start import choose_start
 from enliven.lanes import fma4, load4, store4, total4
 
-_PAIRS = 8
-"""Steps of L-BFGS after which the matrix is made anew: it belongs to where the frame began."""
+_PAIRS = 5
+"""Steps after which the matrix is made anew. A matrix that ends its frames sooner is kept for the next: what
+it cost is saved, and L-BFGS makes up for the turns since."""
 _NEGLIGIBLE = 1e-9
 """An energy that nobody sees: with the default weights, every point 3 micrometres off."""
-_TURNED, _REPULLED = 0.4, 0.1
-"""How far nodes may turn (radians), and weights change, before the last frame's matrix is made anew."""
+_REPULLED = 0.1
+"""How far weights may change, as a part of the strongest, before the matrix is made anew."""
 _ARMIJO = 1e-4
 _HALVINGS = 30
 
@@ -119,7 +120,7 @@ def descend(x, t, planes, system, room, most, tolerance):  # type: ignore[no-unt
     own_force(x, room.raw, now)
     kept = 0
     for iteration in range(most):
-        if kept == 0 and (iteration > 0 or outdated(x, t, planes, system, _TURNED, _REPULLED)):
+        if kept == 0 and (iteration > 0 or outdated(t, planes, system, _REPULLED)):
             refactor(x, t, planes, system)
         slope = _direction(now, room, kept, system)
         if not -slope > _NEGLIGIBLE:

@@ -8,7 +8,8 @@ eighth of the work of one with all twelve unknowns, and the stretch of each node
 Against this matrix the true one has its eigenvalues between 0.35 and 2.6 (a man of 128 and of 256 nodes,
 walking); that is why the number of iterations does not grow with the nodes.
 
-Where nodes turn, their lever arms turn with them, so the matrix is made anew in every frame.
+Where nodes turn, their lever arms turn with them, so the matrix is made anew whenever it no longer ends a frame
+in a few steps.
 """
 
 from __future__ import annotations
@@ -56,9 +57,9 @@ class RigidSystem(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def outdated(x, t, planes, s, turned, repulled):  # type: ignore[no-untyped-def]
-    """Kernel: whether the matrix was made for another state: a column of an R that has moved by ``turned``,
-    a weight that has changed by the part ``repulled`` of the strongest, or any plane.
+def outdated(t, planes, s, repulled):  # type: ignore[no-untyped-def]
+    """Kernel: whether the matrix was made for other constraints: a weight has changed by the part ``repulled``
+    of the strongest, or there are planes, which are others in every frame.
     """
     if planes.nodes.shape[0] > 0:
         return True
@@ -68,13 +69,6 @@ def outdated(x, t, planes, s, turned, repulled):  # type: ignore[no-untyped-def]
     for m in range(t.pulls.shape[0]):
         if not abs(t.pulls[m] - s.pulls[m]) <= repulled * strongest:
             return True
-    for j in range(s.start.shape[0] - 1):
-        for c in range(3):
-            moved = 0.0
-            for a in range(3):
-                moved += (x[16 * j + 4 * c + a] - s.linear[9 * j + 3 * c + a]) ** 2
-            if not moved <= turned * turned:
-                return True
     return False
 
 
