@@ -311,7 +311,7 @@ def _system_of(pattern: BlockPattern, terms: Terms) -> RigidSystem:
         np.zeros(SIZE * pattern.blocks, np.float32),
         np.zeros(9 * count),
         np.zeros(9 * count),
-        np.full(len(nodes), np.nan),
+        np.zeros(len(nodes)),
         np.zeros(8 * count, np.float32),
     )
 

@@ -8,8 +8,8 @@ eighth of the work of one with all twelve unknowns, and the stretch of each node
 Against this matrix the true one has its eigenvalues between 0.35 and 2.6 (a man of 128 and of 256 nodes,
 walking); that is why the number of iterations does not grow with the nodes.
 
-Where nodes turn, their lever arms turn with them, so the matrix is made anew whenever it no longer ends a frame
-in a few steps.
+Where nodes turn, their lever arms turn with them, so the matrix is made anew whenever it no longer ends a
+frame in a few steps.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class RigidSystem(NamedTuple):
         lower, upper: (48 B,) float32 the blocks of the factor, and transposed.
         linear: (9 N,) the columns of each node's R.
         compliance: (9 N,) the inverse of what holds each node's stretch.
-        pulls: (L,) the constraints' weights that are in it; NaN where there is no factor yet.
+        pulls: (L,) the constraints' weights that are in it.
         side: (8 N,) float32 room for the right-hand side.
     """
 
@@ -58,18 +58,15 @@ class RigidSystem(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def outdated(t, planes, s, repulled):  # type: ignore[no-untyped-def]
-    """Kernel: whether the matrix was made for other constraints: a weight has changed by the part ``repulled``
-    of the strongest, or there are planes, which are others in every frame.
+    """Kernel: whether the matrix was made for other constraints: a weight has changed by the part
+    ``repulled`` of the strongest, or there are planes, which are others in every frame.
     """
-    if planes.nodes.shape[0] > 0:
-        return True
-    strongest = 0.0
+    strongest, change = 0.0, 0.0
     for m in range(t.pulls.shape[0]):
         strongest = max(strongest, t.pulls[m])
-    for m in range(t.pulls.shape[0]):
-        if not abs(t.pulls[m] - s.pulls[m]) <= repulled * strongest:
-            return True
-    return False
+        change = max(change, abs(t.pulls[m] - s.pulls[m]))
+    # The first number of a factor is the inverse of a root; 0 where there is no factor yet.
+    return s.lower[0] == 0.0 or planes.nodes.shape[0] > 0 or change > repulled * strongest
 
 
 @njit(cache=True, nogil=True)

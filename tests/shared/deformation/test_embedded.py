@@ -499,6 +499,15 @@ def test_without_constraints_it_stays_where_it_was(pulled):
     np.testing.assert_allclose(solver.state()[0], np.broadcast_to(np.eye(3), (12, 3, 3)))
 
 
+def test_a_bent_graph_that_nothing_holds_springs_back():
+    graph = make_graph(12, 5)
+    linear, positions = random_state(graph, 5, 0.1)
+    solver = EmbeddedSolver(graph, make_points(graph, 0, 5), EXACT, start=(linear, positions))
+    before = solver.energy["total"]
+    solver.solve(np.empty((0, 3)))
+    assert solver.energy["total"] < 1e-6 < before
+
+
 def test_a_single_point_turns_nothing():
     graph = make_graph(12, 6)
     points = make_points(graph, 1, 6)
