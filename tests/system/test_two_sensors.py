@@ -23,6 +23,7 @@ from enliven_edge.tracking.tracker import Tracker
 
 pytestmark = pytest.mark.system
 SECONDS = 8.0
+COMING = 15
 COVERED = (3.0, 5.0)
 """Seconds of the room in which somebody stands before the left lens."""
 PERFORMER = walker(12.0)
@@ -96,6 +97,8 @@ def test_two_see_better_than_one(takes, space):
     fused = errors(space, both)
     assert len(fused) > 0.95 * SECONDS * RATE
     assert {body.id for bodies in both.values() for body in bodies} == {1}
+    # Who has just come in may be taken for turned about for some frames, by one sensor or by both.
+    fused, alone = fused[COMING:], [e[COMING:] for e in alone]
     assert fused.mean() < min(e.mean() for e in alone)
     # Both are near 1 on this clean take: half of one percent is a hand in a dozen frames.
     assert (fused < 0.1).mean() >= max((e < 0.1).mean() for e in alone) - 0.005
