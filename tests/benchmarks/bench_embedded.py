@@ -24,7 +24,7 @@ from enliven.arrays import Float
 from enliven.deformation.embedded import EmbeddedSolver
 
 SIZES = (128, 256, 512, 1024)
-COMPARED = {128: 24, 256: 12, 512: 6, 1024: 3}
+COMPARED = {128: 16, 256: 8, 512: 4, 1024: 2}
 """Frames of each motion that the peer solves too: it needs seconds for one."""
 GAP = 0.002
 _REPEATS = 7
