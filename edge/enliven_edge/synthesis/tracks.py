@@ -31,7 +31,8 @@ class Track:
 def ease(t: float) -> float:
     """Minimum-jerk progress from 0 at t <= 0 to 1 at t >= 1 (Flash and Hogan 1985)."""
     t = min(max(t, 0.0), 1.0)
-    return t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
+    # Rounding may pass 1 by some units in the last place.
+    return min(t * t * t * (10.0 - 15.0 * t + 6.0 * t * t), 1.0)
 
 
 def pulse(time: float, start: float, stop: float, rise: float) -> float:
