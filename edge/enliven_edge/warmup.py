@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Iterator
+
 import numpy as np
 
 from enliven.body import Body
-from enliven.camera import Intrinsics
 from enliven.deformation.observed import Seen
 from enliven.frames import DepthFrame
+from enliven.recording import Recording
 from enliven_edge.actor import Actor
+from enliven_edge.doctor import shipped_recording
 from enliven_edge.stage import Stage
 from enliven_edge.tracking.model import lengths_for_height
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.ranges import standing
-from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
+
+_STEP_NS = 33_333_333
+_ALONE, _TOGETHER, _EMPTY = 12, 6, 2
+"""Frames with one person, with two, and with nobody: who is new, known, doubted, met and lost runs once."""
 
 
 def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
-    """Tracks a cardboard figure for a few frames, and an empty room."""
-    tracker = Tracker(settings)
-    for i in range(4):
-        tracker.track(_cardboard_figure(i * 33_333_333))
+    """Tracks the start of the shipped recording: somebody comes, a second person too, and both are gone."""
+    settings = settings or TrackerSettings()
+    # The user's own mounting and zone would hide the recorded person from view.
+    tracker = Tracker(dataclasses.replace(settings, scene=SceneSettings()))
+    for frame in _rehearsal():
+        tracker.track(frame)
         tracker.surfaces()
-    empty = _cardboard_figure(0)
-    tracker.track(DepthFrame(np.zeros_like(empty.depth), empty.intrinsics, 200_000_000, "warm-up"))
 
 
 def warm_up_stage(actor: Actor) -> None:
@@ -44,12 +52,20 @@ def warm_up_stage(actor: Actor) -> None:
         stage.perform([moved], (i + 1) * 33_333_333, {0: seen})
 
 
-def _cardboard_figure(time_ns: int) -> DepthFrame:
-    """Head, trunk, arms and legs as flat boxes at 2.5 m before a wall, over a floor."""
-    depth = np.full((240, 320), 4000, np.uint16)
-    below = np.arange(160, 240) - 119.5
-    depth[160:] = np.minimum(4000, 1000 * 262.5 / below).astype(np.uint16)[:, None]
-    boxes = ((45, 70, 148, 172), (70, 130, 138, 182), (72, 135, 124, 136), (72, 135, 184, 196))
-    for top, bottom, left, right in (*boxes, (130, 220, 140, 157), (130, 220, 163, 180)):
-        depth[top:bottom, left:right] = 2500
-    return DepthFrame(depth, Intrinsics(320, 240, 262.5, 262.5, 159.5, 119.5), time_ns, "warm-up")
+def _rehearsal() -> Iterator[DepthFrame]:
+    """The frames to be tracked, at the usual pace."""
+    frames = (f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame))
+    count = _ALONE + _TOGETHER + _EMPTY
+    for i, frame in zip(range(count), frames, strict=False):
+        depth = frame.depth
+        if i >= _ALONE:
+            depth = _beside_themselves(depth)
+        if i >= _ALONE + _TOGETHER:
+            depth = np.zeros_like(depth)
+        yield dataclasses.replace(frame, depth=depth, time_ns=i * _STEP_NS)
+
+
+def _beside_themselves(depth):  # type: ignore[no-untyped-def]
+    """(H, W) the same person twice: the nearer of the picture and the picture moved aside."""
+    moved = np.roll(depth, depth.shape[1] // 4, axis=1)
+    return np.where((depth == 0) | ((moved > 0) & (moved < depth)), moved, depth)
