@@ -1,0 +1,75 @@
+"""The project: shapes, takes and layers. It is a value: an edit makes another, and undo is the one before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+from enliven.errors import InputError
+from enliven.motion.clip import Clip
+from enliven.motion.layers import Layer
+from enliven.shape import Shape
+
+
+@dataclass(frozen=True, eq=False)
+class Project:
+    """Everything an artist has made, by id. Takes never change; a layer refers to one, a shape to layers.
+
+    Raises:
+        InputError: where a shape names a layer, or a layer a take, that is not there.
+    """
+
+    shapes: Mapping[str, Shape] = field(default_factory=dict)
+    takes: Mapping[str, Clip] = field(default_factory=dict)
+    layers: Mapping[str, Layer] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("shapes", "takes", "layers"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+        for layer in self.layers.values():
+            if layer.take not in self.takes:
+                raise InputError(f"there is no take {layer.take!r}", where=f"layer {layer.id!r}")
+            if max(layer.chain) >= len(self.takes[layer.take].skeleton):
+                raise InputError("its chain names joints that the take lacks", where=f"layer {layer.id!r}")
+        for shape in self.shapes.values():
+            named = {ref.layer for spans in shape.spans for span in spans for ref in span.refs}
+            missing = (named | ({shape.travel} - {None})) - set(self.layers)
+            if missing:
+                raise InputError(f"there is no layer {min(missing)!r}", where=f"shape {shape.id!r}")
+
+    def with_shapes(self, *shapes: Shape) -> Project:
+        """A project with these shapes added, or put in the place of those of the same id."""
+        return replace(self, shapes={**self.shapes, **{shape.id: shape for shape in shapes}})
+
+    def without_shape(self, shape_id: str) -> Project:
+        """A project without a shape; its layers and takes stay."""
+        return replace(self, shapes={k: v for k, v in self.shapes.items() if k != shape_id})
+
+    def with_takes(self, *takes: Clip) -> Project:
+        """A project with these takes added."""
+        return replace(self, takes={**self.takes, **{take.id: take for take in takes}})
+
+    def with_layers(self, *layers: Layer) -> Project:
+        """A project with these layers added, or put in the place of those of the same id."""
+        return replace(self, layers={**self.layers, **{layer.id: layer for layer in layers}})
+
+    def shape(self, shape_id: str) -> Shape:
+        """The shape of an id.
+
+        Raises:
+            InputError: where there is none, with the ids that there are.
+        """
+        if shape_id not in self.shapes:
+            mend = f"Known: {', '.join(self.shapes)}." if self.shapes else "Add one first."
+            raise InputError(f"there is no shape {shape_id!r}", where="project", mend=mend)
+        return self.shapes[shape_id]
+
+
+def unused(stem: str, taken: Mapping[str, object]) -> str:
+    """``stem``, or ``stem 2``, ``stem 3``, ...: the first that is not taken."""
+    number, name = 1, stem
+    while name in taken:
+        number += 1
+        name = f"{stem} {number}"
+    return name

@@ -1,0 +1,195 @@
+"""A skeleton: a tree of joints at rest, and the bones between them.
+
+Bone ``j`` is the link from ``parents[j]`` to joint ``j``; it turns about ``parents[j]`` and carries joint ``j``
+and all that hangs on it. Entry 0, the root, has no link: its turn is the turn of the whole. So there are as
+many turns as joints, and two arms that leave one chest turn apart, as AniMesh's bones do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from enliven.arrays import Float, Int32
+from enliven.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """A tree of joints at rest.
+
+    Attributes:
+        names: (N,) of the joints, each once.
+        parents: (N,) int32; -1 at entry 0, the root, and smaller than the joint's own number elsewhere.
+        positions: (N, 3) float64 metres at rest.
+
+    Raises:
+        InputError: where the arrays do not fit together; :func:`skeleton_of` sorts what is only out of order.
+    """
+
+    names: tuple[str, ...]
+    parents: Int32
+    positions: Float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "parents", _frozen(np.array(self.parents, np.int32)))
+        object.__setattr__(self, "positions", _frozen(np.array(self.positions, np.float64)))
+        problem = _problem_of(self)
+        if problem:
+            raise InputError(problem, where="skeleton", mend="Build it with skeleton_of, or mend the file.")
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @cached_property
+    def vectors(self) -> Float:
+        """(N, 3) from each joint's parent to the joint, at rest; zero at the root."""
+        parents = np.maximum(self.parents, 0)
+        return _frozen(np.where(self.parents[:, None] < 0, 0.0, self.positions - self.positions[parents]))
+
+    @cached_property
+    def lengths(self) -> Float:
+        """(N,) metres of each bone; zero at the root."""
+        return _frozen(np.linalg.norm(self.vectors, axis=1))
+
+    @cached_property
+    def children(self) -> tuple[tuple[int, ...], ...]:
+        """The joints that hang on each joint, in their order."""
+        below: list[list[int]] = [[] for _ in self.names]
+        for joint, parent in enumerate(self.parents):
+            if parent >= 0:
+                below[parent].append(joint)
+        return tuple(tuple(joints) for joints in below)
+
+    def index(self, name: str) -> int:
+        """The number of a joint.
+
+        Raises:
+            InputError: where no joint has the name, with those that have.
+        """
+        if name not in self.names:
+            known = ", ".join(self.names[:12]) + (", ..." if len(self.names) > 12 else "")
+            raise InputError(f"there is no joint {name!r}", where="skeleton", mend=f"Known: {known}.")
+        return self.names.index(name)
+
+    def below(self, joint: int) -> tuple[int, ...]:
+        """The joint and all that hangs on it, ascending."""
+        inside = {joint}
+        for other in range(joint + 1, len(self)):
+            if int(self.parents[other]) in inside:
+                inside.add(other)
+        return tuple(sorted(inside))
+
+    def path(self, start: int, end: int) -> tuple[int, ...]:
+        """The joints from ``start`` to ``end``, both included: up to where they meet, and down."""
+        up = self._to_root(start)
+        down = self._to_root(end)
+        meeting = next(joint for joint in up if joint in set(down))
+        return (*up[: up.index(meeting) + 1], *reversed(down[: down.index(meeting)]))
+
+    def _to_root(self, joint: int) -> list[int]:
+        chain = [joint]
+        while self.parents[chain[-1]] >= 0:
+            chain.append(int(self.parents[chain[-1]]))
+        return chain
+
+
+def skeleton_of(
+    names: Sequence[str],
+    links: Iterable[tuple[int, int]],
+    positions: Float | Sequence[Sequence[float]],
+    root: int | None = None,
+) -> tuple[Skeleton, tuple[int, ...]]:
+    """A skeleton of joints and links in any order and direction.
+
+    Args:
+        links: pairs of joints.
+        positions: (N, 3) metres at rest.
+        root: the joint to hang the tree on; None takes joint 0.
+
+    Returns:
+        The skeleton, and for each of its joints the number it had.
+
+    Raises:
+        InputError: where the links make a cycle or leave joints apart, with the names of those joints.
+    """
+    where = "skeleton"
+    if not names:
+        raise InputError("it has no joints", where=where, mend="Give at least one.")
+    beside: list[list[int]] = [[] for _ in names]
+    for a, b in links:
+        if not (0 <= a < len(names) and 0 <= b < len(names)):
+            raise InputError(f"a link joins {a} and {b} of {len(names)} joints", where=where)
+        beside[a].append(b)
+        beside[b].append(a)
+    order, parents = _walk(names, beside, root or 0)
+    apart = [name for i, name in enumerate(names) if i not in parents]
+    if apart:
+        mend = "Link them, or load them as a shape of their own."
+        raise InputError(f"these joints hang on nothing: {', '.join(apart)}", where=where, mend=mend)
+    number = {old: new for new, old in enumerate(order)}
+    above = [-1 if parents[old] < 0 else number[parents[old]] for old in order]
+    at = np.array(positions, np.float64)[order]
+    return Skeleton(tuple(names[i] for i in order), np.array(above, np.int32), at), tuple(order)
+
+
+def _walk(names: Sequence[str], beside: list[list[int]], root: int) -> tuple[list[int], dict[int, int]]:
+    """Joints in depth-first order from the root, and the parent of each; refuses a cycle."""
+    order, parents, waiting = [], {root: -1}, [root]
+    while waiting:
+        joint = waiting.pop()
+        order.append(joint)
+        fresh = list(beside[joint])
+        if parents[joint] >= 0:
+            fresh.remove(parents[joint])
+        for other in reversed(fresh):
+            if other in parents:
+                cycle = _cycle(parents, joint, other)
+                called = ", ".join(names[i] for i in cycle)
+                mend = "A skeleton is a tree: remove one of the links."
+                raise InputError(f"these joints form a cycle: {called}", where="skeleton", mend=mend)
+            parents[other] = joint
+            waiting.append(other)
+    return order, parents
+
+
+def _cycle(parents: dict[int, int], joint: int, other: int) -> list[int]:
+    """The joints of the cycle that a link from ``joint`` to ``other`` closes."""
+    chains = []
+    for end in (joint, other):
+        chain = [end]
+        while parents[chain[-1]] >= 0:
+            chain.append(parents[chain[-1]])
+        chains.append(chain)
+    meeting = next(i for i in chains[0] if i in set(chains[1]))
+    return [*chains[0][: chains[0].index(meeting) + 1], *reversed(chains[1][: chains[1].index(meeting)])]
+
+
+def _problem_of(skeleton: Skeleton) -> str:
+    count = len(skeleton.names)
+    if count == 0:
+        return "it has no joints"
+    if skeleton.parents.shape != (count,) or skeleton.positions.shape != (count, 3):
+        return f"{count} names, parents {skeleton.parents.shape}, positions {skeleton.positions.shape}"
+    if len(set(skeleton.names)) != count:
+        twice = sorted({name for name in skeleton.names if skeleton.names.count(name) > 1})
+        return f"these names are there more than once: {', '.join(twice[:5])}"
+    if skeleton.parents[0] != -1 or (skeleton.parents[1:] < 0).any():
+        return "entry 0 must be the one root (parent -1)"
+    late = np.flatnonzero(skeleton.parents >= np.arange(count))
+    if len(late):
+        return f"joint {skeleton.names[late[0]]!r} comes before its parent"
+    if not np.isfinite(skeleton.positions).all():
+        bad = int(np.flatnonzero(~np.isfinite(skeleton.positions).all(1))[0])
+        return f"the position of joint {skeleton.names[bad]!r} is not finite"
+    return ""
+
+
+def _frozen(array):  # type: ignore[no-untyped-def]
+    """The array, never to be written again: a document shares it with its own past."""
+    array.setflags(write=False)
+    return array
