@@ -34,7 +34,7 @@ class Project:
                 raise InputError("its chain names joints that the take lacks", where=f"layer {layer.id!r}")
         for shape in self.shapes.values():
             named = {ref.layer for spans in shape.spans for span in spans for ref in span.refs}
-            missing = (named | ({shape.travel} - {None})) - set(self.layers)
+            missing = (named | ({shape.travel} if shape.travel else set())) - set(self.layers)
             if missing:
                 raise InputError(f"there is no layer {min(missing)!r}", where=f"shape {shape.id!r}")
 

@@ -1,8 +1,8 @@
 """A skeleton: a tree of joints at rest, and the bones between them.
 
-Bone ``j`` is the link from ``parents[j]`` to joint ``j``; it turns about ``parents[j]`` and carries joint ``j``
-and all that hangs on it. Entry 0, the root, has no link: its turn is the turn of the whole. So there are as
-many turns as joints, and two arms that leave one chest turn apart, as AniMesh's bones do.
+Bone ``j`` is the link from ``parents[j]`` to joint ``j``; it turns about ``parents[j]`` and carries joint
+``j`` and all that hangs on it. Entry 0, the root, has no link: its turn is the turn of the whole. So there
+are as many turns as joints, and two arms that leave one chest turn apart, as AniMesh's bones do.
 """
 
 from __future__ import annotations
@@ -10,11 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 
 from enliven.arrays import Float, Int32
 from enliven.errors import InputError
+
+_Array = TypeVar("_Array", bound=np.ndarray[Any, Any])
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +192,7 @@ def _problem_of(skeleton: Skeleton) -> str:
     return ""
 
 
-def _frozen(array):  # type: ignore[no-untyped-def]
+def _frozen(array: _Array) -> _Array:
     """The array, never to be written again: a document shares it with its own past."""
     array.setflags(write=False)
     return array
