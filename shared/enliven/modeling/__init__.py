@@ -1,0 +1,1 @@
+"""Modeling: cutting and merging shapes without losing their motion, and making them from strokes."""
