@@ -34,6 +34,8 @@ class Layer:
         loop: begin again at the end; otherwise the last frame stays.
         weight: 0 to leave the bone as modeled, 1 for the whole turn; the turn of each source bone is scaled.
         muted: true leaves the layer out.
+        mirrored: the source seen in a mirror: its turns q = (w, x, y, z) are taken as (w, x, -y, -z) and its
+            displacements (x, y, z) as (-x, y, z), the reflection in the plane x = 0, before the basis.
     """
 
     id: str
@@ -45,6 +47,7 @@ class Layer:
     loop: bool = False
     weight: float = 1.0
     muted: bool = False
+    mirrored: bool = False
 
     def __post_init__(self) -> None:
         basis = np.array(self.basis, np.float64)
@@ -79,11 +82,20 @@ class Span:
 
     Its own turn is C(0)^-1 C(1), with C(u) the product, in order, of every layer's q(start + u (end -
     start)): a product of functions of the place telescopes along a chain, so the total turn is kept whatever
-    is inserted, however many layers lie on one another. The turn of a bone is the product of its spans'.
+    is inserted, however many layers lie on one another. The turn of a bone is the product over its spans of
+    ``before`` and the span's own turn: a_j = before_0 turn_0 before_1 turn_1 ...
+
+    Attributes:
+        share: of the bone's length, in [0, 1]; those of a bone sum to one. A share of 0 is a turn at the
+            joint itself: that of a root which was grafted onto another shape.
+        refs: what falls on it of which layers.
+        before: unit quaternion (w, x, y, z), a fixed turn at the beginning of the span: the modeling rotation
+            of a bone that was joined to the one before it when the node between them was removed.
     """
 
     share: float = 1.0
     refs: tuple[Ref, ...] = ()
+    before: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
 
 STILL: tuple[Span, ...] = (Span(),)
