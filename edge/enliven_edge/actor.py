@@ -54,7 +54,7 @@ class Actor:
         self._placement = AS_MODELLED
         self._met = self.settings.place == "fixed"
         self._solver: EmbeddedSolver | None = None
-        self._fading = Fading(self.settings.fade)
+        self._fading = Fading(self.settings.fade, self.settings.fade_pace)
         self._soft = SoftTerms(character, graph, self.settings)
         self._stiffness = stiffness_at(graph.positions, self.settings.stiffness)
         self._time_ns = 0

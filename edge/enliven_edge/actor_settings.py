@@ -51,6 +51,9 @@ class ActorSettings:
     )
     height_ratio: float = setting(1.0, "The mesh's height over the performer's.", low=0.05, high=20.0)
     fade: float = setting(0.5, "Time to ease over any change of who holds.", unit="s", low=0.0, high=10.0)
+    fade_pace: float = setting(
+        2.5, "Fastest that easing moves anything: a wide change takes longer.", unit="m/s", low=0.01
+    )
     patience: float = setting(
         0.2, "A performer out of sight for longer lets go until they are back.", unit="s", low=0.0, high=10.0
     )

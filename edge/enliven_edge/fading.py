@@ -9,6 +9,9 @@ import numpy as np
 from enliven.arrays import Float
 from enliven_edge.placement import turn_about_y, yaw_between
 
+_STEEPEST = 1.5 * np.pi / 2
+"""Of the easing at its middle, times the way along a half turn over the way across it."""
+
 State = tuple[Float, Float]
 """(N, 3, 3) linear parts and (N, 3) positions, world frame."""
 
@@ -28,15 +31,17 @@ class _Gap:
 class Fading:
     """Eases over changes by keeping the gap they tear, and closing it while what is computed moves on.
 
-    Within ``seconds`` of a change, no node is shown faster than it is computed (the gap's turn and growth
-    carried along) by more than 1.5 / seconds times the gap's length, pi / 2 of it where the gap is a turn.
+    While a gap closes, no node is shown faster than it is computed (the gap's turn and growth carried along)
+    by more than ``pace``, or 1.5 / seconds times the gap's length, pi / 2 of it where the gap is a turn.
 
     Args:
         seconds: that a gap takes to close.
+        pace: metres a second; a gap too wide for it takes longer.
     """
 
-    def __init__(self, seconds: float) -> None:
-        self.seconds = seconds
+    def __init__(self, seconds: float, pace: float = np.inf) -> None:
+        self.seconds, self.pace = seconds, pace
+        self._closing = seconds
         self.shown: State | None = None
         self._time_ns = self._start_ns = 0
         self._gap: _Gap | None = None
@@ -55,14 +60,21 @@ class Fading:
         """What to show of a computed state."""
         if self._torn and self.shown is not None and self.seconds > 0:
             self._gap, self._start_ns = _gap(self.shown, (linear, positions)), self._time_ns
+            self._closing = max(self.seconds, _STEEPEST * _width(self.shown[1], positions) / self.pace)
         self._torn, self._time_ns = False, time_ns
-        share = (time_ns - self._start_ns) * 1e-9 / max(self.seconds, 1e-9)
+        share = (time_ns - self._start_ns) * 1e-9 / max(self._closing, 1e-9)
         if self._gap is None or not 0.0 <= share < 1.0:
             self._gap, self.shown = None, (linear, positions)
         else:
             left = 1.0 - share * share * (3 - 2 * share)
             self.shown = _apart(self._gap, left, linear, positions)
         return self.shown
+
+
+def _width(shown: Float, new: Float) -> float:
+    """Metres of the way of the whole and the farthest way within it, which may go after one another."""
+    way = new.mean(0) - shown.mean(0)
+    return float(np.linalg.norm(way) + np.linalg.norm(new - shown - way, axis=1).max())
 
 
 def _gap(shown: State, new: State) -> _Gap:

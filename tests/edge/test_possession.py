@@ -170,22 +170,23 @@ def test_whatever_happens_when_nothing_jumps(chair, events, apart):
     assert steps(poses).max() < np.pi / 2 * 1.5 / FADE * FRAME * 1e-9 * leap + 0.04
 
 
-@given(st.integers(0, 2**32 - 1), st.floats(-3, 3), st.floats(0.2, 3.0))
-@settings(max_examples=25, deadline=None)
-def test_a_gap_closes_no_faster_than_it_says(seed, yaw, growth):
+@given(st.integers(0, 2**32 - 1), st.floats(-3, 3), st.floats(0.2, 3.0), st.sampled_from([0.5, 4.0, np.inf]))
+@settings(max_examples=40, deadline=None)
+def test_a_gap_closes_no_faster_than_it_says(seed, yaw, growth, pace):
     """Fading alone: between two states that stand still, the bound of its docstring, and both ends met."""
     rng = np.random.default_rng(seed)
     positions = rng.normal(size=(20, 3))
     linear = np.tile(np.eye(3), (20, 1, 1))
     moved = growth * positions @ turn_about_y(yaw).T + rng.normal(size=3) + 0.2 * rng.normal(size=(20, 3))
     turned = growth * turn_about_y(yaw) @ linear
-    fading = Fading(FADE)
+    fading = Fading(FADE, pace)
     last = fading(linear, positions, 0)[1]
     fading.tear()
     gap = np.linalg.norm(moved - positions, axis=1).max() + np.ptp(moved, axis=0).max()
-    for k in range(1, 20):
+    assert Fading(FADE, pace)(turned, moved, 0)[1] is moved, "without a tear nothing is eased"
+    for k in range(1, 20 if pace == np.inf else 3000):
         now = fading(turned, moved, k * FRAME)[1]
-        bound = np.pi / 2 * 1.5 / FADE * FRAME * 1e-9 * gap
+        bound = FRAME * 1e-9 * min(np.pi / 2 * 1.5 / FADE * gap, pace)
         assert np.linalg.norm(now - last, axis=1).max() < bound
         last = now
     np.testing.assert_allclose(last, moved)
