@@ -53,6 +53,8 @@ def test_a_missing_recording_is_said():
     assert asked.returncode == 3
     assert "nowhere.mcap: there is no such recording" in asked.stderr
     assert "Traceback" not in asked.stderr
+    unset = enliven("run", "--settings", "nowhere.toml")
+    assert unset.returncode == 3 and "nowhere.toml: there is no such file of settings" in unset.stderr
 
 
 def test_doctor_as_json():

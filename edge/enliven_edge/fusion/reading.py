@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from abc import ABC, abstractmethod
 
 from enliven_edge.sensors.base import Sensor
 
@@ -13,7 +14,7 @@ PATIENCE = 0.1
 """Seconds to wait for a frame before looking whether to stop."""
 
 
-class SensorThread:
+class SensorThread(ABC):
     """Runs :meth:`_read` for one sensor; a failure is kept for the user, who still has the other sensors.
 
     Args:
@@ -50,9 +51,9 @@ class SensorThread:
             log.debug("sensor %s failed", self.name, exc_info=True)
         self._end()
 
+    @abstractmethod
     def _read(self) -> None:
         """Reads until the end, or until :attr:`_stopped` is set."""
-        raise NotImplementedError
 
     def _end(self) -> None:
         """Nothing more will come."""

@@ -28,6 +28,7 @@ def run(
     ),
     seconds: float | None = typer.Option(None, help="Stop after this many seconds of the recording."),
     physics: str | None = typer.Option(None, help="Loose things to knock about: boxes or dodgeball."),
+    settings: Path | None = typer.Option(None, help="A TOML file of settings for the edge."),
     record: Path | None = typer.Option(None, help="Keep the take (character, bodies, poses) in this file."),
 ) -> None:
     """Start the edge and the viewer together: the whole road from a depth recording to a moving mesh.
@@ -40,10 +41,12 @@ def run(
       enliven run --recording take.mcap --mesh horse.obj --possess-at 2
       enliven run --sensor synthetic --window
       enliven run --physics boxes
+      enliven run --mesh horse.obj --settings edge.toml
     """
     _need_both_programs()
-    if recording is not None and not recording.exists():
-        raise InputError("there is no such recording", where=str(recording), mend="Check the path.")
+    for what, path in (("recording", recording), ("file of settings", settings)):
+        if path is not None and not path.exists():
+            raise InputError(f"there is no such {what}", where=str(path), mend="Check the path.")
     as_film = not has_display() if film is None else film
     if as_film and film is None:
         typer.echo("enliven: there is no display here, so this makes a film; with one, a window opens")
@@ -56,6 +59,7 @@ def run(
     edge = _edge_arguments(recording, sensor, mesh, possess_at, parts, seconds, ports, as_film)
     edge += ["--record", str(record)] if record else []
     edge += ["--physics", physics] if physics else []
+    edge += ["--settings", str(settings)] if settings else []
     view = _view_arguments(out, ports, as_film)
     # The edge compiles and prepares the mesh before it listens, a minute the very first time.
     first = Process("edge", edge, ready=lambda: is_listening("127.0.0.1", ports[0]))
