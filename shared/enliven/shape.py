@@ -32,6 +32,8 @@ class Shape:
         travel: the id of the layer whose take's root moves this root too, or None.
         mesh: the surface at rest, in the skeleton's frame, or None.
         skin: which bones each vertex follows, or None without a mesh.
+        travel_scale: metres that this root goes for a metre of the take's, or None for the ratio of their
+            sizes; see :mod:`enliven.motion.travel`.
 
     Raises:
         InputError: where the parts do not fit together.
@@ -45,6 +47,7 @@ class Shape:
     travel: str | None = None
     mesh: Mesh | None = None
     skin: SkinWeights | None = None
+    travel_scale: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("modeling", "place"):
@@ -106,6 +109,8 @@ def _problem_of(shape: Shape) -> str:
         return f"{count} joints, modeling {shape.modeling.shape}, {len(shape.spans)} spans"
     if not np.allclose(np.linalg.norm(shape.modeling, axis=1), 1.0, atol=1e-6):
         return "a modeling rotation is no unit quaternion"
+    if shape.travel_scale is not None and not 0.0 <= shape.travel_scale < 1e6:
+        return f"the scale of its travel is {shape.travel_scale}"
     for name, spans in zip(shape.skeleton.names, shape.spans, strict=True):
         if not spans or abs(sum(span.share for span in spans) - 1.0) > 1e-9:
             return f"the spans of bone {name!r} do not cover it"

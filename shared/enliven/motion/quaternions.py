@@ -1,0 +1,72 @@
+"""Compiled quaternions for the loops of this package: tuples (w, x, y, z) in and out, nothing allocated."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def load(rows, i):  # type: ignore[no-untyped-def]
+    """Kernel: row ``i`` of a (N, 4) array."""
+    return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
+
+
+@njit(cache=True, nogil=True)
+def store(rows, i, q):  # type: ignore[no-untyped-def]
+    """Kernel: writes row ``i`` of a (N, 4) array."""
+    rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3] = q
+
+
+@njit(cache=True, nogil=True)
+def conj(q):  # type: ignore[no-untyped-def]
+    """Kernel: the inverse of a unit quaternion."""
+    return q[0], -q[1], -q[2], -q[3]
+
+
+@njit(cache=True, nogil=True)
+def mul(a, b):  # type: ignore[no-untyped-def]
+    """Kernel: ``a`` after ``b``."""
+    return (
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    )
+
+
+@njit(cache=True, nogil=True)
+def turn(q, x, y, z):  # type: ignore[no-untyped-def]
+    """Kernel: the vector (x, y, z) turned by ``q``."""
+    a, b, c = 2 * (q[2] * z - q[3] * y), 2 * (q[3] * x - q[1] * z), 2 * (q[1] * y - q[2] * x)
+    return (
+        x + q[0] * a + q[2] * c - q[3] * b,
+        y + q[0] * b + q[3] * a - q[1] * c,
+        z + q[0] * c + q[1] * b - q[2] * a,
+    )
+
+
+@njit(cache=True, nogil=True)
+def between(a, b, t):  # type: ignore[no-untyped-def]
+    """Kernel: slerp at ``t`` of the shorter arc from ``a`` to ``b`` (Shoemake 1985), exact at both ends."""
+    cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+    if cosine < 0.0:
+        cosine, b = -cosine, (-b[0], -b[1], -b[2], -b[3])
+    if t == 0.0:
+        return a
+    if t == 1.0:
+        return b
+    # e is what b has at right angles to a: its length is the sine, exact for small angles too.
+    e = (b[0] - cosine * a[0], b[1] - cosine * a[1], b[2] - cosine * a[2], b[3] - cosine * a[3])
+    sine = math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3])
+    if sine < 1e-300:
+        return a
+    angle = t * math.atan2(sine, cosine)
+    along, across = math.cos(angle), math.sin(angle) / sine
+    return (
+        along * a[0] + across * e[0],
+        along * a[1] + across * e[1],
+        along * a[2] + across * e[2],
+        along * a[3] + across * e[3],
+    )
