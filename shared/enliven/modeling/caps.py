@@ -1,0 +1,86 @@
+"""Caps: what closes the loops of a cut, with points inside that take everything from the rim."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.linalg import spsolve
+
+from enliven.arrays import Float, Int
+from enliven.modeling.cut_loops import area
+from enliven.modeling.planar import refined, triangulated
+
+
+@dataclass(frozen=True)
+class Cap:
+    """A filling between loops.
+
+    Attributes:
+        rim: (R,) the numbers of the rim's points, as the caller counts them.
+        faces: (T, 3) into the R points of the rim and then the I points inside; the border runs as the loops.
+        inside: (I, R) how much of each point of the rim each inner point takes; rows sum to one.
+    """
+
+    rim: Int
+    faces: Int
+    inside: Float
+
+
+def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
+    """A cap between loops, in even triangles.
+
+    Args:
+        loops: the points of each loop, in order.
+        places: (N, 2) where the points are, in the surface.
+        fine: false adds no points inside.
+    """
+    mirrored = sum(area(places[loop]) for loop in loops) < 0
+    rim = np.concatenate(loops)
+    points = places[rim] * ([-1.0, 1.0] if mirrored else [1.0, 1.0])
+    ends = np.cumsum([len(loop) for loop in loops])
+    numbers = [np.arange(end - len(loop), end) for loop, end in zip(loops, ends, strict=True)]
+    triangles = triangulated(points, numbers)
+    if fine:
+        points, triangles = refined(points, triangles, _sizes(points, numbers))
+    return Cap(rim, triangles, harmonic(points, triangles, len(rim)))
+
+
+def _sizes(points: Float, loops: list[Int]) -> Float:
+    """(R,) how long edges at each point of the rim should be: about as its own two."""
+    sizes = np.empty(len(points))
+    for loop in loops:
+        step = np.linalg.norm(points[np.roll(loop, -1)] - points[loop], axis=1)
+        around = (step + np.roll(step, 1)) / 2
+        sizes[loop] = np.maximum(around, 0.7 * step.mean())
+    return sizes
+
+
+def harmonic(points: Float, triangles: Int, fixed: int) -> Float:
+    """(P - fixed, fixed) weights of the harmonic interpolation of the first ``fixed`` points at the others.
+
+    With cotangent weights it is exact for linear functions; Delaunay triangles make the weights positive, so
+    it stays within the bounds of what it interpolates.
+    """
+    count = len(points)
+    if count == fixed:
+        return np.zeros((0, fixed))
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    rows, columns, values = [], [], []
+    for tip, left, right, i, j in ((a, b, c, 1, 2), (b, c, a, 2, 0), (c, a, b, 0, 1)):
+        u, v = left - tip, right - tip
+        turn = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+        cotangent = (u * v).sum(1) / np.maximum(turn, 1e-12 * (u * u).sum(1) + 1e-300)
+        rows += [triangles[:, i], triangles[:, j]]
+        columns += [triangles[:, j], triangles[:, i]]
+        values += [cotangent, cotangent]
+    web = coo_matrix(
+        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), (count, count)
+    )
+    web = web.tocsr()
+    web.data = np.maximum(web.data, 1e-9)
+    own = np.asarray(web.sum(1)).ravel()
+    inner = -web[fixed:, fixed:].tolil()
+    inner.setdiag(own[fixed:])
+    return np.asarray(spsolve(inner.tocsc(), web[fixed:, :fixed].toarray())).reshape(count - fixed, fixed)
