@@ -1,0 +1,216 @@
+"""Which target branch for which source branch? Compiled: every choice of branches, or the best of very many.
+
+A *choice* is a set of m of n columns; its score is the best of the m! ways to give one to each row. For all
+choices at once, f(S) = max over j in S of f(S without j) + gain[|S| - 1, j]: sum_i C(n, i) i sums instead of
+C(n, m) m! m. Where even the choices are too many, the best come first: the best of all is an assignment
+problem, and what is left falls into m parts (without its first column; with it, without its second; ...),
+each of them an assignment problem again (Lawler 1972).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def binomials(most):  # type: ignore[no-untyped-def]
+    """(most + 1, most + 2) C(n, k) as float64: exact up to 2^53, large beyond."""
+    table = np.zeros((most + 1, most + 2))
+    table[:, 0] = 1.0
+    for n in range(1, most + 1):
+        for k in range(1, n + 1):
+            table[n, k] = table[n - 1, k - 1] + table[n - 1, k]
+    return table
+
+
+@njit(cache=True, nogil=True)
+def all_choices(gain, count, scores, picks):  # type: ignore[no-untyped-def]
+    """Every choice of m of n columns, m <= n, in colexicographic order.
+
+    Args:
+        gain: (m, n).
+        count: (n + 1, n + 2) of :func:`binomials`, or a larger table.
+        scores: (C(n, m),) out.
+        picks: (C(n, m), m) int32 out, the column of each row.
+    """
+    m, n = gain.shape
+    start = np.zeros(m + 2, np.int64)
+    for k in range(m + 1):
+        start[k + 1] = start[k] + int(count[n, k])
+    last = np.zeros(start[m + 1], np.int32)
+    before = np.zeros(1)
+    members = np.empty(m, np.int64)
+    for k in range(1, m + 1):
+        size = int(count[n, k])
+        now = np.empty(size)
+        for i in range(k):
+            members[i] = i
+        for place in range(size):
+            now[place] = -np.inf
+            without = place - _own(count, members, 0, k)
+            for p in range(k):
+                value = before[without] + gain[k - 1, members[p]]
+                if value > now[place]:
+                    now[place] = value
+                    last[start[k] + place] = members[p]
+                if p + 1 < k:
+                    # One member earlier is left out: the next moves down from rank p + 1 to p, or back up.
+                    without += int(count[members[p], p + 1]) - int(count[members[p + 1], p + 1])
+            _next(members, k)
+        before = now
+    scores[:] = before
+    for i in range(m):
+        members[i] = i
+    left = np.empty(m, np.int64)
+    for place in range(len(scores)):
+        left[:] = members[:m]
+        for k in range(m, 0, -1):
+            column = last[start[k] + _rank(count, left, k)]
+            picks[place, k - 1] = column
+            _drop(left, k, column)
+        _next(members, m)
+
+
+@njit(cache=True, nogil=True)
+def _own(count, members, p, k):  # type: ignore[no-untyped-def]
+    """How much the rank of k members falls when member p is left out."""
+    change = int(count[members[p], p + 1])
+    for i in range(p + 1, k):
+        change += int(count[members[i], i + 1]) - int(count[members[i], i])
+    return change
+
+
+@njit(cache=True, nogil=True)
+def _rank(count, members, k):  # type: ignore[no-untyped-def]
+    """The colexicographic rank of k ascending members."""
+    total = 0
+    for i in range(k):
+        total += int(count[members[i], i + 1])
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _next(members, k):  # type: ignore[no-untyped-def]
+    """The next k ascending members in colexicographic order."""
+    i = 0
+    while i + 1 < k and members[i] + 1 == members[i + 1]:
+        members[i] = i
+        i += 1
+    members[i] += 1
+
+
+@njit(cache=True, nogil=True)
+def _drop(members, k, value):  # type: ignore[no-untyped-def]
+    """Takes a value out of k ascending members."""
+    moved = False
+    for i in range(k):
+        if members[i] == value:
+            moved = True
+        if moved and i + 1 < k:
+            members[i] = members[i + 1]
+
+
+@njit(cache=True, nogil=True)
+def assign(gain, state, columns):  # type: ignore[no-untyped-def]
+    """The best column for each row, each used once (shortest augmenting paths).
+
+    Args:
+        gain: (m, n), m <= n.
+        state: (n,) int8: 1 where the column must be used, -1 where it must not; at most m must, and m may.
+        columns: (m,) int32 out.
+
+    Returns:
+        The sum of the gains.
+    """
+    m, n = gain.shape
+    bonus = 1.0
+    for i in range(m):
+        for j in range(n):
+            bonus = max(bonus, abs(gain[i, j]))
+    bonus *= 2.0 * m + 1.0
+    rows_of = np.full(n + 1, -1, np.int64)
+    row_price, column_price = np.zeros(m), np.zeros(n + 1)
+    for row in range(m):
+        _augment(gain, state, bonus, row, rows_of, row_price, column_price)
+    total = 0.0
+    for j in range(n):
+        if rows_of[j] >= 0:
+            columns[rows_of[j]] = j
+            total += gain[rows_of[j], j]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _augment(gain, state, bonus, row, rows_of, row_price, column_price):  # type: ignore[no-untyped-def]
+    """One more row gets a column; column n stands for the row that has none yet."""
+    n = gain.shape[1]
+    nearest = np.full(n + 1, np.inf)
+    previous = np.full(n + 1, n, np.int64)
+    visited = np.zeros(n + 1, np.bool_)
+    rows_of[n] = row
+    at = n
+    while rows_of[at] >= 0:
+        visited[at] = True
+        step, following = np.inf, -1
+        for j in range(n):
+            if visited[j] or state[j] < 0:
+                continue
+            cost = -gain[rows_of[at], j] - (bonus if state[j] > 0 else 0.0)
+            reduced = cost - row_price[rows_of[at]] - column_price[j]
+            if reduced < nearest[j]:
+                nearest[j], previous[j] = reduced, at
+            if nearest[j] < step:
+                step, following = nearest[j], j
+        for j in range(n + 1):
+            if visited[j]:
+                row_price[rows_of[j]] += step
+                column_price[j] -= step
+            else:
+                nearest[j] -= step
+        at = following
+    while at != n:
+        rows_of[at] = rows_of[previous[at]]
+        at = previous[at]
+
+
+@njit(cache=True, nogil=True)
+def best_choices(gain, scores, picks):  # type: ignore[no-untyped-def]
+    """The best choices of m of n columns, the best first, as many as ``scores`` has room for.
+
+    Args:
+        gain: (m, n), m <= n.
+        scores: (K,) out, K <= C(n, m).
+        picks: (K, m) int32 out.
+    """
+    m, n = gain.shape
+    room = len(scores) * m + 1
+    states = np.zeros((room, n), np.int8)
+    columns = np.empty((room, m), np.int32)
+    values = np.empty(room)
+    values[0] = assign(gain, states[0], columns[0])
+    used = 1
+    open_ = np.zeros(room, np.bool_)
+    open_[0] = True
+    for k in range(len(scores)):
+        best = -1
+        for i in range(used):
+            if open_[i] and (best < 0 or values[i] > values[best]):
+                best = i
+        open_[best] = False
+        scores[k] = values[best]
+        picks[k] = columns[best]
+        state = states[best].copy()
+        free = n
+        for j in range(n):
+            free -= state[j] < 0
+        for j in np.sort(columns[best]):
+            if state[j] != 0 or used == room:
+                continue
+            states[used] = state
+            states[used, j] = -1
+            if free > m:
+                values[used] = assign(gain, states[used], columns[used])
+                open_[used] = True
+                used += 1
+            state[j] = 1

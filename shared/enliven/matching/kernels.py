@@ -1,0 +1,84 @@
+"""The compiled whole of a ranking: cosines, and every candidate's choices, into flat rows."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from enliven.matching.assignment import all_choices, best_choices, binomials
+
+
+@njit(cache=True, nogil=True)
+def rank_rows(ends, first, source, rows, whole, missing):  # type: ignore[no-untyped-def]
+    """Scores of all candidates' matches, unsorted.
+
+    Args:
+        ends: (B, 2) the branches on the screen, as :func:`scaled` leaves them.
+        first: (C + 1,) of each candidate's branches.
+        source: (m, 2) the source's branches, likewise.
+        rows: (C + 1,) first match of each candidate.
+        whole: (C,) nonzero where a candidate's rows are all its choices, else its best.
+        missing: the score of a source branch that gets none.
+
+    Returns:
+        (R,) candidate, (R, m) column of each source branch or -1, (R,) score.
+    """
+    m, count = len(source), len(first) - 1
+    which = np.empty(rows[count], np.int32)
+    columns = np.full((rows[count], m), -1, np.int32)
+    scores = np.empty(rows[count])
+    most = m
+    for c in range(count):
+        most = max(most, first[c + 1] - first[c])
+    table = binomials(most)
+    for c in range(count):
+        n = first[c + 1] - first[c]
+        gain = np.empty((min(m, n), max(m, n)))
+        for i in range(m):
+            for j in range(n):
+                end = ends[first[c] + j]
+                cosine = source[i, 0] * end[0] + source[i, 1] * end[1]
+                if m <= n:
+                    gain[i, j] = cosine
+                else:
+                    gain[j, i] = cosine
+        low, high = rows[c], rows[c + 1]
+        which[low:high] = c
+        picks = np.empty((high - low, len(gain)), np.int32)
+        if whole[c]:
+            all_choices(gain, table, scores[low:high], picks)
+        else:
+            best_choices(gain, scores[low:high], picks)
+        for k in range(high - low):
+            for i in range(len(gain)):
+                if m <= n:
+                    columns[low + k, i] = picks[k, i]
+                else:
+                    columns[low + k, picks[k, i]] = i
+            if n < m:
+                scores[low + k] += (m - n) * missing
+    return which, columns, scores
+
+
+@njit(cache=True, nogil=True)
+def scaled(ends, first, lengths, blur, dots):  # type: ignore[no-untyped-def]
+    """Branches on the screen, made comparable in place.
+
+    For cosines each gets length one; but one that is seen end-on, so that less than a share ``blur`` of it
+    shows, has hardly a direction, and stays as short as it is of that: its cosines fade to zero. For dot
+    products the longest of each sub-tree gets length one.
+
+    Args:
+        ends: (B, 2) from the sub-tree's root.
+        first: (C + 1,) of each sub-tree's branches.
+        lengths: (B,) as if seen from the side.
+        dots: for dot products.
+    """
+    for c in range(len(first) - 1):
+        longest = 0.0
+        for i in range(first[c], first[c + 1]):
+            longest = max(longest, np.hypot(ends[i, 0], ends[i, 1]))
+        for i in range(first[c], first[c + 1]):
+            size = longest if dots else max(np.hypot(ends[i, 0], ends[i, 1]), blur * lengths[i])
+            for axis in range(2):
+                ends[i, axis] = ends[i, axis] / size if size > 0.0 else 0.0

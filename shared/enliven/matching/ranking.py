@@ -1,0 +1,237 @@
+"""Every way a source can drive a target, ranked by how alike they look on the screen (AniMesh, 4.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from math import comb
+from typing import Literal
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from enliven.arrays import Float, Int, Int32
+from enliven.matching.abstraction import Abstraction, Branch, SubTree, abstract_skeleton
+from enliven.matching.kernels import rank_rows, scaled
+from enliven.matching.source import Source
+from enliven.matching.views import View
+from enliven.settings import setting
+from enliven.skeleton import Skeleton
+
+
+@dataclass(frozen=True)
+class RankingSettings:
+    """How matches are scored."""
+
+    most: int = setting(
+        256, "Matches kept, the best; all are looked at.", unit="matches", low=1, high=100_000
+    )
+    measure: Literal["cosine", "dot"] = setting(
+        "cosine",
+        "What is summed over pairs of branches: cosines, or dot products with the longest branch of each "
+        "sub-tree scaled to one, for which short branches count little.",
+    )
+    blur: float = setting(
+        0.2,
+        "A branch of which less than this share is seen, since it points at the eye, counts less and less "
+        "(of cosines only: its dot products are small anyway).",
+        low=1e-6,
+        high=1.0,
+    )
+    missing: float = setting(
+        -1.0,
+        "The score of a source branch for which a sub-tree has none left: -1 as if it pointed the wrong way, "
+        "0 as if across.",
+        low=-1.0,
+        high=0.0,
+    )
+    tie: float = setting(1e-9, "Scores that differ by less are equal.", low=0.0, high=0.1)
+    exhaustive: int = setting(
+        50_000,
+        "Choices of branches within a sub-tree up to which all are scored; beyond, only the best are found.",
+        unit="choices",
+        low=1,
+        high=10_000_000,
+    )
+
+
+@dataclass(frozen=True)
+class Match:
+    """One way: which target branch each source branch drives.
+
+    Attributes:
+        candidate: the sub-tree of the target.
+        pairs: (m,) the target branch of each source branch, or None where the sub-tree has too few.
+        score: sum of cosines, at most m.
+    """
+
+    candidate: SubTree
+    pairs: tuple[Branch | None, ...]
+    score: float
+
+    @property
+    def key(self) -> tuple[tuple[int, ...], ...]:
+        """What is driven, whatever the order in the ranking: the joints of each source branch's chain."""
+        return tuple(() if branch is None else branch.chain for branch in self.pairs)
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """All joints of the chains, ascending: what a viewer lights up."""
+        return tuple(sorted({joint for chain in self.key for joint in chain}))
+
+
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """All matches, the best first.
+
+    Attributes:
+        candidates: of the target.
+        which: (R,) the candidate of each match.
+        columns: (R, m) the candidate's branch that each source branch drives, -1 for none.
+        scores: (R,) falling.
+        total: how many matches there are, those included that are not kept.
+    """
+
+    candidates: tuple[SubTree, ...]
+    which: Int32
+    columns: Int32
+    scores: Float
+    total: int
+
+    def __len__(self) -> int:
+        return len(self.scores)
+
+    def __getitem__(self, place: int) -> Match:
+        candidate = self.candidates[self.which[place]]
+        branches = candidate.branches
+        pairs = tuple(branches[j] if j >= 0 else None for j in self.columns[place])
+        return Match(candidate, pairs, float(self.scores[place]))
+
+    def __iter__(self) -> Iterator[Match]:
+        return (self[place] for place in range(len(self)))
+
+
+class Matcher:
+    """A target, abstracted once, against sources that change every frame.
+
+    Args:
+        target: a skeleton, or an abstraction of whatever tree.
+        positions: (N, 3) metres at rest; needed with an abstraction only.
+        root: as for :func:`abstract_skeleton`: chains run down from the skeleton's own root; None finds one.
+    """
+
+    def __init__(
+        self,
+        target: Skeleton | Abstraction,
+        positions: Float | None = None,
+        root: int | None = 0,
+        settings: RankingSettings | None = None,
+    ) -> None:
+        self.settings = settings or RankingSettings()
+        self.abstraction = abstract_skeleton(target, root) if isinstance(target, Skeleton) else target
+        at = target.positions if isinstance(target, Skeleton) else positions
+        if at is None:
+            raise ValueError("an abstraction needs the positions of its joints")
+        trees = self.abstraction.candidates
+        self._sizes = tuple(len(tree.branches) for tree in trees)
+        self._first = np.concatenate([[0], np.cumsum(self._sizes)]).astype(np.int64)
+        self._roots = np.repeat(np.arange(len(trees)), self._sizes)
+        self._average = _averages(trees, len(at))
+        self._rest = self._points(np.asarray(at, np.float64))
+
+    def rank(
+        self, source: Float, view: View, source_view: View | None = None, positions: Float | None = None
+    ) -> Ranking:
+        """Every match.
+
+        Args:
+            source: (m + 1, 3) root and abstract positions, as :meth:`Source.points` gives them.
+            view: from where the target is seen.
+            source_view: from where the source is seen; None: the same.
+            positions: (N, 3) the target's joints in the pose that is seen; None at rest.
+        """
+        settings = self.settings
+        points = self._rest if positions is None else self._points(np.asarray(positions, np.float64))
+        branches = self._branches(points[len(self._sizes) :], points[self._roots], self._first, view)
+        given = np.asarray(source, np.float64)
+        one = np.array([0, len(given) - 1])
+        roots = np.broadcast_to(given[0], given[1:].shape)
+        plan = _plan(self._sizes, len(given) - 1, settings.exhaustive, settings.most)
+        which, columns, scores = rank_rows(
+            branches,
+            self._first,
+            self._branches(given[1:], roots, one, source_view or view),
+            plan.first,
+            plan.whole,
+            settings.missing,
+        )
+        order = _best(scores, settings.most, settings.tie)
+        trees = self.abstraction.candidates
+        return Ranking(trees, which[order], columns[order], scores[order], plan.total)
+
+    def rank_pose(
+        self, source: Source, joints: Float, view: View, source_view: View | None = None
+    ) -> Ranking:
+        """Every match of a source in a pose of (N, 3) joints."""
+        return self.rank(source.points(joints), view, source_view)
+
+    def _branches(self, ends: Float, roots: Float, first: Int, view: View) -> Float:
+        """(B, 2) branches on the screen, comparable."""
+        seen = view.project(ends) - view.project(roots)
+        lengths = np.linalg.norm(ends - roots, axis=1) / view.depths(roots)
+        scaled(seen, first, lengths, self.settings.blur, self.settings.measure == "dot")
+        return np.asarray(seen)
+
+    def _points(self, positions: Float) -> Float:
+        """(C + B, 3) the candidates' roots, and all their branches."""
+        return np.asarray(self._average @ positions)
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """How many matches each candidate gives.
+
+    Attributes:
+        first: (C + 1,) of each candidate's rows.
+        whole: (C,) whether they are all there are, or the best.
+        total: all there are.
+    """
+
+    first: Int
+    whole: Int
+    total: int
+
+
+@lru_cache(maxsize=64)
+def _plan(sizes: tuple[int, ...], m: int, exhaustive: int, most: int) -> _Plan:
+    rows, whole, total = [0], [], 0
+    for n in sizes:
+        few, many = min(m, n), max(m, n)
+        choices = comb(many, few)
+        all_ = sum(comb(many, k) for k in range(few + 1)) <= exhaustive
+        rows.append(choices if all_ else min(choices, most))
+        whole.append(all_)
+        total += choices
+    return _Plan(np.cumsum(rows), np.array(whole, np.int64), total)
+
+
+def _averages(trees: tuple[SubTree, ...], joints: int) -> csr_matrix:
+    """(C + B, N) of the roots and the branches' abstract positions."""
+    weights = [{tree.root: 1.0} for tree in trees]
+    weights += [branch.weights for tree in trees for branch in tree.branches]
+    starts = np.concatenate([[0], np.cumsum([len(row) for row in weights])])
+    columns = [joint for row in weights for joint in row]
+    values = [value for row in weights for value in row.values()]
+    return csr_matrix((values, columns, starts), shape=(len(weights), joints))
+
+
+def _best(scores: Float, most: int, tie: float) -> Int:
+    """The places of the best scores, the best first; those that are equal in their order."""
+    rounded = np.round(scores / tie) if tie > 0.0 else scores
+    if len(rounded) > most:
+        least = np.partition(rounded, len(rounded) - most)[len(rounded) - most]
+        kept = np.flatnonzero(rounded >= least)
+    else:
+        kept = np.arange(len(rounded))
+    return np.asarray(kept[np.argsort(-rounded[kept], kind="stable")[:most]])

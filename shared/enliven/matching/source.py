@@ -1,0 +1,91 @@
+"""The source of a match: the performer's skeleton, or a part of it, as a root and m branches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.matching.abstraction import Branch, abstract
+from enliven.skeleton import Skeleton
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A skeleton simplified in a single step to the branches of one joint (AniMesh, Figure 3b).
+
+    What hangs on a branch is abstracted as in the target: what moves is averages of joints, with weights
+    that the lengths of the bones give once.
+
+    Attributes:
+        root: the joint the branches begin at.
+        branches: with joints of the whole skeleton.
+        weights: (m, N) the branches' abstract positions as averages of joints.
+    """
+
+    root: int
+    branches: tuple[Branch, ...]
+    weights: Float
+
+    @property
+    def chains(self) -> tuple[tuple[int, ...], ...]:
+        """The joints of each branch, from the root along the longest way to a leaf."""
+        return tuple(branch.extended for branch in self.branches)
+
+    def points(self, positions: Float) -> Float:
+        """(m + 1, 3) the root and the abstract positions, for (N, 3) joints in any pose."""
+        positions = np.asarray(positions, np.float64)
+        return np.concatenate([positions[None, self.root], self.weights @ positions])
+
+
+def source_of(
+    positions: Float, links: Iterable[tuple[int, int]], root: int | None = None, joints: Iterable[int] = ()
+) -> Source:
+    """The source that a tree of joints is, or the part of it that some joints are.
+
+    Args:
+        positions: (N, 3) metres; what counts are the lengths of the bones.
+        links: pairs of joints.
+        root: the joint the branches begin at; None takes what the abstraction finds.
+        joints: the part that plays; empty for all. They must hang together.
+
+    Raises:
+        InputError: where the joints do not hang together, or there is no bone.
+    """
+    at = np.array(positions, np.float64).reshape(-1, 3)
+    kept = sorted(set(joints)) or list(range(len(at)))
+    number = {joint: i for i, joint in enumerate(kept)}
+    if root is not None and root not in number:
+        raise InputError(f"joint {root} does not play", where="source", mend="Take a root among its joints.")
+    pairs = [(number[a], number[b]) for a, b in links if a in number and b in number]
+    names = [f"joint {joint}" for joint in kept]
+    found = abstract(at[kept], pairs, None if root is None else number[root], names)
+    if root is None:
+        found = abstract(at[kept], pairs, found.root, names)
+    if not found.candidates:
+        raise InputError("it has no bone", where="source", mend="Take two joints or more.")
+    branches = tuple(_renamed(branch, kept) for branch in found.candidates[-1].branches)
+    weights = np.zeros((len(branches), len(at)))
+    for row, branch in zip(weights, branches, strict=True):
+        row[list(branch.weights)] = list(branch.weights.values())
+    return Source(kept[found.root], branches, weights)
+
+
+def source_of_skeleton(skeleton: Skeleton, root: int | None = 0, joints: Iterable[int] = ()) -> Source:
+    """The same, of a skeleton at rest."""
+    links = [(int(parent), joint) for joint, parent in enumerate(skeleton.parents) if parent >= 0]
+    return source_of(skeleton.positions, links, root, joints)
+
+
+def _renamed(branch: Branch, kept: Sequence[int]) -> Branch:
+    """With the numbers that the joints have in the whole skeleton."""
+    return Branch(
+        tuple(kept[j] for j in branch.chain),
+        tuple(kept[j] for j in branch.extended),
+        {kept[j]: weight for j, weight in branch.weights.items()},
+        branch.length,
+        branch.reach,
+    )

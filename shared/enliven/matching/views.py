@@ -1,0 +1,159 @@
+"""What a skeleton looks like on the screen, and from where more of it can be seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.errors import InputError
+
+_NEAREST = 1e-3
+"""Metres before the eye: what is nearer, or behind, is projected as if it were there."""
+
+
+def _axis(*values: float) -> Float:
+    return np.array(values, np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """From where a skeleton is seen.
+
+    A performer who is to act as before a mirror is seen by a view against the sensor's: what the sensor has
+    on the left is then on the right, as in a mirror.
+
+    Attributes:
+        direction: (3,) from the eye into the scene; any length.
+        up: (3,) what points up on the screen, as far as it is across ``direction``.
+        eye: (3,) metres, for a perspective view; None for an orthographic one.
+
+    Raises:
+        InputError: where ``direction`` is zero, or along ``up``.
+    """
+
+    direction: Float = field(default_factory=lambda: _axis(0.0, 0.0, -1.0))
+    up: Float = field(default_factory=lambda: _axis(0.0, 1.0, 0.0))
+    eye: Float | None = None
+
+    def __post_init__(self) -> None:
+        forward, up = np.array(self.direction, np.float64), np.array(self.up, np.float64)
+        length = float(np.linalg.norm(forward))
+        right = np.cross(forward, up)
+        across = float(np.linalg.norm(right))
+        if not np.isfinite(across) or across <= 1e-9 * length * float(np.linalg.norm(up)):
+            mend = "Give a direction, and an up that is not along it."
+            raise InputError(f"direction {self.direction} with up {self.up}", where="view", mend=mend)
+        forward, right = forward / length, right / across
+        object.__setattr__(self, "direction", forward)
+        object.__setattr__(self, "up", np.cross(right, forward))
+        if self.eye is not None:
+            object.__setattr__(self, "eye", np.array(self.eye, np.float64))
+
+    @property
+    def axes(self) -> Float:
+        """(2, 3) the screen's right and up, unit vectors of the world."""
+        return np.stack([np.cross(self.direction, self.up), self.up])
+
+    def project(self, points: Float) -> Float:
+        """(..., 2) right and up on the screen, of (..., 3) points: metres, or metres at distance one."""
+        if self.eye is None:
+            return np.asarray(points @ self.axes.T)
+        return np.asarray((points - self.eye) @ self.axes.T / self.depths(points)[..., None])
+
+    def depths(self, points: Float) -> Float:
+        """(...,) metres of (..., 3) points before the eye; one for an orthographic view."""
+        if self.eye is None:
+            return np.ones(points.shape[:-1])
+        return np.asarray(np.maximum((points - self.eye) @ self.direction, _NEAREST))
+
+
+def end_on(vectors: Float, view: View, share: float = 0.2) -> Bool:
+    """(N,) whether each of (N, 3) vectors is seen so nearly end-on that its direction on the screen is noise.
+
+    Args:
+        share: of a vector's length that must be seen.
+    """
+    seen = np.linalg.norm(vectors @ view.axes.T, axis=1)
+    lengths = np.linalg.norm(vectors, axis=1)
+    return np.asarray((seen < share * lengths) & (lengths > 0.0))
+
+
+def projected_length(vectors: Float, direction: Float) -> float:
+    """Sum of the lengths of (N, 3) vectors as seen along a unit direction."""
+    along = vectors @ direction
+    return float(np.sqrt(np.maximum((vectors**2).sum(1) - along**2, 0.0)).sum())
+
+
+def best_view(vectors: Float, view: View, most_turn: float = np.pi / 2, steps: int = 60) -> View:
+    """The view that shows most bone: with the largest sum of projected lengths (AniMesh, section 8).
+
+    The sum of *squared* lengths is largest along the eigenvector of the smallest eigenvalue of the scatter
+    sum(v v^T). From there, from the current direction and from the other eigenvectors, the sum of lengths
+    itself is raised step by step on the sphere: it is sum sqrt(|v|^2 - (v.d)^2), of which each step solves
+    the quadratic bound (iteratively reweighted scatter), so it never falls.
+
+    Args:
+        vectors: (N, 3) of the bones.
+        view: the current one; its up is kept as far as it goes, and its distance from the model's middle.
+        most_turn: radians from the current direction at most; pi / 2 is all there is, since a view from
+            behind shows as much.
+        steps: at most, of the refinement.
+    """
+    lengths = np.linalg.norm(vectors, axis=1)
+    vectors = vectors[lengths > 0.0]
+    if not len(vectors):
+        return view
+    starts = [view.direction, *np.linalg.eigh(vectors.T @ vectors)[1].T]
+    found = [_raised(vectors, start, view.direction, most_turn, steps) for start in starts]
+    best = max(found, key=lambda d: round(projected_length(vectors, d), 9))
+    return _towards(best, view)
+
+
+def _raised(vectors: Float, start: Float, current: Float, most_turn: float, steps: int) -> Float:
+    """A direction from which no step shows more bone, within reach of the current one."""
+    squares = (vectors**2).sum(1)
+    direction = _within(start, current, most_turn)
+    value = projected_length(vectors, direction)
+    for _ in range(steps):
+        seen = np.sqrt(np.maximum(squares - (vectors @ direction) ** 2, 1e-12 * squares))
+        # sqrt is concave: sum sqrt(x) <= sum sqrt(x0) + (x - x0) / (2 sqrt(x0)), with equality at x0.
+        scatter = vectors.T @ (vectors / seen[:, None])
+        wanted = _within(np.linalg.eigh(scatter)[1][:, 0], direction, np.pi / 2)
+        moved, better = _best_between(vectors, direction, wanted, current, most_turn)
+        if better <= value * (1.0 + 1e-12):
+            break
+        direction, value = moved, better
+    return direction
+
+
+def _best_between(
+    vectors: Float, here: Float, there: Float, current: Float, most_turn: float
+) -> tuple[Float, float]:
+    """The best of some directions on the way, and how much bone it shows."""
+    tried = [_within(here + share * (there - here), current, most_turn) for share in (1.0, 0.5, 0.2, 0.05)]
+    values = [projected_length(vectors, direction) for direction in tried]
+    best = int(np.argmax(values))
+    return tried[best], values[best]
+
+
+def _within(direction: Float, current: Float, most_turn: float) -> Float:
+    """The unit direction, or its opposite, turned to within ``most_turn`` of the current one."""
+    direction = direction / np.linalg.norm(direction)
+    if direction @ current < 0.0:
+        direction = -direction
+    angle = float(np.arccos(np.clip(direction @ current, -1.0, 1.0)))
+    if angle <= most_turn:
+        return np.asarray(direction)
+    across = direction - (direction @ current) * current
+    across /= np.linalg.norm(across)
+    return np.asarray(np.cos(most_turn) * current + np.sin(most_turn) * across)
+
+
+def _towards(direction: Float, view: View) -> View:
+    """The view along another direction, with its up as near as it can be."""
+    up = view.up
+    if abs(float(direction @ up)) > 1.0 - 1e-9:
+        up = view.direction * -np.sign(direction @ up)
+    return View(direction, up, view.eye)

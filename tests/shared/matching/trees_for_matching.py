@@ -1,0 +1,62 @@
+"""Trees for the tests of matching: random ones, and the one of AniMesh's Figure 3, rebuilt from its text."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import strategies as st
+
+
+@st.composite
+def trees(draw, least=2, most=24):
+    """(N, 3) positions and links, in random order and direction; some bones are long chains."""
+    count = draw(st.integers(least, most))
+    back = draw(st.lists(st.integers(0, 6), min_size=count - 1, max_size=count - 1))
+    links = [(max(0, joint - 1 - step), joint) for joint, step in enumerate(back, 1)]
+    seed = draw(st.integers(0, 2**32 - 1))
+    rng = np.random.default_rng(seed)
+    positions = rng.normal(size=(count, 3))
+    names = rng.permutation(count)
+    placed = np.empty_like(positions)
+    placed[names] = positions
+    mixed = [(int(names[a]), int(names[b]))[:: rng.choice([1, -1])] for a, b in links]
+    return placed, [mixed[i] for i in rng.permutation(len(mixed))]
+
+
+class Drawing:
+    """A tree drawn limb by limb."""
+
+    def __init__(self):
+        self.points, self.links = [], []
+
+    def limb(self, start, *points):
+        """Joints one after the other from a joint, or from nowhere; returns the last."""
+        for point in points:
+            if start is not None:
+                self.links.append((start, len(self.points)))
+            start = len(self.points)
+            self.points.append((*point, 0.0))
+        return start
+
+
+def figure_three():
+    """Positions, links, and the joints that the text names.
+
+    Two branch nodes p and q, joined by a chain in which the root is found; on each hangs, by a chain, a
+    smaller branch node (the roots of 1-1 and 1-2, green in the figure). Four candidates have 16 choices of
+    two branches in all only if they have 2, 3, 4 and 4 branches: see the test.
+    """
+    tree = Drawing()
+    p = tree.limb(None, (-2.0, 0.0))
+    black = tree.limb(p, (-1.0, 0.1), (0.05, 0.15))
+    q = tree.limb(black, (1.0, 0.1), (2.0, 0.0))
+    for end in ((-2.6, -0.9), (-2.0, -1.0), (-1.4, -0.9)):
+        tree.limb(p, ((end[0] - 2.0) / 2, end[1] / 2), end)
+    one = tree.limb(p, (-2.5, 0.5), (-3.0, 1.0))
+    for end in ((-3.6, 1.2), (-3.2, 1.6), (-2.6, 1.5)):
+        tree.limb(one, end)
+    for end in ((1.4, -0.9), (2.0, -1.1), (2.6, -0.9)):
+        tree.limb(q, ((end[0] + 2.0) / 2, end[1] / 2), end)
+    two = tree.limb(q, (2.5, 0.5), (3.0, 1.0))
+    for end in ((2.2, 1.2), (3.8, 1.2)):
+        tree.limb(two, ((end[0] + 3.0) / 2, (end[1] + 1.0) / 2), end)
+    return np.array(tree.points), tree.links, {"p": p, "q": q, "1-1": one, "1-2": two, "root": black}
