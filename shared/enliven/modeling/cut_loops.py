@@ -103,8 +103,8 @@ def joined(chains: list[tuple[Int, bool]], places: Float, gap: float) -> list[tu
         order = waiting.pop()
         while True:
             allowed = gap * _length(places[order])
-            gaps = [np.linalg.norm(places[order[-1]] - places[other[0]]) for other in waiting]
-            home = np.linalg.norm(places[order[-1]] - places[order[0]])
+            gaps = [float(np.linalg.norm(places[order[-1]] - places[other[0]])) for other in waiting]
+            home = float(np.linalg.norm(places[order[-1]] - places[order[0]]))
             if gaps and min(gaps) < min(home, allowed):
                 order = np.concatenate([order, waiting.pop(int(np.argmin(gaps)))])
                 continue

@@ -4,9 +4,9 @@
     cut_by_stroke(mesh, skin, stroke, posed=None) -> Cut         StrokeCut or PlaneCut, what it passes through
 
 ``Cut.near`` is the root's side of a bone (behind a plane), ``Cut.far`` the other; each is a :class:`Piece`
-with its mesh, its skin (bones numbered as they were) and ``kept``, the old vertex of each vertex or -1. Vertices
-away from the cut are the same to the bit, positions, colours and weights; so are faces, in their order. Both
-sides of the cut share their caps' points, so that the volumes of the two add up to the whole.
+with its mesh, its skin (bones numbered as they were) and ``kept``, the old vertex of each vertex or -1.
+Vertices away from the cut are the same to the bit, positions, colours and weights; so are faces, in their
+order. Both sides of the cut share their caps' points, so that the volumes of the two add up to the whole.
 """
 
 from __future__ import annotations
