@@ -1,1 +1,4 @@
-"""Modeling: cutting and merging shapes without losing their motion, and making them from strokes."""
+"""Modeling: shapes cut, merged, copied, mirrored and posed without losing their motion, and made from strokes.
+
+Every edit is a function from one project to another; undo is the project before (AniMesh, section 6).
+"""

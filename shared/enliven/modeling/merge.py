@@ -1,0 +1,137 @@
+"""One shape grafted onto another at a moment, with the motion of both kept (AniMesh, section 6)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.modeling.axes import Axes, layers_in
+from enliven.modeling.bones import Bone, bone_number, bones_of, inside, rebuilt
+from enliven.modeling.nodes import insert_node, without_before
+from enliven.modeling.posed import as_far, posed
+from enliven.modeling.skins import follows
+from enliven.modeling.spans import before, joined_spans, moves
+from enliven.project import Project, unused
+from enliven.rotation import IDENTITY, conjugate, multiply, normalized
+from enliven.shape import Shape
+
+
+def merge(
+    project: Project,
+    host_id: str,
+    joint: int | str,
+    graft_id: str,
+    time: float | None = None,
+    *,
+    at: float = 1.0,
+) -> tuple[Project, dict[str, str]]:
+    """The root of a shape put onto a node of another; the two are one shape from then on.
+
+    The shape comes to the node without turning: at ``time`` every bone of both keeps its world turn, and the
+    joints of the graft keep their places where its root was at the node (elsewhere it is moved there). From
+    then on it rides on the bone that ends at the node: with W the world turn of that bone at ``time``, the
+    modeling rotation of each bone that leaves the graft's root is multiplied by W^-1 from the left (AniMesh,
+    section 6, Figure 8). The host moves as before at every time.
+
+    The graft's own axes of rest become the host's: its rest is turned by R = W^-1 D_b(time), b its first bone
+    (its root's entry in the rest pose, where several bones leave the root, or where skin follows it), so that
+    skeleton and mesh lie in the host's rest pose as they are seen at ``time``. A modeling rotation m becomes
+    R m R^-1, the basis of a layer R basis. The turn of the graft's root goes into the bones that leave it,
+    as a turn at the joint (a span with no share of the length); where skin follows a root that moves, the
+    root stays as a bone without length. How the graft travelled is dropped: the host takes it along.
+
+    Args:
+        joint: a joint of the host, by number or name; or a bone of it, with ``at`` below one.
+        time: seconds of the project's time; None merges in the rest pose, as modeled.
+        at: where on the host's bone to put a node first, in (0, 1); 1 is its end, the joint. The new node
+            leaves the bone in line at every time, so that the host moves as before.
+
+    Returns:
+        The project, without the grafted shape, and the new name of each of its joints but the root, which
+        becomes the node. A layer that only the graft used keeps its id; one that others use is copied.
+
+    Raises:
+        InputError: for a shape merged with itself, or a joint that is not there.
+    """
+    if host_id == graft_id:
+        mend = "Copy it first."
+        raise InputError("a shape cannot be merged with itself", where=f"shape {host_id!r}", mend=mend)
+    graft = project.shape(graft_id)
+    j = bone_number(project.shape(host_id), joint)
+    if inside(at, f"shape {host_id!r}") < 1.0:
+        project, name = insert_node(project, host_id, j, at, rigid=True)
+        j = project.shape(host_id).skeleton.index(name)
+    host = project.shape(host_id)
+    world = posed(project, host, time)[0][j]
+    theirs = posed(project, graft, time)[0]
+    axes = Axes(_exact(multiply(conjugate(world), theirs[_first_bone(graft, time)])))
+    project, layers = layers_in(project, graft, axes)
+    bones, names = _grafted(host, j, graft, world, axes, layers)
+    merged = as_far(project, host, rebuilt(host, [*bones_of(host), *bones]))
+    return project.without_shape(graft_id).with_shapes(merged), names
+
+
+def _exact(turn: Float) -> Float:
+    """The rotation, or exactly the identity where it is one but for rounding: layers then stay as they are."""
+    turn = normalized(turn)
+    return IDENTITY if np.abs(turn[1:]).max() < 1e-13 else turn
+
+
+def _first_bone(graft: Shape, time: float | None) -> int:
+    """The bone that the mesh at the root is rigid with; in the rest pose the root, which turns the whole."""
+    only = graft.skeleton.children[0]
+    return only[0] if time is not None and len(only) == 1 and not _root_has_skin(graft) else 0
+
+
+def _root_has_skin(shape: Shape) -> bool:
+    return shape.skin is not None and bool(follows(shape.skin, 0).any())
+
+
+def _grafted(
+    host: Shape, j: int, graft: Shape, world: Float, axes: Axes, layers: dict[str, str]
+) -> tuple[list[Bone], dict[str, str]]:
+    """The graft's bones in the host's rest axes on the host's joint j, and their new names."""
+    bones = bones_of(graft)
+    names = _names(host, [bone.name for bone in bones])
+    root = bones[0]
+    # W^-1 m_0 R^-1: the bone before turns by W at the time of the merge, and R belongs to the new axes.
+    first = multiply(multiply(conjugate(world), root.modeling), conjugate(axes.turn))
+    turn = root._replace(modeling=first, spans=axes.spans(root.spans, layers))
+    node = host.skeleton.names[j]
+    if moves(root.spans) and _root_has_skin(graft):
+        names[root.name] = unused(root.name, dict.fromkeys([*host.skeleton.names, *names.values()]))
+    else:
+        names[root.name] = node
+    made = []
+    for bone in bones[1:]:
+        rest = host.skeleton.positions[j] + axes.vectors(bone.rest - root.rest)
+        spans = axes.spans(bone.spans, layers)
+        modeling = normalized(axes.rotations(bone.modeling))
+        new = Bone(names[bone.name], names[bone.parent], rest, modeling, spans)
+        made.append(_after(turn, new) if bone.parent == root.name and names[root.name] == node else new)
+    if names[root.name] != node:
+        at_node = host.skeleton.positions[j]
+        made.insert(0, Bone(names[root.name], node, at_node, normalized(first), turn.spans))
+    del names[root.name]
+    return made, names
+
+
+def _after(root: Bone, bone: Bone) -> Bone:
+    """A bone that leaves a root, with the root's turn before its own: D_b = m_0 a_0 m_b a_b in one bone."""
+    if not moves(root.spans):
+        fixed = multiply(root.modeling, before(root.spans))
+        return bone._replace(modeling=normalized(multiply(fixed, bone.modeling)))
+    spans = joined_spans(root.spans, bone.spans, 0.0, bone.modeling)
+    modeling, spans = without_before(root.modeling, spans)
+    return bone._replace(modeling=normalized(modeling), spans=spans)
+
+
+def _names(host: Shape, names: list[str]) -> dict[str, str]:
+    """A name that the host does not have for each joint of the graft but the root, which is the node."""
+    taken: dict[str, object] = dict.fromkeys(host.skeleton.names)
+    made = {}
+    for name in names[1:]:
+        made[name] = unused(name, taken)
+        taken[made[name]] = None
+    return made

@@ -1,0 +1,59 @@
+"""A shape at one moment, as every edit sees it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.modeling.spans import before
+from enliven.motion.evaluate import pose_of
+from enliven.motion.travel import travel_scale
+from enliven.project import Project
+from enliven.rotation import conjugate, multiply, rotate
+from enliven.shape import Shape
+
+
+def posed(project: Project, shape: Shape, time: float | None) -> tuple[Float, Float]:
+    """(N, 4) the world turns D_j and (N, 3) the positions of the joints.
+
+    Args:
+        time: seconds of the project's time; None is the rest pose: as modeled, with no take moving anything.
+
+    Raises:
+        InputError: for a time that is not finite.
+    """
+    if time is None:
+        return as_modeled(shape)
+    if not np.isfinite(time):
+        raise InputError(f"the time is {time}", where=f"shape {shape.id!r}", mend="Give seconds.")
+    pose = pose_of(project.with_shapes(shape), shape.id, float(time))
+    return pose.turns, pose.joints
+
+
+def as_modeled(shape: Shape) -> tuple[Float, Float]:
+    """(N, 4) D_j and (N, 3) positions where no take moves anything: D_j = D_parent m_j before."""
+    skeleton = shape.skeleton
+    turns, positions = np.empty((len(skeleton), 4)), np.empty((len(skeleton), 3))
+    for j, parent in enumerate(skeleton.parents):
+        own = multiply(shape.modeling[j], before(shape.spans[j]))
+        turns[j] = own if parent < 0 else multiply(turns[parent], own)
+        start = skeleton.positions[0] + shape.place if parent < 0 else positions[parent]
+        positions[j] = start + rotate(turns[j], skeleton.vectors[j])
+    return turns, positions
+
+
+def as_far(project: Project, old: Shape, new: Shape) -> Shape:
+    """The edited shape, travelling as far as before: what an edit does to its height shortens no stride."""
+    if new.travel is None:
+        return new
+    clip = project.takes[project.layers[new.travel].take]
+    before = travel_scale(old, clip)
+    return new if travel_scale(new, clip) == before else new.with_changes(travel_scale=before)
+
+
+def own_turn(turns: Float, shape: Shape, j: int) -> Float:
+    """(4,) the animation rotation a_j in the pose whose world turns are ``turns``: (D_parent m_j)^-1 D_j."""
+    parent = int(shape.skeleton.parents[j])
+    modeled = shape.modeling[j] if parent < 0 else multiply(turns[parent], shape.modeling[j])
+    return multiply(conjugate(modeled), turns[j])

@@ -1,0 +1,170 @@
+"""Random projects for the laws of surgery, and the slow, obvious evaluation that they are held against."""
+
+import numpy as np
+
+from enliven.motion.clip import Clip
+from enliven.motion.layers import Layer, Ref, Span
+from enliven.project import Project
+from enliven.rotation import IDENTITY, conjugate, multiply, normalized, rotate, slerp
+from enliven.shape import Shape
+from enliven.skeleton import Skeleton
+
+
+def random_turns(random, *shape, size=1.0):
+    """Unit quaternions; ``size`` below 1 stays near the identity."""
+    return normalized((1 - size) * IDENTITY + size * random.normal(size=(*shape, 4)))
+
+
+def random_skeleton(random, count, names="joint"):
+    parents = [-1] + [int(random.integers(max(0, j - 3), j)) for j in range(1, count)]
+    positions = np.zeros((count, 3))
+    for j in range(1, count):
+        positions[j] = positions[parents[j]] + random.normal(size=3) + [0.2, 0, 0]
+    at = positions + random.normal(size=3)
+    return Skeleton(tuple(f"{names} {j}" for j in range(count)), np.array(parents), at)
+
+
+def random_clip(random, name, count=5, frames=6):
+    """A take whose bones turn a good deal from frame to frame, but never near half a turn (no slerp jumps)."""
+    skeleton = random_skeleton(random, count)
+    turns = np.empty((frames, count, 4))
+    turns[:] = random_turns(random, count, size=0.3)
+    for f in range(1, frames):
+        turns[f] = multiply(turns[f - 1], random_turns(random, count, size=0.1))
+    root = skeleton.positions[0] + random.normal(size=(frames, 3))
+    return Clip(name, skeleton, turns, root, 0.25)
+
+
+def random_layer(random, name, take):
+    end = int(random.integers(1, len(take.skeleton)))
+    chain = take.skeleton.path(0, end)
+    chain = chain if random.random() < 0.7 else chain[-1:]
+    return Layer(
+        name,
+        take.id,
+        tuple(int(j) for j in chain),
+        random_turns(random),
+        offset=float(random.uniform(-0.5, 0.5)),
+        speed=float(random.choice([1.0, 0.5, -1.0, 2.0])),
+        loop=bool(random.random() < 0.5),
+        weight=float(random.choice([1.0, 0.6])),
+        muted=bool(random.random() < 0.1),
+        mirrored=bool(random.random() < 0.3),
+    )
+
+
+def random_spans(random, layers):
+    shares = random.uniform(0.2, 1.0, int(random.integers(1, 4)))
+    spans = []
+    for i, share in enumerate(shares / shares.sum()):
+        picked = random.permutation(layers)[: int(random.integers(min(i, 1), 3))]
+        refs = tuple(Ref(str(layer), *sorted(random.uniform(0, 1, 2).tolist())) for layer in picked)
+        fixed = tuple(random_turns(random).tolist()) if i and random.random() < 0.3 else (1.0, 0.0, 0.0, 0.0)
+        spans.append(Span(float(share), refs, fixed))
+    return tuple(spans)
+
+
+def random_shape(random, name, layers, count=None):
+    count = int(random.integers(2, 9)) if count is None else count
+    skeleton = random_skeleton(random, count, f"{name} joint")
+    spans = tuple(random_spans(random, layers) for _ in range(count))
+    travel = str(random.choice(layers)) if random.random() < 0.5 else None
+    return Shape(name, skeleton, random_turns(random, count, size=0.4), spans, random.normal(size=3), travel)
+
+
+def random_project(seed, shapes=2):
+    """Two takes, four layers and shapes that use them."""
+    random = np.random.default_rng(seed)
+    takes = [random_clip(random, "walk"), random_clip(random, "wave")]
+    layers = [random_layer(random, f"layer {i}", takes[i % 2]) for i in range(4)]
+    project = Project().with_takes(*takes).with_layers(*layers)
+    ids = [layer.id for layer in layers]
+    return project.with_shapes(*(random_shape(random, f"shape {i}", ids) for i in range(shapes))), random
+
+
+def straight_shape(name, points, spans, modeling=None):
+    """A chain along points; ``spans``: one tuple a bone, the root's still."""
+    points = np.array(points, float)
+    skeleton = Skeleton(tuple(f"{name} {i}" for i in range(len(points))), np.arange(len(points)) - 1, points)
+    modeling = np.tile(IDENTITY, (len(points), 1)) if modeling is None else modeling
+    return Shape(name, skeleton, modeling, ((Span(),), *spans), np.zeros(3))
+
+
+def slow_pose(project, shape_id, time):
+    """World turns (N, 4) and joints (N, 3), written down as the docstrings say; no travel scale but one."""
+    shape = project.shapes[shape_id]
+    skeleton = shape.skeleton
+    turns, joints = [], []
+    for j, parent in enumerate(skeleton.parents):
+        own = shape.modeling[j]
+        for span in shape.spans[j]:
+            own = multiply(own, span.before)
+            if time is not None:
+                begin, end = slow_product(project, span, 0.0, time), slow_product(project, span, 1.0, time)
+                own = multiply(own, multiply(conjugate(begin), end))
+        if parent < 0:
+            turns.append(own)
+            joints.append(skeleton.positions[0] + shape.place)
+        else:
+            turns.append(multiply(turns[parent], own))
+            joints.append(
+                joints[parent] + rotate(turns[j], skeleton.positions[j] - skeleton.positions[parent])
+            )
+    return np.array(turns), np.array(joints)
+
+
+def slow_product(project, span, u, time):
+    """C(u) of a span."""
+    product = IDENTITY
+    for ref in span.refs:
+        layer = project.layers[ref.layer]
+        if not layer.muted and layer.weight > 0:
+            product = multiply(product, slow_q(project, layer, ref.start + u * (ref.end - ref.start), time))
+    return product
+
+
+def slow_q(project, layer, s, time):
+    """q(s, t) of a layer in the target's axes (AniMesh, 5.1)."""
+    clip = project.takes[layer.take]
+    turns = slow_turns_at(clip, slow_frame(layer, clip, time))
+    knots, bones, base = slow_chain(clip.skeleton, layer.chain)
+    start = IDENTITY if base is None else turns[base]
+    relative, last = [IDENTITY], IDENTITY
+    for bone in bones:
+        whole = multiply(conjugate(start), turns[bone])
+        step = slerp(IDENTITY, multiply(conjugate(last), whole), np.array(layer.weight))
+        relative.append(multiply(relative[-1], step))
+        last = whole
+    k = min(max(int(np.searchsorted(knots, s, side="right")) - 1, 0), len(knots) - 2)
+    q = slerp(relative[k], relative[k + 1], np.array((s - knots[k]) / (knots[k + 1] - knots[k])))
+    q = q * np.array([1.0, 1.0, -1.0, -1.0]) if layer.mirrored else q
+    return multiply(multiply(layer.basis, q), conjugate(layer.basis))
+
+
+def slow_chain(skeleton, chain):
+    if len(chain) == 1:
+        return np.array([0.0, 1.0]), [chain[0]], None
+    pairs = list(zip(chain[:-1], chain[1:], strict=True))
+    bones = [b if skeleton.parents[b] == a else a for a, b in pairs]
+    arc = np.cumsum([0.0, *(np.linalg.norm(skeleton.positions[a] - skeleton.positions[b]) for a, b in pairs)])
+    down = all(skeleton.parents[b] == a for a, b in pairs)
+    return arc / arc[-1], bones, chain[0] if down else 0
+
+
+def slow_frame(layer, clip, time):
+    u = (time - layer.offset) * layer.speed + (clip.duration if layer.speed < 0 else 0.0)
+    u = u % clip.duration if layer.loop else min(max(u, 0.0), clip.duration)
+    return u / clip.step
+
+
+def slow_turns_at(clip, frame):
+    before = min(int(frame), len(clip.turns) - 2)
+    return slerp(clip.turns[before], clip.turns[before + 1], np.full(len(clip.skeleton), frame - before))
+
+
+def angle(a, b):
+    """The largest angle in radians between rotations (..., 4) and (..., 4)."""
+    a, b = np.asarray(a), np.asarray(b)
+    # |a - b| is twice the sine of a quarter of it: exact near zero, where the arc cosine is not.
+    apart = np.minimum(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
+    return float(4 * np.arcsin(np.minimum(apart / 2, 1.0)).max())
