@@ -114,9 +114,11 @@ class Renderer:
         """(H, W, 3) sRGB of the picture, top row first."""
         return self.picture.pixels()
 
-    def present(self, screen: moderngl.Framebuffer) -> None:
-        """Copy the picture to a window's framebuffer of the same size."""
+    def present(self, screen: moderngl.Framebuffer, corner: tuple[int, int] = (0, 0)) -> None:
+        """Copy the picture to a window's framebuffer, its lower left to ``corner`` (pixels from below)."""
+        screen.viewport = (*corner, *self.size)
         screen.use()
+        self._present["corner"] = corner
         self.ctx.enable_only(moderngl.NOTHING)
         self.picture.texture.use(UNITS["picture"])
         self._present_quad.render(moderngl.TRIANGLES, vertices=3)

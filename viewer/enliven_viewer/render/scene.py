@@ -52,6 +52,8 @@ class Scene:
     bodies: tuple[Body, ...] = ()
     look: Look = field(default_factory=Look)
     props: Props | None = None
+    extent: Box | None = None
+    """What is filled beyond the pivots, where that is known; shadows reach as far."""
 
     @property
     def box(self) -> Box | None:
@@ -67,6 +69,8 @@ class Scene:
     def _around(self, loose: Float | None, reach: float) -> Box | None:
         """A box with room around characters, bodies, and what of the loose things is within reach of them."""
         points = [actor.pose.positions for actor in self.actors] + [body.joints for body in self.bodies]
+        if self.extent is not None:
+            points.append(np.stack(self.extent))
         bounds = bounds_of(points)
         if bounds is None:
             return None

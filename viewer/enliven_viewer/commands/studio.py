@@ -1,0 +1,50 @@
+"""enliven studio: the editor's window."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from enliven.errors import ResourceError
+from enliven.settings import load_settings
+from enliven_viewer.doctor import has_display
+
+
+def studio(
+    files: Annotated[
+        list[Path] | None, typer.Argument(help="Models (glb, gltf), takes (bvh) and a project (enliven).")
+    ] = None,
+    seconds: Annotated[float | None, typer.Option(min=0.0, help="Close the window after this long.")] = None,
+    settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
+) -> None:
+    """Sketch, cut and merge shapes, and give them motion, in a window.
+
+    \b
+      enliven studio                     an empty stage: sketch a part with S
+      enliven studio spider.glb walk.bvh a model, and a take to give it
+      enliven studio squid.enliven       go on with a project
+
+    Press F1 in the window for the keys.
+    """
+    if not has_display():
+        raise ResourceError(
+            "there is no display to open a window on",
+            where="enliven studio",
+            mend="Start it where there is a screen, or under xvfb-run.",
+        )
+    # Heavy modules are imported only here, so that the help is quick.
+    from enliven_viewer.studio.desk import Desk
+    from enliven_viewer.studio.editor import Editor
+    from enliven_viewer.studio.files import open_file
+    from enliven_viewer.studio.motions import library
+    from enliven_viewer.studio.settings import StudioSettings
+    from enliven_viewer.studio.window import StudioWindow
+
+    chosen = load_settings(StudioSettings, settings) if settings else StudioSettings()
+    editor = Editor(chosen)
+    editor.edit("library", lambda project: project.with_takes(*library()))
+    for file in files or []:
+        open_file(editor, file)
+    StudioWindow(Desk.of(editor)).run(seconds=seconds)

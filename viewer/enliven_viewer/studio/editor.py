@@ -1,0 +1,172 @@
+"""The editor without a window: the project with its past, time, camera, selection and the tool in hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.errors import EnlivenError
+from enliven.project import Project
+from enliven_viewer.camera import Box, OrbitCamera
+from enliven_viewer.document import bounds_of
+from enliven_viewer.render.renderer import EMPTY_BOX
+from enliven_viewer.studio.history import History
+from enliven_viewer.studio.performance import Company, length_of
+from enliven_viewer.studio.picking import Lens
+from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.stance import Stance
+from enliven_viewer.studio.toasts import Toasts
+
+Edit = Callable[[Project], Project]
+_ROOM = 1.25
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What the next command is about.
+
+    Attributes:
+        shape: its id, or None.
+        joint: a joint of it, or None.
+        chain: joints of it from one end to the other; empty without a chain.
+        layer: the id of a layer, or None.
+    """
+
+    shape: str | None = None
+    joint: int | None = None
+    chain: tuple[int, ...] = ()
+    layer: str | None = None
+
+
+class Editor:
+    """Everything that an artist changes, and how it is seen.
+
+    An edit is a function Project -> Project; :meth:`edit` does it and remembers what was before. While
+    something is dragged :attr:`draft` is what is shown, and nothing is remembered until it is dropped.
+    """
+
+    def __init__(self, settings: StudioSettings | None = None, project: Project | None = None) -> None:
+        self.settings = settings or StudioSettings()
+        self.history = History(project or Project())
+        self.draft: Project | None = None
+        self.camera = OrbitCamera(self.settings.render.opening)
+        self.size: tuple[float, float] = (float(self.settings.width), float(self.settings.height))
+        self.selection = Selection()
+        self.toasts = Toasts(self.settings.toast)
+        self.time, self.playing, self.loop, self.speed = 0.0, False, True, 1.0
+        self.show_bones, self.show_meshes = True, True
+        self._company = Company()
+        self._stances: tuple[Project, float, tuple[Stance, ...]] | None = None
+
+    @property
+    def project(self) -> Project:
+        """What is shown: the draft while something is dragged, otherwise the newest of the history."""
+        return self.draft if self.draft is not None else self.history.now
+
+    @property
+    def length(self) -> float:
+        """Seconds that the project plays."""
+        return length_of(self.project, self.settings.shortest)
+
+    @property
+    def lens(self) -> Lens:
+        """The camera and the viewport's size."""
+        return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
+
+    @property
+    def stances(self) -> tuple[Stance, ...]:
+        """Every shape as it is shown now."""
+        known = self._stances
+        if known is None or known[0] is not self.project or known[1] != self.time:
+            made = self._company.stances(self.project, self.time)
+            self._stances = known = (self.project, self.time, made)
+        return known[2]
+
+    def stance(self, shape_id: str) -> Stance:
+        """One shape as it is shown now."""
+        return next(stance for stance in self.stances if stance.shape.id == shape_id)
+
+    def edit(self, name: str, change: Edit) -> bool:
+        """Do an edit and remember it; where it cannot be done, say why and change nothing."""
+        self.draft = None
+        try:
+            after = change(self.history.now)
+        except EnlivenError as error:
+            self.toasts.complain(error)
+            return False
+        if after is not self.history.now:
+            self.history.do(name, after)
+        self._mend_selection()
+        return True
+
+    def sketch(self, change: Edit) -> None:
+        """Show what an edit would make, while something is dragged; nothing is remembered."""
+        try:
+            self.draft = change(self.history.now)
+        except EnlivenError as error:
+            self.draft = None
+            self.toasts.complain(error)
+
+    def undo(self) -> None:
+        """Go back to what was before the last edit."""
+        self._step("Undone", self.history.undo)
+
+    def redo(self) -> None:
+        """Go forward again to what was undone."""
+        self._step("Done again", self.history.redo)
+
+    def select(self, **changes: object) -> None:
+        """Change parts of the selection; another shape forgets joint and chain."""
+        if "shape" in changes and changes["shape"] != self.selection.shape:
+            self.selection = Selection(layer=self.selection.layer)
+        self.selection = replace(self.selection, **changes)  # type: ignore[arg-type]
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass: the playhead, the camera, the messages."""
+        self.camera.advance(seconds)
+        self.toasts.advance(seconds)
+        if self.playing and self.draft is None:
+            self.time += seconds * self.speed
+            if self.time > self.length:
+                self.time = self.time % self.length if self.loop else self.length
+                self.playing = self.playing and self.loop
+
+    def scrub(self, time: float) -> None:
+        """Show a time, and stay there."""
+        self.playing = False
+        self.time = min(max(time, 0.0), self.length)
+
+    def frame_all(self, *, at_once: bool = False, reset: bool = True) -> None:
+        """Bring every shape into the picture."""
+        aspect = self.size[0] / max(self.size[1], 1.0)
+        self.camera.frame(self.box() or EMPTY_BOX, aspect, at_once=at_once, reset=reset, room=_ROOM)
+
+    def box(self) -> Box | None:
+        """What every shape fills now."""
+        bounds = bounds_of([points for s in self.stances for points in (s.joints, s.surface())])
+        if bounds is None:
+            return None
+        return bounds[0] - 0.05, bounds[1] + 0.05
+
+    def _step(self, word: str, step: Callable[[], str | None]) -> None:
+        self.draft = None
+        name = step()
+        self._mend_selection()
+        self.toasts.say(f"{word}: {name}" if name else f"Nothing is left to be {word.split()[0].lower()}")
+
+    def _mend_selection(self) -> None:
+        """Forget what is no longer there."""
+        chosen, project = self.selection, self.project
+        if chosen.layer is not None and chosen.layer not in project.layers:
+            chosen = replace(chosen, layer=None)
+        if chosen.shape is not None and chosen.shape not in project.shapes:
+            chosen = Selection(layer=chosen.layer)
+        count = len(project.shapes[chosen.shape].skeleton) if chosen.shape else 0
+        if chosen.joint is not None and chosen.joint >= count:
+            chosen = replace(chosen, joint=None)
+        if any(joint >= count for joint in chosen.chain):
+            chosen = replace(chosen, chain=())
+        self.selection = chosen
+        self.time = float(np.clip(self.time, 0.0, self.length))

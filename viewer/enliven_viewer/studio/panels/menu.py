@@ -1,0 +1,41 @@
+"""The menu bar: every command by its menu, with its keys."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from enliven_viewer.studio.deeds import DEEDS
+from enliven_viewer.studio.desk import Desk
+
+_SAID = {
+    "ctrl": "Ctrl",
+    "shift": "Shift",
+    "delete": "Del",
+    "space": "Space",
+    "left": "Left",
+    "right": "Right",
+}
+
+
+def draw_menu(desk: Desk) -> None:
+    """The bar along the top."""
+    if not imgui.begin_main_menu_bar():
+        return
+    for menu in dict.fromkeys(deed.menu for deed in DEEDS):
+        opened = imgui.begin_menu(menu)
+        desk.remember(f"menu {menu}")
+        if opened:
+            for deed in (deed for deed in DEEDS if deed.menu == menu):
+                keys = spoken(deed.keys[0]) if deed.keys else ""
+                if imgui.menu_item(deed.label, keys, False, True)[0]:
+                    deed.do(desk.hand.deeds)
+                desk.remember(f"menu {menu}/{deed.label}")
+            imgui.end_menu()
+    imgui.end_main_menu_bar()
+
+
+def spoken(key: str) -> str:
+    """A key as people read it: "ctrl+shift+z" is Ctrl+Shift+Z."""
+    return "+".join(
+        _SAID.get(part, part.upper() if len(part) == 1 else part.title()) for part in key.split("+")
+    )

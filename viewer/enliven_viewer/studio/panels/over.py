@@ -1,0 +1,82 @@
+"""What is written and drawn over the viewport: the tool's marks, its hint, and messages."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.hud import wrapped
+from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.overlay import Disc, Line
+from enliven_viewer.studio.panels.style import packed
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.theme import ACCENT, BAD, GLASS, GOOD, INK, QUIET
+from enliven_viewer.studio.toasts import Toast
+
+_WIDE = 380.0
+
+
+def draw_over(desk: Desk, area: Area) -> None:
+    """Marks, then the hint, then messages; under every panel."""
+    draw = imgui.get_background_draw_list()
+    draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
+    for mark in desk.hand.tool.overlay().marks:
+        _mark(draw, area, mark)
+    _hint(desk, draw, area)
+    _toasts(desk, draw, area)
+    draw.pop_clip_rect()
+
+
+def _mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
+    if isinstance(mark, Line):
+        points = [ImVec2(area.x + x, area.y + y) for x, y in mark.points]
+        closed = imgui.ImDrawFlags_.closed if mark.closed else 0
+        draw.add_polyline(points, packed(mark.colour), mark.width, closed)
+    elif isinstance(mark, Disc):
+        at = ImVec2(area.x + mark.at[0], area.y + mark.at[1])
+        if mark.width > 0:
+            draw.add_circle(at, mark.radius, packed(mark.colour), 0, mark.width)
+        else:
+            draw.add_circle_filled(at, mark.radius, packed(mark.colour))
+    else:
+        at = ImVec2(area.x + mark.at[0], area.y + mark.at[1] - 8)
+        draw.add_text(ImVec2(at.x + 1, at.y + 1), packed((0, 0, 0, 0.6)), mark.text)
+        draw.add_text(at, packed(mark.colour), mark.text)
+
+
+def _hint(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    tool = desk.hand.tool
+    label, hint = tool.label, tool.hint
+    wide = imgui.calc_text_size(f"{label}   {hint}").x + 28
+    x, y = area.x + 14, area.y + 14
+    draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + 32), packed(GLASS), 9.0)
+    draw.add_text(ImVec2(x + 13, y + 8), packed(ACCENT), label)
+    shift = imgui.calc_text_size(f"{label}   ").x
+    draw.add_text(ImVec2(x + 13 + shift, y + 8), packed(INK), hint)
+
+
+def _toasts(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    bottom = area.y + area.height - 14
+    for toast in reversed(desk.editor.toasts.shown):
+        bottom = _toast(draw, area, toast, bottom) - 8
+
+
+def _toast(draw, area: Area, toast: Toast, bottom: float) -> float:  # type: ignore[no-untyped-def]
+    """One message above ``bottom``; its top."""
+
+    def measure(text: str) -> float:
+        return imgui.calc_text_size(text).x
+
+    lines = [(line, INK) for line in wrapped(toast.text, _WIDE, measure)]
+    lines += [(line, QUIET) for line in wrapped(toast.mend, _WIDE, measure)]
+    wide = max(measure(line) for line, _ in lines) + 34
+    high = 20 * len(lines) + 16
+    left, top = area.x + 14, bottom - high
+    seen = min(toast.left / 0.6, 1.0)
+    draw.add_rect_filled(
+        ImVec2(left, top), ImVec2(left + wide, bottom), packed((*GLASS[:3], 0.85), seen), 9.0
+    )
+    tint = packed(BAD if toast.bad else GOOD, seen)
+    draw.add_rect_filled(ImVec2(left + 7, top + 9), ImVec2(left + 10, bottom - 9), tint, 2.0)
+    for row, (line, colour) in enumerate(lines):
+        draw.add_text(ImVec2(left + 20, top + 8 + 20 * row), packed(colour, seen), line)
+    return top

@@ -1,0 +1,122 @@
+"""Fonts and colours of the studio's widgets, and small helpers that panels share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from imgui_bundle import ImVec2, ImVec4, hello_imgui, imgui
+
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.theme import ACCENT, DARK, INK, LINE, PANEL, PRESSED, QUIET, RAISED, Colour
+
+BODY, SMALL = 15.0, 12.5
+_ROBOTO = "fonts/Roboto/Roboto-Regular.ttf"
+FIXED = (
+    imgui.WindowFlags_.no_move
+    | imgui.WindowFlags_.no_resize
+    | imgui.WindowFlags_.no_collapse
+    | imgui.WindowFlags_.no_title_bar
+    | imgui.WindowFlags_.no_bring_to_front_on_focus
+)
+
+
+def load_fonts() -> None:
+    """Roboto with Font Awesome's glyphs."""
+    hello_imgui.load_font_ttf_with_font_awesome_icons(_ROBOTO, BODY)
+
+
+def apply_style() -> None:
+    """Glass panels, amber accents, round corners."""
+    style, kind = imgui.get_style(), imgui.Col_
+    imgui.style_colors_dark()
+    style.window_rounding = style.popup_rounding = 8.0
+    style.frame_rounding = style.grab_rounding = style.tab_rounding = 5.0
+    style.child_rounding = 6.0
+    style.window_border_size = style.frame_border_size = 0.0
+    style.popup_border_size = 1.0
+    style.window_padding, style.item_spacing = ImVec2(12, 10), ImVec2(8, 6)
+    style.frame_padding = ImVec2(8, 4)
+    style.scrollbar_size = 11.0
+    amber = (ACCENT[0], ACCENT[1], ACCENT[2])
+    colours = {
+        kind.text: INK,
+        kind.text_disabled: (*QUIET[:3], 0.6),
+        kind.window_bg: PANEL,
+        kind.child_bg: (0.0, 0.0, 0.0, 0.0),
+        kind.popup_bg: (0.10, 0.112, 0.138, 0.99),
+        kind.border: LINE,
+        kind.menu_bar_bg: DARK,
+        kind.frame_bg: RAISED,
+        kind.frame_bg_hovered: PRESSED,
+        kind.frame_bg_active: PRESSED,
+        kind.button: RAISED,
+        kind.button_hovered: PRESSED,
+        kind.button_active: (*amber, 0.55),
+        kind.header: (*amber, 0.26),
+        kind.header_hovered: (*amber, 0.18),
+        kind.header_active: (*amber, 0.40),
+        kind.check_mark: ACCENT,
+        kind.slider_grab: (*amber, 0.85),
+        kind.slider_grab_active: ACCENT,
+        kind.separator: LINE,
+        kind.scrollbar_bg: (0.0, 0.0, 0.0, 0.0),
+        kind.scrollbar_grab: PRESSED,
+        kind.title_bg_active: DARK,
+        kind.title_bg: DARK,
+        kind.text_selected_bg: (*amber, 0.35),
+        kind.nav_cursor: (*amber, 0.6),
+        kind.modal_window_dim_bg: (0.0, 0.0, 0.0, 0.5),
+    }
+    for which, colour in colours.items():
+        style.set_color_(which, ImVec4(*colour))
+
+
+def packed(colour: Colour, opacity: float = 1.0) -> int:
+    """A colour as draw lists take it."""
+    return imgui.get_color_u32(ImVec4(colour[0], colour[1], colour[2], colour[3] * opacity))
+
+
+@contextmanager
+def panel(name: str, area: Area, flags: int = 0) -> Iterator[None]:
+    """A window that stays where it is."""
+    imgui.set_next_window_pos(ImVec2(area.x, area.y))
+    imgui.set_next_window_size(ImVec2(area.width, area.height))
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
+    imgui.begin(name, None, FIXED | flags)
+    imgui.pop_style_var()
+    yield
+    imgui.end()
+
+
+@contextmanager
+def tinted(colour: Colour, *which: int) -> Iterator[None]:
+    """Everything inside takes a colour."""
+    for one in which:
+        imgui.push_style_color(one, ImVec4(*colour))
+    yield
+    imgui.pop_style_color(len(which))
+
+
+@contextmanager
+def small() -> Iterator[None]:
+    """Everything inside is written small."""
+    imgui.push_font(None, SMALL)
+    yield
+    imgui.pop_font()
+
+
+def heading(text: str) -> None:
+    """The title of a part of a panel."""
+    imgui.dummy(ImVec2(0, 2))
+    with small(), tinted(QUIET, imgui.Col_.text):
+        imgui.text(text.upper())
+    imgui.separator()
+
+
+def quiet(text: str) -> None:
+    """A line of less weight, wrapped."""
+    with small(), tinted(QUIET, imgui.Col_.text):
+        imgui.push_text_wrap_pos(0.0)
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()

@@ -1,0 +1,153 @@
+"""The timeline along the bottom: transport, ruler, a lane a layer, the playhead; all from a draw list."""
+
+from __future__ import annotations
+
+import zlib
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.hud import clock
+from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.panels.style import packed, panel, quiet, small
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.theme import ACCENT, DARK, INK, LANES, LINE, QUIET, RAISED
+from enliven_viewer.studio.timeline_layout import LABELS, LANE, RULER, Bar, TimelineLayout
+
+_START, _PLAY, _PAUSE, _LOOP = "\uf048", "\uf04b", "\uf04c", "\uf01e"
+_EYE, _CLOSED = "\uf06e", "\uf070"
+
+
+def draw_timeline(desk: Desk, area: Area) -> None:
+    """Everything in the bottom panel."""
+    with panel("timeline", area, imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse):
+        _transport(desk)
+        origin = imgui.get_cursor_screen_pos()
+        size = imgui.get_content_region_avail()
+        desk.timeline.width = size.x
+        imgui.invisible_button("##track", ImVec2(max(size.x, 1), max(size.y, 1)))
+        desk.remember("timeline")
+        _listen(desk, origin, size)
+        draw = imgui.get_window_draw_list()
+        draw.push_clip_rect(origin, ImVec2(origin.x + size.x, origin.y + size.y), True)
+        _lanes(desk, origin, size)
+        _ruler(desk, origin, size)
+        _playhead(desk, origin, size)
+        draw.pop_clip_rect()
+
+
+def _transport(desk: Desk) -> None:
+    editor = desk.editor
+    if imgui.button(_START + "##start", ImVec2(34, 0)):
+        editor.scrub(0.0)
+    imgui.same_line()
+    if imgui.button((_PAUSE if editor.playing else _PLAY) + "##play", ImVec2(44, 0)):
+        editor.playing = not editor.playing
+    desk.remember("play")
+    imgui.same_line()
+    if editor.loop:
+        imgui.push_style_color(imgui.Col_.text, packed(ACCENT))
+    looping = editor.loop
+    if imgui.button(_LOOP + "##loop", ImVec2(34, 0)):
+        editor.loop = not editor.loop
+    if looping:
+        imgui.pop_style_color()
+    if imgui.is_item_hovered():
+        imgui.set_tooltip("Begin again at the end")
+    imgui.same_line(0.0, 18.0)
+    imgui.align_text_to_frame_padding()
+    imgui.text(f"{clock(editor.time)}  /  {clock(editor.length)}")
+    imgui.same_line(0.0, 18.0)
+    imgui.set_next_item_width(90)
+    changed, speed = imgui.slider_float("##speed", editor.speed, 0.1, 2.0, "%.2fx speed")
+    if changed:
+        editor.speed = speed
+
+
+def _listen(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
+    """Give the pointer to the timeline's hand."""
+    at, hand = imgui.get_mouse_pos(), desk.timeline
+    x, y = at.x - origin.x, at.y - origin.y
+    if imgui.is_item_hovered():
+        if imgui.is_mouse_clicked(0):
+            hand.press(x, y)
+        low = max(hand.layout.height - size.y, 0.0)
+        hand.scrolled = min(max(hand.scrolled - 24 * imgui.get_io().mouse_wheel, 0.0), low)
+        _cursor(hand.layout.grip(x, y).kind)
+    if hand.busy and imgui.is_mouse_down(0):
+        hand.drag(x)
+    elif hand.busy:
+        hand.release(x)
+
+
+def _cursor(kind: str) -> None:
+    if kind == "edge":
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+    elif kind in ("bar", "mute"):
+        imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
+
+
+def _ruler(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
+    draw, layout = imgui.get_window_draw_list(), desk.timeline.layout
+    draw.add_rect_filled(origin, ImVec2(origin.x + size.x, origin.y + RULER), packed(DARK))
+    with small():
+        for time, numbered in layout.ticks():
+            x = origin.x + layout.x(time)
+            top = origin.y + (RULER - 9 if numbered else RULER - 4)
+            draw.add_line(ImVec2(x, top), ImVec2(x, origin.y + RULER), packed(QUIET, 0.6))
+            if numbered:
+                draw.add_text(ImVec2(x + 4, origin.y + 5), packed(QUIET), f"{time:g} s")
+
+
+def _lanes(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
+    layout, bars = desk.timeline.layout, desk.timeline.layout.bars()
+    for bar in bars:
+        _lane(desk, layout, bar, origin, size)
+    if not bars:
+        at = ImVec2(origin.x + LABELS + 8, origin.y + RULER + 12)
+        imgui.set_cursor_screen_pos(at)
+        quiet("No motion yet. Take the Map tool (M), choose a chain of a take, then a chain of your shape.")
+
+
+def _lane(desk: Desk, layout: TimelineLayout, bar: Bar, origin: ImVec2, size: ImVec2) -> None:
+    draw, layer = imgui.get_window_draw_list(), bar.layer
+    top, right = origin.y + bar.top, origin.x + size.x
+    chosen = desk.editor.selection.layer in bar.ids
+    draw.add_rect_filled(
+        ImVec2(origin.x, top), ImVec2(right, top + LANE), packed(RAISED, 0.95 if chosen else 0.5), 4.0
+    )
+    tint, faded = colour_of(layer.take), 0.3 if layer.muted else 1.0
+    icon = _CLOSED if layer.muted else _EYE
+    draw.add_text(ImVec2(origin.x + 5, top + 4), packed(QUIET if layer.muted else INK, 0.9), icon)
+    name_right = origin.x + LABELS - 14
+    draw.push_clip_rect(ImVec2(origin.x, top), ImVec2(name_right, top + LANE), True)
+    draw.add_text(ImVec2(origin.x + 28, top + 4), packed(ACCENT if chosen else INK, faded), bar.label)
+    draw.pop_clip_rect()
+    left, end = origin.x + bar.left, origin.x + bar.right
+    if layer.loop:
+        last = origin.x + layout.x(layout.length)
+        draw.add_rect_filled(
+            ImVec2(end, top + 3), ImVec2(last, top + LANE - 3), packed(tint, 0.25 * faded), 4.0
+        )
+    draw.add_rect_filled(ImVec2(left, top + 2), ImVec2(end, top + LANE - 2), packed(tint, 0.8 * faded), 4.0)
+    if chosen:
+        draw.add_rect(ImVec2(left, top + 2), ImVec2(end, top + LANE - 2), packed(INK), 4.0, 1.5)
+    draw.push_clip_rect(ImVec2(left, top), ImVec2(end, top + LANE), True)
+    words = layer.take if layer.speed == 1 else f"{layer.take}  {layer.speed:.2g}x"
+    with small():
+        draw.add_text(ImVec2(left + 8, top + 5), packed(DARK, 1.0), words)
+    draw.pop_clip_rect()
+
+
+def _playhead(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
+    draw = imgui.get_window_draw_list()
+    x = origin.x + desk.timeline.layout.x(desk.editor.time)
+    draw.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), packed(ACCENT), 1.5)
+    y = origin.y + RULER - 1
+    draw.add_triangle_filled(ImVec2(x - 6, y - 9), ImVec2(x + 6, y - 9), ImVec2(x, y), packed(ACCENT))
+    edge = origin.x + LABELS - 12
+    draw.add_line(ImVec2(edge, origin.y), ImVec2(edge, origin.y + size.y), packed(LINE))
+
+
+def colour_of(take: str):  # type: ignore[no-untyped-def]
+    """The colour of a take's bars."""
+    return LANES[zlib.crc32(take.encode()) % len(LANES)]

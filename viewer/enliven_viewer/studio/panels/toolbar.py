@@ -1,0 +1,42 @@
+"""The tools at the left: a button each, with its letter."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.panels.style import packed, panel
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.theme import ACCENT, INK, QUIET
+from enliven_viewer.studio.tools.shelf import TOOLS
+
+_SIZE = ImVec2(72, 50)
+
+
+def draw_toolbar(desk: Desk, area: Area) -> None:
+    """The buttons; the one in hand is amber."""
+    with panel("tools", area):
+        for kind in TOOLS:
+            chosen = desk.hand.tool.name == kind.name
+            at = imgui.get_cursor_screen_pos()
+            if imgui.invisible_button(f"##{kind.name}", _SIZE):
+                desk.hand.take(kind.name)
+            hovered = imgui.is_item_hovered()
+            desk.remember(f"tool {kind.name}")
+            if hovered:
+                imgui.set_tooltip(f"{kind.label}  ({kind.key.upper()})")
+            _face(at, kind.icon, kind.label, chosen, hovered)
+
+
+def _face(at: ImVec2, icon: str, label: str, chosen: bool, hovered: bool) -> None:
+    draw = imgui.get_window_draw_list()
+    if chosen or hovered:
+        tint = packed(ACCENT, 0.22 if chosen else 0.08)
+        draw.add_rect_filled(at, ImVec2(at.x + _SIZE.x, at.y + _SIZE.y), tint, 7.0)
+    colour = packed(ACCENT if chosen else INK)
+    wide = imgui.calc_text_size(icon).x * 18 / imgui.get_font_size()
+    font = imgui.get_font()
+    draw.add_text(font, 18.0, ImVec2(at.x + (_SIZE.x - wide) / 2, at.y + 7), colour, icon)
+    wide = imgui.calc_text_size(label).x * 12 / imgui.get_font_size()
+    quiet = packed(ACCENT if chosen else QUIET)
+    draw.add_text(font, 12.0, ImVec2(at.x + (_SIZE.x - wide) / 2, at.y + 31), quiet, label)

@@ -1,0 +1,47 @@
+"""Short messages that stay a while: what was done, and what to do about what went wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from enliven.errors import EnlivenError
+
+
+@dataclass(frozen=True)
+class Toast:
+    """One message: what was said, what to do about it (or nothing), whether it is bad, seconds it stays."""
+
+    text: str
+    mend: str
+    bad: bool
+    left: float
+
+
+class Toasts:
+    """The messages on the screen, the newest last.
+
+    Args:
+        seconds: how long one stays; what is bad stays twice as long.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self.shown: tuple[Toast, ...] = ()
+
+    def say(self, text: str, mend: str = "") -> None:
+        """Tell of something that was done."""
+        self._add(Toast(text, mend, False, self._seconds))
+
+    def complain(self, error: EnlivenError) -> None:
+        """Tell of something that could not be done."""
+        what = f"{error.where}: {error.what}" if error.where else error.what
+        self._add(Toast(what, error.mend, True, 2 * self._seconds))
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass."""
+        older = (Toast(t.text, t.mend, t.bad, t.left - seconds) for t in self.shown)
+        self.shown = tuple(t for t in older if t.left > 0)
+
+    def _add(self, toast: Toast) -> None:
+        same = (toast.text, toast.mend)
+        self.shown = (*(t for t in self.shown if (t.text, t.mend) != same), toast)[-4:]

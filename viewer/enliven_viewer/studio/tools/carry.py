@@ -1,0 +1,111 @@
+"""Carrying a shape about; dropped with its root on another shape's node, the two become one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.modeling.merge import merge
+from enliven.project import Project
+from enliven_viewer.studio.overlay import Disc, Line, Overlay, Words
+from enliven_viewer.studio.picking import Hit, bone_at, joint_at
+from enliven_viewer.studio.theme import GOOD, INK, STROKE
+from enliven_viewer.studio.tools.base import Pointer, Tool
+
+
+class Carry(Tool):
+    """Moves a shape parallel to the picture, and merges it where its root comes near a node or a bone."""
+
+    name, label, key, icon = "carry", "Move, merge", "g", "\uf047"
+
+    def __init__(self, editor) -> None:  # type: ignore[no-untyped-def]
+        super().__init__(editor)
+        self._held: tuple[str, Float, Pointer] | None = None
+        self._graft: Hit | None = None
+
+    @property
+    def hint(self) -> str:
+        if self._graft is not None:
+            return "Let go to merge here; the motions of both are kept."
+        if self._held is not None:
+            return "Bring the red root onto a node of another shape to merge, or let go anywhere."
+        return "Drag a shape to move it. Drop its red root on another shape's node to merge the two."
+
+    def press(self, pointer: Pointer) -> bool:
+        hit = self.shape_at(pointer)
+        if hit is None:
+            return False
+        self.editor.select(shape=hit.shape)
+        self.editor.select(joint=None, chain=())
+        self.editor.playing = False
+        stance = self.editor.stance(hit.shape)
+        # The root travels in the plane of the picture, whatever it was grabbed by.
+        self._held = (hit.shape, stance.joints[0].copy(), pointer)
+        return True
+
+    def drag(self, pointer: Pointer) -> None:
+        if self._held is None:
+            return
+        shape_id = self._held[0]
+        self.editor.sketch(lambda project: self._moved(project, pointer))
+        root = self.editor.stance(shape_id).joints[:1]
+        pixel = self.editor.lens.project(root)[0][0]
+        at, snap = (float(pixel[0]), float(pixel[1])), self.editor.settings.snap
+        others = [s for s in self.editor.stances if s.shape.id != shape_id]
+        lens = self.editor.lens
+        self._graft = joint_at(others, lens, at, snap) or bone_at(others, lens, at, snap / 2)
+
+    def release(self, pointer: Pointer) -> None:
+        if self._held is None:
+            return
+        held, graft, dragged = self._held, self._graft, self.editor.draft is not None
+        self._graft = None
+        if dragged and graft is not None:
+            self._merge(held[0], graft)
+        elif dragged:
+            self.editor.edit("move", lambda project: self._moved(project, pointer))
+        self._held = None
+
+    def cancel(self) -> None:
+        super().cancel()
+        self._held = self._graft = None
+
+    def overlay(self) -> Overlay:
+        plain = super().overlay()
+        if self._held is None or self._graft is None:
+            return plain
+        editor, graft = self.editor, self._graft
+        stance = editor.stance(graft.shape)
+        parent = max(int(stance.shape.skeleton.parents[graft.joint]), 0)
+        place = stance.joints[parent] + graft.along * (stance.joints[graft.joint] - stance.joints[parent])
+        points = editor.lens.project(np.stack([place, editor.stance(self._held[0]).joints[0]]))[0]
+        node, root = ((float(p[0]), float(p[1])) for p in points)
+        return Overlay(
+            (
+                Line((root, node), STROKE, 2.0),
+                Disc(node, 13.0, GOOD, 3.0),
+                Words((node[0] + 20, node[1]), "merge", INK),
+            ),
+            plain.chain,
+            plain.hovered,
+        )
+
+    def _moved(self, project: Project, pointer: Pointer) -> Project:
+        assert self._held is not None
+        shape_id, root, start = self._held
+        lens, shape = self.editor.lens, project.shape(shape_id)
+        way = lens.on_plane(pointer.at, root) - lens.on_plane(start.at, root)
+        return project.with_shapes(shape.with_changes(place=shape.place + way))
+
+    def _merge(self, shape_id: str, graft: Hit) -> None:
+        """Merge at the playhead's time: nothing turns then, and both go on moving."""
+        time = self.editor.time
+
+        def change(project: Project) -> Project:
+            at = graft.along if graft.joint and graft.along < 1.0 else 1.0
+            return merge(project, graft.shape, graft.joint, shape_id, time, at=at)[0]
+
+        # The root is put on the node exactly: the drag only chose which.
+        if self.editor.edit(f"merge {shape_id}", change):
+            self.editor.select(shape=graft.shape)
+            self.editor.toasts.say(f"{shape_id} is now part of {graft.shape}", "Ctrl+Z takes them apart.")

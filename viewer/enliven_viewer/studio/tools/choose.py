@@ -1,0 +1,34 @@
+"""Choosing a shape, a joint, or a chain from one joint to another."""
+
+from __future__ import annotations
+
+from enliven_viewer.studio.tools.base import Pointer, Tool
+
+
+class Choose(Tool):
+    """Click chooses; with Shift, the chain from the chosen joint to the clicked one."""
+
+    name, label, key, icon = "choose", "Choose", "q", "\uf245"
+
+    @property
+    def hint(self) -> str:
+        if self.editor.selection.chain:
+            return "A chain is chosen. Ctrl+Shift+C copies its motion, Ctrl+Shift+V pastes motion onto it."
+        if self.editor.selection.joint is not None:
+            return "Shift-click another joint to choose the chain between them. Delete removes the node."
+        return "Click a joint or a shape to choose it. Drag empty space to turn the view."
+
+    def press(self, pointer: Pointer) -> bool:
+        hit, editor = self.shape_at(pointer), self.editor
+        if hit is None:
+            editor.select(shape=None)
+            return False
+        on_handle = self.handle_at(pointer) is not None
+        chosen = editor.selection
+        if pointer.shift and on_handle and chosen.shape == hit.shape and chosen.joint is not None:
+            skeleton = editor.project.shapes[hit.shape].skeleton
+            editor.select(chain=skeleton.path(chosen.joint, hit.joint))
+            return True
+        editor.select(shape=hit.shape)
+        editor.select(joint=hit.joint if on_handle else None, chain=())
+        return on_handle

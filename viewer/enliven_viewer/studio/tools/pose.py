@@ -1,0 +1,89 @@
+"""Posing: a joint is dragged, and its bone turns about its parent; the root turns the whole shape."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.project import Project
+from enliven.rotation import conjugate, from_rotation_vector, multiply, swing
+from enliven_viewer.studio.stance import Stance
+from enliven_viewer.studio.tools.base import Pointer, Tool
+
+
+class Pose(Tool):
+    """Turns one bone; dragged by the root, or by its surface, the shape turns in the picture's plane."""
+
+    name, label, key, icon = "pose", "Pose", "r", "\uf183"
+
+    def __init__(self, editor) -> None:  # type: ignore[no-untyped-def]
+        super().__init__(editor)
+        self._held: tuple[Stance, int, Pointer] | None = None
+
+    @property
+    def hint(self) -> str:
+        if self._held is not None:
+            return "Let go to keep the pose; Esc drops it."
+        return "Drag a joint to turn its bone. Drag the root or the surface to turn the whole shape."
+
+    def press(self, pointer: Pointer) -> bool:
+        hit = self.shape_at(pointer)
+        if hit is None:
+            return False
+        on_handle = self.handle_at(pointer) is not None
+        joint = hit.joint if on_handle else 0
+        self.editor.select(shape=hit.shape)
+        self.editor.select(joint=joint, chain=())
+        self.editor.playing = False
+        self._held = (self.editor.stance(hit.shape), joint, pointer)
+        return True
+
+    def drag(self, pointer: Pointer) -> None:
+        if self._held is not None:
+            self.editor.sketch(lambda project: self._posed(project, pointer))
+
+    def release(self, pointer: Pointer) -> None:
+        if self._held is None:
+            return
+        if self.editor.draft is not None:
+            self.editor.edit("pose", lambda project: self._posed(project, pointer))
+        self._held = None
+
+    def cancel(self) -> None:
+        super().cancel()
+        self._held = None
+
+    def _posed(self, project: Project, pointer: Pointer) -> Project:
+        assert self._held is not None
+        stance, joint, start = self._held
+        turn = self._turn_of_all(stance, start, pointer) if joint == 0 else self._turn(stance, joint, pointer)
+        return turned(project, stance, joint, turn)
+
+    def _turn(self, stance: Stance, joint: int, pointer: Pointer) -> Float:
+        """(4,) the world turn that points the bone at the pointer."""
+        pivot = stance.joints[stance.shape.skeleton.parents[joint]]
+        target = self.editor.lens.on_plane(pointer.at, stance.joints[joint])
+        return swing(stance.joints[joint] - pivot, target - pivot)
+
+    def _turn_of_all(self, stance: Stance, start: Pointer, pointer: Pointer) -> Float:
+        """(4,) the world turn about the view's axis by as much as the pointer went around the root."""
+        lens = self.editor.lens
+        centre = lens.project(stance.joints[:1])[0][0]
+        before, after = (np.array(p.at) - centre for p in (start, pointer))
+        if np.linalg.norm(before) < 24:
+            angle = 0.008 * float(pointer.at[0] - start.at[0])
+        else:
+            angle = math.atan2(after[1], after[0]) - math.atan2(before[1], before[0])
+        return from_rotation_vector(lens.forward * angle)
+
+
+def turned(project: Project, stance: Stance, joint: int, turn: Float) -> Project:
+    """The project with a bone, and all beyond it, turned in the world by ``turn`` (4,) from how it stands."""
+    shape = project.shape(stance.shape.id)
+    above = stance.turns[shape.skeleton.parents[joint]] if joint else np.array([1.0, 0.0, 0.0, 0.0])
+    modeling = shape.modeling.copy()
+    own = multiply(conjugate(above), multiply(turn, above))
+    modeling[joint] = multiply(own, modeling[joint])
+    return project.with_shapes(shape.with_changes(modeling=modeling))

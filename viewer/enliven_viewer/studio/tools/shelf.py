@@ -1,0 +1,11 @@
+"""The tools, in the order of their buttons."""
+
+from __future__ import annotations
+
+from enliven_viewer.studio.tools.base import Tool
+from enliven_viewer.studio.tools.carry import Carry
+from enliven_viewer.studio.tools.choose import Choose
+from enliven_viewer.studio.tools.pose import Pose
+
+TOOLS: tuple[type[Tool], ...] = (Choose, Carry, Pose)
+"""Every tool."""

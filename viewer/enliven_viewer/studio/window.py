@@ -1,0 +1,192 @@
+"""The studio's window: hello_imgui runs it, moderngl draws the picture behind its panels."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from imgui_bundle import hello_imgui, imgui
+
+from enliven.arrays import UInt8
+from enliven_viewer.render.context import window_context
+from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.panels.menu import draw_menu
+from enliven_viewer.studio.panels.over import draw_over
+from enliven_viewer.studio.panels.side import draw_side
+from enliven_viewer.studio.panels.style import apply_style, load_fonts
+from enliven_viewer.studio.panels.timeline import draw_timeline
+from enliven_viewer.studio.panels.toolbar import draw_toolbar
+from enliven_viewer.studio.places import Area, Places, places_in
+from enliven_viewer.studio.viewport import Viewport
+
+_LONGEST_STEP = 0.1
+"""Seconds: after a longer picture the playhead goes on from where it was."""
+_KEYS = {
+    **{letter: getattr(imgui.Key, letter) for letter in "abcdefghijklmnopqrstuvwxyz"},
+    "space": imgui.Key.space,
+    "left": imgui.Key.left_arrow,
+    "right": imgui.Key.right_arrow,
+    "home": imgui.Key.home,
+    "end": imgui.Key.end,
+    "delete": imgui.Key.delete,
+    "backspace": imgui.Key.backspace,
+    "escape": imgui.Key.escape,
+    "enter": imgui.Key.enter,
+    "f1": imgui.Key.f1,
+}
+
+
+class StudioWindow:
+    """One window on a desk.
+
+    Args:
+        desk: what is edited.
+        step: seconds that each picture takes, for films; None for the clock's.
+    """
+
+    def __init__(self, desk: Desk, step: float | None = None) -> None:
+        self.desk, self.step = desk, step
+        self.pictures = 0
+        self._viewport: Viewport | None = None
+        self._screen: Any = None
+        self._last = time.monotonic()
+        self._framed = False
+
+    def run(
+        self,
+        *,
+        seconds: float | None = None,
+        before: Callable[[StudioWindow], None] | None = None,
+        after: Callable[[StudioWindow], None] | None = None,
+        register_tests: Callable[[], None] | None = None,
+    ) -> None:
+        """Show the window until it is closed.
+
+        Args:
+            seconds: close it after so long.
+            before, after: called before and after every picture, to give input and to take the picture.
+            register_tests: scripted tests of the window, for ImGui's own test engine.
+        """
+        settings = self.desk.editor.settings
+        runner = hello_imgui.RunnerParams()
+        runner.app_window_params.window_title = "enliven studio"
+        runner.app_window_params.window_geometry.size = (settings.width, settings.height)
+        runner.app_window_params.restore_previous_geometry = False
+        kinds = hello_imgui.DefaultImGuiWindowType
+        runner.imgui_window_params.default_imgui_window_type = kinds.no_default_window
+        runner.fps_idling.enable_idling = False
+        runner.ini_disable = True
+        calls = runner.callbacks
+        calls.default_icon_font = hello_imgui.DefaultIconFont.font_awesome4
+        calls.load_additional_fonts = load_fonts
+        calls.setup_imgui_style = apply_style
+        calls.post_init = self._start
+        calls.custom_background = self._picture
+        calls.show_gui = self._gui
+        if register_tests is not None:
+            runner.use_imgui_test_engine = True
+            calls.register_tests = register_tests
+        end = None if seconds is None else time.monotonic() + seconds
+
+        def first() -> None:
+            if end is not None and time.monotonic() > end:
+                self.close()
+            if before is not None:
+                before(self)
+
+        def last() -> None:
+            self.pictures += 1
+            if after is not None:
+                after(self)
+
+        calls.pre_new_frame, calls.before_swap = first, last
+        hello_imgui.run(runner)
+
+    def close(self) -> None:
+        """Close the window after this picture."""
+        hello_imgui.get_runner_params().app_shall_exit = True
+
+    def pixels(self) -> UInt8:
+        """(H, W, 3) sRGB of what is on the screen, top row first; to be asked for after a picture."""
+        assert self._viewport is not None
+        width, height = self._framebuffer_size()
+        raw = self._screen.read(viewport=(0, 0, width, height), components=3, alignment=1)
+        _ = self._viewport.renderer.ctx.error  # moderngl asks a window for buffers that it lacks
+        return np.ascontiguousarray(np.frombuffer(raw, np.uint8).reshape(height, width, 3)[::-1])
+
+    @property
+    def places(self) -> Places:
+        """Where the panels are."""
+        size = imgui.get_io().display_size
+        return places_in(size.x, size.y)
+
+    def _start(self) -> None:
+        settings = self.desk.editor.settings
+        context = window_context()
+        self._screen = context.detect_framebuffer()  # now, while the window's own is bound
+        self._viewport = Viewport(context, (64, 64), settings.render)
+
+    def _framebuffer_size(self) -> tuple[int, int]:
+        io = imgui.get_io()
+        scale = io.display_framebuffer_scale
+        return round(io.display_size.x * scale.x), round(io.display_size.y * scale.y)
+
+    def _picture(self) -> None:
+        """The 3-D picture, in the middle of the window."""
+        assert self._viewport is not None
+        now = time.monotonic()
+        elapsed = min(now - self._last, _LONGEST_STEP) if self.step is None else self.step
+        self._last = now
+        editor, area = self.desk.editor, self.places.viewport
+        editor.size = (area.width, area.height)
+        if not self._framed:
+            self._framed = True
+            editor.frame_all(at_once=True)
+        editor.advance(elapsed)
+        scale = imgui.get_io().display_framebuffer_scale.y
+        size = max(round(area.width * scale), 1), max(round(area.height * scale), 1)
+        renderer = self._viewport.renderer
+        renderer.resize(size)
+        self._viewport.draw(
+            editor.stances,
+            editor.lens,
+            editor.selection,
+            self.desk.hand.tool.overlay(),
+            meshes=editor.show_meshes,
+            bones=editor.show_bones,
+        )
+        bottom = self._framebuffer_size()[1] - round((area.y + area.height) * scale)
+        renderer.present(self._screen, (round(area.x * scale), bottom))
+        self._screen.viewport = (0, 0, *self._framebuffer_size())
+
+    def _gui(self) -> None:
+        """The panels, and what the pointer does where none is."""
+        places = self.places
+        draw_menu(self.desk)
+        draw_toolbar(self.desk, places.tools)
+        draw_side(self.desk, places.side)
+        draw_timeline(self.desk, places.timeline)
+        draw_over(self.desk, places.viewport)
+        self._listen(places.viewport)
+
+    def _listen(self, area: Area) -> None:
+        io, hand = imgui.get_io(), self.desk.hand
+        at = (io.mouse_pos.x - area.x, io.mouse_pos.y - area.y)
+        held: dict[str, Any] = {"shift": io.key_shift, "ctrl": io.key_ctrl}
+        free = area.holds(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse
+        if at != hand.at and (free or hand.busy):
+            hand.move(at, **held)
+        for button in (0, 1, 2):
+            if free and imgui.is_mouse_clicked(button):
+                hand.press(at, button, **held)
+            if hand.busy and imgui.is_mouse_released(button):
+                hand.release(at, button, **held)
+        if free and io.mouse_wheel:
+            hand.wheel(io.mouse_wheel)
+        if not io.want_text_input and not self.desk.asking:
+            modifiers = "ctrl+" * io.key_ctrl + "shift+" * io.key_shift
+            for name, key in _KEYS.items():
+                if imgui.is_key_pressed(key, repeat=name in ("left", "right")):
+                    hand.key(modifiers + name)
