@@ -5,6 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from enliven_edge.tracking.model import SHOULDER, UPPER_ARM_L, UPPER_ARM_R
+
+SHRUG = 0.3
+"""Radians by which an arm that points straight up has lifted its shoulder about the base of the neck."""
+_LEVEL = 0.0
+"""Height of the unit vector along the upper arm, in the chest's frame, from which on the shoulder lifts."""
+
 
 @njit(cache=True, nogil=True)
 def forward_into(world, pivots, by_length, position, rotations, lengths, parents, offsets):  # type: ignore[no-untyped-def]
@@ -29,14 +36,16 @@ def forward_into(world, pivots, by_length, position, rotations, lengths, parents
             by_length[0, a, term] = 0.0
     for f in range(1, count):
         p = parents[f]
+        arm = f == UPPER_ARM_L or f == UPPER_ARM_R
+        sine, cosine = shrug(rotations[f]) if arm else (0.0, 1.0)
+        side = 1.0 if f == UPPER_ARM_L else -1.0
         for a in range(3):
             pivots[f, a] = pivots[p, a]
             for term in range(terms):
-                derivative = (
-                    world[p, a, 0] * offsets[f, 0, term]
-                    + world[p, a, 1] * offsets[f, 1, term]
-                    + world[p, a, 2] * offsets[f, 2, term]
-                )
+                x, y = offsets[f, 0, term], offsets[f, 1, term]
+                if arm and term == SHOULDER:
+                    x, y = cosine * x - side * sine * y, side * sine * x + cosine * y
+                derivative = world[p, a, 0] * x + world[p, a, 1] * y + world[p, a, 2] * offsets[f, 2, term]
                 by_length[f, a, term] = by_length[p, a, term] + derivative
                 pivots[f, a] += derivative * lengths[term]
             for c in range(3):
@@ -45,6 +54,18 @@ def forward_into(world, pivots, by_length, position, rotations, lengths, parents
                     + world[p, a, 1] * rotations[f, 1, c]
                     + world[p, a, 2] * rotations[f, 2, c]
                 )
+
+
+@njit(cache=True, nogil=True)
+def shrug(rotation):  # type: ignore[no-untyped-def]
+    """Sine and cosine of the angle by which a shoulder has risen with its arm.
+
+    A collar bone without an unknown of its own: it goes with the arm, as it does in people (the
+    scapulohumeral rhythm). The fit takes it for fixed within a step; it moves a tenth as much as the elbow.
+    """
+    share = max(0.0, (-rotation[1, 1] - _LEVEL) / (1.0 - _LEVEL))
+    angle = SHRUG * share * share * (3.0 - 2.0 * share)
+    return np.sin(angle), np.cos(angle)
 
 
 @njit(cache=True, nogil=True)
