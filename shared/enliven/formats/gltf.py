@@ -1,0 +1,254 @@
+"""Rigged models from glTF 2.0 (.gltf, .glb), as shapes with the clips that came with them.
+
+The rest pose is the bind pose, in the world of the file (metres, +Y up). See :mod:`enliven.formats.rig_tree`
+for how joints become bones. A shape's bones only turn: what an animation moves or scales a joint by (but the
+root, which travels) is not kept, and is noted with its size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.character import SkinWeights
+from enliven.formats.gltf_bind import Bind
+from enliven.formats.gltf_file import GltfFile
+from enliven.formats.gltf_motion import animated_locals, frame_times, world_matrices
+from enliven.formats.gltf_parts import Part, parts_of, shown_nodes
+from enliven.formats.rig import Rig, on_floor, resized, welded
+from enliven.formats.rig_links import Body
+from enliven.formats.rig_tree import Tree, strays, tree_of
+from enliven.mesh import Mesh
+from enliven.motion.clip import Clip
+from enliven.rotation import from_matrix
+from enliven.shape import still_shape
+from enliven.skeleton import Skeleton
+
+_TOLD = 1e-3
+"""Share of the model's size above which something that was left out is worth a note."""
+
+
+@dataclass
+class _Animation:
+    """One animation: what it is called, its frames among those of all, and the seconds between them."""
+
+    name: str
+    frames: slice
+    step: float
+
+
+def read_gltf(
+    path: Path | str, *, name: str = "", height: float | None = None, floor: bool = False, weld: bool = False
+) -> Rig:
+    """Read a model.
+
+    A model without a rig gets one bone, from the middle of its foot to the middle of its top.
+
+    Args:
+        name: what to call the shape; the file's name if empty.
+        height: metres to scale the model to; None takes it as modelled.
+        floor: put its lowest vertex on the floor.
+        weld: join vertices of one place that follow the same bones; see :func:`enliven.formats.rig.welded`.
+
+    Raises:
+        InputError: where the file cannot be read, or has nothing to draw.
+    """
+    file, notes = GltfFile(path), list[str]()
+    parts = parts_of(file, notes)
+    if not parts:
+        raise file.wrong("there is no triangle in its scene")
+    name = name or file.path.stem
+    bind = Bind(file, parts)
+    rest = [bind.vertices(part) for part in parts]
+    mesh = _mesh(name, parts, rest, bind)
+    if all(part.skin < 0 for part in parts) and not file.document.animations:
+        rig = _unrigged(name, mesh, notes)
+    else:
+        rig = _rigged(file, name, parts, rest, mesh, bind, notes)
+    rig = resized(rig, height) if height is not None else rig
+    rig = on_floor(rig) if floor else rig
+    return Rig(welded(rig.shape), rig.clips, rig.notes) if weld else rig
+
+
+def _mesh(name: str, parts: list[Part], rest: list[Float], bind: Bind) -> Mesh:
+    """All the parts as one mesh; a mirrored part gets its faces turned round."""
+    first = np.cumsum([0, *(len(v) for v in rest)])
+    faces = []
+    for part, start in zip(parts, first[:-1], strict=True):
+        node = part.nodes[0, 0] if len(part.nodes) else part.carrier
+        inverse = np.eye(4) if part.skin < 0 else bind.inverse[part.skin][int(node)]
+        mirrored = np.linalg.det((bind.world[node] @ inverse)[:3, :3]) < 0
+        faces.append((part.faces[:, ::-1] if mirrored else part.faces) + start)
+    colours = np.concatenate([part.colours for part in parts])
+    return Mesh(np.concatenate(rest), np.concatenate(faces).astype(np.int32), name, colours)
+
+
+def _unrigged(name: str, mesh: Mesh, notes: list[str]) -> Rig:
+    low, high = mesh.bounds
+    middle = (low + high) / 2
+    foot, top = np.array([middle[0], low[1], middle[2]]), np.array([middle[0], high[1], middle[2]])
+    skeleton = Skeleton(("foot", "top"), np.array([-1, 0], np.int32), np.stack([foot, top]))
+    indices = np.tile(np.array([1, 0, 0, 0], np.uint16), (len(mesh.vertices), 1))
+    weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
+    shape = still_shape(name, skeleton, mesh, SkinWeights(indices, weights))
+    return Rig(shape, (), (*notes, "it has no rig: it is given one bone, from its foot to its top"))
+
+
+def _rigged(
+    file: GltfFile,
+    name: str,
+    parts: list[Part],
+    rest: list[Float],
+    mesh: Mesh,
+    bind: Bind,
+    notes: list[str],
+) -> Rig:
+    animations, world = _played(file)
+    chosen = _chosen(file, parts)
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    bodies, skewed = _bodies(file, chosen, parts, rest, bind, world)
+    tree = tree_of(bodies, size)
+    body_of = {node: number for number, node in enumerate(chosen)}
+    skin = _skin(parts, tree, body_of)
+    shape = still_shape(name, tree.skeleton, mesh, skin)
+    clips, taken = [], set[str]()
+    for animation in animations:
+        clips.append(_clip(animation, tree, bodies, taken))
+    notes += tree.notes + _told(bodies, tree, skewed, size)
+    return Rig(shape, tuple(clips), tuple(dict.fromkeys(notes)))
+
+
+def _played(file: GltfFile) -> tuple[list[_Animation], Float]:
+    """The animations, and (F, n, 4, 4) world_from_node over all their frames."""
+    animations, worlds, start = list[_Animation](), list[Float](), 0
+    for number, animation in enumerate(file.document.animations or []):
+        times = frame_times(file, number)
+        step = float(times[1] - times[0]) if len(times) > 1 else 1 / 30
+        worlds.append(world_matrices(file, animated_locals(file, number, times)))
+        name = animation.name or f"animation {number + 1}"
+        animations.append(_Animation(name, slice(start, start + len(times)), step))
+        start += len(times)
+    count = len(file.document.nodes)
+    return animations, np.concatenate(worlds) if worlds else np.zeros((0, count, 4, 4))
+
+
+def _chosen(file: GltfFile, parts: list[Part]) -> list[int]:
+    """The nodes that may be joints, parents before children: those of the used skins, those that carry a
+    mesh stiffly, and those between them that are animated."""
+    named = {int(n) for p in parts if p.skin >= 0 for n in file.document.skins[p.skin].joints}
+    named |= {part.carrier for part in parts if part.skin < 0}
+    animated = {c.target.node for a in file.document.animations or [] for c in a.channels}
+    between = set[int]()
+    for node in named:
+        at, way = file.parents[node], list[int]()
+        while at >= 0:
+            way.append(at)
+            if at in named:
+                between |= set(way)
+                break
+            at = file.parents[at]
+    return [n for n in shown_nodes(file) if n in named or (n in between and n in animated)]
+
+
+def _bodies(
+    file: GltfFile, chosen: list[int], parts: list[Part], rest: list[Float], bind: Bind, world: Float
+) -> tuple[list[Body], Float]:
+    """What each joint is and does, and (J,) by how much its motion is more than a turn."""
+    number = {node: k for k, node in enumerate(chosen)}
+    bodies, skewed = list[Body](), np.zeros(len(chosen))
+    for k, node in enumerate(chosen):
+        away = world[:, node] @ np.linalg.inv(bind.world[node])
+        turns = from_matrix(away[:, :3, :3]) if len(away) else np.zeros((0, 4))
+        skewed[k] = _skew(away[:, :3, :3])
+        above = file.parents[node]
+        while above >= 0 and above not in number:
+            above = file.parents[above]
+        leaves = [
+            bind.world[child][:3, 3]
+            for child in file.document.nodes[node].children or []
+            if child not in number and file.document.nodes[child].mesh is None
+        ]
+        body = Body(
+            file.name(node), number.get(above, -1), bind.world[node][:3, 3], turns, world[:, node, :3, 3]
+        )
+        body.leaves = leaves
+        bodies.append(body)
+    _weigh(bodies, number, parts, rest)
+    return bodies, skewed
+
+
+def _skew(linear: Float) -> float:
+    """The largest stretch of (F, 3, 3) linear maps: 0 for rotations."""
+    if not len(linear):
+        return 0.0
+    return float(np.abs(np.linalg.svd(linear, compute_uv=False) - 1.0).max())
+
+
+def _weigh(bodies: list[Body], number: dict[int, int], parts: list[Part], rest: list[Float]) -> None:
+    """Give every body how much it moves, and the far end of that."""
+    vertices = np.concatenate(rest)
+    nodes = np.concatenate([part.nodes for part in parts])
+    weights = np.concatenate([part.weights for part in parts])
+    area = np.concatenate([_area(part, at) for part, at in zip(parts, rest, strict=True)])
+    for node, k in number.items():
+        share = np.where(nodes == node, weights, 0.0).sum(1)
+        bodies[k].mass = float(share @ area)
+        mine = vertices[share > 0.5] if (share > 0.5).any() else vertices[share > 0]
+        if len(mine):
+            bodies[k].reach = _far_end(bodies[k].rest, mine)
+
+
+def _area(part: Part, vertices: Float) -> Float:
+    """(V,) m2 of the faces around each vertex, a third of each; never nothing."""
+    a, b, c = (vertices[part.faces[:, k]] for k in range(3))
+    third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
+    return np.asarray(np.bincount(part.faces.ravel(), np.repeat(third, 3), len(vertices)) + 1e-12)
+
+
+def _far_end(start: Float, vertices: Float) -> Float:
+    """(3,) the end of a bone from ``start`` through the middle of its vertices to the farthest of them."""
+    middle = (vertices.min(0) + vertices.max(0)) / 2 - start
+    length = float(np.linalg.norm(middle))
+    if length < 1e-9:
+        return start
+    along = middle / length
+    return np.asarray(start + along * max(float(((vertices - start) @ along).max()), 0.0))
+
+
+def _skin(parts: list[Part], tree: Tree, body_of: dict[int, int]) -> SkinWeights:
+    """Four bones a vertex, for the joints that it follows in the file."""
+    nodes: Int = np.concatenate([part.nodes for part in parts])
+    weights = np.concatenate([part.weights for part in parts])
+    bone = np.zeros(max(body_of) + 1, np.uint16)
+    for node, body in body_of.items():
+        bone[node] = tree.bone.get(body, 0)
+    return SkinWeights(bone[nodes], weights.astype(np.float32))
+
+
+def _clip(animation: _Animation, tree: Tree, bodies: list[Body], taken: set[str]) -> Clip:
+    number, name = 1, animation.name
+    while name in taken:
+        number += 1
+        name = f"{animation.name} {number}"
+    taken.add(name)
+    turns = np.stack([bodies[k].turns[animation.frames] for k in tree.driver], 1)
+    return Clip(name, tree.skeleton, turns, bodies[tree.root].places[animation.frames], animation.step)
+
+
+def _told(bodies: list[Body], tree: Tree, skewed: Float, size: float) -> list[str]:
+    """What the animations do that bones cannot, with its size."""
+    told = []
+    away = [(name, far) for name, far in strays(bodies, tree) if far > _TOLD * size]
+    if away:
+        name, far = max(away, key=lambda pair: pair[1])
+        what = f"animations move {len(away)} joint{'s' * (len(away) > 1)} off their bones; not kept"
+        told.append(f"{what}: at most {far:.3g} m ({far / size:.1%} of the size), {name}")
+    worst = max(tree.bone, key=lambda k: skewed[k])
+    if skewed[worst] > _TOLD:
+        told.append(
+            f"animations stretch joints; not kept: at most by {skewed[worst]:.1%}, {bodies[worst].name}"
+        )
+    return told

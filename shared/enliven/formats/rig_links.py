@@ -1,0 +1,209 @@
+"""Which joint of a rig hangs on which: as the file says, unless its own animations say otherwise.
+
+Files of animators have controllers: a foot that inverse kinematics drove hangs on the ground, and is only
+moved to where the shin ends. To a skeleton whose bones only turn, the foot must hang on the shin. So a link
+that does not hold over the animations is cut, and what is cut off hangs on the joint that it follows best.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.rotation import rotate
+
+_LOOSE = 0.01
+"""Share of the size that a joint may leave its parent by before the link counts as cut."""
+_NEARNESS = 0.5
+"""Metres of not following that a metre of distance at rest counts as much as."""
+_BETTER = 3.0
+"""How many times better another joint must be followed than the parent that the file names."""
+_HEAVY = 0.1
+"""Share of the surface that a root must carry."""
+_LOOKED_AT = 150
+"""Frames of all the animations together that are looked at."""
+
+
+@dataclass
+class Body:
+    """A joint of a rig, with all that is rigid with it.
+
+    Attributes:
+        name: its own.
+        parent: the number of another body, or -1.
+        rest: (3,) metres.
+        turns: (F, 4) world turns since rest, all the animations one after the other.
+        places: (F, 3) metres.
+        mass: the surface that follows it, m2, each vertex by its weight.
+        reach: (3,) metres, the far end of those vertices, or None.
+        leaves: (3,) each, where it has child nodes that are no joints.
+    """
+
+    name: str
+    parent: int
+    rest: Float
+    turns: Float
+    places: Float
+    mass: float = 0.0
+    reach: Float | None = None
+    leaves: list[Float] = field(default_factory=list)
+
+
+@dataclass
+class Links:
+    """What hangs on what.
+
+    Attributes:
+        parents: of each body that is kept, -1 at the root.
+        merged: bodies whose vertices go along with the root, since they were above it.
+        notes: what was changed, a sentence each.
+    """
+
+    parents: dict[int, int]
+    merged: tuple[int, ...]
+    notes: list[str]
+
+    @property
+    def root(self) -> int:
+        """The body at the root."""
+        return next(j for j, parent in self.parents.items() if parent < 0)
+
+
+def links_of(bodies: list[Body], size: float) -> Links:
+    """What hangs on what; of all the loose parts that one is the root which leaves the least to be noted.
+
+    Joints that neither move a vertex nor carry one that does are dropped; where they were, their parents
+    have a leaf. A root that moves nothing and carries one joint is dropped too.
+    """
+    before = [body.parent for body in bodies]
+    off = _residuals(bodies)
+    loose = [p < 0 or off[j, p] > _LOOSE * size for j, p in enumerate(before)]
+    weight = _weights(bodies, before)
+    total = sum(body.mass for body in bodies)
+    tops = [j for j in range(len(bodies)) if loose[j] and weight[j] > _HEAVY * total]
+    made = [_hung(bodies, before, loose, off, top) for top in sorted(tops, key=lambda j: (-weight[j], j))]
+    links = min(made, key=lambda one: _unsaid(bodies, one, off) // (0.3 * _LOOSE * size))
+    for j, parent in links.parents.items():
+        if parent not in (-1, before[j]):
+            links.notes.append(f"{bodies[j].name} hangs on {bodies[parent].name}, which it follows")
+    for j in set(range(len(bodies))) - set(links.parents):
+        if before[j] in links.parents:
+            bodies[before[j]].leaves.append(bodies[j].rest)
+    _trim(bodies, links)
+    return links
+
+
+def downward(parents: dict[int, int]) -> list[int]:
+    """The bodies, each after its parent, a branch at a time."""
+    below: dict[int, list[int]] = {}
+    for j, parent in parents.items():
+        below.setdefault(parent, []).append(j)
+    order, waiting = [], list(reversed(below.get(-1, [])))
+    while waiting:
+        order.append(waiting.pop())
+        waiting.extend(reversed(below.get(order[-1], [])))
+    return order
+
+
+def _residuals(bodies: list[Body]) -> Float:
+    """(J, J) metres (root mean square) that body j leaves the place on body p that it has at rest."""
+    count, frames = len(bodies), len(bodies[0].places)
+    looked = np.unique(np.linspace(0, max(frames - 1, 0), min(frames, _LOOKED_AT)).astype(int))
+    if frames == 0:
+        return np.zeros((count, count))
+    rest = np.stack([body.rest for body in bodies])
+    places = np.stack([body.places[looked] for body in bodies])
+    off = np.empty((count, count))
+    for p, body in enumerate(bodies):
+        expected = places[p] + rotate(body.turns[looked], (rest - rest[p])[:, None])
+        off[:, p] = np.sqrt(((expected - places) ** 2).sum(2).mean(1))
+    return off
+
+
+def _weights(bodies: list[Body], parents: list[int]) -> list[float]:
+    """For each body how much it and all below it move."""
+    weight = [body.mass for body in bodies]
+    for j in range(len(bodies) - 1, -1, -1):
+        if parents[j] >= 0:
+            weight[parents[j]] += weight[j]
+    return weight
+
+
+def _hung(bodies: list[Body], before: list[int], loose: list[bool], off: Float, root: int) -> Links:
+    """Everything that moves vertices hung on ``root``, or on what hangs on it."""
+    above = _above(before, root)
+    parents = [-1 if loose[j] or j == root or p in above else p for j, p in enumerate(before)]
+    tops = [_top(parents, j) for j in range(len(bodies))]
+    weight = {t: sum(b.mass for b, top in zip(bodies, tops, strict=True) if top == t) for t in tops}
+    inside = {j for j in range(len(bodies)) if tops[j] == root}
+    waiting = sorted((t for t in weight if t not in (root, *above)), key=lambda t: (-weight[t], t))
+    while waiting:
+        # Those whose parent is in the tree already come first: what hangs on them must find them there.
+        t = next((t for t in waiting if before[t] in inside), waiting[0])
+        waiting.remove(t)
+        parents[t] = _home(bodies, t, before[t], inside, off)
+        inside |= {j for j in range(len(bodies)) if tops[j] == t}
+    kept = inside & _carries(bodies, parents, inside)
+    merged = tuple(j for j in above if bodies[j].mass > 0)
+    return Links({j: parents[j] for j in sorted(kept | {root})}, merged, [])
+
+
+def _above(before: list[int], j: int) -> list[int]:
+    """The bodies above one, in the file."""
+    chain = []
+    while before[j] >= 0:
+        j = before[j]
+        chain.append(j)
+    return chain
+
+
+def _home(bodies: list[Body], child: int, usual: int, inside: set[int], off: Float) -> int:
+    """The body that what was cut off hangs on: its old parent, unless another is followed far better."""
+    costs = {c: off[child, c] + _NEARNESS * _distance(bodies, child, c) for c in inside}
+    best = min(costs, key=lambda c: (costs[c], c))
+    return usual if usual in inside and off[child, usual] < _BETTER * off[child, best] else best
+
+
+def _distance(bodies: list[Body], child: int, parent: int) -> float:
+    points = [bodies[parent].rest, *bodies[parent].leaves]
+    return min(float(np.linalg.norm(bodies[child].rest - p)) for p in points)
+
+
+def _top(parents: list[int], j: int) -> int:
+    while parents[j] >= 0:
+        j = parents[j]
+    return j
+
+
+def _carries(bodies: list[Body], parents: list[int], inside: set[int]) -> set[int]:
+    """The bodies that move vertices, and those above them."""
+    found: set[int] = set()
+    for j in inside:
+        at = j
+        while bodies[j].mass > 0 and at >= 0 and at not in found:
+            found.add(at)
+            at = parents[at]
+    return found
+
+
+def _unsaid(bodies: list[Body], links: Links, off: Float) -> float:
+    """Metres by which what is moved leaves its place, on the average over the surface."""
+    away = {j: 0.0 if p < 0 else float(off[j, p]) for j, p in links.parents.items()}
+    for j in downward(links.parents):
+        if links.parents[j] >= 0:
+            away[j] += away[links.parents[j]]
+    away.update({j: float(off[j, links.root]) for j in links.merged})
+    return sum(bodies[j].mass * far for j, far in away.items()) / max(sum(b.mass for b in bodies), 1e-12)
+
+
+def _trim(bodies: list[Body], links: Links) -> None:
+    """Drop roots that move no vertex and carry one joint: a controller at the feet is no bone."""
+    while True:
+        root = links.root
+        below = [j for j, parent in links.parents.items() if parent == root]
+        if bodies[root].mass > 0 or len(below) != 1:
+            return
+        del links.parents[root]
+        links.parents[below[0]] = -1
