@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from enliven.matching.assignment import all_choices, best_choices, binomials
+from enliven.matching.views import NEAREST
 
 
 @njit(cache=True, nogil=True)
@@ -13,7 +14,7 @@ def rank_rows(ends, first, source, rows, whole, missing):  # type: ignore[no-unt
     """Scores of all candidates' matches, unsorted.
 
     Args:
-        ends: (B, 2) the branches on the screen, as :func:`scaled` leaves them.
+        ends: (B, 2) the branches on the screen, as :func:`seen_branches` leaves them.
         first: (C + 1,) of each candidate's branches.
         source: (m, 2) the source's branches, likewise.
         rows: (C + 1,) first match of each candidate.
@@ -61,24 +62,46 @@ def rank_rows(ends, first, source, rows, whole, missing):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True)
-def scaled(ends, first, lengths, blur, dots):  # type: ignore[no-untyped-def]
-    """Branches on the screen, made comparable in place.
+def seen_branches(points, first, axes, eye, perspective, blur, dots):  # type: ignore[no-untyped-def]
+    """(B, 2) branches on the screen, from their sub-tree's root, made comparable.
 
     For cosines each gets length one; but one that is seen end-on, so that less than a share ``blur`` of it
     shows, has hardly a direction, and stays as short as it is of that: its cosines fade to zero. For dot
     products the longest of each sub-tree gets length one.
 
     Args:
-        ends: (B, 2) from the sub-tree's root.
+        points: (C + B, 3) the sub-trees' roots, then the branches' abstract positions.
         first: (C + 1,) of each sub-tree's branches.
-        lengths: (B,) as if seen from the side.
+        axes, eye, perspective: (3, 3) right, up and forward, (3,) and whether it counts, of a view.
         dots: for dot products.
     """
-    for c in range(len(first) - 1):
+    count = len(first) - 1
+    ends = np.empty((len(points) - count, 2))
+    for c in range(count):
+        x, y, depth = _on_screen(points[c], axes, eye, perspective)
         longest = 0.0
         for i in range(first[c], first[c + 1]):
-            longest = max(longest, np.hypot(ends[i, 0], ends[i, 1]))
+            right, up, _ = _on_screen(points[count + i], axes, eye, perspective)
+            ends[i, 0], ends[i, 1] = right - x, up - y
+            longest = max(longest, np.hypot(right - x, up - y))
         for i in range(first[c], first[c + 1]):
-            size = longest if dots else max(np.hypot(ends[i, 0], ends[i, 1]), blur * lengths[i])
+            size = longest
+            if not dots:
+                length = 0.0
+                for axis in range(3):
+                    length += (points[count + i, axis] - points[c, axis]) ** 2
+                size = max(np.hypot(ends[i, 0], ends[i, 1]), blur * np.sqrt(length) / depth)
             for axis in range(2):
                 ends[i, axis] = ends[i, axis] / size if size > 0.0 else 0.0
+    return ends
+
+
+@njit(cache=True, nogil=True)
+def _on_screen(point, axes, eye, perspective):  # type: ignore[no-untyped-def]
+    """Right and up on the screen, and the depth: see :meth:`enliven.matching.views.View.project`."""
+    x, y, z = point[0] - eye[0], point[1] - eye[1], point[2] - eye[2]
+    depth = 1.0
+    if perspective:
+        depth = max(axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z, NEAREST)
+    right = (axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z) / depth
+    return right, (axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z) / depth, depth

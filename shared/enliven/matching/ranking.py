@@ -13,11 +13,13 @@ from scipy.sparse import csr_matrix
 
 from enliven.arrays import Float, Int, Int32
 from enliven.matching.abstraction import Abstraction, Branch, SubTree, abstract_skeleton
-from enliven.matching.kernels import rank_rows, scaled
+from enliven.matching.kernels import rank_rows, seen_branches
 from enliven.matching.source import Source
 from enliven.matching.views import View
 from enliven.settings import setting
 from enliven.skeleton import Skeleton
+
+_NOWHERE = np.zeros(3)
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,17 @@ class Ranking:
     def __iter__(self) -> Iterator[Match]:
         return (self[place] for place in range(len(self)))
 
+    def identity(self, place: int) -> tuple[int, ...]:
+        """What names a match in every ranking of the same matcher: its candidate, and its columns."""
+        return (int(self.which[place]), *(int(column) for column in self.columns[place]))
+
+    def find(self, identity: tuple[int, ...]) -> int:
+        """The place of a match, or -1 where it is not among those kept."""
+        if len(identity) != 1 + self.columns.shape[1]:
+            return -1
+        same = (self.which == identity[0]) & (self.columns == identity[1:]).all(1)
+        return int(same.argmax()) if same.any() else -1
+
 
 class Matcher:
     """A target, abstracted once, against sources that change every frame.
@@ -136,7 +149,6 @@ class Matcher:
         trees = self.abstraction.candidates
         self._sizes = tuple(len(tree.branches) for tree in trees)
         self._first = np.concatenate([[0], np.cumsum(self._sizes)]).astype(np.int64)
-        self._roots = np.repeat(np.arange(len(trees)), self._sizes)
         self._average = _averages(trees, len(at))
         self._rest = self._points(np.asarray(at, np.float64))
 
@@ -153,15 +165,13 @@ class Matcher:
         """
         settings = self.settings
         points = self._rest if positions is None else self._points(np.asarray(positions, np.float64))
-        branches = self._branches(points[len(self._sizes) :], points[self._roots], self._first, view)
-        given = np.asarray(source, np.float64)
+        given = np.ascontiguousarray(source, np.float64)
         one = np.array([0, len(given) - 1])
-        roots = np.broadcast_to(given[0], given[1:].shape)
         plan = _plan(self._sizes, len(given) - 1, settings.exhaustive, settings.most)
         which, columns, scores = rank_rows(
-            branches,
+            self._seen(points, self._first, view),
             self._first,
-            self._branches(given[1:], roots, one, source_view or view),
+            self._seen(given, one, source_view or view),
             plan.first,
             plan.whole,
             settings.missing,
@@ -176,11 +186,11 @@ class Matcher:
         """Every match of a source in a pose of (N, 3) joints."""
         return self.rank(source.points(joints), view, source_view)
 
-    def _branches(self, ends: Float, roots: Float, first: Int, view: View) -> Float:
+    def _seen(self, points: Float, first: Int, view: View) -> Float:
         """(B, 2) branches on the screen, comparable."""
-        seen = view.project(ends) - view.project(roots)
-        lengths = np.linalg.norm(ends - roots, axis=1) / view.depths(roots)
-        scaled(seen, first, lengths, self.settings.blur, self.settings.measure == "dot")
+        eye = _NOWHERE if view.eye is None else view.eye
+        dots = self.settings.measure == "dot"
+        seen = seen_branches(points, first, view.frame, eye, view.eye is not None, self.settings.blur, dots)
         return np.asarray(seen)
 
     def _points(self, positions: Float) -> Float:

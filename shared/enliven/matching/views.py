@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 
-_NEAREST = 1e-3
+NEAREST = 1e-3
 """Metres before the eye: what is nearer, or behind, is projected as if it were there."""
 
 
@@ -28,6 +28,7 @@ class View:
         direction: (3,) from the eye into the scene; any length.
         up: (3,) what points up on the screen, as far as it is across ``direction``.
         eye: (3,) metres, for a perspective view; None for an orthographic one.
+        frame: (3, 3) right, up and forward: unit vectors of the world, made of the others.
 
     Raises:
         InputError: where ``direction`` is zero, or along ``up``.
@@ -36,6 +37,7 @@ class View:
     direction: Float = field(default_factory=lambda: _axis(0.0, 0.0, -1.0))
     up: Float = field(default_factory=lambda: _axis(0.0, 1.0, 0.0))
     eye: Float | None = None
+    frame: Float = field(init=False)
 
     def __post_init__(self) -> None:
         forward, up = np.array(self.direction, np.float64), np.array(self.up, np.float64)
@@ -48,13 +50,14 @@ class View:
         forward, right = forward / length, right / across
         object.__setattr__(self, "direction", forward)
         object.__setattr__(self, "up", np.cross(right, forward))
+        object.__setattr__(self, "frame", np.stack([right, self.up, forward]))
         if self.eye is not None:
             object.__setattr__(self, "eye", np.array(self.eye, np.float64))
 
     @property
     def axes(self) -> Float:
         """(2, 3) the screen's right and up, unit vectors of the world."""
-        return np.stack([np.cross(self.direction, self.up), self.up])
+        return self.frame[:2]
 
     def project(self, points: Float) -> Float:
         """(..., 2) right and up on the screen, of (..., 3) points: metres, or metres at distance one."""
@@ -66,7 +69,7 @@ class View:
         """(...,) metres of (..., 3) points before the eye; one for an orthographic view."""
         if self.eye is None:
             return np.ones(points.shape[:-1])
-        return np.asarray(np.maximum((points - self.eye) @ self.direction, _NEAREST))
+        return np.asarray(np.maximum((points - self.eye) @ self.direction, NEAREST))
 
 
 def end_on(vectors: Float, view: View, share: float = 0.2) -> Bool:
@@ -96,10 +99,13 @@ def best_view(vectors: Float, view: View, most_turn: float = np.pi / 2, steps: i
 
     Args:
         vectors: (N, 3) of the bones.
-        view: the current one; its up is kept as far as it goes, and its distance from the model's middle.
+        view: the current one; its up is kept as far as it goes.
         most_turn: radians from the current direction at most; pi / 2 is all there is, since a view from
             behind shows as much.
         steps: at most, of the refinement.
+
+    Returns:
+        An orthographic view: where the eye goes is for whoever orbits the model to say.
     """
     lengths = np.linalg.norm(vectors, axis=1)
     vectors = vectors[lengths > 0.0]
@@ -156,4 +162,4 @@ def _towards(direction: Float, view: View) -> View:
     up = view.up
     if abs(float(direction @ up)) > 1.0 - 1e-9:
         up = view.direction * -np.sign(direction @ up)
-    return View(direction, up, view.eye)
+    return View(direction, up)

@@ -1,0 +1,161 @@
+"""Live: which match is shown, and when it is taken. A state machine; the time comes from outside.
+
+The best match of a moment jitters as the performer does. Shown is one that stays until something has been
+better by a margin for a while; until the performer goes through the ranking by hand; until it is accepted, by
+a word (key, pedal, voice) or by holding the pose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.matching.ranking import Match, Ranking
+from enliven.settings import setting
+
+
+@dataclass(frozen=True)
+class PickingSettings:
+    """When the match that is shown gives way, and when it is taken."""
+
+    margin: float = setting(
+        0.05, "A match takes the place of the shown one if it is so much better a branch.", low=0.0, high=2.0
+    )
+    patience: float = setting(
+        0.3, "Seconds for which something must have been better.", unit="s", low=0.0, high=10.0
+    )
+    browsing: float = setting(
+        5.0,
+        "Seconds after the last step through the ranking before it follows the pose again.",
+        unit="s",
+        low=0.0,
+    )
+    by_holding: bool = setting(False, "Accept what is shown when the pose is held still.")
+    still_seconds: float = setting(1.5, "How long to hold still.", unit="s", low=0.1, high=60.0)
+    still_share: float = setting(
+        0.12, "What counts as still: movement below this share of the longest branch.", low=0.001, high=1.0
+    )
+
+
+@dataclass(frozen=True)
+class Pick:
+    """What to show now.
+
+    Attributes:
+        match: the one that is shown, or that was accepted; None where there is none.
+        place: its place in the ranking, -1 if it is not among those kept.
+        held: 0 to 1, how long of the time to hold still has passed; 0 where that does not count.
+        accepted: whether it is taken; then nothing changes until :meth:`Picker.reset`.
+    """
+
+    match: Match | None
+    place: int
+    held: float = 0.0
+    accepted: bool = False
+
+
+class Picker:
+    """Follows the rankings of one matcher.
+
+    A pose that is held before the performer has moved at all, or not since the last one was taken, accepts
+    nothing: somebody who merely stands there means nothing.
+    """
+
+    def __init__(self, settings: PickingSettings | None = None) -> None:
+        self.settings = settings or PickingSettings()
+        self.reset()
+
+    def reset(self) -> None:
+        """Begins anew: nothing shown, nothing accepted, and the performer must move before holding counts."""
+        self._shown: tuple[int, ...] | None = None
+        self._ranking: Ranking | None = None
+        self._beaten_since: float | None = None
+        self._listed: list[tuple[int, ...]] = []
+        self._browsed: float | None = None
+        self._anchor: Float | None = None
+        self._still_since: float | None = None
+        self._moved = False
+        self._taken: Match | None = None
+        self._time = 0.0
+
+    def update(self, ranking: Ranking, points: Float, seconds: float) -> Pick:
+        """A new frame.
+
+        Args:
+            ranking: of this frame.
+            points: (m + 1, 3) metres of the source, as they were ranked.
+            seconds: of the sensor's clock.
+        """
+        self._time, self._ranking = seconds, ranking
+        if self._taken is not None:
+            return Pick(self._taken, self._place(), accepted=True)
+        if not len(ranking):
+            self._shown = None
+            return Pick(None, -1)
+        before = self._shown
+        self._follow(ranking, seconds)
+        held = self._hold(points, seconds, before == self._shown)
+        if self.settings.by_holding and held >= 1.0:
+            self.accept()
+        return self.now(held)
+
+    def now(self, held: float = 0.0) -> Pick:
+        """What is shown, after a key as well."""
+        if self._taken is not None:
+            return Pick(self._taken, self._place(), accepted=True)
+        place = self._place()
+        if self._ranking is None or place < 0:
+            return Pick(None, -1)
+        return Pick(self._ranking[place], place, held if self.settings.by_holding else 0.0)
+
+    def cycle(self, step: int = 1) -> Pick:
+        """Shows the next match of the ranking as it was at the first step, or the one before; then again."""
+        if self._ranking is not None and len(self._ranking) and self._taken is None:
+            if self._browsed is None or self._shown not in self._listed:
+                self._listed = [self._ranking.identity(place) for place in range(len(self._ranking))]
+            at = self._listed.index(self._shown) if self._shown in self._listed else -step
+            self._shown = self._listed[(at + step) % len(self._listed)]
+            self._browsed, self._beaten_since, self._still_since = self._time, None, None
+        return self.now()
+
+    def accept(self) -> Match | None:
+        """Takes what is shown."""
+        self._taken = self._taken or self.now().match
+        return self._taken
+
+    def _place(self) -> int:
+        if self._ranking is None or self._shown is None:
+            return -1
+        return self._ranking.find(self._shown)
+
+    def _follow(self, ranking: Ranking, seconds: float) -> None:
+        """Lets the best take the place of the shown one where it has waited long enough."""
+        settings, place = self.settings, self._place()
+        if self._browsed is not None and place >= 0:
+            if seconds - self._browsed < settings.browsing:
+                return
+            self._browsed = None
+        branches = ranking.columns.shape[1]
+        if place >= 0 and ranking.scores[0] <= ranking.scores[place] + settings.margin * branches:
+            self._beaten_since = None
+            return
+        if self._beaten_since is None:
+            self._beaten_since = seconds
+        if place < 0 or seconds - self._beaten_since >= settings.patience:
+            self._shown, self._beaten_since, self._browsed = ranking.identity(0), None, None
+
+    def _hold(self, points: Float, seconds: float, same: bool) -> float:
+        """How long the pose has been held, of the time it takes."""
+        pose = points - points[0]
+        size = float(np.linalg.norm(pose, axis=1).max())
+        if self._anchor is None or len(self._anchor) != len(pose):
+            self._anchor, self._still_since = pose, seconds
+        elif np.linalg.norm(pose - self._anchor, axis=1).max() > self.settings.still_share * size:
+            self._anchor, self._still_since, self._moved = pose, seconds, True
+        elif not same or self._still_since is None:
+            self._still_since = seconds
+        if not self._moved or self._still_since is None:
+            return 0.0
+        return min((seconds - self._still_since) / self.settings.still_seconds, 1.0)
