@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
+
+import numpy as np
 
 from enliven.errors import InputError
 from enliven.motion.clip import Clip
@@ -73,3 +75,25 @@ def unused(stem: str, taken: Mapping[str, object]) -> str:
         number += 1
         name = f"{stem} {number}"
     return name
+
+
+def same(a: object, b: object) -> bool:
+    """Whether two projects, or two parts of them, are the same value, bit for bit.
+
+    Arrays are the same with the same type, shape and bytes; so -0.0 is not 0.0, and a NaN is itself.
+    """
+    if a is b:
+        return True
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+    if is_dataclass(a):
+        return all(same(getattr(a, part.name), getattr(b, part.name)) for part in fields(a))
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        return list(a) == list(b) and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(same(x, y) for x, y in zip(a, b, strict=True))
+    if isinstance(a, float) and isinstance(b, float):
+        return a.hex() == b.hex()
+    return bool(a == b)

@@ -1,4 +1,4 @@
-"""Modeling: shapes cut, merged, copied, mirrored and posed without losing their motion, and made from strokes.
+"""Modeling: shapes cut, merged, copied, mirrored and posed with their motion kept, and made from strokes.
 
 Every edit is a function from one project to another; undo is the project before (AniMesh, section 6).
 """

@@ -72,7 +72,7 @@ class Axes:
             replace(
                 span,
                 refs=tuple(replace(ref, layer=layers.get(ref.layer, ref.layer)) for ref in span.refs),
-                before=as_before(self.rotations(np.array(span.before))),
+                before=span.before if self.same else as_before(self.rotations(np.array(span.before))),
             )
             for span in spans
         )

@@ -73,7 +73,7 @@ def merge(
 
 
 def _exact(turn: Float) -> Float:
-    """The rotation, or exactly the identity where it is one but for rounding: layers then stay as they are."""
+    """The rotation; exactly the identity where it is that but for rounding: layers then stay as they are."""
     turn = normalized(turn)
     return IDENTITY if np.abs(turn[1:]).max() < 1e-13 else turn
 

@@ -87,7 +87,8 @@ def divided(bone: Bone, bones: list[Bone], at: float, name: str, rigid: bool = F
 
 def without_before(modeling: Float, spans: Spans) -> tuple[Float, Spans]:
     """The same turn with what is fixed at the begin of the spans moved into the modeling rotation."""
-    return multiply(modeling, spans[0].before), (replace(spans[0], before=AT_ONCE), *spans[1:])
+    first = np.array(spans[0].before)
+    return multiply(modeling, first), (replace(spans[0], before=AT_ONCE), *spans[1:])
 
 
 def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:

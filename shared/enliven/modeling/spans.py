@@ -51,7 +51,7 @@ def joined_spans(upper: Spans, lower: Spans, share: float, between: Float = IDEN
         spans that were parts of one are one again.
     """
     first = lower[0]
-    turned = multiply(between, first.before)
+    turned = multiply(between, np.array(first.before))
     lower = (replace(first, before=as_before(turned)), *lower[1:])
     return _merged((*_scaled(upper, share), *_scaled(lower, 1.0 - share)))
 
@@ -60,7 +60,7 @@ def before(spans: Spans) -> Float:
     """(4,) the turn of a bone that no take moves: the product of what is fixed in its spans."""
     turn = IDENTITY
     for span in spans:
-        turn = multiply(turn, span.before)
+        turn = multiply(turn, np.array(span.before))
     return turn
 
 

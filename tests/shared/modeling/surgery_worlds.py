@@ -1,5 +1,7 @@
 """Random projects for the laws of surgery, and the slow, obvious evaluation that they are held against."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from enliven.motion.clip import Clip
@@ -25,7 +27,7 @@ def random_skeleton(random, count, names="joint"):
 
 
 def random_clip(random, name, count=5, frames=6):
-    """A take whose bones turn a good deal from frame to frame, but never near half a turn (no slerp jumps)."""
+    """A take whose bones turn a good deal from frame to frame, but never near half a turn."""
     skeleton = random_skeleton(random, count)
     turns = np.empty((frames, count, 4))
     turns[:] = random_turns(random, count, size=0.3)
@@ -144,7 +146,7 @@ def slow_q(project, layer, s, time):
 def slow_chain(skeleton, chain):
     if len(chain) == 1:
         return np.array([0.0, 1.0]), [chain[0]], None
-    pairs = list(zip(chain[:-1], chain[1:], strict=True))
+    pairs = list(pairwise(chain))
     bones = [b if skeleton.parents[b] == a else a for a, b in pairs]
     arc = np.cumsum([0.0, *(np.linalg.norm(skeleton.positions[a] - skeleton.positions[b]) for a, b in pairs)])
     down = all(skeleton.parents[b] == a for a, b in pairs)

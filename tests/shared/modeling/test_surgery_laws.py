@@ -226,7 +226,7 @@ def test_a_cut_and_a_merge_in_the_rest_pose_are_a_node(seed, place, time):
 @given(SEEDS, MOMENTS, TIMES)
 def test_a_node_between_two_takes_is_taken_out_with_both_kept(seed, time, later):
     """Figure 13: the paper invalidates both motions here."""
-    project, random = random_project(seed)
+    project, _ = random_project(seed)
     host = project.shape("shape 0")
     leaf = next(j for j in range(len(host.skeleton) - 1, 0, -1) if not host.skeleton.children[j])
     edited, names = merge(project, "shape 0", leaf, "shape 1", time)
