@@ -1,0 +1,167 @@
+"""Which bone each vertex sees: the nearest one that no face hides, by a walk through a grid of faces."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from enliven.arrays import Float, Int, Int32
+
+MOST = 6
+"""Bones that a vertex tries at most, from the nearest on."""
+
+
+@njit(cache=True, nogil=True)
+def grid_of(vertices, faces, low, cell, size):  # type: ignore[no-untyped-def]
+    """CSR of the faces whose boxes touch each cell: offsets (X Y Z + 1,) and faces."""
+    total = size[0] * size[1] * size[2]
+    offsets = np.zeros(total + 1, np.int64)
+    spans = np.empty((faces.shape[0], 6), np.int64)
+    for f in range(faces.shape[0]):
+        for a in range(3):
+            least = min(vertices[faces[f, 0], a], vertices[faces[f, 1], a], vertices[faces[f, 2], a])
+            most = max(vertices[faces[f, 0], a], vertices[faces[f, 1], a], vertices[faces[f, 2], a])
+            spans[f, a] = max(0, min(size[a] - 1, int((least - low[a]) / cell)))
+            spans[f, 3 + a] = max(0, min(size[a] - 1, int((most - low[a]) / cell)))
+        for x in range(spans[f, 0], spans[f, 3] + 1):
+            for y in range(spans[f, 1], spans[f, 4] + 1):
+                for z in range(spans[f, 2], spans[f, 5] + 1):
+                    offsets[(x * size[1] + y) * size[2] + z + 1] += 1
+    for c in range(total):
+        offsets[c + 1] += offsets[c]
+    fill, inside = offsets[:-1].copy(), np.empty(offsets[total], np.int32)
+    for f in range(faces.shape[0]):
+        for x in range(spans[f, 0], spans[f, 3] + 1):
+            for y in range(spans[f, 1], spans[f, 4] + 1):
+                for z in range(spans[f, 2], spans[f, 5] + 1):
+                    c = (x * size[1] + y) * size[2] + z
+                    inside[fill[c]] = f
+                    fill[c] += 1
+    return offsets, inside
+
+
+@njit(cache=True, nogil=True)
+def _hit(p, d, a, b, c):  # type: ignore[no-untyped-def]
+    """Where the line p + t d meets the triangle a, b, c, or -1 (T. Moeller and B. Trumbore, 1997)."""
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    px, py, pz = d[1] * vz - d[2] * vy, d[2] * vx - d[0] * vz, d[0] * vy - d[1] * vx
+    det = ux * px + uy * py + uz * pz
+    if det == 0.0:
+        return -1.0
+    sx, sy, sz = p[0] - a[0], p[1] - a[1], p[2] - a[2]
+    s = (sx * px + sy * py + sz * pz) / det
+    if s < 0.0 or s > 1.0:
+        return -1.0
+    qx, qy, qz = sy * uz - sz * uy, sz * ux - sx * uz, sx * uy - sy * ux
+    t = (d[0] * qx + d[1] * qy + d[2] * qz) / det
+    if t < 0.0 or s + t > 1.0:
+        return -1.0
+    return (vx * qx + vy * qy + vz * qz) / det
+
+
+@njit(cache=True, nogil=True)
+def _hidden(v, target, vertices, faces, offsets, inside, low, cell, size):  # type: ignore[no-untyped-def]
+    """Whether a face that does not touch vertex v lies between it and a point."""
+    p = vertices[v]
+    d = target - p
+    at, step = np.empty(3, np.int64), np.empty(3, np.int64)
+    ahead, each = np.empty(3), np.empty(3)
+    for a in range(3):
+        at[a] = max(0, min(size[a] - 1, int((p[a] - low[a]) / cell)))
+        step[a] = 1 if d[a] > 0 else -1
+        if d[a] == 0.0:
+            ahead[a], each[a] = np.inf, np.inf
+        else:
+            border = low[a] + (at[a] + (1 if d[a] > 0 else 0)) * cell
+            ahead[a], each[a] = (border - p[a]) / d[a], cell / abs(d[a])
+    while True:
+        c = (at[0] * size[1] + at[1]) * size[2] + at[2]
+        for m in range(offsets[c], offsets[c + 1]):
+            i, j, k = faces[inside[m], 0], faces[inside[m], 1], faces[inside[m], 2]
+            if i == v or j == v or k == v:
+                continue
+            t = _hit(p, d, vertices[i], vertices[j], vertices[k])
+            if 1e-4 < t < 0.999:
+                return True
+        a = 0 if ahead[0] < ahead[1] else 1
+        if ahead[2] < ahead[a]:
+            a = 2
+        if ahead[a] >= 1.0:
+            return False
+        at[a] += step[a]
+        ahead[a] += each[a]
+        if at[a] < 0 or at[a] >= size[a]:
+            return False
+
+
+@njit(cache=True, nogil=True)
+def _seen(vertices, faces, segments, offsets, inside, low, cell, size, reach, tie):  # type: ignore[no-untyped-def]
+    """See :func:`nearest_seen`."""
+    count, some = vertices.shape[0], min(MOST, segments.shape[0])
+    chosen = np.full((count, some), -1, np.int32)
+    distance = np.full(count, np.inf)
+    near, who, points = np.empty(some), np.empty(some, np.int64), np.empty((some, 3))
+    for v in range(count):
+        found = 0
+        for s in range(segments.shape[0]):
+            a, b = segments[s, 0], segments[s, 1]
+            along, long = 0.0, 0.0
+            for k in range(3):
+                along += (vertices[v, k] - a[k]) * (b[k] - a[k])
+                long += (b[k] - a[k]) ** 2
+            u = min(1.0, max(0.0, along / long)) if long > 0.0 else 0.0
+            square = 0.0
+            for k in range(3):
+                square += (vertices[v, k] - a[k] - u * (b[k] - a[k])) ** 2
+            if found == some and square >= near[some - 1]:
+                continue
+            i = found if found < some else some - 1
+            while i > 0 and near[i - 1] > square:
+                near[i], who[i] = near[i - 1], who[i - 1]
+                points[i] = points[i - 1]
+                i -= 1
+            near[i], who[i] = square, s
+            for k in range(3):
+                points[i, k] = a[k] + u * (b[k] - a[k])
+            found = min(found + 1, some)
+        taken = 0
+        for i in range(found):
+            far = np.sqrt(near[i])
+            if far > reach * np.sqrt(near[0]) + 1e-300 or (taken and far > (1.0 + tie) * distance[v]):
+                break
+            if _hidden(v, points[i], vertices, faces, offsets, inside, low, cell, size):
+                continue
+            if taken == 0:
+                distance[v] = far
+            chosen[v, taken] = who[i]
+            taken += 1
+    return chosen, distance
+
+
+def nearest_seen(
+    vertices: Float, faces: Int32, segments: Float, reach: float, tie: float
+) -> tuple[Int32, Float]:
+    """The nearest bones that each vertex sees.
+
+    Args:
+        vertices: (V, 3) metres, welded.
+        faces: (F, 3).
+        segments: (S, 2, 3) metres, the ends of the bones.
+        reach: how many times farther than the nearest bone a bone may be that is taken in its place.
+        tie: bones that are farther by no more than this share count as equally near.
+
+    Returns:
+        (V, K) int32 segments, the nearest and those equally near, then -1; (V,) metres to them, infinite
+        where none is seen.
+    """
+    low, high = vertices.min(0), vertices.max(0)
+    extent = float((high - low).max()) or 1.0
+    edges = np.linalg.norm(vertices[faces[:, 0]] - vertices[faces[:, 1]], axis=1)
+    cell = max(extent / 64, 2.0 * float(edges.mean()) if len(edges) else extent)
+    size: Int = np.maximum(1, np.ceil((high - low) / cell + 1e-9)).astype(np.int64)
+    offsets, inside = grid_of(vertices, faces, low, cell, size)
+    seen: tuple[Int32, Float] = _seen(
+        vertices, faces, np.ascontiguousarray(segments), offsets, inside, low, cell, size, reach, tie
+    )
+    return seen
