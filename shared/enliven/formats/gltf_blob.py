@@ -1,0 +1,61 @@
+"""The binary half of a GLB that is being made: arrays in, accessors out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pygltflib
+
+from enliven.arrays import AnyArray
+
+_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+_COMPONENTS: dict[Any, int] = {
+    np.dtype(np.uint8): pygltflib.UNSIGNED_BYTE,
+    np.dtype(np.uint16): pygltflib.UNSIGNED_SHORT,
+    np.dtype(np.uint32): pygltflib.UNSIGNED_INT,
+    np.dtype(np.float32): pygltflib.FLOAT,
+}
+
+
+class Blob:
+    """Arrays one after the other, each at a multiple of four bytes, with their views and accessors."""
+
+    def __init__(self) -> None:
+        self._pieces: list[bytes] = []
+        self._length = 0
+        self.views: list[pygltflib.BufferView] = []
+        self.accessors: list[pygltflib.Accessor] = []
+
+    def add(self, array: AnyArray, target: int | None = None, normalised: bool = False) -> int:
+        """The number of a new accessor of an array (N, C) or (N,); its rows must fill whole words of 4 bytes.
+
+        Args:
+            target: what a graphics card will use it as, for vertices and faces.
+            normalised: integers that stand for 0..1.
+        """
+        array = np.ascontiguousarray(array)
+        rows = array.reshape(len(array), -1)
+        data = array.tobytes()
+        view = pygltflib.BufferView(buffer=0, byteOffset=self._length, byteLength=len(data), target=target)
+        accessor = pygltflib.Accessor(
+            bufferView=len(self.views),
+            componentType=_COMPONENTS[array.dtype],
+            count=len(rows),
+            type=_TYPES[rows.shape[1]],
+            # Of the stored numbers, as the format wants them: exact in float32, and so in JSON.
+            min=rows.min(0).tolist(),
+            max=rows.max(0).tolist(),
+        )
+        if normalised:
+            accessor.normalized = True
+        self.views.append(view)
+        self.accessors.append(accessor)
+        padding = -len(data) % 4
+        self._pieces.append(data + b"\0" * padding)
+        self._length += len(data) + padding
+        return len(self.accessors) - 1
+
+    def bytes(self) -> bytes:
+        """All of it."""
+        return b"".join(self._pieces)

@@ -1,0 +1,327 @@
+"""Shapes and their motion as a GLB that any program plays: skinned meshes, joints and one animation.
+
+A bone turns about its upper end, a glTF joint about itself. So bone j becomes a joint at its parent's place,
+with the turn of bone j; it hangs on the joint of the bone before it, at the constant offset along that bone.
+Only turns are animated (and the root's place), so links keep their lengths in every program, between the
+frames too. Bones that begin at one place become joints at one place: the first that goes straight on has the
+name of the place, the others say where they lead ("Hips to LeftUpLeg"). The end of a limb becomes a joint
+that moves nothing, so that an editor shows the last bone in its length. Reading the file gives the same
+skeleton again.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pygltflib
+
+from enliven import __version__
+from enliven.arrays import Float, Float32, UInt8, UInt16
+from enliven.errors import InputError, ResourceError
+from enliven.formats.gltf_blob import Blob
+from enliven.motion.evaluate import Player
+from enliven.project import Project
+from enliven.rotation import IDENTITY, conjugate, multiply, normalized
+from enliven.shape import Shape
+from enliven.skeleton import Skeleton
+
+_STILL = 1e-7
+"""How far a quaternion or a place (metres) may stray in all its frames and count as still."""
+
+
+@dataclass(frozen=True, eq=False)
+class Performance:
+    """What a shape does.
+
+    Attributes:
+        shape: with its mesh.
+        times: (T,) seconds, rising, from 0.
+        turns: (T, N, 4) unit quaternions D_j of its bones.
+        root: (T, 3) metres, where its root is.
+    """
+
+    shape: Shape
+    times: Float
+    turns: Float
+    root: Float
+
+
+def performance_of(
+    project: Project, shape_id: str, start: float = 0.0, end: float | None = None, rate: float = 30.0
+) -> Performance:
+    """A shape of a project from ``start`` to ``end`` seconds, at ``rate`` frames a second.
+
+    Args:
+        end: None takes the end of the last layer that moves the shape.
+
+    Raises:
+        InputError: where there is no such shape, or the times make no sense.
+    """
+    shape = project.shape(shape_id)
+    end = end_of(project, shape) if end is None else end
+    if not (np.isfinite([start, end, rate]).all() and end >= start and 0 < rate <= 1000):
+        what = f"from {start} s to {end} s at {rate} frames a second is no time"
+        raise InputError(what, where=f"shape {shape_id!r}", mend="Give an end after the start.")
+    times = start + np.arange(round((end - start) * rate) + 1) / rate
+    turns, joints = Player(project, shape_id).sample(times)
+    return Performance(shape, times - start, turns, joints[:, 0])
+
+
+def end_of(project: Project, shape: Shape) -> float:
+    """Seconds at which the last take that moves a shape ends; 0 where none does."""
+    named = {ref.layer for spans in shape.spans for span in spans for ref in span.refs}
+    named |= {shape.travel} if shape.travel else set()
+    layers = [project.layers[name] for name in named if not project.layers[name].muted]
+    ends = [layer.offset + project.takes[layer.take].duration / abs(layer.speed) for layer in layers]
+    return max(ends, default=0.0)
+
+
+def write_gltf(path: Path | str, performances: Sequence[Performance], name: str = "enliven") -> None:
+    """Write shapes, each moving as it does, into one GLB with one animation.
+
+    Raises:
+        InputError: where there is none, or one has no mesh.
+        ResourceError: where the file cannot be written.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".glb":
+        raise InputError("shapes are written as .glb", where=str(path), mend="End the name in .glb.")
+    data = glb_of(performances, name)
+    beside = path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside.write_bytes(data)
+        os.replace(beside, path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise ResourceError(
+            f"cannot be written ({error.strerror})", where=str(path), mend="Choose another place."
+        ) from None
+
+
+def glb_of(performances: Sequence[Performance], name: str = "enliven") -> bytes:
+    """The bytes of the file; see :func:`write_gltf`."""
+    if not performances:
+        raise InputError("there is nothing to write", where="glTF", mend="Give a shape.")
+    document, blob = pygltflib.GLTF2(), Blob()
+    document.asset = pygltflib.Asset(version="2.0", generator=f"enliven {__version__}")
+    document.scenes, document.scene = [pygltflib.Scene(name=name, nodes=[])], 0
+    animation = pygltflib.Animation(name=name, channels=[], samplers=[])
+    for performance in performances:
+        _Writer(document, blob, animation).add(performance)
+    if animation.channels:
+        document.animations = [animation]
+    document.bufferViews, document.accessors = blob.views, blob.accessors
+    data = blob.bytes()
+    document.buffers = [pygltflib.Buffer(byteLength=len(data))]
+    document.set_binary_blob(data)
+    return b"".join(document.save_to_bytes())
+
+
+class _Writer:
+    """Adds one shape to a document."""
+
+    def __init__(self, document: pygltflib.GLTF2, blob: Blob, animation: pygltflib.Animation) -> None:
+        self._document, self._blob, self._animation = document, blob, animation
+
+    def add(self, performance: Performance) -> None:
+        shape = performance.shape
+        if shape.mesh is None or shape.skin is None or not len(shape.mesh.faces):
+            raise InputError(
+                "it has no mesh", where=f"shape {shape.id!r}", mend="Give it one, or leave it out."
+            )
+        bones = self._skeleton(performance)
+        document, skeleton = self._document, shape.skeleton
+        ends = [j for j in range(1, len(skeleton)) if not skeleton.children[j]]
+        inverse = np.tile(np.eye(4, dtype=np.float32), (len(bones), 1, 1))
+        pivots = np.concatenate([_pivots(skeleton), skeleton.positions[ends]])
+        # Column after column, as the format has matrices: the translation is the last row here.
+        inverse[:, 3, :3] = -pivots
+        skin = pygltflib.Skin(
+            name=shape.id,
+            joints=bones,
+            skeleton=bones[0],
+            inverseBindMatrices=self._blob.add(inverse.reshape(-1, 16)),
+        )
+        document.skins.append(skin)
+        document.meshes.append(pygltflib.Mesh(name=shape.id, primitives=[self._primitive(shape)]))
+        node = pygltflib.Node(name=shape.id, mesh=len(document.meshes) - 1, skin=len(document.skins) - 1)
+        document.scenes[0].nodes += [bones[0], self._node(node)]
+
+    def _node(self, node: pygltflib.Node) -> int:
+        self._document.nodes.append(node)
+        return len(self._document.nodes) - 1
+
+    def _skeleton(self, performance: Performance) -> list[int]:
+        """The nodes of the bones, then of the ends of limbs; their animation on the way."""
+        skeleton = performance.shape.skeleton
+        names, local = bone_names(skeleton), local_turns(skeleton, performance.turns)
+        offsets = local_offsets(skeleton)
+        bones: list[int] = []
+        for j, parent in enumerate(skeleton.parents):
+            offset = skeleton.positions[0] if j == 0 else offsets[j]
+            node = self._node(pygltflib.Node(name=names[j], translation=_listed(offset), children=[]))
+            bones.append(node)
+            if j:
+                self._document.nodes[bones[parent]].children.append(node)
+            self._animate(performance.times, node, "rotation", np.roll(local[:, j], -1, -1))
+        self._animate(performance.times, bones[0], "translation", performance.root)
+        for j in range(1, len(skeleton)):
+            if not skeleton.children[j]:
+                end = pygltflib.Node(name=skeleton.names[j], translation=_listed(skeleton.vectors[j]))
+                bones.append(self._node(end))
+                self._document.nodes[bones[j]].children.append(bones[-1])
+        return bones
+
+    def _animate(self, times: Float, node: int, path: str, values: Float) -> None:
+        """A channel for what moves; what is still is written at the node, or with two keys if it must be."""
+        still = np.abs(values - values[0]).max() <= _STILL
+        if still and (len(times) == 1 or _is_rest(self._document.nodes[node], path, values[0])):
+            if path == "rotation":
+                self._document.nodes[node].rotation = _listed(_unit32(values[:1])[0])
+            else:
+                self._document.nodes[node].translation = _listed(values[0])
+            return
+        kept = np.array([0, len(times) - 1]) if still else np.arange(len(times))
+        stored = _unit32(values[kept]) if path == "rotation" else values[kept].astype(np.float32)
+        sampler = pygltflib.AnimationSampler(
+            input=self._times(times[kept]), output=self._blob.add(stored), interpolation="LINEAR"
+        )
+        self._animation.samplers.append(sampler)
+        target = pygltflib.AnimationChannelTarget(node=node, path=path)
+        channel = pygltflib.AnimationChannel(sampler=len(self._animation.samplers) - 1, target=target)
+        self._animation.channels.append(channel)
+
+    def _times(self, times: Float) -> int:
+        """The accessor of key times; the same times are stored once."""
+        stored = times.astype(np.float32)
+        known = self.__dict__.setdefault("_known", {})
+        key = stored.tobytes()
+        if key not in known:
+            known[key] = self._blob.add(stored)
+        return int(known[key])
+
+    def _primitive(self, shape: Shape) -> pygltflib.Primitive:
+        assert shape.mesh is not None and shape.skin is not None
+        blob, mesh = self._blob, shape.mesh
+        joints, weights = clean_skin(shape.skin.indices, shape.skin.weights)
+        faces = mesh.faces.astype(np.uint16 if len(mesh.vertices) < 65535 else np.uint32)
+        array, elements = pygltflib.ARRAY_BUFFER, pygltflib.ELEMENT_ARRAY_BUFFER
+        small = joints.astype(np.uint8) if len(shape.skeleton) <= 256 else joints
+        attributes = pygltflib.Attributes(
+            POSITION=blob.add(mesh.vertices.astype(np.float32), array),
+            NORMAL=blob.add(_normals(mesh.vertex_normals()), array),
+            JOINTS_0=blob.add(small, array),
+            WEIGHTS_0=blob.add(weights, array),
+        )
+        if mesh.colours is not None:
+            attributes.COLOR_0 = blob.add(_linear16(mesh.colours), array, normalised=True)
+        plain = pygltflib.PbrMetallicRoughness(metallicFactor=0.0, roughnessFactor=0.9)
+        self._document.materials.append(
+            pygltflib.Material(name=shape.id, pbrMetallicRoughness=plain, doubleSided=True)
+        )
+        return pygltflib.Primitive(
+            attributes=attributes,
+            indices=blob.add(faces.reshape(-1), elements),
+            material=len(self._document.materials) - 1,
+            mode=pygltflib.TRIANGLES,
+        )
+
+
+def bone_names(skeleton: Skeleton) -> list[str]:
+    """What each bone is called as a joint: where it begins; of several, all but one also where they lead."""
+    named = []
+    for j, parent in enumerate(skeleton.parents):
+        if j == 0:
+            named.append(skeleton.names[0])
+            continue
+        onward = parent > 0 and j == _onward(skeleton, int(parent))
+        begin, end = skeleton.names[parent], skeleton.names[j]
+        named.append(begin if onward else f"{begin} to {end}")
+    return named
+
+
+def _onward(skeleton: Skeleton, joint: int) -> int:
+    """The child that goes on straightest."""
+    into = skeleton.vectors[joint]
+
+    def straight(child: int) -> float:
+        out = skeleton.vectors[child]
+        return float(into @ out / max(float(np.linalg.norm(into) * np.linalg.norm(out)), 1e-12))
+
+    return max(skeleton.children[joint], key=straight)
+
+
+def local_turns(skeleton: Skeleton, turns: Float) -> Float:
+    """(T, N, 4) the turn of each bone in the bone before it, D_parent^-1 D, with no jump of sign in time."""
+    local = turns.copy()
+    for j in range(1, len(skeleton)):
+        local[:, j] = multiply(conjugate(turns[:, skeleton.parents[j]]), turns[:, j])
+    local = normalized(local)
+    flips = np.sign(np.einsum("tnc,tnc->tn", local[1:], local[:-1]))
+    flips[flips == 0] = 1.0
+    start = np.where(local[:1, :, 0] < 0, -1.0, 1.0)
+    signs = np.concatenate([start, start * np.cumprod(flips, 0)])
+    return np.asarray(local * signs[..., None])
+
+
+def local_offsets(skeleton: Skeleton) -> Float:
+    """(N, 3) where the joint of each bone is in that of the bone before: along that bone, at rest."""
+    offsets = np.zeros((len(skeleton), 3))
+    offsets[1:] = skeleton.vectors[skeleton.parents[1:]]
+    return offsets
+
+
+def clean_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
+    """(V, 4) of each as the format wants them: a bone once a vertex, 0 where the weight is, sums of one."""
+    indices, exact = indices.copy(), np.maximum(weights.astype(np.float64), 0.0)
+    for b in range(1, 4):
+        for a in range(b):
+            same = indices[:, a] == indices[:, b]
+            exact[same, a] += exact[same, b]
+            exact[same, b] = 0.0
+    total = exact.sum(1, keepdims=True)
+    exact = np.where(total > 0, exact / np.where(total > 0, total, 1.0), [[1.0, 0.0, 0.0, 0.0]])
+    made = exact.astype(np.float32)
+    indices[made == 0] = 0
+    return indices, made
+
+
+def _pivots(skeleton: Skeleton) -> Float:
+    return np.asarray(skeleton.positions[np.maximum(skeleton.parents, 0)])
+
+
+def _is_rest(node: pygltflib.Node, path: str, value: Float) -> bool:
+    rest = np.roll(IDENTITY, -1) if path == "rotation" else np.array(node.translation)
+    return bool(np.abs(value - rest).max() <= _STILL)
+
+
+def _listed(values: Float | Float32) -> list[float]:
+    """As JSON: rounded to float32, which every reader will do."""
+    return [float(v) for v in np.asarray(values, np.float32)]
+
+
+def _unit32(quaternions: Float) -> Float32:
+    """Unit in float32 too."""
+    made = quaternions.astype(np.float32)
+    length = np.linalg.norm(made.astype(np.float64), axis=-1, keepdims=True)
+    return (made / length).astype(np.float32)
+
+
+def _normals(normals: Float) -> Float32:
+    """Unit, also where no face has any area."""
+    missing = np.linalg.norm(normals, axis=1) < 0.5
+    normals = np.where(missing[:, None], [0.0, 1.0, 0.0], normals).astype(np.float32)
+    return (normals / np.linalg.norm(normals.astype(np.float64), axis=1, keepdims=True)).astype(np.float32)
+
+
+def _linear16(colours: UInt8) -> UInt16:
+    """(V, 4) linear, opaque, 16 bits: eight would not do for dark colours."""
+    srgb = colours / 255.0
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    opaque = np.concatenate([linear, np.ones((len(linear), 1))], 1)
+    return np.round(opaque * 65535).astype(np.uint16)
