@@ -1,0 +1,230 @@
+"""Clips of motion captures and of tracked people, at another rate, and cut out of longer ones.
+
+clip_of_capture(capture, id, *, rest="auto", unit=None) -> Clip
+clip_of_bodies(bodies, seconds, id, *, rest=0, step=1/30, names=None) -> Clip      # enliven.body.Body
+clip_of_positions(skeleton, positions (F, N, 3), id, step) -> Clip                 # any tree of points
+resampled(clip, step) -> Clip
+between_times(clip, start, stop) -> Clip
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.body import PARENTS, Body, Joint
+from enliven.errors import InputError
+from enliven.formats.capture import UNITS, Capture, guess_unit
+from enliven.motion.clip import Clip
+from enliven.motion.positions import filled, rest_of, turns_of
+from enliven.rotation import conjugate, from_matrix, multiply, slerp
+from enliven.skeleton import Skeleton
+
+BODY_NAMES: tuple[str, ...] = tuple(joint.name.lower().replace("_", " ") for joint in Joint)
+"""Names of the 20 joints of a tracked person in a clip: "hip center", "spine", ..."""
+
+_STANDS = 0.9
+"""A zero pose stands when it is at least this much as tall as the frames are."""
+_MOVES = 0.002
+"""Share of the extent by which a joint must move against its parent to be a root of its own."""
+_HIP_TO_ANKLE = 0.9
+"""Share of a root's height over the lowest joint that is leg, for the guess of the unit."""
+
+
+def clip_of_capture(
+    capture: Capture, id: str, *, rest: str | int = "auto", unit: str | float | None = None
+) -> Clip:
+    """The motion of a file as a clip in metres.
+
+    Bones keep their length: what a file moves against its parent beyond the root is left out. A joint above
+    all others that only carries the one that moves (a point on the floor) is left out too.
+
+    Args:
+        rest: "zero", all rotations zero; "first", the first frame; a frame number; or "auto": "zero" where
+            that pose stands as tall as the frames do, else "first".
+        unit: a name of :data:`enliven.formats.capture.UNITS`, metres a unit, or None to guess it by the
+            height of the root over the lowest joint.
+
+    Raises:
+        InputError: for a tree with two roots, a frame or a unit that is not there.
+    """
+    names, parents, positions, rotations = _rooted(capture, id)
+    offsets = _offsets(parents, positions, rotations)
+    turns = from_matrix(rotations)
+    if rest == "auto":
+        rest = "zero" if _zero_stands(parents, offsets, positions) else "first"
+    if rest == "zero":
+        at_rest, before = _zero_pose(parents, offsets, positions), np.tile([1.0, 0, 0, 0], (len(names), 1))
+    else:
+        frame = 0 if rest == "first" else rest
+        if not isinstance(frame, int) or not 0 <= frame < len(positions):
+            mend = f'Say "auto", "zero", "first" or 0..{len(positions) - 1}.'
+            raise InputError(f"there is no rest pose {rest!r}", where=f"clip {id!r}", mend=mend)
+        at_rest = _stiff_pose(parents, offsets, positions[frame], rotations[frame])
+        before = turns[frame]
+    scale = _metres(unit, at_rest, f"clip {id!r}")
+    # Bone j turns with the joint that it hangs on; the root's children and the root turn as one.
+    holds = np.array([0, *parents[1:]])
+    world = multiply(turns[:, holds], conjugate(before[holds]))
+    skeleton = Skeleton(names, np.array(parents, np.int32), at_rest * scale)
+    return Clip(id, skeleton, _continuous(world), positions[:, 0] * scale, capture.seconds)
+
+
+def clip_of_bodies(
+    bodies: Sequence[Body],
+    seconds: AnyArray,
+    id: str,
+    *,
+    rest: int | Body = 0,
+    step: float = 1.0 / 30.0,
+    names: Sequence[str] | None = None,
+) -> Clip:
+    """A tracked person's motion as a clip of 20 joints.
+
+    Where a body has orientations, a bone's turn is theirs since rest; elsewhere it is the swing of least
+    twist against the bone before. In both, every bone points where its joints say. A joint of confidence 0
+    is taken from the frames before and after.
+
+    Args:
+        bodies: (F,) the person over time.
+        seconds: (F,) their times, ascending, as irregular as they come.
+        rest: which of them is the rest pose, or a body that is.
+        step: seconds between the frames of the clip.
+        names: (20,) of the joints; None for :data:`BODY_NAMES`.
+
+    Raises:
+        InputError: where there is no body, or the times do not fit or do not ascend.
+    """
+    times: Float = np.asarray(seconds, np.float64)
+    where = f"clip {id!r}"
+    if not bodies or times.shape != (len(bodies),) or (np.diff(times) <= 0).any():
+        mend = "Give one time for each body, each after the one before."
+        raise InputError(f"{len(bodies)} bodies at {times.shape} times", where=where, mend=mend)
+    joints = np.stack([body.joints for body in bodies])
+    seen = np.stack([body.confidence > 0 for body in bodies])
+    joints = filled(np.array(PARENTS), joints, seen)
+    still = bodies[rest] if isinstance(rest, int) else rest
+    rest_joints = joints[rest] if isinstance(rest, int) else rest.joints
+    positions = rest_of(np.array(PARENTS), rest_joints, joints)
+    skeleton = Skeleton(tuple(names or BODY_NAMES), np.array(PARENTS, np.int32), positions)
+    turns = turns_of(skeleton, joints, _known(bodies, still))
+    return _even(id, skeleton, times - times[0], turns, joints[:, 0], step)
+
+
+def clip_of_positions(skeleton: Skeleton, positions: Float, id: str, step: float) -> Clip:
+    """A clip of joints whose places alone are known: swings of least twist.
+
+    Args:
+        positions: (F, N, 3) metres.
+        step: seconds between frames.
+    """
+    positions = np.asarray(positions, np.float64)
+    return Clip(id, skeleton, _continuous(turns_of(skeleton, positions, None)), positions[:, 0], step)
+
+
+def resampled(clip: Clip, step: float) -> Clip:
+    """The clip with a frame every ``step`` seconds; its last frame is the last at or before its end."""
+    times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
+    return _even(clip.id, clip.skeleton, times, clip.turns, clip.root, step)
+
+
+def between_times(clip: Clip, start: float, stop: float) -> Clip:
+    """The frames of a clip from ``start`` to ``stop`` seconds, one at least."""
+    first = min(max(round(start / clip.step), 0), len(clip.turns) - 1)
+    last = max(round(stop / clip.step) + 1, first + 1)
+    return replace(clip, turns=clip.turns[first:last], root=clip.root[first:last])
+
+
+def _even(id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, step: float) -> Clip:
+    """A clip with frames ``step`` seconds apart of turns and root at ``times`` (F,) from 0 on."""
+    count = int(np.floor(times[-1] / step + 1e-6)) + 1
+    wanted = np.minimum(np.arange(count) * step, times[-1])
+    before = np.clip(np.searchsorted(times, wanted, side="right") - 1, 0, max(len(times) - 2, 0))
+    after = np.minimum(before + 1, len(times) - 1)
+    width = np.where(after > before, times[after] - times[before], 1.0)
+    part = (wanted - times[before]) / width
+    made = slerp(turns[before], turns[after], part[:, None])
+    at = root[before] + part[:, None] * (root[after] - root[before])
+    return Clip(id, skeleton, _continuous(made), at, step)
+
+
+def _known(bodies: Sequence[Body], still: Body) -> Float | None:
+    """(F, 20, 4) turns since rest that the bodies' orientations say, or None where one has none."""
+    if still.orientations is None or any(body.orientations is None for body in bodies):
+        return None
+    world = np.stack([np.asarray(body.orientations) for body in bodies])
+    return multiply(world, conjugate(still.orientations))
+
+
+def _rooted(capture: Capture, id: str) -> tuple[tuple[str, ...], list[int], Float, Float]:
+    """The capture's names, parents, positions and rotations from the joint on that moves as the root."""
+    if sum(parent < 0 for parent in capture.parents) != 1 or capture.parents[0] != -1:
+        raise InputError("it has more than one root", where=f"clip {id!r}", mend="Keep one of its skeletons.")
+    names, parents = capture.names, list(capture.parents)
+    positions, rotations = capture.positions, capture.rotations
+    extent = float(np.median(np.ptp(positions, axis=1).max(1)))
+    while parents.count(0) == 1 and len(names) > 2:
+        local = np.einsum("fji,fj->fi", rotations[:, 0], positions[:, 1] - positions[:, 0])
+        if np.ptp(local, axis=0).max() < _MOVES * extent:
+            break
+        names, parents = names[1:], [max(parent - 1, -1) for parent in parents[1:]]
+        positions, rotations = positions[:, 1:], rotations[:, 1:]
+    return names, parents, positions, rotations
+
+
+def _offsets(parents: list[int], positions: Float, rotations: Float) -> Float:
+    """(N, 3) each joint in its parent's frame, the middle of what the frames say; zero at the root."""
+    above = np.maximum(parents, 0)
+    links = positions - positions[:, above]
+    return np.asarray(np.median(np.einsum("fnji,fnj->fni", rotations[:, above], links), axis=0))
+
+
+def _stiff_pose(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
+    """(N, 3) the joints of a frame with the bones' own lengths."""
+    at = positions.copy()
+    for j, parent in enumerate(parents[1:], 1):
+        at[j] = at[parent] + rotations[parent] @ offsets[j]
+    return at
+
+
+def _zero_pose(parents: list[int], offsets: Float, positions: Float) -> Float:
+    """(N, 3) the joints with all rotations zero, on the floor that the frames stand on, where they begin."""
+    count = len(parents)
+    at = _stiff_pose(parents, offsets, np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
+    floor = np.percentile(positions[:, :, 1].min(1), 10)
+    moved = np.array([positions[0, 0, 0], floor - at[:, 1].min(), positions[0, 0, 2]])
+    return np.asarray(at + moved)
+
+
+def _zero_stands(parents: list[int], offsets: Float, positions: Float) -> bool:
+    """Whether the zero pose is about as tall, and its root as high, as those of the frames."""
+    zero = _zero_pose(parents, offsets, positions)
+    lowest = positions[:, :, 1].min(1)
+    tall, high = np.median(positions[:, :, 1].max(1) - lowest), np.median(positions[:, 0, 1] - lowest)
+    legs = zero[0, 1] - zero[:, 1].min()
+    return bool(np.ptp(zero[:, 1]) > _STANDS * tall and _STANDS * high < legs < high / _STANDS**2)
+
+
+def _metres(unit: str | float | None, at_rest: Float, where: str) -> float:
+    """Metres in a unit of the file."""
+    if unit is None:
+        legs = at_rest[0, 1] - at_rest[:, 1].min()
+        return UNITS[guess_unit(float(legs) * _HIP_TO_ANKLE)]
+    if isinstance(unit, str):
+        if unit not in UNITS:
+            raise InputError(f"there is no unit {unit!r}", where=where, mend=f"Known: {', '.join(UNITS)}.")
+        return UNITS[unit]
+    if not 0.0 < unit < 1e6:
+        raise InputError(f"a unit of {unit} m cannot be", where=where, mend="Give metres a unit.")
+    return float(unit)
+
+
+def _continuous(turns: Float) -> Float:
+    """The same rotations (F, N, 4), each of the sign that is nearest to the frame before."""
+    signs = np.where((turns[1:] * turns[:-1]).sum(-1) < 0, -1.0, 1.0)
+    turns = turns.copy()
+    turns[1:] *= np.cumprod(signs, axis=0)[..., None]
+    return turns

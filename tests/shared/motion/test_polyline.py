@@ -1,0 +1,142 @@
+"""q(s, t): the kernel against the definition in plain steps, its ends, its knots, its times."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.errors import InputError
+from enliven.motion.layers import Layer
+from enliven.motion.polyline import Polyline, arc_of, frames_of
+from enliven.rotation import conjugate, multiply, slerp
+from enliven.skeleton import Skeleton
+
+sys.path.insert(0, str(Path(__file__).parent))
+import itertools
+
+from motion_strategies import EYE, angle, random_clip, random_skeleton, random_turn, seeds
+
+laws = settings(deadline=None, max_examples=40)
+
+
+def plain_q(clip, chain, s, frame, weight, basis, mirrored):
+    """AniMesh 5.1 by the book: one turn, at one place, at one time."""
+    skeleton = clip.skeleton
+    low = int(np.floor(frame))
+    high = min(low + 1, len(clip.turns) - 1)
+    world = [slerp(clip.turns[low, j], clip.turns[high, j], frame - low) for j in range(len(skeleton))]
+    if len(chain) == 1:
+        lengths, whole = [1.0], [world[chain[0]]]
+    else:
+        down = all(skeleton.parents[b] == a for a, b in itertools.pairwise(chain))
+        base = world[chain[0] if down else 0]
+        lengths, whole = [], []
+        for a, b in itertools.pairwise(chain):
+            lengths.append(np.linalg.norm(skeleton.positions[a] - skeleton.positions[b]))
+            bone = b if skeleton.parents[b] == a else a
+            whole.append(multiply(conjugate(base), world[bone]))
+    # Weighted: each bone's turn relative to the one before.
+    steps = [whole[0]] + [multiply(conjugate(a), b) for a, b in itertools.pairwise(whole)]
+    at, knots = EYE, [EYE]
+    for step in steps:
+        at = multiply(at, slerp(EYE, step, weight))
+        knots.append(at)
+    arc = np.concatenate([[0.0], np.cumsum(lengths)]) / np.sum(lengths)
+    for i in range(len(lengths)):
+        if s <= arc[i + 1] or i == len(lengths) - 1:
+            q = slerp(knots[i], knots[i + 1], (s - arc[i]) / (arc[i + 1] - arc[i]))
+            break
+    if mirrored:
+        q = q * [1, 1, -1, -1]
+    return multiply(multiply(basis, q), conjugate(basis))
+
+
+@laws
+@given(seeds, st.floats(0, 1), st.floats(0, 8), st.sampled_from([0.0, 0.3, 1.0]), st.booleans())
+def test_the_kernel_is_the_definition(seed, s, frame, weight, mirrored):
+    rng = np.random.default_rng(seed)
+    skeleton = random_skeleton(rng, 9)
+    clip = random_clip(rng, skeleton)
+    chain = skeleton.path(*rng.integers(0, 9, 2).tolist())
+    basis = random_turn(rng)
+    ours = Polyline.of(clip, chain).sample([s], [frame], weight, basis, mirrored)[0, 0]
+    assert angle(ours, plain_q(clip, chain, s, frame, weight, basis, mirrored)) < 1e-9
+
+
+@laws
+@given(seeds)
+def test_a_chain_up_the_tree_is_measured_against_the_root(seed):
+    rng = np.random.default_rng(seed)
+    skeleton = random_skeleton(rng, 7, branching=0.0)
+    clip = random_clip(rng, skeleton)
+    line = Polyline.of(clip, (6, 5, 4, 3))
+    expected = multiply(conjugate(clip.turns[:, 0]), clip.turns[:, 4])
+    assert angle(line.sample([1.0], np.arange(9))[:, 0], expected) < 1e-9
+
+
+@laws
+@given(seeds)
+def test_neighbouring_knots_have_one_sign(seed):
+    rng = np.random.default_rng(seed)
+    skeleton = random_skeleton(rng, 9)
+    turns = Polyline.of(random_clip(rng, skeleton), skeleton.path(0, 8)).turns(np.linspace(0, 8, 30))
+    assert ((turns[:, 1:] * turns[:, :-1]).sum(-1) >= 0).all()
+    assert np.abs(np.linalg.norm(turns, axis=-1) - 1).max() < 1e-12
+
+
+def test_a_bone_without_length_keeps_its_turn_to_itself():
+    at = np.array([[0, 0, 0], [0, 1, 0], [0, 1, 0], [0, 2, 0]], float)
+    skeleton = Skeleton(("a", "b", "c", "d"), np.array([-1, 0, 1, 2], np.int32), at)
+    arc = arc_of(skeleton, (0, 1, 2, 3))
+    assert (np.diff(arc) > 0).all() and arc[-1] == 1.0
+    clip = random_clip(np.random.default_rng(1), skeleton)
+    q = Polyline.of(clip, (0, 1, 2, 3)).sample(arc, np.arange(9))
+    for j in (1, 2, 3):
+        relative = multiply(conjugate(clip.turns[:, 0]), clip.turns[:, j])
+        assert angle(q[:, j], relative) < 1e-9
+    assert np.array_equal(arc_of(Skeleton(("a", "b"), [-1, 0], np.zeros((2, 3))), (0, 1)), [0.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("played", "seconds", "expected"),
+    [
+        ({}, 0.1, 3.0),
+        ({}, -5.0, 0.0),
+        ({}, 99.0, 8.0),
+        ({"offset": 0.1}, 0.2, 3.0),
+        ({"speed": 2.0}, 0.1, 6.0),
+        ({"speed": -1.0}, 0.0, 8.0),
+        ({"speed": -1.0}, 0.1, 5.0),
+        ({"speed": -1.0}, 99.0, 0.0),
+        ({"loop": True}, 8 / 30 + 0.1, 3.0),
+        ({"loop": True, "speed": -1.0}, 0.1, 5.0),
+        ({"loop": True, "speed": -1.0}, 8 / 30 + 0.1, 5.0),
+        ({"loop": True, "offset": 0.1}, 0.0, 5.0),
+    ],
+)
+def test_the_time_of_a_layer(played, seconds, expected):
+    clip = random_clip(np.random.default_rng(0), random_skeleton(np.random.default_rng(0), 3))
+    frames = frames_of(Layer("layer", "take", (0,), **played), clip, [seconds])
+    assert frames == pytest.approx([expected], abs=1e-9)
+
+
+def test_one_frame_is_played_for_ever():
+    clip = random_clip(np.random.default_rng(0), random_skeleton(np.random.default_rng(0), 3), frames=1)
+    layer = Layer("layer", "take", (0, 1), loop=True, speed=-3.0)
+    assert np.array_equal(frames_of(layer, clip, [-1.0, 0.0, 7.0]), [0.0, 0.0, 0.0])
+    turns = Polyline.of(clip, (0, 1)).turns([0.0])
+    assert angle(turns[0, 1], multiply(conjugate(clip.turns[0, 0]), clip.turns[0, 1])) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("chain", "said"),
+    [((), "no joint"), ((0, 9), "no joint 9"), ((0, 2), "no neighbours"), ((0, 1, 0), "twice")],
+)
+def test_what_is_no_chain_is_refused(chain, said):
+    skeleton = Skeleton(("a", "b", "c"), np.array([-1, 0, 1], np.int32), np.eye(3))
+    clip = random_clip(np.random.default_rng(0), skeleton)
+    with pytest.raises(InputError, match=said):
+        Polyline.of(clip, chain)
