@@ -51,9 +51,7 @@ class Shape:
 
     def __post_init__(self) -> None:
         for name in ("modeling", "place"):
-            array = np.array(getattr(self, name), np.float64)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, _frozen(getattr(self, name)))
         object.__setattr__(self, "spans", tuple(tuple(spans) for spans in self.spans))
         problem = _problem_of(self)
         if problem:
@@ -103,6 +101,15 @@ def _drawn(skeleton: Skeleton):  # type: ignore[no-untyped-def]
     return np.array(pairs, np.int32).reshape(-1, 2)
 
 
+def _frozen(array: Float) -> Float:
+    """The array as nobody can write it: itself where it is that already, for shapes share arrays."""
+    if isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable:
+        return array
+    copied = np.array(array, np.float64)
+    copied.setflags(write=False)
+    return copied
+
+
 def _problem_of(shape: Shape) -> str:
     count = len(shape.skeleton)
     if shape.modeling.shape != (count, 4) or len(shape.spans) != count or shape.place.shape != (3,):
@@ -112,7 +119,8 @@ def _problem_of(shape: Shape) -> str:
     if shape.travel_scale is not None and not 0.0 <= shape.travel_scale < 1e6:
         return f"the scale of its travel is {shape.travel_scale}"
     for name, spans in zip(shape.skeleton.names, shape.spans, strict=True):
-        if not spans or abs(sum(span.share for span in spans) - 1.0) > 1e-9:
+        shares = [span.share for span in spans]
+        if not shares or min(shares) < 0.0 or abs(sum(shares) - 1.0) > 1e-9:
             return f"the spans of bone {name!r} do not cover it"
     if (shape.mesh is None) != (shape.skin is None):
         return "a mesh needs skin weights, and skin weights a mesh"

@@ -159,8 +159,8 @@ def _shared(new: T, old: T | None) -> T:
 def _shared_shape(new: Shape, old: Shape | None) -> Shape:
     if old is None or new is old or same(new, old):
         return new if old is None else old
-    parts = {name: _shared(getattr(new, name), getattr(old, name)) for name in ("skeleton", "mesh", "skin")}
-    return new.with_changes(**parts)
+    parts = {part.name: _shared(getattr(new, part.name), getattr(old, part.name)) for part in fields(new)}
+    return Shape(**parts)
 
 
 def _arrays(part: object) -> Iterator[AnyArray]:

@@ -1,0 +1,139 @@
+"""Undo and redo: whatever was done, the project comes back bit for bit."""
+
+import copy
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from surgery_worlds import random_project, random_turns
+
+from enliven.errors import InputError
+from enliven.modeling.copying import copy_shape, mirror_shape, scale_shape
+from enliven.modeling.cut import cut_bone
+from enliven.modeling.history import History, HistorySettings
+from enliven.modeling.merge import merge
+from enliven.modeling.nodes import insert_node, remove_node
+from enliven.modeling.posing import move_shape, turn_bone
+from enliven.motion.retarget import set_layer
+from enliven.project import same
+
+
+def random_edit(project, random):
+    """One random edit; it may be refused."""
+    shape_id = str(random.choice(list(project.shapes)))
+    count = len(project.shape(shape_id).skeleton)
+    j = int(random.integers(0, count))
+    time = None if random.random() < 0.3 else float(random.uniform(-1, 3))
+    kind = int(random.integers(0, 9)) if count < 14 else int(random.integers(1, 3))
+    match kind:
+        case 0:
+            return "insert", insert_node(project, shape_id, j, float(random.uniform(0, 1)))[0]
+        case 1:
+            return "remove", remove_node(project, shape_id, j)
+        case 2:
+            return "cut", cut_bone(project, shape_id, j, float(random.uniform(0, 1)), time)[0]
+        case 3:
+            other = str(random.choice(list(project.shapes)))
+            at = float(random.choice([1.0, random.uniform(0, 1)]))
+            return "merge", merge(project, shape_id, j, other, time, at=at)[0]
+        case 4:
+            if len(project.shapes) > 5:
+                return "delete", project.without_shape(shape_id)
+            return "copy", copy_shape(project, shape_id, offset=random.normal(size=3))[0]
+        case 5:
+            return "mirror", mirror_shape(project, shape_id, random.normal(size=3))
+        case 6:
+            return "scale", scale_shape(project, shape_id, float(random.uniform(0.5, 2)))
+        case 7:
+            return "turn", turn_bone(project, shape_id, j, random_turns(random), time)
+        case _:
+            layer = str(random.choice(list(project.layers)))
+            return "weight", set_layer(project, layer, weight=float(random.uniform(0, 1)))
+
+
+@settings(deadline=None, max_examples=3)
+@given(st.integers(0, 2**32 - 1))
+def test_undo_after_200_random_edits_restores_the_project_bit_for_bit(seed):
+    project, random = random_project(seed)
+    start = copy.deepcopy((dict(project.shapes), dict(project.takes), dict(project.layers)))
+    history, done, refused = History(project), [], 0
+    while len(done) < 200:
+        before = history.project
+        try:
+            name, edited = random_edit(before, random)
+        except InputError:
+            refused += 1
+            assert history.project is before
+            continue
+        done.append((name, history.do(name, edited)))
+    assert {"insert", "remove", "cut", "merge"} <= {name for name, _ in done}
+    after = history.project
+    for name, edited in reversed(done):
+        assert history.undo_name == name
+        assert same(history.project, edited)
+        history.undo()
+    now = (dict(history.project.shapes), dict(history.project.takes), dict(history.project.layers))
+    assert same(now, start)
+    for _ in done:
+        history.redo()
+    assert same(history.project, after)
+
+
+def test_a_drag_is_one_step():
+    project, random = random_project(1)
+    history = History(project)
+    for _ in range(20):
+        history.do("turn", turn_bone(history.project, "shape 0", 1, random_turns(random)), drag="hand")
+    history.end_drag()
+    history.do("turn", turn_bone(history.project, "shape 0", 1, random_turns(random)), drag="hand")
+    assert history.names == ("turn", "turn")
+    history.undo()
+    assert same(history.undo(), project)
+    history.redo()
+    history.do("move", move_shape(history.project, "shape 0", [1, 0, 0]), drag="hand")
+    assert history.names == ("turn", "move")
+    assert history.redo_name is None
+
+
+def test_steps_share_what_they_did_not_change():
+    project, _ = random_project(2)
+    history = History(project)
+    one = history.megabytes
+    assert one > 0
+    for _ in range(50):
+        rebuilt = copy.deepcopy(dict(history.project.takes))
+        history.do("move", move_shape(history.project, "shape 0", [0.1, 0, 0]).with_takes(*rebuilt.values()))
+    assert history.megabytes == pytest.approx(one + 50 * project.shape("shape 0").place.nbytes / 1e6)
+    assert history.project.takes["walk"] is project.takes["walk"]
+
+
+def test_the_oldest_steps_are_forgotten_and_never_the_project():
+    project, _ = random_project(2)
+    size = History(project).megabytes
+    history = History(project, HistorySettings(megabytes=1.2 * size))
+    for _ in range(200):
+        edited = history.do("move", move_shape(history.project, "shape 0", [0.1, 0, 0]))
+    assert 0 < len(history.names) < 200
+    assert history.megabytes <= 1.2 * size
+    assert same(history.project, edited)
+    nothing = History(project, HistorySettings(megabytes=0.0))
+    nothing.do("move", move_shape(project, "shape 0", [1, 0, 0]))
+    assert nothing.names == ()
+    for step, word in ((nothing.undo, "undo"), (nothing.redo, "again")):
+        with pytest.raises(InputError, match=word):
+            step()
+
+
+def test_a_bit_makes_a_difference():
+    project, _ = random_project(4)
+    moved = move_shape(project, "shape 0", [0.0, 0.0, 0.0])
+    assert same(project, moved)
+    shape = project.shape("shape 0")
+    bit = project.with_shapes(shape.with_changes(place=np.nextafter(shape.place, np.inf)))
+    assert not same(project, bit)
+    zero = project.with_shapes(shape.with_changes(place=np.zeros(3)))
+    minus = project.with_shapes(shape.with_changes(place=-np.zeros(3)))
+    assert not same(zero, minus)
+    assert not same(project, project.without_shape("shape 1"))
+    assert not same(1, 1.0)

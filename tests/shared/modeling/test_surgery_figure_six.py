@@ -1,0 +1,114 @@
+"""Figure 6 of AniMesh, (a) to (i), with its angles written down: all in a plane, degrees about +z from +x."""
+
+import numpy as np
+import pytest
+from surgery_worlds import straight_shape
+
+from enliven.modeling.copying import copy_shape
+from enliven.modeling.cut import cut_bone
+from enliven.modeling.merge import merge
+from enliven.modeling.nodes import insert_node, remove_node
+from enliven.modeling.posing import turn_bone
+from enliven.motion.clip import Clip
+from enliven.motion.evaluate import pose_of
+from enliven.motion.layers import Layer, Ref, Span
+from enliven.project import Project
+from enliven.rotation import from_rotation_vector
+from enliven.skeleton import Skeleton
+
+TIMES = [0.0, 1 / 3, 2 / 3, 1.0]
+
+
+def about_z(degrees):
+    return from_rotation_vector(np.radians(degrees) * np.array([0.0, 0.0, 1.0]))
+
+
+def one_bone():
+    """(a): a bone of one metre along +x that a take turns by 90 degrees in a second."""
+    skeleton = Skeleton(("shoulder", "hand"), [-1, 0], [[0, 0, 0], [2.0, 0, 0]])
+    turns = np.array([[about_z(0), about_z(90 * time)] for time in TIMES])
+    swing = Clip("swing", skeleton, turns, np.zeros((4, 3)), 1 / 3)
+    shape = straight_shape("a", [[0, 0, 0], [1.0, 0, 0]], [(Span(1.0, (Ref("swing", 0.0, 1.0),)),)])
+    return Project().with_takes(swing).with_layers(Layer("swing", "swing", (0, 1))).with_shapes(shape)
+
+
+def degrees(project, shape_id, time):
+    """Where each bone points, by the name of its joint."""
+    shape, pose = project.shape(shape_id), pose_of(project, shape_id, time)
+    made = {}
+    for j, parent in enumerate(shape.skeleton.parents):
+        if parent >= 0:
+            x, y, z = pose.joints[j] - pose.joints[parent]
+            assert abs(z) < 1e-12
+            made[shape.skeleton.names[j]] = float(np.degrees(np.arctan2(y, x)))
+    return made
+
+
+def assert_degrees(found, expected):
+    assert found.keys() == expected.keys()
+    for name, angle in expected.items():
+        apart = (found[name] - angle + 180) % 360 - 180
+        assert apart == pytest.approx(0, abs=1e-7), name
+
+
+def test_figure_six():
+    a = one_bone()
+    assert_degrees(degrees(a, "a", 1.0), {"a 1": 90})
+
+    # (b) two nodes: the bone snaps to three, and the total turn is the same.
+    b, q = insert_node(a, "a", "a 1", 2 / 3, name="q")
+    b, p = insert_node(b, "a", "q", 1 / 2, name="p")
+    for time in TIMES:
+        assert_degrees(degrees(b, "a", time), {p: 30 * time, q: 60 * time, "a 1": 90 * time})
+    thirds = [np.exp(1j * np.radians(x)) / 3 for x in (30, 60, 90)]
+    end = pose_of(b, "a", 1.0).joints[-1]
+    np.testing.assert_allclose(end, [sum(thirds).real, sum(thirds).imag, 0], atol=1e-12)
+
+    # (c) a copy, turned by half a turn.
+    c, copy = copy_shape(b, "a")
+    c = turn_bone(c, copy, 0, about_z(180), 1.0)
+    for time in TIMES:
+        assert_degrees(degrees(c, "a", time), degrees(b, "a", time))
+        turned = {p: 180 + 30 * time, q: 180 + 60 * time, "a 1": 180 + 90 * time}
+        assert_degrees(degrees(c, copy, time), turned)
+
+    # (d) merged at the roots: both move as they did.
+    d, names = merge(c, "a", "a 0", copy, 1.0)
+    assert names == {"p": "p 2", "q": "q 2", "a 1": "a 1 2"}
+    for time in TIMES:
+        first = {p: 30 * time, q: 60 * time, "a 1": 90 * time}
+        second = {"p 2": 180 + 30 * time, "q 2": 180 + 60 * time, "a 1 2": 180 + 90 * time}
+        assert_degrees(degrees(d, "a", time), first | second)
+
+    # (e), (f) cut at t = 1 in the middle of the second bone: no bone turns.
+    f, (kept, off) = cut_bone(d, "a", "q", 1 / 2, 1.0, name="cut")
+    whole = degrees(d, "a", 1.0)
+    assert_degrees(degrees(f, kept, 1.0), {p: 30, "cut": 60, "p 2": 210, "q 2": 240, "a 1 2": 270})
+    assert_degrees(degrees(f, off, 1.0), {q: 60, "a 1": 90})
+    assert whole["q"] == pytest.approx(60)
+    # The halves have half of the motion each: 15 of 30 degrees, which the cut put back at t = 1.
+    for time in TIMES:
+        assert degrees(f, kept, time)["cut"] == pytest.approx(30 * time + 15 + 15 * time, abs=1e-7)
+        assert degrees(f, off, time)[q] == pytest.approx(45 + 15 * time, abs=1e-7)
+        assert degrees(f, off, time)["a 1"] == pytest.approx(45 + 45 * time, abs=1e-7)
+
+    # (g), (h) the part that was cut off goes to the end of the other arm: no bone turns at t = 1.
+    h, names = merge(f, kept, "a 1 2", off, 1.0)
+    assert list(h.shapes) == ["a"]
+    at_the_merge = {p: 30, "cut": 60, "p 2": 210, "q 2": 240, "a 1 2": 270, names[q]: 60, names["a 1"]: 90}
+    assert_degrees(degrees(h, kept, 1.0), at_the_merge)
+
+    # (i) and all motions go on: the part rides on the arm (180 + 90 t) and turns by itself (15 t, and 30 t).
+    for time in TIMES:
+        found = degrees(h, kept, time)
+        rides = 90 * time - 90
+        assert_degrees(
+            found,
+            degrees(f, kept, time) | {names[q]: rides + 45 + 15 * time, names["a 1"]: rides + 45 + 45 * time},
+        )
+    assert len(h.takes) == 1
+    assert list(h.layers) == ["swing", "swing 2"]
+
+    # Taking the nodes of (b) out again restores (a).
+    back = remove_node(remove_node(b, "a", "p"), "a", "q")
+    assert back.shape("a").spans == a.shape("a").spans
