@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from enliven.modeling.copying import copy_shape, mirror_shape, paste_shape, scale_shape
+from enliven.modeling.posing import turn_bone
+from enliven.motion.copying import copy_motion
+from enliven.motion.retarget import clear_chain
+from enliven.project import Project
+from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.tools.nodes import remove
+
+_ASIDE = 0.35
+"""Of a shape's width (and at least as many metres / 2): how far a copy is put beside it."""
 
 
 class Deeds:
-    """Commands on an editor."""
+    """Commands on an editor; the clipboard is theirs.
 
-    def __init__(self, editor: Editor) -> None:
-        self.editor = editor
+    Attributes:
+        ask: opens a dialogue of the window ("open", "save", "export", "help", ...); without a window nothing
+            does.
+    """
+
+    def __init__(self, editor: Editor, ask: Callable[[str], None] = lambda dialogue: None) -> None:
+        self.editor, self.ask = editor, ask
+        self._shape: tuple[Project, str] | None = None
+        self._motion: tuple[str, tuple[int, ...]] | None = None
 
     def play(self) -> None:
         """Play, or stop."""
@@ -22,11 +41,165 @@ class Deeds:
         """Some frames on, or back."""
         self.editor.scrub(self.editor.time + count * self.editor.settings.frame_step)
 
+    def bones(self) -> None:
+        """Show the bones, or not."""
+        self.editor.show_bones = not self.editor.show_bones
+
     def delete(self) -> None:
-        """Delete the chosen shape."""
-        shape = self.editor.selection.shape
+        """Take the chosen node out, or else the chosen shape away."""
+        chosen = self.editor.selection
+        if chosen.shape is None:
+            self.editor.toasts.say("Nothing is chosen", "Click a node or a shape first.")
+        elif chosen.joint:
+            remove(self.editor, chosen.shape, chosen.joint)
+        else:
+            self.editor.edit(
+                f"delete {chosen.shape}", lambda project: project.without_shape(str(chosen.shape))
+            )
+
+    def copy(self) -> None:
+        """Remember the chosen shape with its motion."""
+        shape = self._chosen()
         if shape is not None:
-            self.editor.edit("delete", lambda project: project.without_shape(shape))
+            self._shape = (self.editor.project, shape)
+            self.editor.toasts.say(f"Copied {shape} with its motion", "Ctrl+V puts a copy beside it.")
+
+    def cut_out(self) -> None:
+        """Remember the chosen shape and take it away."""
+        shape = self._chosen()
+        if shape is not None:
+            self._shape = (self.editor.project, shape)
+            self.editor.edit(f"cut out {shape}", lambda project: project.without_shape(shape))
+
+    def paste(self) -> None:
+        """Put a copy of the remembered shape beside what is there."""
+        if self._shape is None:
+            self.editor.toasts.say("No shape was copied", "Choose one and press Ctrl+C first.")
+            return
+        source, name = self._shape
+        offset, made = self._aside(source, name), []
+
+        def change(project: Project) -> Project:
+            project, copy = paste_shape(project, source, name, offset=offset)
+            made.append(copy)
+            return project
+
+        if self.editor.edit(f"paste {name}", change):
+            self.editor.select(shape=made[-1])
+
+    def duplicate(self) -> None:
+        """A copy of the chosen shape beside it, the clipboard untouched."""
+        shape = self._chosen()
+        if shape is None:
+            return
+        offset, made = self._aside(self.editor.project, shape), []
+
+        def change(project: Project) -> Project:
+            project, copy = copy_shape(project, shape, offset=offset)
+            made.append(copy)
+            return project
+
+        if self.editor.edit(f"duplicate {shape}", change):
+            self.editor.select(shape=made[-1])
+
+    def mirror(self) -> None:
+        """Mirror the chosen shape left to right, as it is seen."""
+        shape = self._chosen()
+        if shape is not None:
+            right = self.editor.lens.view.camera_from_world[0, :3]
+            self.editor.edit(
+                f"mirror {shape}", lambda project: mirror_shape(project, shape, _nearest_axis(right))
+            )
+
+    def scale(self, factor: float) -> None:
+        """Make the chosen shape larger or smaller about its root."""
+        shape = self._chosen()
+        if shape is not None:
+            self.editor.edit(f"scale {shape}", lambda project: scale_shape(project, shape, factor))
+
+    def turn(self, degrees: float) -> None:
+        """Turn the chosen shape about its root, in the picture's plane; above 0 counter-clockwise."""
+        shape = self._chosen()
+        if shape is None:
+            return
+        turn = from_rotation_vector(-self.editor.lens.forward * np.radians(degrees))
+        time = self.editor.time
+        self.editor.edit(f"turn {shape}", lambda project: turn_bone(project, shape, 0, turn, time))
+
+    def copy_motion(self) -> None:
+        """Remember the motion of the chosen chain."""
+        chosen = self.editor.selection
+        if chosen.shape is None or len(chosen.chain) < 2:
+            self._want_chain()
+            return
+        self._motion = (chosen.shape, self._outwards(chosen.shape, chosen.chain))
+        self.editor.toasts.say("Copied the chain's motion", "Choose another chain and press Ctrl+Shift+V.")
+
+    def paste_motion(self) -> None:
+        """Give the chosen chain the remembered motion, on top of what moves it."""
+        chosen = self.editor.selection
+        if self._motion is None:
+            self.editor.toasts.say("No motion was copied", "Choose a chain and press Ctrl+Shift+C first.")
+        elif chosen.shape is None or len(chosen.chain) < 2:
+            self._want_chain()
+        else:
+            source, chain = self._motion
+            shape, target, lens = chosen.shape, self._outwards(chosen.shape, chosen.chain), self.editor.lens
+            self.editor.edit(
+                "paste motion",
+                lambda project: copy_motion(
+                    project, source, chain, shape, target, view=lens.forward, up=lens.up
+                ),
+            )
+
+    def clear_motion(self) -> None:
+        """Take all motion off the chosen chain, or off the whole chosen shape."""
+        chosen = self.editor.selection
+        if chosen.shape is None:
+            self._chosen()
+            return
+        shape = chosen.shape
+        chains: Sequence[Sequence[int]] = [self._outwards(shape, chosen.chain)]
+        if len(chosen.chain) < 2:
+            parents = self.editor.project.shapes[shape].skeleton.parents
+            chains = [(0,), *((int(parents[j]), j) for j in range(1, len(parents)))]
+
+        def change(project: Project) -> Project:
+            for chain in chains:
+                project = clear_chain(project, shape, chain)
+            return project
+
+        self.editor.edit("clear motion", change)
+
+    def _chosen(self) -> str | None:
+        if self.editor.selection.shape is None:
+            self.editor.toasts.say("No shape is chosen", "Click one first.")
+        return self.editor.selection.shape
+
+    def _want_chain(self) -> None:
+        self.editor.toasts.say("No chain is chosen", "Click the joint where it begins, Shift-click its end.")
+
+    def _outwards(self, shape: str, chain: tuple[int, ...]) -> tuple[int, ...]:
+        """The chain from the root's side; one that goes up is turned round."""
+        parents = self.editor.project.shapes[shape].skeleton.parents
+        return chain[::-1] if len(chain) > 1 and parents[chain[0]] == chain[1] else chain
+
+    def _aside(self, source: Project, name: str) -> np.ndarray:
+        """(3,) metres, to the right as it is seen, by about the shape's width."""
+        lens, points = self.editor.lens, source.shapes[name].skeleton.positions
+        right = lens.view.camera_from_world[0, :3]
+        wide = float(np.ptp(points @ right))
+        count = sum(shape.startswith(name.rstrip(" 0123456789")) for shape in self.editor.project.shapes)
+        way = np.asarray(right * (wide + _ASIDE) * max(count, 1))
+        way[1] = 0.0
+        return way
+
+
+def _nearest_axis(way: np.ndarray) -> np.ndarray:
+    """(3,) the world's axis that is most along a direction."""
+    axis = np.zeros(3)
+    axis[int(np.abs(way).argmax())] = 1.0
+    return axis
 
 
 @dataclass(frozen=True)
@@ -40,13 +213,35 @@ class Deed:
 
 
 DEEDS = (
+    Deed("File", "New", ("ctrl+n",), lambda d: d.ask("new")),
+    Deed("File", "Open...", ("ctrl+o",), lambda d: d.ask("open")),
+    Deed("File", "Save", ("ctrl+s",), lambda d: d.ask("save")),
+    Deed("File", "Save as...", ("ctrl+shift+s",), lambda d: d.ask("save as")),
+    Deed("File", "Export GLB...", ("ctrl+e",), lambda d: d.ask("export")),
+    Deed("File", "Quit", ("ctrl+q",), lambda d: d.ask("quit")),
     Deed("Edit", "Undo", ("ctrl+z",), lambda d: d.editor.undo()),
     Deed("Edit", "Redo", ("ctrl+shift+z", "ctrl+y"), lambda d: d.editor.redo()),
+    Deed("Edit", "Copy shape", ("ctrl+c",), Deeds.copy),
+    Deed("Edit", "Cut shape out", ("ctrl+x",), Deeds.cut_out),
+    Deed("Edit", "Paste shape", ("ctrl+v",), Deeds.paste),
+    Deed("Edit", "Duplicate shape", ("ctrl+d",), Deeds.duplicate),
+    Deed("Edit", "Copy motion", ("ctrl+shift+c",), Deeds.copy_motion),
+    Deed("Edit", "Paste motion", ("ctrl+shift+v",), Deeds.paste_motion),
+    Deed("Edit", "Clear motion", ("ctrl+shift+x",), Deeds.clear_motion),
     Deed("Edit", "Delete", ("delete", "backspace"), Deeds.delete),
+    Deed("Shape", "Mirror left to right", ("ctrl+m",), Deeds.mirror),
+    Deed("Shape", "Larger by a tenth", ("ctrl+equal",), lambda d: d.scale(1.1)),
+    Deed("Shape", "Smaller by a tenth", ("ctrl+minus",), lambda d: d.scale(1 / 1.1)),
+    Deed("Shape", "Turn left by 15 degrees", ("ctrl+left",), lambda d: d.turn(15.0)),
+    Deed("Shape", "Turn right by 15 degrees", ("ctrl+right",), lambda d: d.turn(-15.0)),
+    Deed("Shape", "Turn over", ("ctrl+up",), lambda d: d.turn(180.0)),
     Deed("View", "Play or stop", ("space",), Deeds.play),
     Deed("View", "A frame back", ("left",), lambda d: d.step(-1)),
     Deed("View", "A frame on", ("right",), lambda d: d.step(1)),
     Deed("View", "To the start", ("home",), lambda d: d.editor.scrub(0.0)),
+    Deed("View", "To the end", ("end",), lambda d: d.editor.scrub(d.editor.length)),
     Deed("View", "Frame everything", ("f",), lambda d: d.editor.frame_all()),
+    Deed("View", "Bones", ("b",), Deeds.bones),
+    Deed("Help", "Keys", ("f1", "h"), lambda d: d.ask("help")),
 )
 """Every command."""

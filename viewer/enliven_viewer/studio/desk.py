@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from enliven.errors import InputError
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.hand import Hand
 from enliven_viewer.studio.timeline_hand import TimelineHand
@@ -19,6 +20,8 @@ class Desk:
     Attributes:
         widgets: where each widget was drawn last, by name, so that a session can click on it.
         asking: the id of the dialogue that is open, or empty.
+        caption: what a session says of what it does; empty in an artist's hands.
+        pressed: the key that a session presses just now.
     """
 
     editor: Editor
@@ -26,12 +29,26 @@ class Desk:
     timeline: TimelineHand
     widgets: dict[str, Rectangle] = field(default_factory=dict)
     asking: str = ""
-    show_help: bool = False
+    caption: str = ""
+    pressed: str = ""
 
     @classmethod
     def of(cls, editor: Editor) -> Desk:
         """A desk for an editor."""
         return cls(editor, Hand(editor), TimelineHand(editor))
+
+    def widget(self, name: str) -> Rectangle:
+        """Where a widget was drawn last.
+
+        Raises:
+            InputError: where it has not been drawn.
+        """
+        if name not in self.widgets:
+            known = ", ".join(sorted(self.widgets))
+            raise InputError(
+                f"there is no widget {name!r} on the screen", where="session", mend=f"Known: {known}."
+            )
+        return self.widgets[name]
 
     def remember(self, name: str) -> None:
         """Note where the last widget is."""

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.errors import EnlivenError
+from enliven.modeling.history import History
 from enliven.project import Project
 from enliven_viewer.camera import Box, OrbitCamera
 from enliven_viewer.document import bounds_of
 from enliven_viewer.render.renderer import EMPTY_BOX
-from enliven_viewer.studio.history import History
 from enliven_viewer.studio.performance import Company, length_of
 from enliven_viewer.studio.picking import Lens
 from enliven_viewer.studio.settings import StudioSettings
@@ -63,7 +63,7 @@ class Editor:
     @property
     def project(self) -> Project:
         """What is shown: the draft while something is dragged, otherwise the newest of the history."""
-        return self.draft if self.draft is not None else self.history.now
+        return self.draft if self.draft is not None else self.history.project
 
     @property
     def length(self) -> float:
@@ -85,18 +85,23 @@ class Editor:
         return known[2]
 
     def stance(self, shape_id: str) -> Stance:
-        """One shape as it is shown now."""
+        """One shape as it is shown now.
+
+        Raises:
+            InputError: where there is no such shape.
+        """
+        self.project.shape(shape_id)
         return next(stance for stance in self.stances if stance.shape.id == shape_id)
 
     def edit(self, name: str, change: Edit) -> bool:
         """Do an edit and remember it; where it cannot be done, say why and change nothing."""
         self.draft = None
         try:
-            after = change(self.history.now)
+            after = change(self.history.project)
         except EnlivenError as error:
             self.toasts.complain(error)
             return False
-        if after is not self.history.now:
+        if after is not self.history.project:
             self.history.do(name, after)
         self._mend_selection()
         return True
@@ -104,18 +109,18 @@ class Editor:
     def sketch(self, change: Edit) -> None:
         """Show what an edit would make, while something is dragged; nothing is remembered."""
         try:
-            self.draft = change(self.history.now)
+            self.draft = change(self.history.project)
         except EnlivenError as error:
             self.draft = None
             self.toasts.complain(error)
 
     def undo(self) -> None:
         """Go back to what was before the last edit."""
-        self._step("Undone", self.history.undo)
+        self._step("Undone", self.history.undo_name, self.history.undo)
 
     def redo(self) -> None:
         """Go forward again to what was undone."""
-        self._step("Done again", self.history.redo)
+        self._step("Done again", self.history.redo_name, self.history.redo)
 
     def select(self, **changes: object) -> None:
         """Change parts of the selection; another shape forgets joint and chain."""
@@ -150,11 +155,14 @@ class Editor:
             return None
         return bounds[0] - 0.05, bounds[1] + 0.05
 
-    def _step(self, word: str, step: Callable[[], str | None]) -> None:
+    def _step(self, word: str, name: str | None, step: Callable[[], Project]) -> None:
         self.draft = None
-        name = step()
+        if name is None:
+            self.toasts.say(f"Nothing is left to be {word.lower()}")
+            return
+        step()
         self._mend_selection()
-        self.toasts.say(f"{word}: {name}" if name else f"Nothing is left to be {word.split()[0].lower()}")
+        self.toasts.say(f"{word}: {name}")
 
     def _mend_selection(self) -> None:
         """Forget what is no longer there."""

@@ -15,15 +15,17 @@ from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.panels.menu import draw_menu
 from enliven_viewer.studio.panels.over import draw_over
 from enliven_viewer.studio.panels.side import draw_side
+from enliven_viewer.studio.panels.source import draw_source
 from enliven_viewer.studio.panels.style import apply_style, load_fonts
 from enliven_viewer.studio.panels.timeline import draw_timeline
 from enliven_viewer.studio.panels.toolbar import draw_toolbar
 from enliven_viewer.studio.places import Area, Places, places_in
+from enliven_viewer.studio.tools.map import Map
 from enliven_viewer.studio.viewport import Viewport
 
 _LONGEST_STEP = 0.1
 """Seconds: after a longer picture the playhead goes on from where it was."""
-_KEYS = {
+KEYS = {
     **{letter: getattr(imgui.Key, letter) for letter in "abcdefghijklmnopqrstuvwxyz"},
     "space": imgui.Key.space,
     "left": imgui.Key.left_arrow,
@@ -35,6 +37,10 @@ _KEYS = {
     "escape": imgui.Key.escape,
     "enter": imgui.Key.enter,
     "f1": imgui.Key.f1,
+    "up": imgui.Key.up_arrow,
+    "down": imgui.Key.down_arrow,
+    "equal": imgui.Key.equal,
+    "minus": imgui.Key.minus,
 }
 
 
@@ -50,6 +56,7 @@ class StudioWindow:
         self.desk, self.step = desk, step
         self.pictures = 0
         self._viewport: Viewport | None = None
+        self._source: Viewport | None = None
         self._screen: Any = None
         self._last = time.monotonic()
         self._framed = False
@@ -127,6 +134,7 @@ class StudioWindow:
         context = window_context()
         self._screen = context.detect_framebuffer()  # now, while the window's own is bound
         self._viewport = Viewport(context, (64, 64), settings.render)
+        self._source = Viewport(context, (64, 64), settings.render)
 
     def _framebuffer_size(self) -> tuple[int, int]:
         io = imgui.get_io()
@@ -145,6 +153,7 @@ class StudioWindow:
             self._framed = True
             editor.frame_all(at_once=True)
         editor.advance(elapsed)
+        self._draw_source()
         scale = imgui.get_io().display_framebuffer_scale.y
         size = max(round(area.width * scale), 1), max(round(area.height * scale), 1)
         renderer = self._viewport.renderer
@@ -161,6 +170,17 @@ class StudioWindow:
         renderer.present(self._screen, (round(area.x * scale), bottom))
         self._screen.viewport = (0, 0, *self._framebuffer_size())
 
+    def _draw_source(self) -> None:
+        """The picture of the take, while motion is mapped."""
+        tool = self.desk.hand.tool
+        stance = tool.source.stance() if isinstance(tool, Map) else None
+        if not isinstance(tool, Map) or stance is None or self._source is None:
+            return
+        scale = imgui.get_io().display_framebuffer_scale.y
+        wide, high = tool.source.size
+        self._source.renderer.resize((max(round(wide * scale), 1), max(round(high * scale), 1)))
+        self._source.draw([stance], tool.source.lens, tool.source.selection, tool.source.overlay())
+
     def _gui(self) -> None:
         """The panels, and what the pointer does where none is."""
         places = self.places
@@ -169,6 +189,9 @@ class StudioWindow:
         draw_side(self.desk, places.side)
         draw_timeline(self.desk, places.timeline)
         draw_over(self.desk, places.viewport)
+        tool = self.desk.hand.tool
+        if isinstance(tool, Map) and self._source is not None:
+            draw_source(self.desk, tool, places.viewport, self._source.renderer.picture.texture.glo)
         self._listen(places.viewport)
 
     def _listen(self, area: Area) -> None:
@@ -187,6 +210,6 @@ class StudioWindow:
             hand.wheel(io.mouse_wheel)
         if not io.want_text_input and not self.desk.asking:
             modifiers = "ctrl+" * io.key_ctrl + "shift+" * io.key_shift
-            for name, key in _KEYS.items():
+            for name, key in KEYS.items():
                 if imgui.is_key_pressed(key, repeat=name in ("left", "right")):
                     hand.key(modifiers + name)

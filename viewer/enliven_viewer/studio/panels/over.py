@@ -7,6 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.hud import wrapped
 from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.overlay import Disc, Line
+from enliven_viewer.studio.panels.menu import spoken
 from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.theme import ACCENT, BAD, GLASS, GOOD, INK, QUIET
@@ -23,6 +24,8 @@ def draw_over(desk: Desk, area: Area) -> None:
         _mark(draw, area, mark)
     _hint(desk, draw, area)
     _toasts(desk, draw, area)
+    if desk.caption:
+        _caption(desk, draw, area)
     draw.pop_clip_rect()
 
 
@@ -52,6 +55,24 @@ def _hint(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
     draw.add_text(ImVec2(x + 13, y + 8), packed(ACCENT), label)
     shift = imgui.calc_text_size(f"{label}   ").x
     draw.add_text(ImVec2(x + 13 + shift, y + 8), packed(INK), hint)
+
+
+def _caption(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    """What a session says, in the middle below, with the key that it presses."""
+    font, size = imgui.get_font(), 19.0
+    grown = size / imgui.get_font_size()
+    wide = imgui.calc_text_size(desk.caption).x * grown
+    x, y = area.x + (area.width - wide) / 2, area.y + area.height - 52
+    draw.add_rect_filled(
+        ImVec2(x - 18, y - 9), ImVec2(x + wide + 18, y + 31), packed((*GLASS[:3], 0.8)), 10.0
+    )
+    draw.add_text(font, size, ImVec2(x, y), packed(INK), desk.caption)
+    if desk.pressed:
+        key = spoken(desk.pressed)
+        left = x + wide + 34
+        right = left + imgui.calc_text_size(key).x + 22
+        draw.add_rect_filled(ImVec2(left, y - 6), ImVec2(right, y + 28), packed(INK), 7.0)
+        draw.add_text(ImVec2(left + 11, y + 3), packed((*GLASS[:3], 1.0)), key)
 
 
 def _toasts(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]

@@ -6,6 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.modeling.merge import merge
+from enliven.modeling.posing import move_shape
 from enliven.project import Project
 from enliven_viewer.studio.overlay import Disc, Line, Overlay, Words
 from enliven_viewer.studio.picking import Hit, bone_at, joint_at
@@ -93,9 +94,9 @@ class Carry(Tool):
     def _moved(self, project: Project, pointer: Pointer) -> Project:
         assert self._held is not None
         shape_id, root, start = self._held
-        lens, shape = self.editor.lens, project.shape(shape_id)
+        lens = self.editor.lens
         way = lens.on_plane(pointer.at, root) - lens.on_plane(start.at, root)
-        return project.with_shapes(shape.with_changes(place=shape.place + way))
+        return move_shape(project, shape_id, way)
 
     def _merge(self, shape_id: str, graft: Hit) -> None:
         """Merge at the playhead's time: nothing turns then, and both go on moving."""

@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.modeling.posing import drag_joint, turn_bone
 from enliven.project import Project
-from enliven.rotation import conjugate, from_rotation_vector, multiply, swing
+from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.stance import Stance
 from enliven_viewer.studio.tools.base import Pointer, Tool
 
@@ -58,14 +59,11 @@ class Pose(Tool):
     def _posed(self, project: Project, pointer: Pointer) -> Project:
         assert self._held is not None
         stance, joint, start = self._held
-        turn = self._turn_of_all(stance, start, pointer) if joint == 0 else self._turn(stance, joint, pointer)
-        return turned(project, stance, joint, turn)
-
-    def _turn(self, stance: Stance, joint: int, pointer: Pointer) -> Float:
-        """(4,) the world turn that points the bone at the pointer."""
-        pivot = stance.joints[stance.shape.skeleton.parents[joint]]
-        target = self.editor.lens.on_plane(pointer.at, stance.joints[joint])
-        return swing(stance.joints[joint] - pivot, target - pivot)
+        shape, time = stance.shape.id, self.editor.time
+        if joint:
+            point = self.editor.lens.on_plane(pointer.at, stance.joints[joint])
+            return drag_joint(project, shape, joint, point, time)
+        return turn_bone(project, shape, 0, self._turn_of_all(stance, start, pointer), time)
 
     def _turn_of_all(self, stance: Stance, start: Pointer, pointer: Pointer) -> Float:
         """(4,) the world turn about the view's axis by as much as the pointer went around the root."""
@@ -77,13 +75,3 @@ class Pose(Tool):
         else:
             angle = math.atan2(after[1], after[0]) - math.atan2(before[1], before[0])
         return from_rotation_vector(lens.forward * angle)
-
-
-def turned(project: Project, stance: Stance, joint: int, turn: Float) -> Project:
-    """The project with a bone, and all beyond it, turned in the world by ``turn`` (4,) from how it stands."""
-    shape = project.shape(stance.shape.id)
-    above = stance.turns[shape.skeleton.parents[joint]] if joint else np.array([1.0, 0.0, 0.0, 0.0])
-    modeling = shape.modeling.copy()
-    own = multiply(conjugate(above), multiply(turn, above))
-    modeling[joint] = multiply(own, modeling[joint])
-    return project.with_shapes(shape.with_changes(modeling=modeling))

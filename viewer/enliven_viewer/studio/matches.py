@@ -1,0 +1,80 @@
+"""Which parts of a shape could a take drive, as both are seen? The best first, ready to be accepted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from enliven.matching.ranking import Matcher
+from enliven.matching.source import source_of_skeleton
+from enliven.matching.views import View as MatchView
+from enliven.motion.clip import Clip
+from enliven.motion.retarget import bind_chain
+from enliven.project import Project
+from enliven_viewer.studio.picking import Lens
+from enliven_viewer.studio.source_view import stance_of
+from enliven_viewer.studio.stance import Stance
+
+Chain = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A match: which chain of the shape each chain of the take would drive, and how alike they look."""
+
+    shape: str
+    take: str
+    pairs: tuple[tuple[Chain, Chain], ...]
+    score: float
+
+    @property
+    def joints(self) -> Chain:
+        """All joints of the shape that would move."""
+        return tuple(sorted({joint for _, target in self.pairs for joint in target}))
+
+
+def offers(clip: Clip, time: float, target: Stance, lens: Lens, source_lens: Lens, most: int) -> list[Offer]:
+    """The best matches of a take's pose at a time on a shape as it stands, each seen as it is shown.
+
+    Raises:
+        InputError: where one of the skeletons cannot be abstracted.
+    """
+    source = source_of_skeleton(clip.skeleton)
+    pose = stance_of(clip, time).joints
+    ranking = Matcher(target.shape.skeleton).rank(
+        source.points(pose), seen(lens), seen(source_lens), positions=target.joints
+    )
+    found: list[Offer] = []
+    for match in ranking:
+        pairs = tuple(
+            (chain, branch.extended)
+            for chain, branch in zip(source.chains, match.pairs, strict=True)
+            if branch is not None
+        )
+        if pairs and all(offer.pairs != pairs for offer in found):
+            found.append(Offer(target.shape.id, clip.id, pairs, match.score))
+        if len(found) == most:
+            break
+    return found
+
+
+def accepted(project: Project, offer: Offer, lens: Lens, source_lens: Lens, loop: bool) -> Project:
+    """The project in which every chain of an offer is driven."""
+    for source, target in offer.pairs:
+        project = bind_chain(
+            project,
+            offer.shape,
+            target,
+            offer.take,
+            source,
+            view=lens.forward,
+            up=lens.up,
+            source_view=source_lens.forward,
+            source_up=source_lens.up,
+            loop=loop,
+        )
+    return project
+
+
+def seen(lens: Lens) -> MatchView:
+    """A lens as matching knows it."""
+    return MatchView(lens.forward, lens.up, lens.view.eye)

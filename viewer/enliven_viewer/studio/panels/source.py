@@ -1,0 +1,132 @@
+"""The view of sources: a take's skeleton beside the shapes, and thumbnails of what it could drive."""
+
+from __future__ import annotations
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.matches import Offer
+from enliven_viewer.studio.panels.style import FIXED, packed, quiet, small
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.theme import ACCENT, CHAIN, DARK, INK, QUIET
+from enliven_viewer.studio.tools.map import Map
+
+WIDE, HIGH = 330.0, 372.0
+_THUMB = ImVec2(92, 92)
+
+
+def source_area(viewport: Area) -> Area:
+    """Where the view of sources stands: the lower right of the viewport."""
+    high = min(HIGH, viewport.height - 24)
+    return Area(viewport.x + viewport.width - WIDE - 12, viewport.y + viewport.height - high - 12, WIDE, high)
+
+
+def draw_source(desk: Desk, tool: Map, viewport: Area, texture: int | None) -> None:
+    """The window of sources; ``texture`` is the picture of the take."""
+    area = source_area(viewport)
+    imgui.set_next_window_pos(ImVec2(area.x, area.y))
+    imgui.set_next_window_size(ImVec2(area.width, area.height))
+    imgui.begin("source", None, FIXED | imgui.WindowFlags_.no_scrollbar)
+    _takes(desk, tool)
+    size = imgui.get_content_region_avail()
+    tool.source.size = (max(size.x, 1.0), max(size.y - 34, 1.0))
+    _picture(desk, tool, texture)
+    _, tool.loop = imgui.checkbox("loop", tool.loop)
+    imgui.same_line()
+    if imgui.button("Find matches", ImVec2(-1, 0)):
+        tool.rank()
+    desk.remember("find matches")
+    imgui.end()
+    if tool.offered:
+        _offers(desk, tool, viewport)
+
+
+def _takes(desk: Desk, tool: Map) -> None:
+    takes = desk.editor.project.takes
+    imgui.set_next_item_width(-1)
+    if imgui.begin_combo("##take", tool.source.take or "choose a take"):
+        for name in takes:
+            if imgui.selectable(name, name == tool.source.take)[0]:
+                tool.source.show(name)
+            desk.remember(f"take {name}")
+        imgui.end_combo()
+    desk.remember("takes")
+    if not takes:
+        quiet("There are no takes. Open a BVH, or an animated model.")
+
+
+def _picture(desk: Desk, tool: Map, texture: int | None) -> None:
+    source, origin = tool.source, imgui.get_cursor_screen_pos()
+    size = ImVec2(*source.size)
+    imgui.invisible_button("##source", size)
+    desk.remember("source")
+    draw = imgui.get_window_draw_list()
+    corner = ImVec2(origin.x + size.x, origin.y + size.y)
+    if texture is not None and source.clip is not None:
+        draw.add_image_rounded(
+            imgui.ImTextureRef(texture), origin, corner, ImVec2(0, 1), ImVec2(1, 0), packed((1, 1, 1, 1)), 6.0
+        )
+    else:
+        draw.add_rect_filled(origin, corner, packed(DARK), 6.0)
+    with small():
+        words = f"{len(source.chain) - 1} bones chosen" if len(source.chain) > 1 else "click a chain"
+        draw.add_text(ImVec2(origin.x + 8, origin.y + 6), packed(CHAIN if source.chain else QUIET), words)
+    at = imgui.get_mouse_pos()
+    place = (at.x - origin.x, at.y - origin.y)
+    if imgui.is_item_activated():
+        source.press(place)
+    if imgui.is_item_hovered() or imgui.is_item_active():
+        source.move(place)
+        wheel = imgui.get_io().mouse_wheel
+        if wheel:
+            source.camera.zoom(0.88**wheel)
+    if imgui.is_item_deactivated():
+        source.release()
+
+
+def _offers(desk: Desk, tool: Map, viewport: Area) -> None:
+    """Thumbnails along the top of the viewport, the best first; the pointer lights one, a click takes it."""
+    wide = len(tool.offered) * (_THUMB.x + 8) + 24
+    imgui.set_next_window_pos(ImVec2(viewport.x + 14, viewport.y + 56))
+    imgui.set_next_window_size(ImVec2(wide, _THUMB.y + 52))
+    imgui.begin("matches", None, FIXED | imgui.WindowFlags_.no_scrollbar)
+    quiet("Matches, the best first. Click one to accept it.")
+    tool.lit = tool.offered[0]
+    taken: Offer | None = None
+    for number, offer in enumerate(tool.offered):
+        if number:
+            imgui.same_line()
+        at = imgui.get_cursor_screen_pos()
+        if imgui.invisible_button(f"##match {number}", _THUMB):
+            taken = offer
+        desk.remember(f"match {number}")
+        if imgui.is_item_hovered():
+            tool.lit = offer
+        _thumbnail(desk, offer, at, tool.lit is offer)
+    imgui.end()
+    if taken is not None:
+        tool.accept(taken)
+        tool.offered, tool.lit = [], None
+
+
+def _thumbnail(desk: Desk, offer: Offer, at: ImVec2, lit: bool) -> None:
+    """The shape's bones as seen now, fitted into a square, what would move in colour."""
+    draw = imgui.get_window_draw_list()
+    corner = ImVec2(at.x + _THUMB.x, at.y + _THUMB.y)
+    draw.add_rect_filled(at, corner, packed(DARK), 6.0)
+    if lit:
+        draw.add_rect(at, corner, packed(ACCENT), 6.0, 1.5)
+    stance = desk.editor.stance(offer.shape)
+    pixels = desk.editor.lens.project(stance.joints)[0]
+    low, high = np.nanmin(pixels, axis=0), np.nanmax(pixels, axis=0)
+    scale = (_THUMB.x - 26) / max(float((high - low).max()), 1.0)
+    places = (pixels - (low + high) / 2) * scale + [at.x + _THUMB.x / 2, at.y + _THUMB.y / 2 + 5]
+    driven = {b for _, chain in offer.pairs for b in chain[1:]}
+    for joint in range(1, len(places)):
+        parent = stance.shape.skeleton.parents[joint]
+        a, b = ImVec2(*places[parent]), ImVec2(*places[joint])
+        mine = joint in driven
+        draw.add_line(a, b, packed(CHAIN if mine else QUIET, 1.0 if mine else 0.55), 2.4 if mine else 1.2)
+    with small():
+        draw.add_text(ImVec2(at.x + 6, at.y + 3), packed(INK), f"{offer.score:.2f}")

@@ -1,0 +1,87 @@
+"""Cutting: a stroke across a bone makes two shapes of one, and both go on moving."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.modeling.cut import cut_bone
+from enliven.project import Project
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.overlay import Disc, Line, Overlay, Point
+from enliven_viewer.studio.picking import Hit, crossings
+from enliven_viewer.studio.theme import CUT
+from enliven_viewer.studio.tools.base import Pointer, Tool
+
+_APART = 3.0
+"""Pixels between two points of a stroke."""
+
+
+class Cut(Tool):
+    """A stroke; every bone that it crosses is cut there, at the playhead's time."""
+
+    name, label, key, icon = "cut", "Cut", "c", "\uf0c4"
+
+    def __init__(self, editor: Editor) -> None:
+        super().__init__(editor)
+        self._stroke: list[Point] = []
+        self._crossed: list[Hit] = []
+
+    @property
+    def hint(self) -> str:
+        if self._crossed:
+            count = len(self._crossed)
+            return f"Let go to cut {count} bone{'s' * (count != 1)}; Esc drops the stroke."
+        if self._stroke:
+            return "Draw across a bone."
+        return "Draw a stroke across a limb. Both parts keep their pose now, and their motion."
+
+    def press(self, pointer: Pointer) -> bool:
+        self.editor.playing = False
+        self._stroke, self._crossed, self.hovered = [pointer.at], [], None
+        return True
+
+    def drag(self, pointer: Pointer) -> None:
+        if not self._stroke:
+            return
+        last = self._stroke[-1]
+        if np.hypot(pointer.at[0] - last[0], pointer.at[1] - last[1]) >= _APART:
+            self._stroke.append(pointer.at)
+            editor = self.editor
+            self._crossed = crossings(editor.stances, editor.lens, np.array(self._stroke))
+
+    def release(self, pointer: Pointer) -> None:
+        stroke, crossed = self._stroke, self._crossed
+        self._stroke, self._crossed = [], []
+        if not stroke:
+            return
+        if not crossed:
+            self.editor.toasts.say("The stroke crosses no bone", "Draw it across a limb, from side to side.")
+            return
+        time = self.editor.time
+
+        def change(project: Project) -> Project:
+            # What hangs below comes first, so that the bones above keep their shape.
+            for hit in sorted(crossed, key=lambda hit: (hit.shape, -hit.joint)):
+                project = cut_bone(project, hit.shape, hit.joint, hit.along, time)[0]
+            return project
+
+        if self.editor.edit("cut", change):
+            self.editor.select(shape=crossed[0].shape)
+            self.editor.select(joint=None, chain=())
+            self.editor.toasts.say("Cut", "Both parts keep their motion. Move one with G.")
+
+    def cancel(self) -> None:
+        super().cancel()
+        self._stroke, self._crossed = [], []
+
+    def overlay(self) -> Overlay:
+        if len(self._stroke) < 2:
+            return Overlay()
+        marks: list[Line | Disc] = [Line(tuple(self._stroke), CUT, 2.5)]
+        for hit in self._crossed:
+            stance = self.editor.stance(hit.shape)
+            start = stance.joints[stance.shape.skeleton.parents[hit.joint]]
+            place = start + hit.along * (stance.joints[hit.joint] - start)
+            pixel = self.editor.lens.project(place[None])[0][0]
+            marks.append(Disc((float(pixel[0]), float(pixel[1])), 5.0, CUT))
+        return Overlay(tuple(marks))

@@ -1,0 +1,144 @@
+"""Mapping: a chain of a take, then one of a shape, by clicking; or one of the matches on offer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from enliven.errors import EnlivenError
+from enliven.motion.polyline import goes_down
+from enliven.motion.retarget import bind_chain
+from enliven.project import Project
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.matches import Chain, Offer, accepted, offers
+from enliven_viewer.studio.overlay import Overlay
+from enliven_viewer.studio.source_view import SourceView
+from enliven_viewer.studio.tools.base import Pointer, Tool
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """What was mapped last, so that it can be flipped."""
+
+    shape: str
+    target: Chain
+    take: str
+    source: Chain
+    flip: bool
+
+
+class Map(Tool):
+    """Gives a chain of a shape the motion of a chain of a take.
+
+    Attributes:
+        source: the view of the take.
+        loop: whether what is mapped next begins again at its end.
+        offered: matches that can be accepted with one click; the first is lit where nothing else is.
+    """
+
+    name, label, key, icon = "map", "Map motion", "m", "\uf0ec"
+
+    def __init__(self, editor: Editor) -> None:
+        super().__init__(editor)
+        self.source = SourceView(editor)
+        self.loop = True
+        self.offered: list[Offer] = []
+        self.lit: Offer | None = None
+        self._start: tuple[str, int] | None = None
+        self._last: Mapping | None = None
+
+    @property
+    def hint(self) -> str:
+        if self.source.clip is None:
+            return "Choose a take in the view of sources."
+        if self.source.choosing or not self.source.chain:
+            return "In the source: click the joint where the chain begins, then the one where it ends."
+        if self._start is not None:
+            return "Click the joint of your shape where the chain ends."
+        tail = "  Y flips what was mapped last." if self._last else ""
+        return "Click the joint of your shape that stays, then the one that moves." + tail
+
+    def press(self, pointer: Pointer) -> bool:
+        hit = self.handle_at(pointer)
+        if hit is None:
+            return False
+        self.editor.select(shape=hit.shape)
+        if self._start is None or self._start[0] != hit.shape:
+            self._start = (hit.shape, hit.joint)
+            self.editor.select(joint=hit.joint, chain=(hit.joint,))
+            return True
+        skeleton = self.editor.project.shapes[hit.shape].skeleton
+        chain = skeleton.path(self._start[1], hit.joint)
+        self._start = None
+        if len(chain) > 1 and not goes_down(skeleton, chain) and goes_down(skeleton, chain[::-1]):
+            chain = chain[::-1]
+        self.editor.select(joint=None, chain=chain)
+        if self.source.take is not None and self.source.chain:
+            self._bind(Mapping(hit.shape, chain, self.source.take, self.source.chain, False))
+        return True
+
+    def type(self, key: str) -> bool:
+        if key == "y" and self._last is not None:
+            last = self._last
+            self.editor.undo()
+            self._bind(Mapping(last.shape, last.target, last.take, last.source, not last.flip))
+            return True
+        return False
+
+    def cancel(self) -> None:
+        super().cancel()
+        self._start = None
+        self.source.forget()
+
+    def overlay(self) -> Overlay:
+        plain = super().overlay()
+        if self.lit is not None:
+            return Overlay(plain.marks, (self.lit.shape, self.lit.joints), plain.hovered)
+        return plain
+
+    def rank(self) -> None:
+        """Offer matches of the take as it stands on the chosen shape as it is seen."""
+        clip, shape = self.source.clip, self.editor.selection.shape
+        self.offered = []
+        if clip is None or shape is None:
+            return
+        editor = self.editor
+        try:
+            time = editor.time % max(clip.duration, clip.step)
+            stance = editor.stance(shape)
+            most = editor.settings.matches
+            self.offered = offers(clip, time, stance, editor.lens, self.source.lens, most)
+        except EnlivenError as error:
+            editor.toasts.complain(error)
+
+    def accept(self, offer: Offer) -> None:
+        """Map every chain of an offer."""
+        editor, lens, other = self.editor, self.editor.lens, self.source.lens
+        if editor.edit(f"map {offer.take}", lambda p: accepted(p, offer, lens, other, self.loop)):
+            self._last = None
+            count = len(offer.pairs)
+            editor.toasts.say(f"{offer.take} drives {count} chain{'s' * (count != 1)} of {offer.shape}")
+
+    def _bind(self, wish: Mapping) -> None:
+        """Map one chain onto one, as both are seen now."""
+        lens, other = self.editor.lens, self.source.lens
+
+        def change(project: Project) -> Project:
+            return bind_chain(
+                project,
+                wish.shape,
+                wish.target,
+                wish.take,
+                wish.source,
+                view=lens.forward,
+                up=lens.up,
+                source_view=other.forward,
+                source_up=other.up,
+                flip=wish.flip,
+                loop=self.loop,
+            )
+
+        if self.editor.edit(f"map {wish.take}", change):
+            self._last = wish
+            bones = max(len(wish.target) - 1, 1)
+            said = f"{wish.take} moves {bones} bone{'s' * (bones != 1)} of {wish.shape}"
+            self.editor.toasts.say(said, "Space plays it, Y flips it over.")

@@ -1,0 +1,95 @@
+"""Nodes: put one into a bone, or take one out; the motion stays as it was."""
+
+from __future__ import annotations
+
+from enliven.modeling.nodes import insert_node, remove_node
+from enliven.project import Project
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.overlay import Disc, Overlay
+from enliven_viewer.studio.picking import Hit, bone_at, joint_at
+from enliven_viewer.studio.theme import CUT, STROKE
+from enliven_viewer.studio.tools.base import Pointer, Tool
+
+
+class Insert(Tool):
+    """A click on a bone puts a node there."""
+
+    name, label, key, icon = "insert", "Add node", "i", "\uf055"
+
+    @property
+    def hint(self) -> str:
+        return "Click a bone to put a node there. The total turn along the chain stays the same."
+
+    def handle_at(self, pointer: Pointer) -> Hit | None:
+        editor = self.editor
+        return bone_at(editor.stances, editor.lens, pointer.at, editor.settings.reach)
+
+    def press(self, pointer: Pointer) -> bool:
+        hit = self.handle_at(pointer)
+        if hit is None:
+            return False
+        names: list[str] = []
+
+        def change(project: Project) -> Project:
+            project, name = insert_node(project, hit.shape, hit.joint, hit.along)
+            names.append(name)
+            return project
+
+        if self.editor.edit("add node", change):
+            skeleton = self.editor.project.shapes[hit.shape].skeleton
+            self.editor.select(shape=hit.shape)
+            self.editor.select(joint=skeleton.index(names[-1]), chain=())
+            self.hovered = None
+        return True
+
+    def overlay(self) -> Overlay:
+        plain, hit = super().overlay(), self.hovered
+        if hit is None or hit.shape not in self.editor.project.shapes:
+            return plain
+        stance = self.editor.stance(hit.shape)
+        if hit.joint >= len(stance.joints):
+            return plain
+        start, end = stance.joints[stance.shape.skeleton.parents[hit.joint]], stance.joints[hit.joint]
+        pixel = self.editor.lens.project((start + hit.along * (end - start))[None])[0][0]
+        return Overlay(
+            (Disc((float(pixel[0]), float(pixel[1])), 7.0, STROKE, 2.5),), plain.chain, plain.hovered
+        )
+
+
+class Remove(Tool):
+    """A click on a joint takes it out; what hung on it hangs on the one before."""
+
+    name, label, key, icon = "remove", "Remove node", "x", "\uf056"
+
+    @property
+    def hint(self) -> str:
+        return "Click a joint to take it out. The bones on both sides become one and keep both motions."
+
+    def handle_at(self, pointer: Pointer) -> Hit | None:
+        editor = self.editor
+        return joint_at(editor.stances, editor.lens, pointer.at, editor.settings.reach)
+
+    def press(self, pointer: Pointer) -> bool:
+        hit = self.handle_at(pointer)
+        if hit is None:
+            return False
+        remove(self.editor, hit.shape, hit.joint)
+        self.hovered = None
+        return True
+
+    def overlay(self) -> Overlay:
+        plain, hit = super().overlay(), self.hovered
+        if hit is None or hit.shape not in self.editor.project.shapes:
+            return plain
+        joints = self.editor.stance(hit.shape).joints
+        if hit.joint >= len(joints):
+            return plain
+        pixel = self.editor.lens.project(joints[hit.joint][None])[0][0]
+        return Overlay((Disc((float(pixel[0]), float(pixel[1])), 10.0, CUT, 2.5),), plain.chain, None)
+
+
+def remove(editor: Editor, shape: str, joint: int) -> None:
+    """Take a joint out of a shape."""
+    if editor.edit("remove node", lambda project: remove_node(project, shape, joint)):
+        editor.select(shape=shape)
+        editor.select(joint=None, chain=())
