@@ -1,0 +1,92 @@
+"""One limb's motion on all that are equal: exact copies, turned or mirrored, each later than the last."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.errors import InputError
+from enliven.matching.symmetry import equal_limbs
+from enliven.modeling.spread import spread_motion
+from enliven.motion.clip import Clip
+from enliven.motion.evaluate import pose_of
+from enliven.motion.retarget import bind_chain
+from enliven.project import Project
+from enliven.rotation import from_rotation_vector, multiply, to_matrix
+from enliven.shape import still_shape
+from enliven.skeleton import Skeleton
+
+LIMB = np.array([[0.3, 0.0, 0.0], [0.6, 0.1, 0.2], [0.9, -0.2, 0.5]])
+
+
+def star(linears):
+    """A body with limbs, each LIMB under one of (3, 3) matrices."""
+    points, parents = [np.zeros(3)], [-1]
+    for linear in linears:
+        for i, point in enumerate(LIMB @ linear.T):
+            parents.append(0 if i == 0 else len(points) - 1)
+            points.append(point)
+    return Skeleton(tuple(f"j{i}" for i in range(len(points))), np.array(parents), np.array(points))
+
+
+def waving(seed):
+    """A take of an arm of four joints."""
+    rng = np.random.default_rng(seed)
+    skeleton = Skeleton(tuple("abcd"), np.array([-1, 0, 1, 2]), np.cumsum(rng.normal(size=(4, 3)), 0))
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (40, 4, 1))
+    phases = np.linspace(0.0, 6.0, 40)
+    for joint in range(1, 4):
+        swing = from_rotation_vector(0.6 * np.sin(phases[:, None] + rng.normal(size=3)) * rng.normal(size=3))
+        turns[:, joint] = multiply(turns[:, joint - 1], swing)
+    return Clip("wave", skeleton, turns, np.zeros((40, 3)), 1 / 20)
+
+
+def animated(skeleton, seed, mirrored=False):
+    """A project in which the first limb waves."""
+    project = Project().with_shapes(still_shape("star", skeleton)).with_takes(waving(seed))
+    return bind_chain(project, "star", (0, 1, 2, 3), "wave", (0, 1, 2, 3), loop=True, mirrored=mirrored)
+
+
+TURNS = [to_matrix(from_rotation_vector(np.array([0.0, a, 0.0]))) for a in np.arange(5) * 2 * np.pi / 5]
+MIRRORED = [np.eye(3), np.diag([-1.0, 1.0, 1.0])]
+
+
+@pytest.mark.parametrize("linears", [TURNS, MIRRORED], ids=["turned", "mirrored"])
+@pytest.mark.parametrize("mirrored", [False, True], ids=["as performed", "seen in a mirror"])
+@given(seed=st.integers(0, 2**32 - 1), delay=st.floats(0.0, 0.5))
+@settings(max_examples=10, deadline=None)
+def test_the_copies_move_alike_and_later(linears, mirrored, seed, delay):
+    skeleton = star(linears)
+    (group,) = equal_limbs(skeleton)
+    before = animated(skeleton, seed, mirrored)
+    after = spread_motion(before, "star", group, 2, delay=delay)
+    own = group.limb_of(2)
+    seconds = 1.3
+    now = pose_of(after, "star", seconds).joints
+    np.testing.assert_array_equal(now[1:4], pose_of(before, "star", seconds).joints[1:4])
+    for other in range(len(group.limbs)):
+        later = seconds - delay * ((other - own) % len(group.limbs))
+        then = pose_of(before, "star", later).joints
+        for start, end in group.joint_map(own, other).items():
+            np.testing.assert_allclose(now[end], group.between(own, other) @ then[start], atol=1e-9)
+
+
+def test_spreading_again_leaves_no_layer_behind():
+    skeleton = star(TURNS)
+    (group,) = equal_limbs(skeleton)
+    once = spread_motion(animated(skeleton, 1), "star", group, 1, delay=0.1)
+    again = spread_motion(once, "star", group, 1, delay=0.2)
+    assert len(once.layers) == len(again.layers) == 5
+    assert again.takes == once.takes
+
+
+def test_a_limb_without_motion_or_of_another_group_is_refused():
+    skeleton = star(MIRRORED)
+    (group,) = equal_limbs(skeleton)
+    project = animated(skeleton, 1)
+    with pytest.raises(InputError, match="no take moves"):
+        spread_motion(project, "star", group, 5)
+    with pytest.raises(InputError, match=r"none of these limbs.*begin at"):
+        spread_motion(project, "star", group, 0)
