@@ -24,12 +24,21 @@ from enliven.settings import setting
 from enliven.skeleton import Skeleton
 
 
+_MOST = 0.75
+"""Share of the limbs that are alike from which on a rotation is no accident: of a spider's eight legs, some
+three are always turned copies of one another."""
+
+
 @dataclass(frozen=True)
 class SymmetrySettings:
     """What counts as equal."""
 
     tolerance: float = setting(
-        0.08, "Joints of equal limbs differ by less than this share of the limb's reach.", low=0.0, high=0.5
+        0.08,
+        "Joints of equal limbs are apart by less than this share of the limb's reach, as a root mean square, "
+        "and none by more than twice that.",
+        low=0.0,
+        high=0.5,
     )
     shortest: float = setting(
         0.02, "Limbs shorter than this share of the longest are not looked at.", low=0.0, high=1.0
@@ -43,7 +52,7 @@ class Limb:
     Attributes:
         joints: the limb's, in the order of the group's other limbs; the first hangs on the group's joint.
         linear: (3, 3) what turns the group's first limb into this one, about the group's joint.
-        error: the largest distance between joints then, as a share of the limb's reach.
+        error: how far joints are apart then (root mean square), as a share of the limb's reach.
     """
 
     joints: tuple[int, ...]
@@ -135,28 +144,29 @@ class _Body:
         return bool(
             self.size[a] == self.size[b]
             and abs(self.reach[a] - self.reach[b]) <= 2 * slack
-            and abs(far[0] - far[1]) <= slack
+            and abs(far[0] - far[1]) <= 2 * slack
         )
 
     def matched(self, joint: int, a: int, b: int, linear: Float, tolerance: float) -> _Matched | None:
         """Limb b joint by joint as limb a, if ``linear`` puts a's joints on b's."""
         slack = tolerance * max(self.reach[a], self.reach[b])
         centre = self.at[joint]
-        pairs, worst, waiting = [], 0.0, [(a, b)]
+        pairs, squares, waiting = [], 0.0, [(a, b)]
         while waiting:
             one, other = waiting.pop()
             off = float(np.linalg.norm(centre + linear @ (self.at[one] - centre) - self.at[other]))
             mine, theirs = self.skeleton.children[one], list(self.skeleton.children[other])
-            if off > slack or len(mine) != len(theirs):
+            if off > 2 * slack or len(mine) != len(theirs):
                 return None
-            worst = max(worst, off)
+            squares += off * off
             pairs.append((one, other))
             for child in mine:
                 goal = centre + linear @ (self.middle[child] - centre)
                 nearest = min(theirs, key=lambda k: float(np.linalg.norm(self.middle[k] - goal)))
                 theirs.remove(nearest)
                 waiting.append((child, nearest))
-        return _Matched(pairs, worst / max(float(self.reach[a]), 1e-300))
+        error = (squares / len(pairs)) ** 0.5
+        return None if error > slack else _Matched(pairs, error / max(float(self.reach[a]), 1e-300))
 
 
 @dataclass(frozen=True)
@@ -166,22 +176,15 @@ class _Matched:
 
 
 def _turned(body: _Body, joint: int, like: list[int], settings: SymmetrySettings) -> list[EqualLimbs]:
-    """The groups that rotations make, each with as many limbs as one axis has."""
-    groups, left = [], list(like)
-    while len(left) > 1:
-        found: EqualLimbs | None = None
-        for axis in _axes(body, joint, left):
-            made = _around(body, joint, left, axis, settings)
-            if made is not None and (found is None or len(made.limbs) > len(found.limbs)):
-                found = made
-            if found is not None and len(found.limbs) == len(left):
-                break
-        if found is None:
+    """The group that a rotation makes of most of the limbs that are alike."""
+    found: EqualLimbs | None = None
+    for axis in _axes(body, joint, like):
+        made = _around(body, joint, like, axis, settings)
+        if made is not None and (found is None or len(made.limbs) > len(found.limbs)):
+            found = made
+        if found is not None and len(found.limbs) == len(like):
             break
-        groups.append(found)
-        taken = {limb.joints[0] for limb in found.limbs}
-        left = [limb for limb in left if limb not in taken]
-    return groups
+    return [found] if found is not None and len(found.limbs) >= _MOST * len(like) else []
 
 
 def _axes(body: _Body, joint: int, limbs: list[int]) -> list[Float]:
