@@ -39,6 +39,7 @@ class Union:
         seam: (V,) where they meet: new vertices, and old ones that lie in both.
         fused: whether it is one surface now, and not two shells in one mesh.
         notes: what was mended, or why they were not fused.
+        failed: whether the library could make no union: one is no solid, or it gave up.
     """
 
     mesh: Mesh
@@ -48,6 +49,7 @@ class Union:
     seam: Bool
     fused: bool
     notes: tuple[str, ...] = ()
+    failed: bool = False
 
 
 def united(
@@ -59,11 +61,11 @@ def united(
     solids = [solid_of(mesh) for mesh in pair.meshes]
     for solid, mesh in zip(solids, pair.meshes, strict=True):
         if isinstance(solid, str):
-            return pair.side_by_side(f"{mesh.name!r} is no solid ({solid}): joined as separate shells")
+            return pair.side_by_side(f"{mesh.name!r} is no solid ({solid}): joined as separate shells", True)
     one, other = (solid for solid in solids if isinstance(solid, Solid))
     both = one.manifold + other.manifold
     if both.status() != manifold3d.Error.NoError:
-        return pair.side_by_side(f"the union failed ({both.status()}): joined as separate shells")
+        return pair.side_by_side(f"the union failed ({both.status()}): joined as separate shells", True)
     notes = tuple(f"{s.mesh.name!r}: {note}" for s in (one, other) for note in s.notes)
     return pair.traced((one, other), both.to_mesh64(), notes)
 
@@ -75,7 +77,7 @@ class _Pair:
     meshes: tuple[Mesh, Mesh]
     skins: tuple[SkinWeights, SkinWeights]
 
-    def side_by_side(self, note: str) -> Union:
+    def side_by_side(self, note: str, failed: bool = False) -> Union:
         """One mesh of all shells of both."""
         one, other = self.meshes
         faces = np.concatenate([one.faces, other.faces + np.int32(len(one.vertices))])
@@ -87,7 +89,7 @@ class _Pair:
         theirs = np.concatenate([np.full(len(one.vertices), -1), np.arange(len(other.vertices))])
         mesh = Mesh(vertices, faces, one.name, colours)
         none = np.zeros(len(vertices), bool)
-        return Union(mesh, skins.stacked(self.skins), mine, theirs, none, False, (note,))
+        return Union(mesh, skins.stacked(self.skins), mine, theirs, none, False, (note,), failed)
 
     def traced(self, solids: tuple[Solid, Solid], made: manifold3d.Mesh64, notes: tuple[str, ...]) -> Union:
         """The library's result with what it kept put back in order, to the bit."""
