@@ -23,7 +23,6 @@ from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.settings import setting
 from enliven.skeleton import Skeleton
 
-
 _MOST = 0.75
 """Share of the limbs that are alike from which on a rotation is no accident: of a spider's eight legs, some
 three are always turned copies of one another."""
