@@ -10,6 +10,7 @@ from enliven.arrays import Float
 from enliven.character import Character, SkinWeights
 from enliven.errors import InputError
 from enliven.mesh import Mesh
+from enliven.motion.contacts import Pin
 from enliven.motion.layers import STILL, Span
 from enliven.rotation import IDENTITY
 from enliven.skeleton import Skeleton
@@ -34,6 +35,7 @@ class Shape:
         skin: which bones each vertex follows, or None without a mesh.
         travel_scale: metres that this root goes for a metre of the take's, or None for the ratio of their
             sizes; see :mod:`enliven.motion.travel`.
+        pins: the feet that stay where they stand; see :mod:`enliven.motion.pin`.
 
     Raises:
         InputError: where the parts do not fit together.
@@ -48,6 +50,7 @@ class Shape:
     mesh: Mesh | None = None
     skin: SkinWeights | None = None
     travel_scale: float | None = None
+    pins: tuple[Pin, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("modeling", "place"):

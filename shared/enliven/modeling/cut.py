@@ -6,6 +6,8 @@ import numpy as np
 
 from enliven.errors import InputError
 from enliven.modeling.bones import Bone, bone_number, bones_of, inside, rebuilt
+from enliven.modeling.mesh_cut import Cut, cut_across_bone
+from enliven.modeling.meshes import numbers_in, with_piece
 from enliven.modeling.nodes import divided, insert_node, new_name
 from enliven.modeling.posed import as_far, own_turn, posed
 from enliven.motion.layers import STILL
@@ -25,6 +27,7 @@ def cut_bone(
     time: float | None = None,
     *,
     name: str | None = None,
+    notes: list[str] | None = None,
 ) -> tuple[Project, tuple[str, str]]:
     """A shape becomes two: one with its root, and one of what hangs below the cut.
 
@@ -35,6 +38,9 @@ def cut_bone(
     takes over the world turn of the bone at the cut, and stays where it was at ``time``: it no longer rides
     on the upper shape, nor travels.
 
+    The mesh is cut square to the bone, both sides are closed, and a vertex that followed a bone of the other
+    side follows the one at the cut; weights are otherwise those of before, to the bit.
+
     Args:
         bone: the number or the joint of the bone.
         at: where on it: 0 at its begin, where the whole bone comes off the joint before it; 1 at its end,
@@ -43,21 +49,39 @@ def cut_bone(
             the shape cut there, so that a merge in the rest pose makes it whole.
         name: of the joint at the cut, the same in both shapes; None makes one up. At an end it is the
             joint's own.
+        notes: takes what there is to say of how the mesh was closed.
 
     Returns:
         The project and the ids of the two: the upper keeps ``shape_id``, the lower gets a new one. Takes and
         layers are those of before, and both shapes refer to them.
 
     Raises:
-        InputError: for a bone or place that is not there, or a cut that leaves one side without a bone.
+        InputError: for a bone or place that is not there, a cut that leaves one side without a bone, or a
+            mesh that cannot be cut there.
     """
     shape = project.shape(shape_id)
     j = bone_number(shape, bone, root=False)
     at = inside(at, f"shape {shape_id!r}")
+    upper, lower = parted_at(project, shape, j, at, time, name)
+    if shape.mesh is not None and shape.skin is not None:
+        cut = cut_across_bone(shape.mesh, shape.skin, shape.skeleton, j, at)
+        upper, lower = with_cut(shape, upper, lower, cut)
+        if notes is not None:
+            notes.extend(cut.notes)
+    return project.with_shapes(upper, lower), (upper.id, lower.id)
+
+
+def parted_at(
+    project: Project, shape: Shape, j: int, at: float, time: float | None, name: str | None
+) -> tuple[Shape, Shape]:
+    """The two shapes of a cut, without meshes; the lower one's id is new. See :func:`cut_bone`."""
+    shape = shape.with_changes(mesh=None, skin=None)
+    project = project.with_shapes(shape)
+    lower_id = unused(shape.id, project.shapes)
     if time is None and _END < at < 1.0 - _END:
         # In the rest pose there is no motion to put back: a node, and the cut there.
-        project, _ = insert_node(project, shape_id, j, at, name=name)
-        shape, at = project.shape(shape_id), 1.0
+        project, _ = insert_node(project, shape.id, j, at, name=name)
+        shape, at = project.shape(shape.id), 1.0
     turns, joints = posed(project, shape, time)
     parent = int(shape.skeleton.parents[j])
     above, place = (parent, joints[parent]) if at <= _END else (j, joints[j])
@@ -71,11 +95,21 @@ def cut_bone(
         place = joints[parent] + at * rotate(turns[j], shape.skeleton.vectors[j])
     _refuse_bare(shape, upper, lower)
     lower[0] = Bone(lower[0].name, "", lower[0].rest, turns[above], STILL)
-    lower_id = unused(shape_id, project.shapes)
-    first = as_far(project, shape, rebuilt(shape, upper))
     place = place - lower[0].rest
+    first = as_far(project, shape, rebuilt(shape, upper))
     second = rebuilt(shape, lower, id=lower_id, place=place, travel=None, travel_scale=None)
-    return project.with_shapes(first, second), (shape_id, lower_id)
+    return first, second
+
+
+def with_cut(before: Shape, upper: Shape, lower: Shape, cut: Cut) -> tuple[Shape, Shape]:
+    """The two shapes with the two sides of a mesh cut along a bone, the near one the upper's."""
+    node = lower.skeleton.names[0]
+    # Inside a bone, what followed the bones above goes with the lower half; at a joint, with the root.
+    first = lower.skeleton.names[0 if node in before.skeleton.names else 1]
+    return (
+        with_piece(upper, cut.near, numbers_in(before, upper, node)),
+        with_piece(lower, cut.far, numbers_in(before, lower, first)),
+    )
 
 
 Halves = tuple[list[Bone], list[Bone]]
@@ -102,7 +136,7 @@ def _between(project: Project, shape: Shape, j: int, at: float, time: float, nam
     """The bones above and below a cut inside bone j, with what the cut takes from their motion put back."""
     bones = bones_of(shape)
     bones[j : j + 1] = divided(bones[j], bones, at, name)
-    node = rebuilt(shape, bones, mesh=None, skin=None)
+    node = rebuilt(shape, bones)
     old = own_turn(posed(project, shape, time)[0], shape, j)
     turns, _ = posed(project, node, time)
     first, second = own_turn(turns, node, j), own_turn(turns, node, j + 1)

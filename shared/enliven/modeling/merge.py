@@ -8,13 +8,17 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.modeling.axes import Axes, layers_in
 from enliven.modeling.bones import Bone, bone_number, bones_of, inside, rebuilt
+from enliven.modeling.meshes import united_meshes
 from enliven.modeling.nodes import insert_node, without_before
 from enliven.modeling.posed import as_far, posed
+from enliven.modeling.seam import SeamSettings
 from enliven.modeling.skins import follows
 from enliven.modeling.spans import before, joined_spans, moves
 from enliven.project import Project, unused
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized
 from enliven.shape import Shape
+
+_SEAM = SeamSettings()
 
 
 def merge(
@@ -25,6 +29,9 @@ def merge(
     time: float | None = None,
     *,
     at: float = 1.0,
+    loose: bool = False,
+    seam: SeamSettings = _SEAM,
+    notes: list[str] | None = None,
 ) -> tuple[Project, dict[str, str]]:
     """The root of a shape put onto a node of another; the two are one shape from then on.
 
@@ -41,18 +48,26 @@ def merge(
     as a turn at the joint (a span with no share of the length); where skin follows a root that moves, the
     root stays as a bone without length. How the graft travelled is dropped: the host takes it along.
 
+    The meshes are united; near the seam the surface is smoothed and the skin weights computed anew, and
+    elsewhere both stay to the bit. Two that do not meet become one mesh of two shells.
+    Skin of the graft's root follows the bone of the node.
+
     Args:
         joint: a joint of the host, by number or name; or a bone of it, with ``at`` below one.
         time: seconds of the project's time; None merges in the rest pose, as modeled.
         at: where on the host's bone to put a node first, in (0, 1); 1 is its end, the joint. The new node
             leaves the bone in line at every time, so that the host moves as before.
+        loose: where no union can be made (a mesh is no solid), put both shells into one mesh.
+        seam: how the seam is healed.
+        notes: takes what there is to say of how the meshes were united.
 
     Returns:
         The project, without the grafted shape, and the new name of each of its joints but the root, which
         becomes the node. A layer that only the graft used keeps its id; one that others use is copied.
 
     Raises:
-        InputError: for a shape merged with itself, or a joint that is not there.
+        InputError: for a shape merged with itself, or a joint that is not there, or where no
+            union can be made and ``loose`` is false.
     """
     if host_id == graft_id:
         mend = "Copy it first."
@@ -68,7 +83,15 @@ def merge(
     axes = Axes(_exact(multiply(conjugate(world), theirs[_first_bone(graft, time)])))
     project, layers = layers_in(project, graft, axes)
     bones, names = _grafted(host, j, graft, world, axes, layers)
-    merged = as_far(project, host, rebuilt(host, [*bones_of(host), *bones]))
+    merged = as_far(project, host, rebuilt(host, [*bones_of(host), *bones], mesh=None, skin=None))
+    if host.mesh is not None or graft.mesh is not None:
+        here = {name: i for i, name in enumerate(merged.skeleton.names)}
+        theirs_here = np.array([here[names[name]] for name in graft.skeleton.names])
+        ours = np.arange(len(host.skeleton))
+        node = host.skeleton.positions[j]
+        said: list[str] = [] if notes is None else notes
+        merged = united_meshes(merged, host, graft, node, axes, (ours, theirs_here), seam, said, loose)
+    del names[graft.skeleton.names[0]]
     return project.without_shape(graft_id).with_shapes(merged), names
 
 
@@ -91,7 +114,10 @@ def _root_has_skin(shape: Shape) -> bool:
 def _grafted(
     host: Shape, j: int, graft: Shape, world: Float, axes: Axes, layers: dict[str, str]
 ) -> tuple[list[Bone], dict[str, str]]:
-    """The graft's bones in the host's rest axes on the host's joint j, and their new names."""
+    """The graft's bones in the host's rest axes on its joint j, and the new names of all the graft's joints.
+
+    The root is called like the node, or has a name of its own where it stays as a bone without length.
+    """
     bones = bones_of(graft)
     names = _names(host, [bone.name for bone in bones])
     root = bones[0]
@@ -113,7 +139,6 @@ def _grafted(
     if names[root.name] != node:
         at_node = host.skeleton.positions[j]
         made.insert(0, Bone(names[root.name], node, at_node, normalized(first), turn.spans))
-    del names[root.name]
     return made, names
 
 

@@ -1,0 +1,124 @@
+"""Meshes that go with an edit of their skeleton: parted by a cut, united and healed by a merge."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from enliven.arrays import Bool, Float, Int
+from enliven.character import SkinWeights
+from enliven.errors import InputError
+from enliven.mesh import Mesh, submesh, weld
+from enliven.modeling.axes import Axes
+from enliven.modeling.mesh_cut import Piece
+from enliven.modeling.mesh_union import united
+from enliven.modeling.seam import SeamSettings, healed
+from enliven.modeling.skins import renumbered
+from enliven.rotation import rotate
+from enliven.shape import Shape
+
+
+def posed_vertices(shape: Shape, turns: Float, joints: Float) -> Float:
+    """(V, 3) metres: v' = sum_j w_j (D_j (v - rest_parent) + x_parent), for D (N, 4) and x (N, 3)."""
+    assert shape.mesh is not None and shape.skin is not None
+    above = np.maximum(shape.skeleton.parents, 0)
+    pivots, places = shape.skeleton.positions[above], joints[above]
+    out = np.zeros_like(shape.mesh.vertices)
+    for slot in range(4):
+        bone = shape.skin.indices[:, slot]
+        moved = rotate(turns[bone], shape.mesh.vertices - pivots[bone]) + places[bone]
+        out += shape.skin.weights[:, slot, None].astype(np.float64) * moved
+    return out
+
+
+def with_piece(shape: Shape, piece: Piece, numbers: Int) -> Shape:
+    """The shape with one side of a cut; ``numbers`` (N,): the bone here of each bone before the cut."""
+    assert piece.skin is not None
+    return shape.with_changes(mesh=piece.mesh, skin=renumbered(piece.skin, numbers))
+
+
+def numbers_in(before: Shape, shape: Shape, otherwise: str) -> Int:
+    """(N,) the bone of ``shape`` that each bone of ``before`` is now: by name, or the one named otherwise."""
+    number = {name: j for j, name in enumerate(shape.skeleton.names)}
+    return np.array([number.get(name, number[otherwise]) for name in before.skeleton.names], np.int64)
+
+
+def parted(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece | None]:
+    """The shells of a piece, each with the group of bones that it follows most; None for a group without."""
+    assert piece.skin is not None
+    welded, of = weld(piece.mesh)
+    ends = welded.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    web = coo_matrix((np.ones(len(ends), np.int8), (ends[:, 0], ends[:, 1])), (len(welded.vertices),) * 2)
+    shell = connected_components(web, directed=False)[1][of]
+    follows = np.zeros((int(shell.max()) + 1, len(groups)))
+    for k, bones in enumerate(groups):
+        weight = np.where(np.isin(piece.skin.indices, list(bones)), piece.skin.weights, 0.0).sum(1)
+        np.add.at(follows[:, k], shell, weight)
+    chosen = follows.argmax(1)[shell]
+    return [_part_of(piece, chosen == k) for k in range(len(groups))]
+
+
+def _part_of(piece: Piece, inside: Bool) -> Piece | None:
+    """The faces of a piece between the vertices that are inside (V,)."""
+    if not inside.any() or piece.skin is None:
+        return None
+    if inside.all():
+        return piece
+    faces = inside[piece.mesh.faces[:, 0]]
+    mesh = submesh(piece.mesh, faces)
+    used = np.zeros(len(inside), bool)
+    used[piece.mesh.faces[faces]] = True
+    skin = SkinWeights(piece.skin.indices[used], piece.skin.weights[used])
+    return Piece(mesh, skin, piece.kept[used], int(faces[len(faces) - piece.caps :].sum()))
+
+
+def united_meshes(
+    merged: Shape,
+    host: Shape,
+    graft: Shape,
+    node: Float,
+    axes: Axes,
+    bones: tuple[Int, Int],
+    seam: SeamSettings,
+    notes: list[str],
+    loose: bool,
+) -> Shape:
+    """The merged shape with the surfaces of both, smooth and weighted anew at the seam only.
+
+    Args:
+        merged: the new skeleton.
+        node: (3,) metres, where the graft's root goes in the host's rest.
+        axes: the graft's rest axes in the host's.
+        bones: (N,) the number in ``merged`` of each bone of the host, and of the graft.
+        notes: takes what was mended, or why there are two shells and not one surface.
+        loose: put both into one mesh where no union can be made.
+
+    Raises:
+        InputError: where no union can be made and ``loose`` is false.
+    """
+    if graft.mesh is None or graft.skin is None:
+        skin = None if host.skin is None else renumbered(host.skin, bones[0])
+        return merged.with_changes(mesh=host.mesh, skin=skin)
+    moved = moved_mesh(graft.mesh, graft.skeleton.positions[0], axes, node)
+    skin = renumbered(graft.skin, bones[1])
+    if host.mesh is None or host.skin is None:
+        return merged.with_changes(mesh=moved, skin=skin)
+    whole = united(host.mesh, renumbered(host.skin, bones[0]), moved, skin)
+    if whole.failed and not loose:
+        mend = "Repair the mesh, or merge loosely: both shells in one mesh."
+        raise InputError(f"no union can be made: {whole.notes[0]}", where=f"shape {host.id!r}", mend=mend)
+    notes.extend(whole.notes)
+    if not whole.seam.any():
+        return merged.with_changes(mesh=whole.mesh, skin=whole.skin)
+    mesh, weights = healed(whole.mesh, whole.skin, merged.skeleton, whole.seam, seam)
+    return merged.with_changes(mesh=mesh, skin=weights)
+
+
+def moved_mesh(mesh: Mesh, root: Float, axes: Axes, to: Float) -> Mesh:
+    """The mesh in other axes about ``root`` (3,), which comes to ``to`` (3,)."""
+    vertices = to + axes.vectors(mesh.vertices - root)
+    return replace(mesh, vertices=vertices, faces=mesh.faces[:, ::-1] if axes.mirrored else mesh.faces)
