@@ -250,12 +250,28 @@ def _welded(union: Union, first: Int) -> Union:
     number[kept] = np.arange(len(kept))
     faces = number[first[union.mesh.faces]]
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
+    faces = _without_membranes(faces)
+    used = np.unique(faces)
+    kept, faces = kept[used], np.searchsorted(used, faces)
     second = union.second.copy()
     np.maximum.at(second, first, union.second)
     colours = None if union.mesh.colours is None else union.mesh.colours[kept]
     mesh = Mesh(union.mesh.vertices[kept], faces.astype(np.int32), union.mesh.name, colours)
     skin = skins.taken(union.skin, kept)
     return Union(mesh, skin, union.first[kept], second[kept], union.seam[kept], True, union.notes)
+
+
+def _without_membranes(faces: Int) -> Int:
+    """The faces without those that lie back to back: what is left between two caps that met."""
+    if len(faces) == 0:
+        return faces
+    lowest = np.argmin(faces, 1)
+    turned = np.take_along_axis(faces, (lowest[:, None] + np.arange(3)) % 3, 1)
+    ahead = turned[:, 1] < turned[:, 2]
+    _, same, count = np.unique(np.sort(faces, 1), axis=0, return_inverse=True, return_counts=True)
+    same = same.reshape(-1)
+    both = (count == 2) & (np.bincount(same, ahead, len(count)) == 1)
+    return np.asarray(faces[~both[same]])
 
 
 def _colours(mesh: Mesh) -> UInt8:
