@@ -1,0 +1,94 @@
+"""Strokes to make parts from: outlines of a tentacle, a mantis's leg, a torso, a star and a hand.
+
+Each is (N, 2) metres, closed, about as an artist draws it, for demonstrations and measurements.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+
+
+def ribbon(path: Float, half_widths: Float) -> Float:
+    """(2 P, 2) the outline of something that follows a path (P, 2) and is so wide (P,) to both sides."""
+    ahead = np.gradient(path, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1)[:, None]
+    left = np.stack([-ahead[:, 1], ahead[:, 0]], 1) * half_widths[:, None]
+    return np.concatenate([path + left, (path - left)[::-1]])
+
+
+def limb(joints: Float, half_widths: Float, rounding: float = 0.35) -> Float:
+    """(N, 2) the outline of straight pieces between joints (J, 2), with round corners and ends.
+
+    Args:
+        half_widths: (J,) metres.
+        rounding: how much of each piece its corners take.
+    """
+    joints = np.asarray(joints, np.float64)
+    path, widths = [joints[:1]], [half_widths[:1]]
+    t = np.linspace(0, 1, 12)[:, None]
+    for k in range(1, len(joints) - 1):
+        a = joints[k] + rounding * (joints[k - 1] - joints[k]) / 2
+        b = joints[k] + rounding * (joints[k + 1] - joints[k]) / 2
+        path.append((1 - t) ** 2 * a + 2 * t * (1 - t) * joints[k] + t**2 * b)
+        widths.append(np.full(12, half_widths[k]))
+    outline = ribbon(np.concatenate([*path, joints[-1:]]), np.concatenate([*widths, half_widths[-1:]]))
+    count = len(outline) // 2
+    return np.concatenate(
+        [outline[:count], _round_end(outline[count - 1], outline[count]), outline[count:],
+         _round_end(outline[-1], outline[0])]
+    )  # fmt: skip
+
+
+def _round_end(start: Float, end: Float) -> Float:
+    """(7, 2) a half circle from start to end, to the right of the way."""
+    middle, across = (start + end) / 2, (start - end) / 2
+    ahead = np.array([across[1], -across[0]])
+    angle = np.linspace(0, np.pi, 9)[1:-1, None]
+    return np.asarray(middle + np.cos(angle) * across + np.sin(angle) * ahead)
+
+
+def tentacle(length: float = 1.4, width: float = 0.26, sway: float = 0.18) -> Float:
+    """A tentacle that stands, thick at its foot, and sways."""
+    s = np.linspace(0, 1, 60)
+    path = np.stack([sway * np.sin(5 * s) * s, length * s], 1)
+    return ribbon(path, width / 2 * (1 - 0.92 * s))
+
+
+def mantis_leg() -> Float:
+    """The folded foreleg of a mantis: coxa, femur, tibia and foot, with their angles."""
+    joints = np.array([[0.0, 0.0], [-0.16, -0.42], [0.5, -0.02], [0.24, -0.52], [0.36, -0.66]])
+    return limb(joints, np.array([0.075, 0.07, 0.055, 0.035, 0.025]), 0.3)
+
+
+def torso() -> Float:
+    """A torso with shoulders and a waist."""
+    right = [
+        (0.20, -0.40),
+        (0.21, -0.25),
+        (0.17, -0.05),
+        (0.22, 0.15),
+        (0.29, 0.33),
+        (0.22, 0.43),
+        (0.07, 0.46),
+    ]
+    half = np.array(right)
+    return np.concatenate([half, half[::-1] * [-1, 1]])
+
+
+def star(arms: int = 5) -> Float:
+    """A starfish."""
+    angle = np.linspace(0, 2 * np.pi, 240, endpoint=False)
+    return np.stack([np.sin(angle), np.cos(angle)], 1) * (0.35 + 0.2 * np.cos(arms * angle))[:, None]
+
+
+def hand() -> Float:
+    """A hand: four fingers and a thumb."""
+    points = [(-0.35, -0.5), (-0.42, 0.1)]
+    for x, length, half in ((-0.30, 0.55, 0.09), (-0.10, 0.75, 0.09), (0.10, 0.75, 0.09), (0.30, 0.6, 0.085)):
+        turn = np.linspace(np.pi, 0, 9)
+        points += [(x - half, 0.12), *zip(x + half * np.cos(turn), length + half * np.sin(turn), strict=True)]
+        points += [(x + half, 0.12)]
+    points += [(0.42, 0.0), (0.62, 0.16), (0.72, 0.05), (0.45, -0.3), (0.35, -0.5)]
+    return np.array(points, np.float64)
