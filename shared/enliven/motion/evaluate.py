@@ -5,6 +5,7 @@
     player.at(seconds) -> ShapePose                        # turns (N, 4), joints (N, 3)
     player.sample(times) -> (turns (T, N, 4), joints (T, N, 3))
     player.own(times) -> (T, N, 4)                         # a_j alone: the animation rotations
+    player.contacts() -> {joint name: Contacts}            # of the pinned feet
     player.pose(seconds) -> enliven.character.Pose         # for the wire and the viewer
     player.feed(take, turns, root)                         # live: this frame in the place of the take
     pose_from(shape, ShapePose, seconds) -> Pose
@@ -21,13 +22,16 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import AnyArray, Float, Float32, Int32
 from enliven.character import Pose
 from enliven.errors import InputError
+from enliven.motion.compose import compose, own_turns
+from enliven.motion.contacts import Contacts
+from enliven.motion.end_effector import lead_at, led_chains
+from enliven.motion.pin import HeldPin, held_pins
 from enliven.motion.polyline import Polyline, frames_of, knot_turns, place_of
-from enliven.motion.quaternions import between, conj, load, mul, store, turn
+from enliven.motion.standing import found_contacts, pin_at, window_of
 from enliven.motion.travel import travel_scale, travelled
 from enliven.project import Project
 from enliven.rotation import canonical, to_matrix
@@ -79,6 +83,14 @@ class Player:
         first = np.cumsum([0, *(len(line.knots) for line in self._lines)])
         self._slices = [slice(a, b) for a, b in itertools.pairwise(first)]
         self._parents, self._vectors = skeleton.parents, skeleton.vectors
+        self._led = [
+            (part, chain)
+            for layer, line, part in zip(self._layers, self._lines, self._slices, strict=True)
+            for chain in led_chains(self.shape, layer, line)
+        ]
+        self._pins = held_pins(self.shape)
+        self._held: list[tuple[HeldPin, Contacts]] | None = None
+        self._window = window_of([project.layers[key] for key in _played(project, self.shape)], project.takes)
         self._compile()
 
     def at(self, seconds: float) -> ShapePose:
@@ -93,16 +105,27 @@ class Player:
     def sample(self, times: AnyArray) -> tuple[Float, Float]:
         """(T, N, 4) turns D_j and (T, N, 3) joints in metres at times (T,) in seconds."""
         times = np.atleast_1d(np.asarray(times, np.float64))
-        own = self.own(times)
+        turns, joints = self.free(times)
+        for pin, contacts in self._contacts():
+            pin_at(pin, contacts, self._window.folded(times), self.shape.skeleton, turns, joints)
+        return turns, joints
+
+    def free(self, times: Float) -> tuple[Float, Float]:
+        """As :meth:`sample`, with no foot pinned."""
+        knots = self.knots(times)
+        own = self._own(knots)
         turns, joints = np.empty_like(own), np.empty((*own.shape[:2], 3))
         compose(self._parents, self._vectors, self.shape.modeling, own, self.root(times), turns, joints)
+        for part, chain in self._led:
+            lead_at(chain, knots[:, part], self.shape.skeleton, turns, joints)
         return turns, joints
 
     def own(self, times: AnyArray) -> Float:
         """(T, N, 4) the animation rotations a_j at times (T,): what the layers do, without the modeling."""
-        times = np.atleast_1d(np.asarray(times, np.float64))
-        knots = self.knots(times)
-        out = np.empty((len(times), len(self.shape.skeleton), 4))
+        return self._own(self.knots(np.atleast_1d(np.asarray(times, np.float64))))
+
+    def _own(self, knots: Float) -> Float:
+        out = np.empty((len(knots), len(self.shape.skeleton), 4))
         own_turns(knots, self._knot, self._part, self._fixed, self._first, self._terms, self._inverse, out)
         return out
 
@@ -137,6 +160,19 @@ class Player:
         for array in live:
             array.setflags(write=False)
         self._fed[take] = live
+
+    def contacts(self) -> dict[str, Contacts]:
+        """When the pinned joints stand, by name; seconds of the project."""
+        names = self.shape.skeleton.names
+        return {names[pin.chain[-1]]: contacts for pin, contacts in self._contacts()}
+
+    def _contacts(self) -> list[tuple[HeldPin, Contacts]]:
+        """The contacts of every pin, found once by playing the whole shape; none while it is fed live."""
+        if not self._pins or self._fed:
+            return []
+        if self._held is None:
+            self._held = found_contacts(self._pins, self._window, self.free)
+        return self._held
 
     def knots(self, times: Float) -> Float:
         """(T, K, 4) the turns at all the knots of all the layers, in the target's basis."""
@@ -189,46 +225,13 @@ class Player:
         return knot, part
 
 
+def _played(project: Project, shape: Shape) -> list[str]:
+    """The layers that move the shape in any way, its root too."""
+    travel = shape.travel if shape.travel is not None and not project.layers[shape.travel].muted else None
+    return list(dict.fromkeys([*_heard(project, shape), *([travel] if travel else [])]))
+
+
 def _heard(project: Project, shape: Shape) -> list[str]:
     """The layers that turn a bone of the shape, each once."""
     named = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
     return [key for key in named if not project.layers[key].muted and project.layers[key].weight > 0.0]
-
-
-@njit(cache=True, nogil=True)
-def own_turns(knots, knot, part, fixed, first, terms, inverse, out):  # type: ignore[no-untyped-def]
-    """Kernel: ``out`` (T, N, 4) takes the product of each bone's terms ``first[j]`` to ``first[j + 1]``.
-
-    Term m >= 0 is the slerp of ``knots`` (T, K, 4) at ``part[m]`` from ``knot[m]`` to the next; term m < 0
-    is the turn ``fixed[-1 - m]``.
-    """
-    taken = np.empty((len(knot), 4))
-    for t in range(len(knots)):
-        for m in range(len(knot)):
-            k = knot[m]
-            store(taken, m, between(load(knots[t], k), load(knots[t], k + 1), part[m]))
-        for j in range(len(first) - 1):
-            total = (1.0, 0.0, 0.0, 0.0)
-            for i in range(first[j], first[j + 1]):
-                m = terms[i]
-                q = load(taken, m) if m >= 0 else load(fixed, -1 - m)
-                total = mul(total, conj(q) if inverse[i] else q)
-            store(out[t], j, total)
-
-
-@njit(cache=True, nogil=True)
-def compose(parents, vectors, modeling, own, root, turns, joints):  # type: ignore[no-untyped-def]
-    """Kernel: D_j = D_parent m_j a_j into ``turns`` (T, N, 4), and where the joints are (T, N, 3)."""
-    for t in range(len(own)):
-        for j in range(len(parents)):
-            q = mul(load(modeling, j), load(own[t], j))
-            if parents[j] < 0:
-                store(turns[t], j, q)
-                joints[t, j] = root[t]
-                continue
-            q = mul(load(turns[t], parents[j]), q)
-            store(turns[t], j, q)
-            x, y, z = turn(q, vectors[j, 0], vectors[j, 1], vectors[j, 2])
-            joints[t, j, 0] = joints[t, parents[j], 0] + x
-            joints[t, j, 1] = joints[t, parents[j], 1] + y
-            joints[t, j, 2] = joints[t, parents[j], 2] + z

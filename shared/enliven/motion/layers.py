@@ -16,6 +16,9 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.rotation import IDENTITY
 
+MODES: tuple[str, ...] = ("turns", "end")
+"""What of a take a layer gives: the turns along its chain, or the place of the chain's end."""
+
 
 @dataclass(frozen=True, eq=False)
 class Layer:
@@ -36,6 +39,9 @@ class Layer:
         muted: true leaves the layer out.
         mirrored: the source seen in a mirror: its turns q = (w, x, y, z) are taken as (w, x, -y, -z) and its
             displacements (x, y, z) as (-x, y, z), the reflection in the plane x = 0, before the basis.
+        mode: "turns", the bones turn as the take's polyline does (AniMesh, 5); or "end", they turn so that
+            the end of their chain is, from its start, where the end of the take's is, scaled by the lengths;
+            see :mod:`enliven.motion.end_effector`.
     """
 
     id: str
@@ -48,6 +54,7 @@ class Layer:
     weight: float = 1.0
     muted: bool = False
     mirrored: bool = False
+    mode: str = "turns"
 
     def __post_init__(self) -> None:
         basis = np.array(self.basis, np.float64)
@@ -63,6 +70,8 @@ class Layer:
             problem = f"offset {self.offset}, speed {self.speed}, weight {self.weight} cannot be played"
         elif not 0.0 <= self.weight <= 1.0:
             problem = f"the weight is {self.weight}"
+        elif self.mode not in MODES:
+            problem = f"there is no mode {self.mode!r} (known: {', '.join(MODES)})"
         if problem:
             raise InputError(problem, where=f"layer {self.id!r}", mend="Give the layer again.")
 
