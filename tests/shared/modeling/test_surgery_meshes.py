@@ -9,13 +9,13 @@ from enliven.mesh import Mesh
 from enliven.modeling.bone_heat import bone_heat
 from enliven.modeling.copying import copy_shape
 from enliven.modeling.cut import cut_bone
+from enliven.modeling.cut_stroke import cut_stroke
 from enliven.modeling.cut_surfaces import PlaneCut, StrokeCut
 from enliven.modeling.merge import merge
 from enliven.modeling.meshes import posed_vertices
 from enliven.modeling.nodes import insert_node, remove_node
 from enliven.modeling.posed import posed
 from enliven.modeling.posing import move_shape, set_bone, turn_bone
-from enliven.modeling.strokes import cut_stroke
 from enliven.motion.clip import Clip
 from enliven.motion.evaluate import pose_of
 from enliven.motion.layers import Layer, Ref, Span
