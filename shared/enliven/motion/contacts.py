@@ -125,7 +125,7 @@ def hold(times, starts, ends, places, blend, weights, goals):  # type: ignore[no
                 continue
             x = 1.0 - away / blend
             w = x * x * (3.0 - 2.0 * x)
-            draw = w / (1.0 - w)
+            draw = w / max(1.0 - w, 1e-12)
             total += draw
             weights[t] = max(weights[t], w)
             goals[t] += draw * places[c]

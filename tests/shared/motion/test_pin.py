@@ -1,0 +1,216 @@
+"""Pinned feet: still while they stand, free in the air, on limbs of any number of bones."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from enliven.errors import InputError
+from enliven.motion.clip import Clip
+from enliven.motion.contacts import ContactSettings
+from enliven.motion.evaluate import Player
+from enliven.motion.pin import bend_of, held_pins, pin_feet, unpin
+from enliven.motion.retarget import bind_chain, set_layer, set_travel
+from enliven.motion.standing import Window, window_of
+from enliven.project import Project
+from enliven.rotation import from_rotation_vector, rotate
+from enliven.shape import still_shape
+from enliven.skeleton import Skeleton
+
+sys.path.insert(0, str(Path(__file__).parent))
+from motion_strategies import EYE, angle
+
+NAMES = ("hips", "hip L", "knee L", "ankle L", "toe L", "hip R", "knee R", "ankle R", "toe R")
+PARENTS = np.array([-1, 0, 1, 2, 3, 0, 5, 6, 7], np.int32)
+LEFT = np.array([[0.1, 0.9, 0], [0.1, 0.48, 0.02], [0.1, 0.06, 0], [0.1, 0.02, 0.12]])
+REST = np.concatenate([[[0, 0.95, 0]], LEFT, LEFT * [-1, 1, 1]])
+WALKER = Skeleton(NAMES, PARENTS, REST)
+STEP = 1 / 30
+
+
+def walk(frames=91, slide=0.15):
+    """A walk whose feet slide by a share of the stride, on knees that are always a bit bent."""
+    t = np.arange(frames) * STEP
+    turns = np.tile(EYE, (frames, 9, 1))
+    for side, phase in ((1, 0.0), (5, np.pi)):
+        swing = 0.3 * np.sin(2 * np.pi * t + phase)
+        bend = 0.35 + 0.5 * np.clip(np.cos(2 * np.pi * t + phase), 0, None) ** 2
+        zero = np.zeros_like(t)
+        turns[:, side + 1] = from_rotation_vector(np.stack([-swing - bend, zero, zero], 1))
+        turns[:, side + 2] = from_rotation_vector(np.stack([-swing + bend, zero, zero], 1))
+    size = 0.84 * np.cos(0.35)
+    root = np.tile(REST[0], (frames, 1))
+    root[:, 1] = 0.06 + 0.05 + size * np.cos(0.3 * np.sin(2 * np.pi * t))
+    root[:, 2] += (1 + slide) * 4 * size * np.sin(0.3) * t
+    return Clip("walk", WALKER, turns, root, STEP)
+
+
+def walking(clip, shape=None):
+    """A project in which a shape walks."""
+    shape = shape or still_shape("walker", WALKER)
+    project = Project().with_takes(clip).with_shapes(shape)
+    for side in (1, 5):
+        chain = tuple(range(side, side + 4))
+        project = bind_chain(project, "walker", chain, "walk", chain, basis=EYE, layer_id=f"leg {side}")
+    return set_travel(project, "walker", "leg 1")
+
+
+TIMES = np.arange(0, 3.0, 1 / 60)
+
+
+def slides(player, contacts, name):
+    """Metres that a joint moves at the most within each of its contacts."""
+    joint = NAMES.index(name)
+    joints = player.sample(TIMES)[1][:, joint]
+    inside = [(a <= TIMES) & (b >= TIMES) for a, b in zip(contacts.starts, contacts.ends, strict=True)]
+    return [np.ptp(joints[some], axis=0).max() for some in inside if some.any()]
+
+
+def test_feet_that_slid_stand():
+    project = walking(walk())
+    pinned = pin_feet(project, "walker", ["ankle L", "ankle R"])
+    player = Player(pinned, "walker")
+    contacts = player.contacts()
+    assert set(contacts) == {"ankle L", "ankle R"}
+    for name, found in contacts.items():
+        assert 3 <= len(found.starts) <= 5
+        assert max(slides(Player(project, "walker"), found, name)) > 0.03
+        assert max(slides(player, found, name)) < 1e-6
+    # Bones keep their length, the toes their turn, the trunk its way, and the free feet theirs.
+    (turns, joints), (old, before) = player.sample(TIMES), Player(project, "walker").sample(TIMES)
+    for j in range(1, 9):
+        link = rotate(turns[:, j], WALKER.vectors[j])
+        np.testing.assert_allclose(joints[:, j] - joints[:, PARENTS[j]], link, atol=1e-9)
+    assert np.array_equal(joints[:, 0], before[:, 0]) and angle(turns[:, 4], old[:, 4]) < 1e-9
+    blend = ContactSettings().blend
+    found = contacts["ankle L"]
+    free = np.all(
+        [(a - blend > TIMES) | (b + blend < TIMES) for a, b in zip(found.starts, found.ends, strict=True)], 0
+    )
+    assert free.any() and np.abs(joints[free, 3] - before[free, 3]).max() < 1e-12
+
+
+def test_there_is_no_jump():
+    project = pin_feet(walking(walk()), "walker", ["ankle L", "ankle R"])
+    fine = np.arange(0, 3.0, 1 / 600)
+    pinned, free = Player(project, "walker").sample(fine)[1], Player(project, "walker").free(fine)[1]
+    for joint in (2, 3):
+        steps = np.linalg.norm(np.diff(pinned[:, joint], axis=0), axis=1)
+        # Within the blend the foot makes good what it slid; nothing is quicker than that.
+        assert steps.max() < np.linalg.norm(np.diff(free[:, joint], axis=0), axis=1).max() + 0.002
+
+
+def test_one_time_is_as_many_times():
+    project = pin_feet(walking(walk()), "walker", ["ankle L", "ankle R"])
+    turns, joints = Player(project, "walker").sample(TIMES)
+    player = Player(project, "walker")
+    for i in (0, 40, 77, 130):
+        at = player.at(TIMES[i])
+        assert angle(at.turns, turns[i]) < 1e-12
+        np.testing.assert_allclose(at.joints, joints[i], atol=1e-12)
+
+
+def test_a_stretched_limb_reaches_as_far_as_it_can():
+    # The hips rise: a foot that stands cannot follow; it points there, stretched, and nothing breaks.
+    clip = walk(31)
+    still = Clip("walk", WALKER, np.tile(EYE, (31, 9, 1)), clip.root * 0 + REST[0], STEP)
+    rising = still.root + np.linspace(0, 1, 31)[:, None] * [0, 0.02, 0]
+    project = walking(Clip("walk", WALKER, still.turns, rising, STEP))
+    project = pin_feet(project, "walker", ["ankle L"])
+    player = Player(project, "walker")
+    times = np.linspace(0, 1, 13)
+    turns, joints = player.sample(times)
+    size = WALKER.lengths[2] + WALKER.lengths[3]
+    place = player.contacts()["ankle L"].places[0]
+    expected = np.minimum(np.linalg.norm(place - joints[:, 1], axis=1), size)
+    assert expected[-1] == size
+    np.testing.assert_allclose(np.linalg.norm(joints[:, 3] - joints[:, 1], axis=1), expected, atol=1e-9)
+    assert np.isfinite(turns).all()
+
+
+def test_a_node_more_in_the_thigh_changes_nothing_of_the_foot():
+    positions = np.insert(REST, 2, (REST[1] + REST[2]) / 2, axis=0)
+    names = (*NAMES[:2], "thigh L", *NAMES[2:])
+    parents = np.array([-1, 0, 1, 2, 3, 4, 0, 6, 7, 8], np.int32)
+    finer = still_shape("walker", Skeleton(names, parents, positions))
+    clip = walk()
+    project = Project().with_takes(clip).with_shapes(finer)
+    for ours, theirs in (((1, 2, 3, 4, 5), (1, 2, 3, 4)), ((6, 7, 8, 9), (5, 6, 7, 8))):
+        project = bind_chain(project, "walker", ours, "walk", theirs, basis=EYE, layer_id=str(ours))
+    project = set_travel(project, "walker", "(6, 7, 8, 9)")
+    with_hip = pin_feet(project, "walker", ["ankle L"], start="hip L")
+    player = Player(with_hip, "walker")
+    found = player.contacts()["ankle L"]
+    at = player.sample(TIMES)[1][:, 4]
+    for a, b, place in zip(found.starts, found.ends, found.places, strict=True):
+        inside = (a <= TIMES) & (b >= TIMES)
+        assert np.abs(at[inside] - place).max(initial=0) < 1e-6
+
+
+def test_a_looped_walk_stands_in_every_round():
+    project = walking(walk(31))
+    for name in ("leg 1", "leg 5"):
+        project = set_layer(project, name, loop=True)
+    player = Player(pin_feet(project, "walker", ["ankle L", "ankle R"]), "walker")
+    times = np.linspace(0.01, 0.99, 50)
+    (a, x), (b, y) = player.sample(times), player.sample(times + 7.0)
+    assert angle(a, b) < 1e-6
+    np.testing.assert_allclose(x, y, atol=1e-6)
+    assert any(len(c.starts) for c in player.contacts().values())
+
+
+def test_the_window_of_layers():
+    project = walking(walk(31))
+    layers = list(project.layers.values())
+    assert window_of([], {}) == Window(0.0, 0.0, False)
+    window = window_of(layers, project.takes)
+    assert (window.start, window.looped) == (0.0, False) and window.end == pytest.approx(1.0)
+    late = set_layer(project, "leg 5", offset=2.0, speed=0.5, loop=True)
+    window = window_of(list(late.layers.values()), late.takes)
+    assert not window.looped and window.end == 120.0
+    np.testing.assert_array_equal(window.folded(np.array([-1.0, 500.0])), [-1.0, 500.0])
+    np.testing.assert_allclose(Window(1.0, 3.0, True).folded(np.array([0.5, 1.0, 3.5])), [2.5, 1.0, 1.5])
+
+
+def test_pins_come_and_go():
+    project = walking(walk())
+    pinned = pin_feet(project, "walker", [3, "ankle R"])
+    assert [(pin.joint, pin.start) for pin in pinned.shape("walker").pins] == [
+        ("ankle L", "hip L"),
+        ("ankle R", "hip R"),
+    ]
+    firm = pin_feet(pinned, "walker", ["ankle L"], settings=ContactSettings(blend=0.5))
+    assert [pin.settings.blend for pin in firm.shape("walker").pins] == [0.5, 0.12]
+    assert [pin.joint for pin in unpin(pinned, "walker", ["ankle L"]).shape("walker").pins] == ["ankle R"]
+    assert unpin(pinned, "walker").shape("walker").pins == ()
+    # Where an edit took the joint away, the pin is left out.
+    less = Skeleton(NAMES[:3], PARENTS[:3], REST[:3])
+    assert held_pins(still_shape("less", less).with_changes(pins=pinned.shape("walker").pins)) == []
+
+
+@pytest.mark.parametrize(
+    ("joints", "start", "said"),
+    [
+        (["hip L"], None, "no limb of two bones"),
+        (["ankle L"], "knee L", "no limb of two bones"),
+        (["ankle L"], "hip R", "no limb of two bones"),
+        (["tail"], None, "no joint 'tail'"),
+        ([99], None, "no joint 99"),
+    ],
+)
+def test_what_cannot_be_pinned(joints, start, said):
+    with pytest.raises(InputError, match=said):
+        pin_feet(walking(walk()), "walker", joints, start=start)
+
+
+def test_where_a_limb_bends():
+    middle, side = bend_of(WALKER, (1, 2, 3))
+    assert middle == 1 and np.allclose(side, [0, 0, 0.02], atol=1e-3)
+    straight = Skeleton(
+        tuple("abcd"),
+        np.array([-1, 0, 1, 2], np.int32),
+        np.array([[0, 3.0, 0], [0, 2, 0], [0, 1, 0], [0, 0.5, 0]]),
+    )
+    middle, side = bend_of(straight, (0, 1, 2, 3))
+    assert middle == 1 and np.array_equal(side, [0, 0, 1])
