@@ -9,6 +9,9 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.modeling.chordal import Axis
 
+_APART = 1.6
+"""Radii between two joints of a chain at least."""
+
 
 def simplified(points: Float, radii: Float, tolerance: float, longest: float) -> list[int]:
     """The points to keep of a chain: a bone from one to the next is a cylinder that fits what it replaces.
@@ -64,7 +67,7 @@ def bones_of_axis(axis: Axis, tolerance: float, longest: float) -> tuple[Float, 
     widths: list[float] = []
     links: list[tuple[int, int]] = []
     for chain in axis.chains:
-        points, radii = _smooth(axis.points[chain]), axis.radii[chain]
+        points, radii = axis.points[chain], axis.radii[chain]
         kept = _spaced(points, radii, simplified(points, radii, tolerance, longest))
         for k in kept:
             if chain[k] not in number:
@@ -76,21 +79,13 @@ def bones_of_axis(axis: Axis, tolerance: float, longest: float) -> tuple[Float, 
     return np.array(places), np.array(widths), links
 
 
-def _smooth(points: Float, times: int = 3) -> Float:
-    """The middles of chords zigzag between the two sides of the outline; their mean does not."""
-    for _ in range(times):
-        inner = 0.5 * points[1:-1] + 0.25 * (points[:-2] + points[2:])
-        points = np.concatenate([points[:1], inner, points[-1:]])
-    return points
-
-
 def _spaced(points: Float, radii: Float, kept: list[int]) -> list[int]:
-    """Without joints nearer to the one before than the radius there."""
+    """Without joints nearer to the one before than a knee is thick."""
     out = [kept[0]]
     for k in kept[1:-1]:
         far = float(np.linalg.norm(points[k] - points[out[-1]]))
         home = float(np.linalg.norm(points[k] - points[kept[-1]]))
-        if min(far, home) > radii[k]:
+        if min(far, home) > _APART * radii[k]:
             out.append(k)
     return [*out, kept[-1]]
 

@@ -19,6 +19,8 @@ _ROUND = 1.2
 """A branch is a bump where it keeps within so many radii of the middle of its chord."""
 _TIP = 0.4
 """How far before the tip an axis ends, in radii."""
+_SPUR = 2.4
+"""A branch shorter than so many of its radii is no limb."""
 _CLOSE = 0.9
 """Junctions nearer to each other than so many of their radii are one."""
 
@@ -165,7 +167,10 @@ class _Tracer:
                     chain.append(b if a == chain[-2] else a)
                 used |= {(chain[0], chain[1]), (chain[-1], chain[-2])}
                 chains.append(self._to_tip(self._to_tip(chain[::-1])[::-1]))
-        return _merged(Axis(np.array(self.points), np.array(self.radii), chains))
+        axis = Axis(np.array(self.points), np.array(self.radii), chains)
+        for chain in chains:
+            axis.points[chain] = _smooth(axis.points[chain])
+        return _merged(_without_spurs(axis))
 
     def _to_tip(self, chain: list[int]) -> list[int]:
         """The chain with its last points, which lie askew in a round or flat end, straightened to the tip."""
@@ -184,6 +189,56 @@ class _Tracer:
         reach = float(((self.outline[region] - points[base]) @ ahead).max()) - _TIP * radii[base]
         end = self._add(points[base] + max(reach, 0.1 * radii[base]) * ahead, 0.5 * float(radii[base]))
         return [*chain[: base + 1], end]
+
+
+def _smooth(points: Float, times: int = 3) -> Float:
+    """The middles of chords zigzag between the two sides of the outline; their mean does not."""
+    for _ in range(times):
+        inner = 0.5 * points[1:-1] + 0.25 * (points[:-2] + points[2:])
+        points = np.concatenate([points[:1], inner, points[-1:]])
+    return points
+
+
+def _without_spurs(axis: Axis) -> Axis:
+    """Without the branch that runs into the outer corner of a sharp bend: the bend's joint goes there instead."""
+    while True:
+        ends = [end for chain in axis.chains for end in (chain[0], chain[-1])]
+        degree = np.bincount(ends, minlength=len(axis.points))
+        spur = next((c for c in map(_outward(degree), axis.chains) if c and _is_spur(axis, c)), None)
+        if spur is None:
+            return axis
+        fork = spur[0]
+        others = [c for c in axis.chains if fork in (c[0], c[-1]) and set(c) != set(spur)]
+        rest = [c for c in axis.chains if fork not in (c[0], c[-1])]
+        if len(others) != 2:
+            axis.chains = rest + others
+            continue
+        width = float(np.median(axis.radii[spur[1:]]))
+        back = axis.points[spur[-1]] - axis.points[spur[-2]]
+        back /= max(float(np.linalg.norm(back)), 1e-300)
+        # The end lies 0.4 radii before the tip; the two limbs meet a radius before it.
+        corner = axis.points[spur[-1]] - (1.0 - _TIP) * width * back
+        one, two = (c if c[0] == fork else c[::-1] for c in others)
+        near = float(np.linalg.norm(axis.points[fork] - corner)) + 0.5 * width
+        one, two = ([i for i in c if np.linalg.norm(axis.points[i] - corner) > near] for c in (one, two))
+        axis.points[fork] = corner
+        axis.chains = [*rest, [*one[::-1], fork, *two]]
+
+
+def _outward(degree: Int):  # type: ignore[no-untyped-def]
+    """Of a chain from a fork to an end, the chain in that direction; of another, nothing."""
+
+    def turned(chain: list[int]) -> list[int]:
+        if degree[chain[0]] >= 3 and degree[chain[-1]] == 1:
+            return chain
+        return chain[::-1] if degree[chain[-1]] >= 3 and degree[chain[0]] == 1 else []
+
+    return turned
+
+
+def _is_spur(axis: Axis, chain: list[int]) -> bool:
+    length = float(np.linalg.norm(np.diff(axis.points[chain], axis=0), axis=1).sum())
+    return length < _SPUR * float(np.median(axis.radii[chain[1:]]))
 
 
 def _merged(axis: Axis) -> Axis:

@@ -5,7 +5,10 @@ Each is (N, 2) metres, closed, about as an artist draws it, for demonstrations a
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
+from manifold3d import CrossSection, OpType
 
 from enliven.arrays import Float
 
@@ -18,35 +21,19 @@ def ribbon(path: Float, half_widths: Float) -> Float:
     return np.concatenate([path + left, (path - left)[::-1]])
 
 
-def limb(joints: Float, half_widths: Float, rounding: float = 0.35) -> Float:
-    """(N, 2) the outline of straight pieces between joints (J, 2), with round corners and ends.
+def limb(joints: Float, half_widths: Float) -> Float:
+    """(N, 2) the outline of pieces between joints (J, 2), round at each joint.
 
     Args:
         half_widths: (J,) metres.
-        rounding: how much of each piece its corners take.
     """
-    joints = np.asarray(joints, np.float64)
-    path, widths = [joints[:1]], [half_widths[:1]]
-    t = np.linspace(0, 1, 12)[:, None]
-    for k in range(1, len(joints) - 1):
-        a = joints[k] + rounding * (joints[k - 1] - joints[k]) / 2
-        b = joints[k] + rounding * (joints[k + 1] - joints[k]) / 2
-        path.append((1 - t) ** 2 * a + 2 * t * (1 - t) * joints[k] + t**2 * b)
-        widths.append(np.full(12, half_widths[k]))
-    outline = ribbon(np.concatenate([*path, joints[-1:]]), np.concatenate([*widths, half_widths[-1:]]))
-    count = len(outline) // 2
-    return np.concatenate(
-        [outline[:count], _round_end(outline[count - 1], outline[count]), outline[count:],
-         _round_end(outline[-1], outline[0])]
-    )  # fmt: skip
-
-
-def _round_end(start: Float, end: Float) -> Float:
-    """(7, 2) a half circle from start to end, to the right of the way."""
-    middle, across = (start + end) / 2, (start - end) / 2
-    ahead = np.array([across[1], -across[0]])
-    angle = np.linspace(0, np.pi, 9)[1:-1, None]
-    return np.asarray(middle + np.cos(angle) * across + np.sin(angle) * ahead)
+    circles = [
+        CrossSection.circle(float(r), 40).translate((float(x), float(y)))
+        for (x, y), r in zip(joints, half_widths, strict=True)
+    ]
+    pieces = [CrossSection.batch_hull(list(pair)) for pair in itertools.pairwise(circles)]
+    whole = CrossSection.batch_boolean(pieces, OpType.Add)
+    return np.array(max(whole.to_polygons(), key=len), np.float64)
 
 
 def tentacle(length: float = 1.4, width: float = 0.26, sway: float = 0.18) -> Float:
@@ -59,7 +46,7 @@ def tentacle(length: float = 1.4, width: float = 0.26, sway: float = 0.18) -> Fl
 def mantis_leg() -> Float:
     """The folded foreleg of a mantis: coxa, femur, tibia and foot, with their angles."""
     joints = np.array([[0.0, 0.0], [-0.16, -0.42], [0.5, -0.02], [0.24, -0.52], [0.36, -0.66]])
-    return limb(joints, np.array([0.075, 0.07, 0.055, 0.035, 0.025]), 0.3)
+    return limb(joints, np.array([0.075, 0.07, 0.055, 0.035, 0.025]))
 
 
 def torso() -> Float:
