@@ -62,6 +62,11 @@ class Actor:
         self._would: tuple[int | None, str] = (None, "all")
 
     @property
+    def looks(self) -> bool:
+        """Whether it follows what the sensor sees of its performers' surfaces."""
+        return self.settings.follow != "skeleton"
+
+    @property
     def state(self) -> State:
         """Whether somebody holds it."""
         return "possessed" if self.holds else "free"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -15,6 +15,7 @@ from enliven.body import Body
 from enliven.character import Character, Pose
 from enliven.frames import Frame
 from enliven.health import HealthState
+from enliven.matching.board import Board
 from enliven.props import Props
 from enliven.recording import Recorder
 from enliven.wire.convert import (
@@ -24,7 +25,8 @@ from enliven.wire.convert import (
     health_to_messages,
     props_to_message,
 )
-from enliven.wire.messages import Possess, Smooth
+from enliven.wire.matches import board_to_message
+from enliven.wire.messages import Browse, Look, Possess, Smooth
 from enliven_edge.actor import Cues
 from enliven_edge.control import Command
 from enliven_edge.pace import Pace
@@ -33,6 +35,11 @@ from enliven_edge.settings import WireSettings
 
 _FAREWELLS = 5
 _ENCODER = msgspec.msgpack.Encoder()
+
+
+def _unheard(*_: object) -> str:
+    """Why what was asked is not done."""
+    return "there is no rigged character here"
 
 
 class Outlet:
@@ -85,12 +92,14 @@ class Outlet:
         cues: dict[str, Cues],
         read_ns: int,
         props: Props | None = None,
+        boards: Sequence[Board] = (),
     ) -> None:
         """What one frame led to.
 
         Args:
             read_ns: wall clock when the frame was read.
             props: what is loose, where there are physics.
+            boards: what there is to choose from on rigged characters.
         """
         at = frame.time_ns
         for pose in poses:
@@ -102,6 +111,8 @@ class Outlet:
             self._send("cues", message, at)
         if props is not None:
             self._send("props", props_to_message(props), at)
+        for board in boards:
+            self._send("matches", board_to_message(board), at)
 
     def report(self, pace: Pace, phase: str, performers: int) -> None:
         """How the edge is doing; goes out with the heartbeat, at once where the phase is new."""
@@ -131,6 +142,8 @@ class Outlet:
         possess: Callable[[Possess], str],
         release: Callable[[str, int | None], str],
         smooth: Callable[[int, float | None], str],
+        look: Callable[[Look], str] = _unheard,
+        browse: Callable[[str, int], str] = _unheard,
     ) -> None:
         """Answers what viewers asked, and keeps the heart beating.
 
@@ -138,6 +151,8 @@ class Outlet:
             possess: what was asked, to the reason why not, or an empty string.
             release: (character, body) likewise.
             smooth: (body, amount) likewise.
+            look: from where a viewer looks, likewise.
+            browse: (character, step) likewise.
         """
         for command in self._publisher.poll():
             asked = command.request
@@ -145,6 +160,10 @@ class Outlet:
                 _reply(command, possess(asked))
             elif isinstance(asked, Smooth):
                 _reply(command, smooth(asked.body, asked.amount))
+            elif isinstance(asked, Look):
+                _reply(command, look(asked))
+            elif isinstance(asked, Browse):
+                _reply(command, browse(asked.character, asked.step))
             else:
                 _reply(command, release(asked.character, asked.body))
 
@@ -153,7 +172,7 @@ class Outlet:
         self.report(pace, "ended", 0)
         for _ in range(_FAREWELLS):
             self._publisher.beat()
-            self.hear(*[lambda *_: "the stream has ended"] * 3)
+            self.hear(*[lambda *_: "the stream has ended"] * 5)
             time.sleep(0.05)
 
     def close(self) -> None:

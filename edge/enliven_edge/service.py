@@ -7,14 +7,17 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from enliven.body import Body
 from enliven.character import Pose
 from enliven.commands.processes import parent_is_gone
 from enliven.errors import EnlivenError
 from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.health import HealthState, worst_first
+from enliven.matching.views import View
 from enliven.props import Props
-from enliven.wire.messages import Possess
+from enliven.wire.messages import Look, Possess
 from enliven_edge.fusion.fused_sensor import FusedFrame, FusedSensors
 from enliven_edge.opening import Opening
 from enliven_edge.outlet import Outlet
@@ -102,7 +105,7 @@ class Edge:
         looks = self.stage.looks and isinstance(frame, DepthFrame)
         poses = self.stage.perform(bodies, frame.time_ns, self.tracker.surfaces() if looks else None)
         props = self._props(poses, bodies, frame.time_ns)
-        self.outlet.publish(frame, bodies, poses, self.stage.cues(), read_ns, props)
+        self.outlet.publish(frame, bodies, poses, self.stage.cues(), read_ns, props, self.stage.boards())
         self.pace.took(read_ns, time.time_ns())
         self.frames += 1
         self.outlet.ail(self._ails())
@@ -165,7 +168,14 @@ class Edge:
             possess=lambda asked: self._attempt(lambda: self._possess(asked)),
             release=lambda character, body: self._attempt(lambda: self.stage.release(character, body)),
             smooth=lambda body, amount: self._attempt(lambda: self._output.smooth(body, amount)),
+            look=lambda asked: self._attempt(lambda: self._look(asked)),
+            browse=lambda character, step: self._attempt(lambda: self.stage.browse(character, step)),
         )
+
+    def _look(self, asked: Look) -> None:
+        """From where a viewer looks."""
+        eye = None if asked.eye is None else np.array(asked.eye)
+        self.stage.look(View(np.array(asked.direction), np.array(asked.up), eye))
 
     def _possess(self, asked: Possess) -> None:
         """A viewer's wish that somebody take hold, or that it be shown what they would hold."""

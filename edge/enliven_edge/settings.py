@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from enliven.settings import setting
 from enliven_edge.actor_settings import ActorSettings
 from enliven_edge.fusion.settings import CalibrationSettings, FusionSettings
 from enliven_edge.landmarks.settings import ColourSettings
+from enliven_edge.matching.settings import MatchingSettings
 from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.sensors.sources import SourceSettings
 from enliven_edge.tracking.health import HealthSettings
@@ -29,9 +31,14 @@ class EdgeSettings:
     """The edge."""
 
     nodes: int = setting(128, "Nodes of a deformation graph.", low=4, high=4096)
+    drive: Literal["graph", "skeleton"] = setting(
+        "graph",
+        "What moves a model: a deformation graph, for any mesh, or the skeleton of a rigged glTF.",
+    )
     up: str = setting("y", "The mesh's own axis that points up: x, y or z.")
     tracker: TrackerSettings = setting(TrackerSettings, "The tracker.")
     actor: ActorSettings = setting(ActorSettings, "How characters meet and follow their performers.")
+    matching: MatchingSettings = setting(MatchingSettings, "Posing to choose a part of a rigged model.")
     colour: ColourSettings = setting(ColourSettings, "The colour image, where there is one.")
     health: HealthSettings = setting(HealthSettings, "When something is said to be wrong.")
     physics: PhysicsSettings = setting(PhysicsSettings, "Loose boxes and balls.")

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from enliven.body import Body
 from enliven.character import Pose
 from enliven.deformation.observed import Seen
 from enliven.errors import InputError
+from enliven.matching.board import Board
+from enliven.matching.views import View
 from enliven_edge.actor import Actor, Cues, Mode
+from enliven_edge.matching.rig_actor import RigActor
 
 
 class Stage:
     """Bodies in, one pose a character out."""
 
-    def __init__(self, actors: list[Actor]) -> None:
-        self.actors = {actor.character.id: actor for actor in actors}
+    def __init__(self, actors: Sequence[Actor | RigActor]) -> None:
+        self.actors: dict[str, Actor | RigActor] = {actor.character.id: actor for actor in actors}
         self._bodies: list[Body] = []
 
     @property
     def looks(self) -> bool:
         """Whether some character follows what the sensor sees of its performers' surfaces."""
-        return any(actor.settings.follow != "skeleton" for actor in self.actors.values())
+        return any(actor.looks for actor in self.actors.values())
 
     def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> list[Pose]:
         """One pose a character.
@@ -79,7 +82,31 @@ class Stage:
         """A performer, or everybody, lets a character go; it eases back to rest where it stands."""
         self._actor(character).release(body)
 
-    def _actor(self, character: str) -> Actor:
+    def look(self, view: View) -> None:
+        """A viewer looks from there: what a pose means on a rigged character is decided on its screen."""
+        for actor in self._rigs():
+            actor.view = view
+
+    def browse(self, character: str, step: int) -> None:
+        """Another match of a rigged character is shown; step 0 follows the pose again.
+
+        Raises:
+            InputError: where there is no such character, or it is not rigged.
+        """
+        actor = self._actor(character)
+        if not isinstance(actor, RigActor):
+            mend = "Give the edge a rigged model and --drive skeleton."
+            raise InputError("nothing is chosen from it", where=f"character {character!r}", mend=mend)
+        actor.browse(step)
+
+    def boards(self) -> list[Board]:
+        """What there is to choose from on each rigged character."""
+        return [actor.board() for actor in self._rigs()]
+
+    def _rigs(self) -> list[RigActor]:
+        return [actor for actor in self.actors.values() if isinstance(actor, RigActor)]
+
+    def _actor(self, character: str) -> Actor | RigActor:
         if character not in self.actors:
             known = ", ".join(self.actors) or "none"
             what = f"there is no character {character!r}"

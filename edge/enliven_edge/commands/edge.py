@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from enliven_edge.actor import Actor
     from enliven_edge.fusion.fused_sensor import FusedSensors
     from enliven_edge.landmarks.eye import ColourEye
+    from enliven_edge.matching.rig_actor import RigActor
     from enliven_edge.physics.playground import Playground
     from enliven_edge.sensors.base import Sensor
     from enliven_edge.sensors.sources import Source
@@ -62,6 +63,9 @@ def edge(
     physics: Annotated[
         str | None, typer.Option(help="Loose things to knock about: boxes, dodgeball, or none.")
     ] = None,
+    drive: Annotated[
+        str | None, typer.Option(help="What moves the model: graph, or skeleton (a rigged glTF's own).")
+    ] = None,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
     name: Annotated[str | None, typer.Option(help="The edge's name on the network.")] = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on; 0.0.0.0 for all.")] = None,
@@ -85,11 +89,15 @@ def edge(
       enliven edge --recording take.mcap --record performance.mcap --possess-at 1
       enliven edge --sensor left=oak --sensor right=oak --space space.toml
       enliven edge --sensor synthetic --physics boxes
+      enliven edge --sensor oak --mesh spider.glb --drive skeleton
     """
     chosen = _settings(settings, name=name, host=host, port=port, control_port=control_port)
     if physics is not None:
         world = load_settings(PhysicsSettings, {"world": physics}, where="--physics").world
         chosen = dataclasses.replace(chosen, physics=dataclasses.replace(chosen.physics, world=world))
+    if drive is not None:
+        named = load_settings(EdgeSettings, {"drive": drive}, where="--drive").drive
+        chosen = dataclasses.replace(chosen, drive=named)
     folder = settings.parent if settings else None
     source = _sources(sensor or [], recording or [], option or [], speed, loop, chosen, folder)
     if space is not None:
@@ -155,17 +163,26 @@ def _colour_eye(chosen: EdgeSettings, stack: contextlib.ExitStack) -> ColourEye 
     return ColourEye(stack.enter_context(MediaPipeSource(chosen.colour.mediapipe)), chosen.colour.lift)
 
 
-def _prepared(mesh: str, chosen: EdgeSettings) -> Actor:
+def _prepared(mesh: str, chosen: EdgeSettings) -> Actor | RigActor:
     """The actor, with every kernel compiled: most of a minute the first time, a second later on."""
     from enliven_edge.casting import cast
+    from enliven_edge.matching.casting import cast_rig
+    from enliven_edge.matching.rig_actor import RigActor
     from enliven_edge.warmup import warm_up_stage, warm_up_tracking
 
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(f"Preparing {mesh}: sampling, linking, weighting", total=3)
-        actor = cast(mesh, chosen.nodes, chosen.actor, chosen.up)
+        actor: Actor | RigActor
+        if chosen.drive == "skeleton":
+            actor = cast_rig(mesh, chosen.matching)
+        else:
+            actor = cast(mesh, chosen.nodes, chosen.actor, chosen.up)
         progress.update(task, advance=1, description="Compiling the solver (kept for the next start)")
-        warm_up_stage(actor)
+        if isinstance(actor, RigActor):
+            actor.warm_up()
+        else:
+            warm_up_stage(actor)
         progress.update(task, advance=1, description="Compiling the tracker (kept for the next start)")
         warm_up_tracking(chosen.tracker)
     return actor

@@ -158,6 +158,55 @@ class PropsMessage(Struct, array_like=True, frozen=True):
         _expect("turns", self.turns, 4 * count)
 
 
+class PackedMatch(Struct, array_like=True, frozen=True):
+    """One match of a source with a character.
+
+    Attributes:
+        name: of the sub-tree, such as "2-1".
+        place: in the ranking, from 0.
+        score: sum of cosines.
+        sizes: (m,) uint8, how many joints each branch of the source would drive, the first included.
+        points: (sum of sizes, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world.
+    """
+
+    name: Name
+    place: Count
+    score: Number
+    sizes: Annotated[bytes, Meta(max_length=64)]
+    points: Annotated[bytes, Meta(max_length=6 * 1024)]
+
+    def __post_init__(self) -> None:
+        _expect("points", self.points, 6 * sum(self.sizes))
+
+
+class MatchesMessage(Struct, array_like=True, frozen=True):
+    """What a performer's pose could mean on a character (topic "matches").
+
+    Attributes:
+        character: its id.
+        state: "off": nobody chooses; "choosing"; "playing": what is shown drives.
+        body: the performer's id; -1 for nobody.
+        time_ns: the sensor's clock.
+        shown: which of ``matches`` is meant; -1 for none.
+        matches: the best, and the one that is meant.
+        total: how many there are.
+        held: 0..1, how long of the time to hold still has passed.
+    """
+
+    character: Name
+    state: Literal["off", "choosing", "playing"]
+    body: Identity = -1
+    time_ns: Nanoseconds = 0
+    shown: Annotated[int, Meta(ge=-1, le=15)] = -1
+    matches: Annotated[list[PackedMatch], Meta(max_length=16)] = field(default_factory=list)
+    total: Count = 0
+    held: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
+
+    def __post_init__(self) -> None:
+        if self.shown >= len(self.matches):
+            raise ValueError(f"match {self.shown} is shown of {len(self.matches)}")
+
+
 class HealthMessage(Struct, array_like=True, frozen=True):
     """Something that is wrong at the edge.
 
@@ -307,6 +356,27 @@ class Smooth(Struct, tag=True, frozen=True):
     amount: Annotated[float, Meta(ge=0.0, le=20.0)] | None = None
 
 
+class Look(Struct, tag=True, frozen=True):
+    """From where the viewer looks, world frame: what a pose means is decided on the screen.
+
+    Attributes:
+        direction: (3,) from the eye into the scene, not zero.
+        up: (3,) the screen's up, not along it.
+        eye: (3,) metres, for a perspective view; None for an orthographic one.
+    """
+
+    direction: tuple[Number, Number, Number]
+    up: tuple[Number, Number, Number]
+    eye: tuple[Number, Number, Number] | None = None
+
+
+class Browse(Struct, tag=True, frozen=True):
+    """Another match of a character is shown: so many places on in the ranking; 0 follows the pose again."""
+
+    character: Name
+    step: Annotated[int, Meta(ge=-1000, le=1000)] = 1
+
+
 class Ping(Struct, tag=True, frozen=True):
     """Asks for the edge's clock, and says that the viewer is still there; ``sent_ns`` is its wall clock."""
 
@@ -349,7 +419,7 @@ class Pong(Struct, tag=True, frozen=True):
     edge_ns: Nanoseconds
 
 
-Order = Possess | Release | Smooth
+Order = Possess | Release | Smooth | Look | Browse
 """What only the edge's loop can carry out."""
 Ask = Hello | GetState | Order | Ping
 Answer = Welcome | CharacterMessage | Done | Refused | Pong

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from enliven.wire.messages import (
     BodiesMessage,
     CuesMessage,
+    MatchesMessage,
     PoseMessage,
     PropsMessage,
     Reply,
@@ -46,11 +47,12 @@ POSE = Topic("pose", PoseMessage, "stream", 260 * 1024, 30, "every", True, lambd
 BODIES = Topic("bodies", BodiesMessage, "stream", 16 * 1024, 30, "every")
 CUES = Topic("cues", CuesMessage, "stream", 32 * 1024, 30, "every", True, lambda m: m.character)
 PROPS = Topic("props", PropsMessage, "stream", 32 * 1024, 30, "every", True)
+MATCHES = Topic("matches", MatchesMessage, "stream", 128 * 1024, 30, "newest", True, lambda m: m.character)
 STATUS = Topic("status", StatusMessage, "stream", 4 * 1024, 2, "newest", False, lambda m: m.edge)
 REQUEST = Topic("request", Request, "request", 4 * 1024, 0, "every")
 REPLY = Topic("reply", Reply, "reply", 128 * 1024 * 1024, 0, "every")
 
-TOPICS: tuple[Topic, ...] = (POSE, BODIES, CUES, PROPS, STATUS, REQUEST, REPLY)
+TOPICS: tuple[Topic, ...] = (POSE, BODIES, CUES, PROPS, MATCHES, STATUS, REQUEST, REPLY)
 STREAMS: dict[str, Topic] = {t.name: t for t in TOPICS if t.way == "stream"}
 BY_TYPE: dict[type[Any], Topic] = {t.type: t for t in TOPICS}
 MAX_STREAM_BYTES = 64 + max(t.max_bytes for t in STREAMS.values())

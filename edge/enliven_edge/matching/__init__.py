@@ -1,0 +1,1 @@
+"""Rigged characters, of which a performer chooses a part by posing and then drives it (AniMesh)."""

@@ -1,0 +1,62 @@
+"""Boards of matches on the wire and back."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.matching.board import Board, Row
+from enliven.wire.convert import JOINT_STEP
+from enliven.wire.messages import MatchesMessage, PackedMatch
+
+_MOST_ROWS, _MOST_JOINTS = 16, 1024
+
+
+def board_to_message(board: Board) -> MatchesMessage:
+    """A board as it goes on the wire: of sixteen matches at most, places to a quarter of a millimetre."""
+    rows = board.rows[:_MOST_ROWS]
+    shown = board.shown if board.shown < len(rows) else -1
+    return MatchesMessage(
+        board.character,
+        board.state,
+        board.body,
+        board.time_ns,
+        shown,
+        [_packed(row) for row in rows],
+        board.total,
+        float(np.clip(board.held, 0.0, 1.0)),
+    )
+
+
+def message_to_board(message: MatchesMessage) -> Board:
+    """The board, as exact as the wire carries it."""
+    return Board(
+        message.character,
+        message.state,
+        message.body,
+        message.time_ns,
+        message.shown,
+        tuple(_unpacked(match) for match in message.matches),
+        message.total,
+        message.held,
+    )
+
+
+def _packed(row: Row) -> PackedMatch:
+    room, lines = _MOST_JOINTS, list[Float]()
+    for line in row.lines[:64]:
+        lines.append(line[: min(room, 255)])
+        room -= len(lines[-1])
+    points = np.concatenate([np.zeros((0, 3)), *lines])
+    steps = np.clip(np.rint(np.nan_to_num(points) / JOINT_STEP), -32768, 32767).astype("<i2")
+    sizes = bytes(len(line) for line in lines)
+    return PackedMatch(row.name[:64] or "?", row.place, row.score, sizes, steps.tobytes())
+
+
+def _unpacked(match: PackedMatch) -> Row:
+    points = np.frombuffer(match.points, "<i2").reshape(-1, 3) * JOINT_STEP
+    ends = np.cumsum([0, *match.sizes])
+    lines = tuple(points[a:b] for a, b in itertools.pairwise(ends))
+    return Row(match.name, match.place, match.score, lines)
