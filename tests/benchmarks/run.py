@@ -1,6 +1,7 @@
 """Runs the benchmarks: all of them, or the one that is named. Prints a line a figure, adds it to bench.json.
 
-A benchmark is a file bench_NAME.py here with ``figures() -> Iterator[Figure]``.
+A benchmark is a file bench_NAME.py here with ``figures() -> Iterator[Figure]``; bench_NAME_MORE.py belongs to
+it and runs with it.
 """
 
 from __future__ import annotations
@@ -21,11 +22,12 @@ RESULT = HERE.parents[1] / "bench.json"
 def main(names: list[str]) -> int:
     """The exit code: 0 where every benchmark ran."""
     known = {path.stem.removeprefix("bench_"): path for path in sorted(HERE.glob("bench_*.py"))}
-    unknown = [name for name in names if name not in known]
+    asked = {name: [key for key in known if key == name or key.startswith(name + "_")] for name in names}
+    unknown = [name for name, found in asked.items() if not found]
     if unknown:
         print(f"no benchmark called {', '.join(unknown)}; known: {', '.join(known)}", file=sys.stderr)
         return 2
-    for name in names or known:
+    for name in dict.fromkeys(key for found in asked.values() for key in found) or known:
         for figure in _module(known[name]).figures():
             print(figure, flush=True)
             _keep(figure)

@@ -1,0 +1,89 @@
+"""Playing a retargeted take: microseconds for each bone at each moment, all layers sampled, joints placed.
+
+The peer does the same job as add-ons do it in Python: a loop over frames, over bones, over their constraints,
+with small NumPy arrays. What it gives is checked against ours. Takes run at 30 frames a second and are played
+at 60, so that every other moment is between two frames.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import plain_constraints
+from figure import Figure
+
+from enliven.body import PARENTS
+from enliven.motion.clip import Clip
+from enliven.motion.evaluate import Player
+from enliven.motion.retarget import bind_chain, set_travel
+from enliven.project import Project
+from enliven.rotation import from_rotation_vector, multiply
+from enliven.shape import still_shape
+from enliven.skeleton import Skeleton
+
+FRAMES, STEP = 300, 1.0 / 30.0
+MOMENTS = 600
+ARMS = ((2, 4, 5, 6, 7), (2, 8, 9, 10, 11), (0, 12, 13, 14, 15), (0, 16, 17, 18, 19))
+
+
+def figures() -> Iterator[Figure]:
+    """A whole take at once, as an export plays it; and moment by moment, as a viewer does."""
+    rng = np.random.default_rng(5)
+    project = spider(person(rng), rng)
+    player, bones = Player(project, "spider"), len(project.shape("spider").skeleton)
+    times = np.arange(MOMENTS) * STEP / 2
+    few = times[:20]
+    plain = plain_constraints.evaluated(project, "spider", few)
+    np.testing.assert_allclose(player.sample(few)[1], plain, atol=1e-9)
+    theirs = _least(lambda: plain_constraints.evaluated(project, "spider", few), 5) / (len(few) * bones)
+    ours = _least(lambda: player.sample(times), 30) / (len(times) * bones)
+    yield Figure("matching.retarget_us_per_bone", ours, "us", "plain NumPy constraints", theirs / ours)
+    live = _least(lambda: [player.at(seconds) for seconds in times[:100]], 30) / (100 * bones)
+    yield Figure("matching.retarget_live_us_per_bone", live, "us", "plain NumPy constraints", theirs / live)
+    yield Figure("matching.retarget_prepare_ms", _least(lambda: Player(project, "spider"), 30) / 1000, "ms")
+
+
+def person(rng: np.random.Generator) -> Clip:
+    """Somebody of 20 joints who moves every bone, for ten seconds."""
+    positions = np.zeros((20, 3))
+    for joint, parent in enumerate(PARENTS[1:], 1):
+        positions[joint] = positions[parent] + rng.normal(size=3) * 0.15
+    skeleton = Skeleton(tuple(f"joint {j}" for j in range(20)), np.array(PARENTS, np.int32), positions)
+    t = np.arange(FRAMES)[:, None] * STEP
+    turns = np.empty((FRAMES, 20, 4))
+    for joint, parent in enumerate(PARENTS):
+        waves = np.sin(t * rng.uniform(1, 6, 3) + rng.uniform(0, 6, 3)) * rng.uniform(0, 0.6, 3)
+        own = from_rotation_vector(waves)
+        turns[:, joint] = own if parent < 0 else multiply(turns[:, parent], own)
+    return Clip("person", skeleton, turns, positions[0] + 0.3 * np.sin(t) * rng.normal(size=3), STEP)
+
+
+def spider(take: Clip, rng: np.random.Generator) -> Project:
+    """A spider whose eight legs of six bones follow the arms and legs of a person, two by two."""
+    parents, places = [-1], [np.array([0.0, 0.5, 0.0])]
+    for leg in range(8):
+        way = np.array([np.cos(leg * np.pi / 4), -0.2, np.sin(leg * np.pi / 4)])
+        for part in range(6):
+            parents.append(0 if part == 0 else len(parents) - 1)
+            places.append(places[parents[-1]] + 0.2 * way + 0.03 * rng.normal(size=3))
+    names = tuple(f"joint {j}" for j in range(len(parents)))
+    shape = still_shape("spider", Skeleton(names, np.array(parents, np.int32), np.array(places)))
+    project = Project().with_takes(take).with_shapes(shape)
+    project = bind_chain(project, "spider", (0,), "person", (0,), layer_id="body")
+    for leg in range(8):
+        chain = (0, *range(1 + 6 * leg, 7 + 6 * leg))
+        project = bind_chain(project, "spider", chain, "person", ARMS[leg % 4], offset=-0.1 * leg)
+    return set_travel(project, "spider", "body")
+
+
+def _least(job: Callable[[], object], repeats: int) -> float:
+    """Microseconds of the quickest of ``repeats`` runs."""
+    job()
+    took = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        job()
+        took.append(time.perf_counter() - start)
+    return min(took) * 1e6
