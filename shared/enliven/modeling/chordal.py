@@ -200,7 +200,7 @@ def _smooth(points: Float, times: int = 3) -> Float:
 
 
 def _without_spurs(axis: Axis) -> Axis:
-    """Without the branch that runs into the outer corner of a sharp bend: the bend's joint goes there instead."""
+    """Without branches into the outer corner of a sharp bend: the bend's joint goes there instead."""
     while True:
         ends = [end for chain in axis.chains for end in (chain[0], chain[-1])]
         degree = np.bincount(ends, minlength=len(axis.points))

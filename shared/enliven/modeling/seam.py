@@ -5,10 +5,9 @@
     reweighted(mesh, skin, skeleton, seam) -> SkinWeights          weights only
 
 ``seam`` is (V,) true at the vertices of the seam: ``Union.seam``, or ``Piece.kept < 0``. Whatever is
-farther than the given number of rings from it stays the same to the bit. Positions near the seam minimise
-the squared Laplacian with what is around held fixed, so the surface goes on in the direction in which it
-comes (M. Botsch and L. Kobbelt, "An intuitive framework for real-time freeform modeling", 2004): a crease
-becomes a fillet and no volume is lost. Weights near the seam are those of :mod:`enliven.modeling.bone_heat`
+farther from it than the settings say stays the same to the bit. Near the seam the
+surface goes on as it comes, in direction and in curvature: a crease becomes a fillet, and what was smooth
+stays. Weights near the seam are those of :mod:`enliven.modeling.bone_heat`
 with the old weights held around them.
 """
 
@@ -18,9 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix, diags
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.sparse.linalg import spsolve
 
-from enliven.arrays import Bool, Float, Int
+from enliven.arrays import Bool, Float
 from enliven.character import SkinWeights
 from enliven.mesh import Mesh, weld
 from enliven.modeling.bone_heat import HeatSettings, heat_weights, segments_of
@@ -33,12 +33,23 @@ from enliven.skeleton import Skeleton
 class SeamSettings:
     """How far a seam is healed."""
 
-    smooth_rings: int = setting(2, "rings of vertices around a seam that are smoothed", low=0, high=20)
+    smooth_rings: int = setting(
+        2, "rings of vertices around a seam that are smoothed at least", low=0, high=20
+    )
+    smooth_reach: float = setting(
+        0.15, "how far around a seam the surface is smoothed", unit="radii of the seam", low=0.0, high=5.0
+    )
     strength: float = setting(
-        0.7, "how far they move to where they are smoothest", unit="share", low=0.0, high=1.0
+        1.0, "how far vertices move to where they are smoothest", unit="share", low=0.0, high=1.0
+    )
+    crease: float = setting(
+        15.0, "where a seam bends by less, it stays as it is", unit="degrees", low=0.0, high=180.0
     )
     weight_rings: int = setting(
-        4, "rings of vertices around a seam that get new skin weights", low=0, high=40
+        3, "rings of vertices around a seam that get new skin weights at least", low=0, high=40
+    )
+    weight_reach: float = setting(
+        0.7, "how far around a seam skin weights are new", unit="radii of the seam", low=0.0, high=10.0
     )
 
 
@@ -58,8 +69,10 @@ def healed(
 def smoothed(mesh: Mesh, seam: Bool, settings: SeamSettings | None = None) -> Mesh:
     """The mesh with the rings around the seam as smooth as what is around them allows."""
     settings = settings or SeamSettings()
-    free = _rings(mesh, seam, settings.smooth_rings)
-    if not free.any() or free.all() or settings.strength == 0.0:
+    if settings.strength == 0.0 or not seam.any():
+        return mesh
+    free = _around(mesh, _creased(mesh, seam, settings.crease), settings.smooth_rings, settings.smooth_reach)
+    if not free.any() or free.all():
         return mesh
     vertices = fair(mesh, free)
     moved = mesh.vertices + settings.strength * (vertices - mesh.vertices)
@@ -71,7 +84,7 @@ def reweighted(
 ) -> SkinWeights:
     """The skin with the rings around the seam computed by bone heat, the rest held and unchanged."""
     settings = settings or SeamSettings()
-    free = _rings(mesh, seam, settings.weight_rings)
+    free = _around(mesh, seam, settings.weight_rings, settings.weight_reach)
     if not free.any():
         return skin
     bones = max(len(skeleton), bone_count(skin))
@@ -83,25 +96,51 @@ def reweighted(
 
 
 def fair(mesh: Mesh, free: Bool) -> Float:
-    """(V, 3) positions with the least squared Laplacian where ``free`` (V,), the others as they are."""
+    """(V, 3) positions that are smooth where ``free`` (V,), the others as they are.
+
+    The mean curvature and the normals run harmonically from what is around into what is free, and the free
+    vertices take the positions whose Laplacians come nearest to them (R. Schneider and L. Kobbelt, "Geometric
+    fairing of irregular meshes", 2001, in one linear step): a tube goes on as a tube, a plane as a plane.
+    """
     welded, of = weld(mesh)
     loose = np.zeros(len(welded.vertices), bool)
     loose[of[free]] = True
-    web = _web(welded)
+    web, lengths = _web(welded)
     inner = np.flatnonzero(loose)
-    # Only rows that a free vertex takes part in.
+    # The Laplacians of free vertices and of their neighbours depend on what is free.
     rows = np.unique(np.concatenate([inner, web[inner].indices]))
-    laplacian = (csr_matrix(diags(np.ones(web.shape[0]))) - web)[rows]
-    own, rest = laplacian[:, inner], laplacian[:, np.flatnonzero(~loose)]
-    right = -(own.T @ (rest @ welded.vertices[~loose]))
+    unknown = np.zeros(len(loose), bool)
+    unknown[rows] = True
+    laplacian = csr_matrix(web - diags(np.ones(web.shape[0])))
+    normals = welded.vertex_normals()
+    bent = ((laplacian @ welded.vertices) * normals).sum(1) / lengths**2
+    carried = _carried(web, np.concatenate([bent[:, None], normals], 1), unknown)
+    ahead = carried[:, 1:] / np.maximum(np.linalg.norm(carried[:, 1:], axis=1, keepdims=True), 1e-300)
+    wanted = (carried[:, 0] * lengths**2)[:, None] * ahead
+    own, rest = laplacian[rows][:, inner], laplacian[rows][:, np.flatnonzero(~loose)]
+    right = own.T @ (wanted[rows] - rest @ welded.vertices[~loose])
     square = (own.T @ own + 1e-12 * diags(np.ones(len(inner)))).tocsc()
     vertices = welded.vertices.copy()
     vertices[inner] = np.asarray(spsolve(square, right)).reshape(len(inner), 3)
     return np.asarray(vertices[of])
 
 
-def _web(welded: Mesh) -> csr_matrix:
-    """(V, V) for each vertex the shares of its neighbours, nearer ones more; rows sum to one."""
+def _carried(web: csr_matrix, values: Float, unknown: Bool) -> Float:
+    """(V, K) values with the unknown ones as smooth between the known as can be."""
+    out = values.copy()
+    inner, known = np.flatnonzero(unknown), np.flatnonzero(~unknown)
+    if len(inner) == 0 or len(known) == 0:
+        return out
+    matrix = diags(np.full(len(inner), 1.0 + 1e-9)) - web[inner][:, inner]
+    out[inner] = np.asarray(spsolve(matrix.tocsc(), web[inner][:, known] @ values[known])).reshape(
+        len(inner), -1
+    )
+    return out
+
+
+def _web(welded: Mesh) -> tuple[csr_matrix, Float]:
+    """(V, V) for each vertex the shares of its neighbours, nearer ones more, rows sum to one; (V,) their mean
+    distance in metres."""
     faces = welded.faces
     starts, ends = faces.ravel(), np.roll(faces, -1, 1).ravel()
     length = np.linalg.norm(welded.vertices[starts] - welded.vertices[ends], axis=1)
@@ -110,15 +149,52 @@ def _web(welded: Mesh) -> csr_matrix:
     count = len(welded.vertices)
     web = coo_matrix((np.tile(share, 2), (rows, columns)), (count, count)).tocsr()
     total = np.asarray(web.sum(1)).ravel()
-    return csr_matrix(diags(1.0 / np.where(total > 0, total, 1.0)) @ web)
+    web = csr_matrix(diags(1.0 / np.where(total > 0, total, 1.0)) @ web)
+    many = np.bincount(starts, minlength=count)
+    # The root of the mean square, weighted as the Laplacian is.
+    square = np.bincount(starts, share * length**2, count) + np.bincount(ends, share * length**2, count)
+    return web, np.sqrt(np.where(many > 0, square / np.where(total > 0, total, 1.0), 1.0))
 
 
-def _rings(mesh: Mesh, seam: Bool, rings: int) -> Bool:
-    """(V,) the vertices within so many edges of the seam, across duplicated vertices too."""
-    first: Int = weld(mesh)[1]
-    near = np.zeros(int(first.max(initial=-1)) + 1, bool)
-    near[first[seam]] = True
-    faces = first[mesh.faces]
+def _creased(mesh: Mesh, seam: Bool, degrees: float) -> Bool:
+    """(V,) the seam's vertices at edges of the seam across which the surface bends by more."""
+    welded, of = weld(mesh)
+    on = np.zeros(len(welded.vertices), bool)
+    on[of[seam]] = True
+    faces = welded.faces.astype(np.int64)
+    starts, ends = faces.ravel(), np.roll(faces, -1, 1).ravel()
+    key = np.minimum(starts, ends) * len(on) + np.maximum(starts, ends)
+    order = np.argsort(key, kind="stable")
+    same = np.flatnonzero(key[order][1:] == key[order][:-1])
+    one, other = order[same], order[same + 1]
+    normals = welded.face_normals()
+    bends = (normals[one // 3] * normals[other // 3]).sum(1) < np.cos(np.radians(degrees))
+    pick = one[bends & on[starts[one]] & on[ends[one]]]
+    out = np.zeros(len(on), bool)
+    out[starts[pick]], out[ends[pick]] = True, True
+    return np.asarray(out[of])
+
+
+def _around(mesh: Mesh, seam: Bool, rings: int, reach: float) -> Bool:
+    """(V,) the vertices within so many edges of the seam, or of its own radii, also across doubles."""
+    welded, of = weld(mesh)
+    seeds = np.zeros(len(welded.vertices), bool)
+    seeds[of[seam]] = True
+    near = seeds.copy()
     for _ in range(rings):
-        near[faces[near[faces].any(1)]] = True
-    return np.asarray(near[first])
+        near[welded.faces[near[welded.faces].any(1)]] = True
+    if not reach or not seeds.any():
+        return np.asarray(near[of])
+    starts, ends = welded.faces.ravel(), np.roll(welded.faces, -1, 1).ravel()
+    length = np.linalg.norm(welded.vertices[starts] - welded.vertices[ends], axis=1)
+    web = coo_matrix((length, (starts, ends)), (len(seeds), len(seeds))).tocsr()
+    own = np.flatnonzero(seeds)
+    parts = connected_components(web[own][:, own], directed=False)[1]
+    for part in range(parts.max() + 1):
+        members = own[parts == part]
+        points = welded.vertices[members]
+        radius = float(np.sqrt(((points - points.mean(0)) ** 2).sum(1).mean()))
+        if radius > 0:
+            far = dijkstra(web, directed=False, indices=members, limit=reach * radius, min_only=True)
+            near |= np.isfinite(far)
+    return np.asarray(near[of])
