@@ -45,3 +45,13 @@ def compose(parents, vectors, modeling, own, root, turns, joints):  # type: igno
             joints[t, j, 0] = joints[t, parents[j], 0] + x
             joints[t, j, 1] = joints[t, parents[j], 1] + y
             joints[t, j, 2] = joints[t, parents[j], 2] + z
+
+
+@njit(cache=True, nogil=True)
+def upright(turns):  # type: ignore[no-untyped-def]
+    """Kernel: (N, 4) the same rotations with w >= 0."""
+    out = np.empty(turns.shape)
+    for j in range(len(turns)):
+        q = load(turns, j)
+        store(out, j, q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3]))
+    return out

@@ -4,7 +4,6 @@
     line.knots                                # (K,) arc length s of the joints, 0..1
     line.turns(frames, weight=1.0)            # (T, K, 4) P at the knots, at frame numbers (fractions too)
     line.sample(s, frames, weight=1.0)        # (T, S, 4) q(s, t)
-    frames_of(layer, clip, seconds)           # (T,) frame numbers that a layer plays at times of the project
 
 The take at a time between two frames has the slerp of their world turns; everything else is read from that,
 so a polyline that is played on itself is the take, between frames as at them.
@@ -22,7 +21,6 @@ from numba import njit
 from enliven.arrays import AnyArray, Float, Int32
 from enliven.errors import InputError
 from enliven.motion.clip import Clip
-from enliven.motion.layers import Layer
 from enliven.motion.quaternions import between, conj, load, mul, store
 from enliven.rotation import IDENTITY
 from enliven.skeleton import Skeleton
@@ -75,10 +73,11 @@ class Polyline:
             basis: (4,) target_from_source; P becomes basis P basis^-1.
             mirrored: take (w, x, -y, -z) for P before that: the source reflected in the plane x = 0.
         """
-        at = np.ascontiguousarray(np.atleast_1d(frames), np.float64)
+        at = np.array(np.atleast_1d(frames), np.float64).reshape(-1, 1)
         out = np.empty((len(at), len(self.knots), 4))
-        turned = np.ascontiguousarray(basis, np.float64)
-        knot_turns(self.clip.turns, self.bones, self.base, at, weight, turned, mirrored, out)
+        first, bases = np.array([0, len(self.bones)], np.int32), np.array([self.base], np.int32)
+        how = (np.array([weight], np.float64), np.array([basis], np.float64), np.array([mirrored], np.bool_))
+        knot_turns(self.clip.turns, self.bones, first, bases, at, *how, 0, out)
         return out
 
     def sample(
@@ -137,17 +136,6 @@ def arc_of(skeleton: Skeleton, chain: Sequence[int]) -> Float:
     return np.asarray(arc / arc[-1] if arc[-1] > 0 else arc)
 
 
-def frames_of(layer: Layer, clip: Clip, seconds: AnyArray) -> Float:
-    """(T,) the frame numbers of the take that a layer plays at ``seconds`` (T,) of the project."""
-    seconds = np.atleast_1d(np.asarray(seconds, np.float64))
-    played = (seconds - layer.offset) * layer.speed
-    if layer.speed < 0.0:
-        played = clip.duration + played
-    if layer.loop and clip.duration > 0.0:
-        played = np.mod(played, clip.duration)
-    return np.asarray(np.clip(played / clip.step, 0.0, len(clip.turns) - 1.0))
-
-
 def place_of(knots: Float, s: AnyArray) -> tuple[Int32, Float]:
     """The knot (S,) at or before each ``s`` (S,), and how far (S,) in [0, 1] it is to the next."""
     s = np.clip(np.asarray(s, np.float64), 0.0, 1.0)
@@ -158,36 +146,61 @@ def place_of(knots: Float, s: AnyArray) -> tuple[Int32, Float]:
 
 
 @njit(cache=True, nogil=True)
-def knot_turns(turns, bones, base, at, weight, basis, mirrored, out):  # type: ignore[no-untyped-def]
-    """Kernel: ``out`` (T, K, 4) takes basis P basis^-1 at the knots at frame numbers ``at`` (T,)."""
-    turned = (basis[0], basis[1], basis[2], basis[3])
-    back = conj(turned)
-    plain = turned[1] == 0.0 and turned[2] == 0.0 and turned[3] == 0.0
-    one = (1.0, 0.0, 0.0, 0.0)
+def knot_turns(turns, bones, first, bases, at, weights, basis, mirrored, begin, out):  # type: ignore[no-untyped-def]
+    """Kernel: basis P basis^-1 at the knots of L polylines of one take, into ``out`` (T, K, 4) from knot
+    ``begin`` on: for each polyline the identity and then a turn for each of its bones.
+
+    Args:
+        turns: (F, N, 4) the take's.
+        bones: (B,) of all polylines, of polyline i from ``first[i]`` to ``first[i + 1]``.
+        bases: (L,) the bone that each is relative to, or -1.
+        at: (T, L) frame numbers.
+        weights: (L,); basis: (L, 4); mirrored: (L,).
+    """
     for t in range(len(at)):
-        frame = max(min(int(at[t]), len(turns) - 2), 0)
-        part = min(max(at[t] - frame, 0.0), 1.0)
-        start = one
-        if base >= 0:
-            start = conj(turn_at(turns, frame, part, base))
-        total, last, before = one, one, one
-        store(out[t], 0, one)
-        for k in range(len(bones)):
-            whole = mul(start, turn_at(turns, frame, part, bones[k]))
-            if weight == 1.0:
-                total = whole
-            else:
-                total = mul(total, between(one, mul(conj(last), whole), weight))
-                last = whole
-            knot = total
-            if mirrored:
-                knot = (knot[0], knot[1], -knot[2], -knot[3])
-            if not plain:
-                knot = mul(mul(turned, knot), back)
-            if knot[0] * before[0] + knot[1] * before[1] + knot[2] * before[2] + knot[3] * before[3] < 0.0:
-                knot = (-knot[0], -knot[1], -knot[2], -knot[3])
-            store(out[t], k + 1, knot)
-            before = knot
+        knot = begin
+        for i in range(len(bases)):
+            frame = max(min(int(at[t, i]), len(turns) - 2), 0)
+            part = min(max(at[t, i] - frame, 0.0), 1.0)
+            row_turns(
+                turns,
+                bones[first[i] : first[i + 1]],
+                bases[i],
+                frame,
+                part,
+                weights[i],
+                basis[i],
+                mirrored[i],
+                out[t, knot:],
+            )
+            knot += first[i + 1] - first[i] + 1
+
+
+@njit(cache=True, nogil=True)
+def row_turns(turns, bones, base, frame, part, weight, basis, mirrored, out):  # type: ignore[no-untyped-def]
+    """Kernel: the knots (K, 4) of one polyline, ``part`` of the way from ``frame`` to the next."""
+    one = (1.0, 0.0, 0.0, 0.0)
+    turned = (basis[0], basis[1], basis[2], basis[3])
+    plain = turned[1] == 0.0 and turned[2] == 0.0 and turned[3] == 0.0
+    start = conj(turn_at(turns, frame, part, base)) if base >= 0 else one
+    total, last, before = one, one, one
+    store(out, 0, one)
+    for k in range(len(bones)):
+        whole = mul(start, turn_at(turns, frame, part, bones[k]))
+        if weight == 1.0:
+            total = whole
+        else:
+            total = mul(total, between(one, mul(conj(last), whole), weight))
+            last = whole
+        knot = total
+        if mirrored:
+            knot = (knot[0], knot[1], -knot[2], -knot[3])
+        if not plain:
+            knot = mul(mul(turned, knot), conj(turned))
+        if knot[0] * before[0] + knot[1] * before[1] + knot[2] * before[2] + knot[3] * before[3] < 0.0:
+            knot = (-knot[0], -knot[1], -knot[2], -knot[3])
+        store(out, k + 1, knot)
+        before = knot
 
 
 @njit(cache=True, nogil=True)

@@ -7,11 +7,13 @@ travel_scale(shape, clip)            # the shape's own, or the ratio of the heig
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from enliven.arrays import Float
 from enliven.motion.clip import Clip
-from enliven.motion.layers import Layer
-from enliven.rotation import rotate
+from enliven.motion.quaternions import turn
+from enliven.motion.timing import Clocks
+from enliven.project import Project
 from enliven.shape import Shape
 from enliven.skeleton import Skeleton
 
@@ -40,21 +42,51 @@ def travel_scale(shape: Shape, clip: Clip) -> float:
     return extent / their_extent if their_extent > 0.0 else 1.0
 
 
-def travelled(root: Float, rest: Float, frames: Float, layer: Layer, scale: float) -> Float:
-    """(T, 3) metres that the root went since rest, in the target's axes.
+class Travel:
+    """The way of a shape's root, ready to be asked for any time."""
 
-    Args:
-        root: (F, 3) metres, the take's root.
-        rest: (3,) metres, its rest position.
-        frames: (T,) frame numbers.
-        layer: its basis turns the way, its weight shortens it.
-        scale: of target to source.
-    """
-    before = np.clip(frames.astype(np.int64), 0, max(len(root) - 2, 0))
-    after = np.minimum(before + 1, len(root) - 1)
-    part = (frames - before)[:, None]
-    at = (1.0 - part) * root[before] + part * root[after]
-    way = at - rest
-    if layer.mirrored:
-        way = way * np.array([-1.0, 1.0, 1.0])
-    return np.asarray(rotate(layer.basis, way) * (layer.weight * scale))
+    def __init__(self, project: Project, shape: Shape) -> None:
+        self._still = np.array(shape.skeleton.positions[0] + shape.place)
+        layer = project.layers.get(shape.travel or "")
+        self.layer = None if layer is None or layer.muted else layer
+        if self.layer is not None:
+            clip = project.takes[self.layer.take]
+            self._clip, self._root = clip, clip.root
+            self._clocks = Clocks.of([self.layer], [clip])
+            self._factor = self.layer.weight * travel_scale(shape, clip)
+            self._fed = False
+
+    def at(self, times: Float) -> Float:
+        """(T, 3) metres, where the root joint is at times (T,): its rest, its place and the way of the take.
+
+        The way is the take's root since its rest, mirrored, turned by the basis, scaled and weighted.
+        """
+        out = np.empty((len(times), 3))
+        if self.layer is None:
+            out[:] = self._still
+            return out
+        frames = np.zeros((len(times), 1)) if self._fed else self._clocks.frames(times)
+        rest, layer = self._clip.skeleton.positions[0], self.layer
+        travelled(self._root, rest, frames, layer.basis, layer.mirrored, self._factor, self._still, out)
+        return out
+
+    def feed(self, take: str, root: Float) -> None:
+        """Plays ``root`` (1, 3) in the place of a take's from now on, whatever the time."""
+        if self.layer is not None and self._clip.id == take:
+            self._root, self._fed = root, True
+
+
+@njit(cache=True, nogil=True)
+def travelled(root, rest, frames, basis, mirrored, factor, still, out):  # type: ignore[no-untyped-def]
+    """Kernel: ``out`` (T, 3) takes ``still`` and the way from ``rest`` to ``root`` (F, 3) at frames (T, 1)."""
+    turned = (basis[0], basis[1], basis[2], basis[3])
+    for t in range(len(frames)):
+        frame = max(min(int(frames[t, 0]), len(root) - 2), 0)
+        after, part = min(frame + 1, len(root) - 1), frames[t, 0] - frame
+        x = (1.0 - part) * root[frame, 0] + part * root[after, 0] - rest[0]
+        y = (1.0 - part) * root[frame, 1] + part * root[after, 1] - rest[1]
+        z = (1.0 - part) * root[frame, 2] + part * root[after, 2] - rest[2]
+        x, y, z = turn(turned, -x if mirrored else x, y, z)
+        out[t, 0] = still[0] + factor * x
+        out[t, 1] = still[1] + factor * y
+        out[t, 2] = still[2] + factor * z

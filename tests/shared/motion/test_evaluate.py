@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from enliven.errors import InputError
 from enliven.motion.evaluate import Player, pose_of
 from enliven.motion.layers import Layer, Ref, Span
-from enliven.motion.polyline import Polyline, frames_of
+from enliven.motion.polyline import Polyline
 from enliven.motion.retarget import bind_chain, set_layer, set_travel
+from enliven.motion.timing import frames_of
 from enliven.motion.travel import travel_scale
 from enliven.project import Project
 from enliven.rotation import conjugate, multiply, rotate, to_matrix

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from enliven.errors import InputError
 from enliven.motion.layers import Layer
-from enliven.motion.polyline import Polyline, arc_of, frames_of
+from enliven.motion.polyline import Polyline, arc_of
+from enliven.motion.timing import frames_of
 from enliven.rotation import conjugate, multiply, slerp
 from enliven.skeleton import Skeleton
 
