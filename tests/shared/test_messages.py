@@ -43,6 +43,9 @@ EXAMPLES = [
         health=[messages.HealthMessage("no frames", 2, 4, "No.", "Do.")],
     ),
     messages.CuesMessage("chair", "possessed", bytes(4), bytes(2), 7, 0, 1, [7, 9], b"\0\1"),
+    messages.MatchesMessage(
+        "spider", "choosing", 3, 7, 0, [messages.PackedMatch("2-1", 4, 1.5, b"\2\1", bytes(18))], 45, 0.5
+    ),
     messages.PropsMessage(5, bytes(4), b"\0\1", bytes(12), bytes(6), bytes(12), bytes(8), "2 of 2 down"),
 ]
 ASKS = [
@@ -55,6 +58,9 @@ ASKS = [
     messages.Release("chair", 3),
     messages.Smooth(3, 0.0),
     messages.Smooth(3),
+    messages.Look((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
+    messages.Look((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (0.0, 1.0, 3.0)),
+    messages.Browse("spider", -1),
     messages.Ping("v", 1),
 ]
 ANSWERS = [

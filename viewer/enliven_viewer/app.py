@@ -15,8 +15,10 @@ from enliven_viewer.camera import OrbitCamera
 from enliven_viewer.controls import Controls
 from enliven_viewer.document import Document
 from enliven_viewer.feed import Feed
+from enliven_viewer.gaze import Gaze, turn_to_bones
 from enliven_viewer.grasp import Grasp
 from enliven_viewer.hud import Hud, HudState, timeline_area
+from enliven_viewer.match_cards import cards_of
 from enliven_viewer.playback import Playhead
 from enliven_viewer.render.context import window_context
 from enliven_viewer.render.renderer import Renderer
@@ -54,6 +56,7 @@ class App:
         self.look, self.help, self.scale = Look(), False, 1.0
         self._take, self._with_hud = take, hud
         self.grasp = Grasp()
+        self._gaze = Gaze()
         self._framed: tuple[str, ...] | None = None
         self._size = (1, 1)
         self._scene = Scene()
@@ -112,6 +115,15 @@ class App:
         if self._scene.box is not None:
             self.camera.frame(self._scene.box, self._aspect, reset=True, room=_ROOM)
 
+    def browse(self, step: int) -> None:
+        """Ask the feed for another match with the pose, of every character from which somebody chooses."""
+        for name in self._scene.boards:
+            self.feed.browse(name, step)
+
+    def show_bones(self) -> None:
+        """Turn the camera to where most of the bones of the characters can be seen."""
+        turn_to_bones(self.camera, self._scene)
+
     def fraction_along(self, x: float) -> float:
         """The place on the timeline, 0..1, of a pixel's column."""
         left, _, width, _ = timeline_area(self._size, self.scale)
@@ -135,7 +147,10 @@ class App:
         renderer.resize(self._size)
         self._scene = scene_of(self.document, self.playhead.moment(), self.look)
         self._frame_newcomers()
-        renderer.draw(self._scene, self.camera.view(self._aspect))
+        view = self.camera.view(self._aspect)
+        if self._scene.boards and (look := self._gaze.changed(view, time.monotonic())) is not None:
+            self.feed.look(look)
+        renderer.draw(self._scene, view)
         if self._with_hud:
             self.scale = max(glfw.get_window_content_scale(window)[0], 1.0)
             hud.rescale(self.scale)
@@ -166,6 +181,7 @@ class App:
             notice=self._notice(),
             help=self.help,
             grasp="" if self._take else self.grasp.words,
+            cards=cards_of(self._scene, self.camera.view(self._aspect)),
             score=self._scene.props.note if self._scene.props is not None else "",
         )
 

@@ -11,6 +11,7 @@ from enliven.arrays import Float, Float32
 from enliven.body import Body
 from enliven.character import Character, Pose
 from enliven.health import HealthState
+from enliven.matching.board import Board
 from enliven.props import Props
 from enliven_viewer.timeline import Cues, Timeline
 
@@ -65,6 +66,10 @@ class Document:
     def add_props(self, props: Props) -> None:
         """Put what is loose at one moment on the timeline."""
         self.timeline.add_props(props)
+
+    def add_board(self, board: Board) -> None:
+        """Put what there is to choose from on a character on the timeline."""
+        self.timeline.add_board(board)
 
     def set_cues(self, cues: Cues, time_ns: int | None = None) -> None:
         """Say what of a character is held, from a time on or from the newest moment; no nodes: nothing."""

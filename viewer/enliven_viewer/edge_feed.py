@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from enliven.wire.convert import messages_to_health
-from enliven.wire.messages import Mode
+from enliven.wire.messages import Look, Mode
 from enliven_viewer.document import Document, EdgeState
 from enliven_viewer.link import Link
 from enliven_viewer.received import ReceivedCues, ReceivedPose
@@ -40,6 +40,8 @@ class EdgeFeed:
             document.add_pose(received.pose)
         for props in self._link.take_props():
             document.add_props(props)
+        for board in self._link.take_boards():
+            document.add_board(board)
         self._take_cues(document)
         if poses:
             self._take_latency(poses[-1])
@@ -55,6 +57,14 @@ class EdgeFeed:
     def release(self, character_id: str, body: int | None = None) -> None:
         """Ask that a performer, or whoever holds it, lets a character go."""
         self._link.release(character_id, body=body)
+
+    def look(self, look: Look) -> None:
+        """Say from where the viewer looks: what a pose means is decided on the screen."""
+        self._link.look(look)
+
+    def browse(self, character_id: str, step: int = 1) -> None:
+        """Ask for another match of a character to be shown."""
+        self._link.browse(character_id, step)
 
     def close(self) -> None:
         """Let the sockets go."""

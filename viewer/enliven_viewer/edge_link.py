@@ -13,6 +13,7 @@ import zmq
 
 from enliven.character import Character
 from enliven.errors import EnlivenError
+from enliven.matching.board import Board
 from enliven.props import Props
 from enliven.wire.convert import (
     message_to_bodies,
@@ -23,6 +24,7 @@ from enliven.wire.convert import (
     message_to_props,
 )
 from enliven.wire.envelope import Malformed, OtherVersion, Rejects, unpack_stream
+from enliven.wire.matches import message_to_board
 from enliven.wire.messages import (
     Answer,
     BodiesMessage,
@@ -30,6 +32,7 @@ from enliven.wire.messages import (
     CuesMessage,
     GetState,
     Hello,
+    MatchesMessage,
     Order,
     Ping,
     Pong,
@@ -99,6 +102,7 @@ class EdgeLink:
         self.cues: dict[str, ReceivedCues] = {}
         self.new_cues: deque[ReceivedCues] = deque(maxlen=_KEPT)
         self.props: deque[Props] = deque(maxlen=_KEPT)
+        self.boards: deque[Board] = deque(maxlen=_KEPT)
         self.instance: int | None = None
         self.clash = False
         self._lost = 0
@@ -211,6 +215,9 @@ class EdgeLink:
                     self._take_cues(message)
                 case PropsMessage():
                     self.props.append(message_to_props(message))
+                case MatchesMessage():
+                    board = message_to_board(message)
+                    self.boards.append(replace(board, character=self._label(self.name, board.character)))
         except Malformed as error:
             self._reject(error)
         except (EnlivenError, ValueError) as error:

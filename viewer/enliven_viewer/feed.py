@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from enliven.wire.messages import Mode
+from enliven.wire.messages import Look, Mode
 from enliven_viewer.document import Document
 
 
@@ -34,6 +34,14 @@ class Feed(Protocol):
 
     def release(self, character_id: str, body: int | None = None) -> None:
         """Ask that a performer, or whoever holds it, lets a character go."""
+        ...
+
+    def look(self, look: Look) -> None:
+        """Say from where the viewer looks: what a pose means is decided on the screen."""
+        ...
+
+    def browse(self, character_id: str, step: int = 1) -> None:
+        """Ask for another match of a character to be shown: so many places on in the ranking."""
         ...
 
     def close(self) -> None:

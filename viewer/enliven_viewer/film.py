@@ -19,6 +19,7 @@ from enliven_viewer.document import Document
 from enliven_viewer.encoder import FilmWriter
 from enliven_viewer.feed import Feed
 from enliven_viewer.hud import clock
+from enliven_viewer.match_cards import cards_of, draw_cards
 from enliven_viewer.render.canvas import Canvas
 from enliven_viewer.render.context import offscreen_context
 from enliven_viewer.render.renderer import EMPTY_BOX, Renderer
@@ -110,8 +111,11 @@ class _Studio:
         scene = scene_of(self.document, moment, self._look(moment, second))
         aspect = self.size[0] / self.size[1]
         self._camera.follow(scene.box or EMPTY_BOX, 1 / self.settings.film.rate, aspect)
-        self._renderer.draw(scene, self._camera.view(aspect))
+        view = self._camera.view(aspect)
+        self._renderer.draw(scene, view)
         if self._canvas:
+            cards = cards_of(scene, view)
+            draw_cards(self._canvas, self.size, self.size[1] / 720, self._text, cards)
             self._caption(moment, second)
         picture = self._renderer.pixels()
         self.tiles.add(second, picture)

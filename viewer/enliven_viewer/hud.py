@@ -9,6 +9,7 @@ import moderngl
 
 from enliven.health import HealthState, Severity
 from enliven_viewer.document import EdgeState
+from enliven_viewer.match_cards import Card, draw_cards
 from enliven_viewer.render.canvas import Canvas, Colour
 
 KEYS = (
@@ -21,6 +22,8 @@ KEYS = (
     ("R", "release"),
     ("1 ... 9", "with all, upper body, legs, ..."),
     ("B", "of whom: anybody, 1, 2, ..."),
+    ("N / M", "next, previous match with the pose"),
+    ("V", "see more of the bones"),
     ("F", "frame everything"),
     ("G / S", "graph, skeleton"),
     ("H", "this help"),
@@ -58,6 +61,7 @@ class HudState:
         help: whether the keys are listed.
         grasp: what the next possession takes, or empty.
         score: what is said of loose things, or empty.
+        cards: the matches of a pose that are to choose from.
     """
 
     edge: EdgeState | None = None
@@ -73,6 +77,7 @@ class HudState:
     help: bool = False
     grasp: str = ""
     score: str = ""
+    cards: tuple[Card, ...] = ()
 
 
 def timeline_area(size: tuple[int, int], scale: float) -> tuple[float, float, float, float]:
@@ -120,6 +125,8 @@ class Hud:
             self._health_panel(size, below, state.edge.health)
         if state.length_s > 0:
             self._timeline(size, state)
+        if state.cards:
+            draw_cards(self._canvas, size, self.scale, self._small, state.cards)
         if state.notice:
             self._notice(size, state.notice)
         if state.help:

@@ -11,8 +11,9 @@ import zmq
 
 from enliven.character import Character
 from enliven.errors import InputError
+from enliven.matching.board import Board
 from enliven.props import Props
-from enliven.wire.messages import Answer, Mode, Possess, Refused, Release, Smooth, StatusMessage
+from enliven.wire.messages import Answer, Browse, Look, Mode, Possess, Refused, Release, Smooth, StatusMessage
 from enliven.wire.posecode import warm_up
 from enliven.wire.sockets import Endpoint, parse_endpoint
 from enliven_viewer.edge_link import EdgeLink
@@ -120,6 +121,20 @@ class Link:
         """What was loose in every frame since the last call, each edge's in its order."""
         return [props for edge in self.edges for props in _emptied(edge.props)]
 
+    def take_boards(self) -> list[Board]:
+        """What there was to choose from in every frame since the last call, each edge's in its order."""
+        return [board for edge in self.edges for board in _emptied(edge.boards)]
+
+    def look(self, look: Look) -> None:
+        """Tell every edge from where the viewer looks; one that is not there needs not know."""
+        for edge in self.edges:
+            if edge.status is not None:
+                edge.command(look, None)
+
+    def browse(self, character: str, step: int = 1) -> None:
+        """Ask for another match of a character to be shown; step 0 follows the pose again."""
+        self._command(character, lambda own: Browse(own, step), None)
+
     def take_notices(self) -> list[Notice]:
         """Sentences for the user since the last call: refusals, restarts, other versions, clashes."""
         return _emptied(self._notices)
@@ -167,7 +182,7 @@ class Link:
     def _command(
         self,
         character: str,
-        request: Callable[[str], Possess | Release],
+        request: Callable[[str], Possess | Release | Browse],
         on_reply: Callable[[Answer], None] | None,
     ) -> None:
         """Send a command to the edge that has the character."""

@@ -19,10 +19,13 @@ from enliven.wire.convert import (
     message_to_pose,
     message_to_props,
 )
+from enliven.wire.matches import message_to_board
 from enliven.wire.messages import (
     BodiesMessage,
     CharacterMessage,
     CuesMessage,
+    Look,
+    MatchesMessage,
     Mode,
     PoseMessage,
     PropsMessage,
@@ -33,7 +36,7 @@ from enliven_viewer.timeline import Cues
 
 log = logging.getLogger(__name__)
 
-TOPICS = ("character", "bodies", "pose", "props", "cues")
+TOPICS = ("character", "bodies", "pose", "props", "matches", "cues")
 """The topics of a take; messages of one time are applied in this order."""
 _BATCH = 96
 
@@ -87,6 +90,12 @@ class Take:
     def release(self, character_id: str, body: int | None = None) -> None:
         """A take is what was performed and never changes."""
 
+    def look(self, look: Look) -> None:
+        """A take is what was performed and never changes."""
+
+    def browse(self, character_id: str, step: int = 1) -> None:
+        """A take is what was performed and never changes."""
+
     def close(self) -> None:
         """Nothing stays open between polls."""
 
@@ -110,6 +119,8 @@ class Take:
                 document.add_pose(message_to_pose(pose, self._codecs[pose.character]))
         elif topic == "props":
             document.add_props(message_to_props(msgspec.msgpack.decode(data, type=PropsMessage)))
+        elif topic == "matches":
+            document.add_board(message_to_board(msgspec.msgpack.decode(data, type=MatchesMessage)))
         else:
             cues = msgspec.msgpack.decode(data, type=CuesMessage)
             shown = Cues(

@@ -11,6 +11,7 @@ import numpy as np
 from enliven.arrays import Bool, Float32, Int32
 from enliven.body import Body
 from enliven.character import Pose
+from enliven.matching.board import Board
 from enliven.props import Props
 from enliven_viewer.interpolation import blend_bodies, blend_poses, blend_props
 from enliven_viewer.settings import PlaybackSettings
@@ -47,13 +48,14 @@ class Cues:
 
 @dataclass(frozen=True)
 class Moment:
-    """Everything at one time of the sensor's clock: poses and cues by character id, bodies, props."""
+    """Everything at one time of the sensor's clock: poses, cues, boards by character, bodies, props."""
 
     time_ns: int
     poses: dict[str, Pose] = field(default_factory=dict)
     bodies: tuple[Body, ...] = ()
     cues: dict[str, Cues] = field(default_factory=dict)
     props: Props | None = None
+    boards: dict[str, Board] = field(default_factory=dict)
 
     @property
     def possessed(self) -> bool:
@@ -100,6 +102,11 @@ class Timeline:
     def add_props(self, props: Props) -> None:
         """Put what is loose at its time; it replaces what was of the same time."""
         self._put(replace(self._at(props.time_ns), props=props))
+
+    def add_board(self, board: Board) -> None:
+        """Put what there is to choose from on a character at its time."""
+        old = self._at(board.time_ns)
+        self._put(replace(old, boards={**old.boards, board.character: board}))
 
     def set_cues(self, cues: Cues, time_ns: int | None = None) -> None:
         """Say what of a character is held from a time on (the newest moment's where None) until said anew."""
@@ -164,9 +171,8 @@ class Timeline:
             else:
                 poses[name] = first or last  # type: ignore[assignment]
         bodies = blend_bodies(before.bodies, after.bodies, share)
-        return Moment(
-            time_ns, poses, bodies, before.cues, blend_props(before.props, after.props, share, time_ns)
-        )
+        props = blend_props(before.props, after.props, share, time_ns)
+        return Moment(time_ns, poses, bodies, before.cues, props, before.boards)
 
     def _hold(self, cues: dict[str, Cues]) -> None:
         """Cues of the newest moment and all that follow."""
@@ -180,7 +186,9 @@ class Timeline:
         found = index < len(self._times) and self._times[index] == time_ns
         if found:
             return self._moments[index]
-        return Moment(time_ns, cues=self._cues, props=self._still_loose(index, time_ns))
+        # Boards come after the poses of their time, and must not vanish meanwhile.
+        boards = self._moments[index - 1].boards if index else {}
+        return Moment(time_ns, cues=self._cues, props=self._still_loose(index, time_ns), boards=boards)
 
     def _still_loose(self, index: int, time_ns: int) -> Props | None:
         """What was loose a moment ago: it does not vanish while a moment's own props are on their way."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
+from enliven.arrays import Float
 from enliven_viewer.render.font import make_atlas
 from enliven_viewer.render.program import UNITS, load_program
 
@@ -56,6 +57,23 @@ class Canvas:
     def disc(self, x: float, y: float, radius: float, colour: Colour) -> None:
         """A disc around ``x``, ``y``."""
         self.rectangle(x - radius, y - radius, 2 * radius, 2 * radius, colour, radius)
+
+    def line(self, start: Float, end: Float, width: float, colour: Colour) -> None:
+        """A line with round ends between two points, (2,) each."""
+        along = end - start
+        length = float(np.linalg.norm(along))
+        if length <= 0.0:
+            self.disc(float(start[0]), float(start[1]), width / 2, colour)
+            return
+        along = along / length
+        half = np.array([length + width, width]) / 2
+        local = (2 * _CORNERS - 1) * (half + 1)
+        rows = np.empty((6, 11))
+        rows[:, 0:2] = local @ np.array([along, [-along[1], along[0]]]) + (start + end) / 2
+        rows[:, 2:4] = local
+        rows[:, 4:8] = colour
+        rows[:, 8:11] = (*half, width / 2)
+        self._quads.append(rows)
 
     def text(self, x: float, y: float, text: str, size: int, colour: Colour, align: float = 0.0) -> float:
         """One line of text whose top is at ``y``; ``align`` 0 starts, 0.5 centres, 1 ends it at ``x``.

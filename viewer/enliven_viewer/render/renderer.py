@@ -12,11 +12,13 @@ from enliven_viewer.camera import Box, View
 from enliven_viewer.render.capsules import Capsules, bone_block, capsules_of
 from enliven_viewer.render.lights import TO_KEY, contact_from_world, light_from_world
 from enliven_viewer.render.marks import Marks
+from enliven_viewer.render.match_lines import match_rows
 from enliven_viewer.render.program import BLOCKS, UNITS, load_program, set_uniform
 from enliven_viewer.render.props import LooseThings
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned import SkinnedMesh
 from enliven_viewer.render.targets import Picture, Size, SoftMap
+from enliven_viewer.render.tubes import Tubes
 from enliven_viewer.settings import RenderSettings
 
 EMPTY_BOX: Box = (np.array([-0.6, 0.0, -0.6]), np.array([0.6, 1.7, 0.6]))
@@ -59,6 +61,7 @@ class Renderer:
         self._prop_caster = load_program(ctx, "prop.vert", "caster.frag")
         self._props, self._shadow_props = LooseThings(ctx, self._prop), LooseThings(ctx, self._prop_caster)
         self._marks = Marks(ctx)
+        self._tubes: Tubes | None = None
         self._present = load_program(ctx, "screen.vert", "present.frag")
         self._present_quad = ctx.vertex_array(self._present, [])
         self._make_backdrop()
@@ -109,6 +112,14 @@ class Renderer:
         self._draw_hidden_bodies(scene)
         self._marks.draw(scene)
         self.picture.resolve()
+        self._draw_matches(scene)
+
+    def _draw_matches(self, scene: Scene) -> None:
+        """The chains that a pose means, or that are driven, over everything."""
+        rows, thickest = match_rows(scene.boards if scene.look.cues > 0 else {})
+        if len(rows):
+            self._tubes = self._tubes or Tubes(self.ctx)
+            self._tubes.draw(self.picture, rows, 6 * thickest)
 
     def pixels(self) -> UInt8:
         """(H, W, 3) sRGB of the picture, top row first."""

@@ -9,6 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.body import Body
 from enliven.character import Character, Pose
+from enliven.matching.board import Board
 from enliven.props import BOX, Props
 from enliven_viewer.camera import Box
 from enliven_viewer.document import Document, bounds_of
@@ -52,6 +53,7 @@ class Scene:
     bodies: tuple[Body, ...] = ()
     look: Look = field(default_factory=Look)
     props: Props | None = None
+    boards: dict[str, Board] = field(default_factory=dict)
     extent: Box | None = None
     """What is filled beyond the pivots, where that is known; shadows reach as far."""
 
@@ -92,7 +94,8 @@ def scene_of(document: Document, moment: Moment | None, look: Look) -> Scene:
         actors.append(Actor(character, pose, moment.cues.get(character.id) if moment else None))
     bodies = moment.bodies if moment else ()
     present = tuple(b for b in bodies if np.isfinite(b.joints).all())
-    return Scene(tuple(actors), present, look, moment.props if moment else None)
+    boards = {name: b for name, b in moment.boards.items() if name in document.characters} if moment else {}
+    return Scene(tuple(actors), present, look, moment.props if moment else None, boards)
 
 
 def _drawn_in(positions: Float, box: Box, reach: float) -> Float:
