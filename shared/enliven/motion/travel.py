@@ -78,7 +78,7 @@ class Travel:
 
 @njit(cache=True, nogil=True)
 def travelled(root, rest, frames, basis, mirrored, factor, still, out):  # type: ignore[no-untyped-def]
-    """Kernel: ``out`` (T, 3) takes ``still`` and the way from ``rest`` to ``root`` (F, 3) at frames (T, 1)."""
+    """Kernel: ``out`` (T, 3) is ``still`` and the way from ``rest`` to ``root`` (F, 3) at frames (T, 1)."""
     turned = (basis[0], basis[1], basis[2], basis[3])
     for t in range(len(frames)):
         frame = max(min(int(frames[t, 0]), len(root) - 2), 0)
