@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from enliven.errors import InputError
+from enliven.graph_shape import GraphShape, PoseStream
 from enliven.motion.clip import Clip
 from enliven.motion.layers import Layer
 from enliven.shape import Shape
@@ -18,16 +19,20 @@ from enliven.shape import Shape
 class Project:
     """Everything an artist has made, by id. Takes never change; a layer refers to one, a shape to layers.
 
+    Possessed meshes (graphs) play pose streams, which never change either.
+
     Raises:
-        InputError: where a shape names a layer, or a layer a take, that is not there.
+        InputError: where a shape names a layer, a layer a take, or a graph a stream, that is not there.
     """
 
     shapes: Mapping[str, Shape] = field(default_factory=dict)
     takes: Mapping[str, Clip] = field(default_factory=dict)
     layers: Mapping[str, Layer] = field(default_factory=dict)
+    graphs: Mapping[str, GraphShape] = field(default_factory=dict)
+    streams: Mapping[str, PoseStream] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("shapes", "takes", "layers"):
+        for name in ("shapes", "takes", "layers", "graphs", "streams"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         for layer in self.layers.values():
             if layer.take not in self.takes:
@@ -39,6 +44,14 @@ class Project:
             missing = (named | ({shape.travel} if shape.travel else set())) - set(self.layers)
             if missing:
                 raise InputError(f"there is no layer {min(missing)!r}", where=f"shape {shape.id!r}")
+        for graph in self.graphs.values():
+            where = f"graph shape {graph.id!r}"
+            for part in graph.parts:
+                if part.stream not in self.streams:
+                    raise InputError(f"there is no stream {part.stream!r}", where=where)
+                known = self.streams[part.stream].positions.shape[1]
+                if part.nodes.size and not 0 <= part.nodes.min() <= part.nodes.max() < known:
+                    raise InputError(f"it plays nodes of {part.stream!r} that are not there", where=where)
 
     def with_shapes(self, *shapes: Shape) -> Project:
         """A project with these shapes added, or put in the place of those of the same id."""
@@ -55,6 +68,29 @@ class Project:
     def with_layers(self, *layers: Layer) -> Project:
         """A project with these layers added, or put in the place of those of the same id."""
         return replace(self, layers={**self.layers, **{layer.id: layer for layer in layers}})
+
+    def with_graphs(self, *graphs: GraphShape) -> Project:
+        """A project with these possessed meshes added, or put in the place of those of the same id."""
+        return replace(self, graphs={**self.graphs, **{graph.id: graph for graph in graphs}})
+
+    def without_graph(self, shape_id: str) -> Project:
+        """A project without a possessed mesh; its streams stay."""
+        return replace(self, graphs={k: v for k, v in self.graphs.items() if k != shape_id})
+
+    def with_streams(self, *streams: PoseStream) -> Project:
+        """A project with these pose streams added."""
+        return replace(self, streams={**self.streams, **{stream.id: stream for stream in streams}})
+
+    def graph(self, shape_id: str) -> GraphShape:
+        """The possessed mesh of an id.
+
+        Raises:
+            InputError: where there is none, with the ids that there are.
+        """
+        if shape_id not in self.graphs:
+            mend = f"Known: {', '.join(self.graphs)}." if self.graphs else "Possess a mesh first."
+            raise InputError(f"there is no graph shape {shape_id!r}", where="project", mend=mend)
+        return self.graphs[shape_id]
 
     def shape(self, shape_id: str) -> Shape:
         """The shape of an id.

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from enliven.arrays import AnyArray
 from enliven.errors import InputError
+from enliven.graph_shape import GraphShape
 from enliven.project import Project, same
 from enliven.settings import setting
 from enliven.shape import Shape
@@ -149,7 +150,9 @@ def shared_with(project: Project, before: Project) -> Project:
     takes = {k: _shared(take, before.takes.get(k)) for k, take in project.takes.items()}
     layers = {k: _shared(layer, before.layers.get(k)) for k, layer in project.layers.items()}
     shapes = {k: _shared_shape(shape, before.shapes.get(k)) for k, shape in project.shapes.items()}
-    return replace(project, takes=takes, layers=layers, shapes=shapes)
+    streams = {k: _shared(stream, before.streams.get(k)) for k, stream in project.streams.items()}
+    graphs = {k: _shared_graph(graph, before.graphs.get(k)) for k, graph in project.graphs.items()}
+    return replace(project, takes=takes, layers=layers, shapes=shapes, streams=streams, graphs=graphs)
 
 
 def _shared(new: T, old: T | None) -> T:
@@ -159,8 +162,18 @@ def _shared(new: T, old: T | None) -> T:
 def _shared_shape(new: Shape, old: Shape | None) -> Shape:
     if old is None or new is old or same(new, old):
         return new if old is None else old
-    parts = {part.name: _shared(getattr(new, part.name), getattr(old, part.name)) for part in fields(new)}
-    return Shape(**parts)
+    return Shape(**_shared_parts(new, old))
+
+
+def _shared_graph(new: GraphShape, old: GraphShape | None) -> GraphShape:
+    if old is None or new is old or same(new, old):
+        return new if old is None else old
+    return GraphShape(**_shared_parts(new, old))
+
+
+def _shared_parts(new: Any, old: Any) -> dict[str, Any]:
+    """The attributes of a dataclass, those of ``old`` where they are the same."""
+    return {part.name: _shared(getattr(new, part.name), getattr(old, part.name)) for part in fields(new)}
 
 
 def _arrays(part: object) -> Iterator[AnyArray]:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Bool, Float, Int
+from enliven.character import SkinWeights
 from enliven.errors import InputError
+from enliven.mesh import Mesh
 from enliven.modeling.axes import Axes, layers_in
 from enliven.modeling.bones import Bone, bone_number, bones_of, inside, rebuilt
-from enliven.modeling.meshes import united_meshes
+from enliven.modeling.joining import Surface, joined
+from enliven.modeling.meshes import bone_maps, moved_mesh, no_maps, posed_vertices
 from enliven.modeling.nodes import insert_node, without_before
 from enliven.modeling.posed import as_far, posed
-from enliven.modeling.seam import SeamSettings
-from enliven.modeling.skins import follows
+from enliven.modeling.seam import SeamSettings, healed
+from enliven.modeling.skins import follows, renumbered
 from enliven.modeling.spans import before, joined_spans, moves
 from enliven.project import Project, unused
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized
@@ -48,9 +53,9 @@ def merge(
     as a turn at the joint (a span with no share of the length); where skin follows a root that moves, the
     root stays as a bone without length. How the graft travelled is dropped: the host takes it along.
 
-    The meshes are united; near the seam the surface is smoothed and the skin weights computed anew, and
-    elsewhere both stay to the bit. Two that do not meet become one mesh of two shells.
-    Skin of the graft's root follows the bone of the node.
+    The meshes are united as they are seen at ``time``; near the seam the surface is smoothed and the skin
+    weights computed anew, and elsewhere rest and weights stay to the bit. Two that do not meet become one
+    mesh of two shells. Skin of the graft's root follows the bone of the node.
 
     Args:
         joint: a joint of the host, by number or name; or a bone of it, with ``at`` below one.
@@ -78,21 +83,61 @@ def merge(
         project, name = insert_node(project, host_id, j, at, rigid=True)
         j = project.shape(host_id).skeleton.index(name)
     host = project.shape(host_id)
-    world = posed(project, host, time)[0][j]
-    theirs = posed(project, graft, time)[0]
+    (ours, spots), (theirs, places) = posed(project, host, time), posed(project, graft, time)
+    world = ours[j]
     axes = Axes(_exact(multiply(conjugate(world), theirs[_first_bone(graft, time)])))
-    project, layers = layers_in(project, graft, axes)
+    edited, layers = layers_in(project, graft, axes)
     bones, names = _grafted(host, j, graft, world, axes, layers)
-    merged = as_far(project, host, rebuilt(host, [*bones_of(host), *bones], mesh=None, skin=None))
-    if host.mesh is not None or graft.mesh is not None:
-        here = {name: i for i, name in enumerate(merged.skeleton.names)}
-        theirs_here = np.array([here[names[name]] for name in graft.skeleton.names])
-        ours = np.arange(len(host.skeleton))
-        node = host.skeleton.positions[j]
-        said: list[str] = [] if notes is None else notes
-        merged = united_meshes(merged, host, graft, node, axes, (ours, theirs_here), seam, said, loose)
+    merged = as_far(edited, host, rebuilt(host, [*bones_of(host), *bones], mesh=None, skin=None))
+    surfaces = _surface(host, ours, spots, time), _surface(graft, theirs, places + spots[j] - places[0], time)
+    numbers = np.array([merged.skeleton.index(names[name]) for name in graft.skeleton.names])
+    moved = _put(surfaces[1], graft, host.skeleton.positions[j], axes, numbers, time)
+    then = None if time is None else posed(edited, merged, time)
+    mesh, skin = _one_surface(merged, surfaces[0], moved, then, loose, seam, [] if notes is None else notes)
     del names[graft.skeleton.names[0]]
-    return project.without_shape(graft_id).with_shapes(merged), names
+    merged = merged.with_changes(mesh=mesh, skin=skin)
+    return edited.without_shape(graft_id).with_shapes(merged), names
+
+
+def _surface(shape: Shape, turns: Float, joints: Float, time: float | None) -> Surface | None:
+    """The shape's mesh and where it is seen: at a time as posed, in the rest pose as it is."""
+    if shape.mesh is None or shape.skin is None:
+        return None
+    seen = shape.mesh.vertices if time is None else posed_vertices(shape, turns, joints)
+    return Surface(shape.mesh, shape.skin, seen)
+
+
+def _put(
+    surface: Surface | None, graft: Shape, node: Float, axes: Axes, numbers: Int, time: float | None
+) -> Surface | None:
+    """The graft's surface with its rest at the node in the host's axes, and its bones' new numbers."""
+    if surface is None:
+        return None
+    mesh = moved_mesh(surface.mesh, graft.skeleton.positions[0], axes, node)
+    seen = mesh.vertices if time is None else surface.seen
+    return Surface(mesh, renumbered(surface.skin, numbers), seen)
+
+
+def _one_surface(
+    merged: Shape,
+    host: Surface | None,
+    graft: Surface | None,
+    then: tuple[Float, Float] | None,
+    loose: bool,
+    seam: SeamSettings,
+    notes: list[str],
+) -> tuple[Mesh | None, SkinWeights | None]:
+    """The mesh and the skin of the merged shape; ``then``: its pose at the merge, None for the rest pose."""
+    if host is None or graft is None:
+        only = host or graft
+        return (None, None) if only is None else (only.mesh, only.skin)
+    skeleton = merged.skeleton if then is None else replace(merged.skeleton, positions=then[1])
+    maps = no_maps(merged) if then is None else bone_maps(merged, *then)
+
+    def heal(mesh: Mesh, skin: SkinWeights, where: Bool) -> tuple[Mesh, SkinWeights]:
+        return healed(mesh, skin, skeleton, where, seam)
+
+    return joined(host, graft, maps, heal, loose=loose, notes=notes, where=f"shape {merged.id!r}")
 
 
 def _exact(turn: Float) -> Float:

@@ -11,14 +11,11 @@ from scipy.sparse.csgraph import connected_components
 
 from enliven.arrays import Bool, Float, Int
 from enliven.character import SkinWeights
-from enliven.errors import InputError
 from enliven.mesh import Mesh, submesh, weld
 from enliven.modeling.axes import Axes
 from enliven.modeling.mesh_cut import Piece
-from enliven.modeling.mesh_union import united
-from enliven.modeling.seam import SeamSettings, healed
 from enliven.modeling.skins import renumbered
-from enliven.rotation import rotate
+from enliven.rotation import rotate, to_matrix
 from enliven.shape import Shape
 
 
@@ -76,46 +73,17 @@ def _part_of(piece: Piece, inside: Bool) -> Piece | None:
     return Piece(mesh, skin, piece.kept[used], int(faces[len(faces) - piece.caps :].sum()))
 
 
-def united_meshes(
-    merged: Shape,
-    host: Shape,
-    graft: Shape,
-    node: Float,
-    axes: Axes,
-    bones: tuple[Int, Int],
-    seam: SeamSettings,
-    notes: list[str],
-    loose: bool,
-) -> Shape:
-    """The merged shape with the surfaces of both, smooth and weighted anew at the seam only.
+def bone_maps(shape: Shape, turns: Float, joints: Float) -> Float:
+    """(N, 3, 4) world from rest of each bone: D_j (v - rest_parent) + x_parent."""
+    above = np.maximum(shape.skeleton.parents, 0)
+    linear = to_matrix(turns)
+    offset = joints[above] - np.einsum("nab,nb->na", linear, shape.skeleton.positions[above])
+    return np.concatenate([linear, offset[..., None]], -1)
 
-    Args:
-        merged: the new skeleton.
-        node: (3,) metres, where the graft's root goes in the host's rest.
-        axes: the graft's rest axes in the host's.
-        bones: (N,) the number in ``merged`` of each bone of the host, and of the graft.
-        notes: takes what was mended, or why there are two shells and not one surface.
-        loose: put both into one mesh where no union can be made.
 
-    Raises:
-        InputError: where no union can be made and ``loose`` is false.
-    """
-    if graft.mesh is None or graft.skin is None:
-        skin = None if host.skin is None else renumbered(host.skin, bones[0])
-        return merged.with_changes(mesh=host.mesh, skin=skin)
-    moved = moved_mesh(graft.mesh, graft.skeleton.positions[0], axes, node)
-    skin = renumbered(graft.skin, bones[1])
-    if host.mesh is None or host.skin is None:
-        return merged.with_changes(mesh=moved, skin=skin)
-    whole = united(host.mesh, renumbered(host.skin, bones[0]), moved, skin)
-    if whole.failed and not loose:
-        mend = "Repair the mesh, or merge loosely: both shells in one mesh."
-        raise InputError(f"no union can be made: {whole.notes[0]}", where=f"shape {host.id!r}", mend=mend)
-    notes.extend(whole.notes)
-    if not whole.seam.any():
-        return merged.with_changes(mesh=whole.mesh, skin=whole.skin)
-    mesh, weights = healed(whole.mesh, whole.skin, merged.skeleton, whole.seam, seam)
-    return merged.with_changes(mesh=mesh, skin=weights)
+def no_maps(shape: Shape) -> Float:
+    """(N, 3, 4) the identity for each bone: the rest pose."""
+    return np.tile(np.eye(3, 4), (len(shape.skeleton), 1, 1))
 
 
 def moved_mesh(mesh: Mesh, root: Float, axes: Axes, to: Float) -> Mesh:
