@@ -21,7 +21,7 @@ class PickingSettings:
     """When the match that is shown gives way, and when it is taken."""
 
     margin: float = setting(
-        0.05, "A match takes the place of the shown one if it is so much better a branch.", low=0.0, high=2.0
+        0.03, "A match takes the place of the shown one if it is so much better a branch.", low=0.0, high=2.0
     )
     patience: float = setting(
         0.3, "Seconds for which something must have been better.", unit="s", low=0.0, high=10.0

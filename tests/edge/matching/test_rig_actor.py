@@ -1,0 +1,278 @@
+"""A rigged character on the stage: chosen from by posing, driven by moving."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from enliven.body import Body, Joint
+from enliven.errors import InputError
+from enliven.matching.picking import PickingSettings
+from enliven.matching.views import View
+from enliven.rotation import from_rotation_vector, rotate
+from enliven.wire.matches import board_to_message, message_to_board
+from enliven_edge.matching.limbs import body_source
+from enliven_edge.matching.rig_actor import RigActor
+from enliven_edge.matching.settings import MatchingSettings
+from enliven_edge.stage import Stage
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from rigs_for_stage import person, star
+
+STEP = 33_333_333
+
+
+class Show:
+    """A stage with the star, played frame by frame."""
+
+    def __init__(self, **settings) -> None:
+        self.actor = RigActor(star(), MatchingSettings(fade=0.0, **settings))
+        self.stage, self.time_ns = Stage([self.actor]), 0
+
+    def play(self, *bodies: Body, frames: int = 1):
+        for _ in range(frames):
+            self.time_ns += STEP
+            (self.pose,) = self.stage.perform(list(bodies), self.time_ns)
+        return self.stage.boards()[0]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.actor.puppet.shape.skeleton.names
+
+    @property
+    def shown(self) -> list[str]:
+        """The limbs that each limb of the performer means."""
+        return [self.names[b.chain[1]][:-2] for b in self.actor._pick.match.pairs if b is not None]
+
+    def limb(self, name: str) -> np.ndarray:
+        """(3,) from the middle to the tip of a limb, as it is now."""
+        joints = self.actor.puppet.joints
+        return joints[self.names.index(f"{name} 2")] - joints[0]
+
+    def last_bone(self, name: str) -> np.ndarray:
+        """(3,) the direction of a limb's second bone, which has all of the arm's turn."""
+        joints = self.actor.puppet.joints
+        bone = joints[self.names.index(f"{name} 2")] - joints[self.names.index(f"{name} 1")]
+        return bone / np.linalg.norm(bone)
+
+
+def test_arms_held_out_mean_the_limbs_that_a_mirror_shows() -> None:
+    show = Show()
+    show.actor.preview(None, "arms")
+    board = show.play(person())
+    # The left arm, at +X, is on the left of the mirror, where the star has its left limb (-X).
+    assert show.shown == ["left", "right"]
+    assert (board.state, board.body, board.shown, board.total) == ("choosing", 1, 0, 15)
+    assert board.rows[0].score == pytest.approx(2.0, abs=0.01)
+    up_and_down = person(left=(0.0, 1.0, 0.0), right=(-0.6, -0.8, 0.0))
+    show.play(up_and_down, frames=20)
+    assert show.shown == ["up", "lower right"]
+
+
+def test_without_a_mirror_left_is_where_it_is_seen() -> None:
+    show = Show(mirror=False)
+    show.actor.preview(None, "arms")
+    show.play(person())
+    assert show.shown == ["right", "left"]
+
+
+def test_who_looks_from_behind_sees_the_other_side() -> None:
+    show = Show()
+    show.actor.preview(None, "arms")
+    show.stage.look(View(np.array([0.0, 0.0, 1.0])))
+    show.play(person())
+    assert show.shown == ["right", "left"]
+    show.stage.look(View(np.array([1.0, 0.0, 0.0])))
+    show.play(person(left=(0.0, 1.0, 0.0)), frames=20)
+    assert show.shown == ["up", "front"], "seen from the left, the front limb is on the right"
+
+
+def moved(degrees: float, axis: tuple[float, float, float]) -> Body:
+    """The person with both arms turned about an axis through each shoulder."""
+    turn = from_rotation_vector(np.radians(degrees) * np.array(axis))
+    left, right = rotate(turn, np.array([1.0, 0.0, 0.0])), rotate(turn, np.array([-1.0, 0.0, 0.0]))
+    return person(tuple(left), tuple(right))
+
+
+@pytest.mark.parametrize(
+    ("degrees", "axis"), [(40, (0, 0, 1)), (-70, (0, 0, 1)), (50, (0, 1, 0)), (60, (0, -1, 0.5))]
+)
+def test_the_limbs_move_as_the_arms_do_in_a_mirror(degrees, axis) -> None:
+    show = Show()
+    show.play(person())
+    show.stage.possess("star", parts="arms")
+    still = {name: show.limb(name) for name in ("left", "right", "up", "lower left")}
+    show.play(person())
+    for name, limb in still.items():  # the pose of that moment is rest
+        np.testing.assert_allclose(show.limb(name), limb, atol=1e-9)
+    body = moved(degrees, axis)
+    board = show.play(body)
+    for own, limb in (("LEFT", "left"), ("RIGHT", "right")):
+        arm = body.joints[Joint[f"HAND_{own}"]] - body.joints[Joint[f"SHOULDER_{own}"]]
+        arm = arm / np.linalg.norm(arm) * np.array([-1.0, 1.0, 1.0])
+        np.testing.assert_allclose(show.last_bone(limb), arm, atol=1e-6)
+    np.testing.assert_allclose(show.limb("up"), still["up"], atol=1e-9)
+    assert (board.state, board.body) == ("playing", 1)
+    assert show.stage.cues()["star"].state == "possessed"
+
+
+def test_the_mesh_goes_with_the_bones() -> None:
+    show = Show()
+    show.play(person())
+    show.stage.possess("star", parts="arms")
+    show.play(moved(90, (0, 0, 1)))
+    bone = show.names.index("right 2")
+    place = show.actor.puppet.shape.place
+    tip = show.actor.puppet.shape.skeleton.positions[bone] - show.actor.character.pivots[bone]
+    np.testing.assert_allclose(
+        show.pose.linear[bone] @ tip + show.pose.positions[bone], show.actor.puppet.joints[bone], atol=1e-5
+    )
+    assert np.linalg.norm(place) > 1.0, "it stands beside the performer"
+
+
+def test_whoever_lets_go_chooses_anew_and_the_limbs_go_back() -> None:
+    show = Show()
+    show.play(person())
+    show.stage.possess("star", parts="arms")
+    rest = show.limb("right")
+    show.play(moved(60, (0, 0, 1)))
+    assert np.linalg.norm(show.limb("right") - rest) > 0.3
+    show.stage.release("star")
+    assert show.play(person()).state == "choosing"
+    np.testing.assert_allclose(show.limb("right"), rest, atol=1e-9)
+
+
+def test_nothing_jumps_when_somebody_lets_go() -> None:
+    show = Show()
+    show.actor.puppet._fading.seconds = 0.5
+    show.play(person())
+    show.stage.possess("star", parts="arms")
+    show.play(moved(60, (0, 0, 1)), frames=30)
+    before = show.pose.linear
+    show.stage.release("star")
+    for _ in range(30):
+        show.play(person())
+        assert np.abs(show.pose.linear - before).max() < 0.15
+        before = show.pose.linear
+    np.testing.assert_allclose(before, np.tile(np.eye(3), (len(before), 1, 1)), atol=0.01)
+
+
+def test_a_pose_held_still_is_taken() -> None:
+    show = Show(picking=PickingSettings(by_holding=True, still_seconds=0.5))
+    show.actor.preview(None, "arms")
+    show.play(person(), frames=5)
+    raised = person(left=(0.0, 1.0, 0.0))
+    board = show.play(raised, frames=12)
+    assert board.state == "choosing" and 0.0 < board.held < 1.0
+    board = show.play(raised, frames=20)
+    assert board.state == "playing"
+    assert len(board.rows[0].lines) == 2
+
+
+def test_the_next_match_is_shown_and_taken() -> None:
+    show = Show()
+    show.actor.preview(None, "arms")
+    board = show.play(person())
+    second = [tuple(line[-1]) for line in board.rows[1].lines]
+    show.stage.browse("star", 1)
+    board = show.play(person())
+    assert board.shown == 1
+    show.stage.possess("star", parts="arms")
+    board = show.play(person())
+    assert [tuple(line[-1]) for line in board.rows[0].lines] == second
+
+
+def test_a_match_far_down_the_ranking_is_told_as_well() -> None:
+    show = Show(listed=3)
+    show.actor.preview(None, "arms")
+    show.play(person())
+    show.stage.browse("star", -1)
+    board = show.play(person())
+    assert [row.place for row in board.rows] == [0, 1, 2, 14]
+    assert board.shown == 3
+
+
+def test_two_performers_drive_and_one_lets_go() -> None:
+    show = Show()
+    one, two = person(id=1), person(left=(0.6, -0.8, 0.0), right=(-0.6, -0.8, 0.0), id=2, at=(1.0, 0, -2.5))
+    show.play(one, two)
+    show.stage.possess("star", body=1, parts="arms")
+    board = show.play(one, two)
+    assert (board.state, board.body) == ("choosing", 2)
+    show.stage.possess("star", body=2, parts="arms", mode="join")
+    assert show.stage.holders == {1, 2}
+    rest = show.limb("right")
+    show.play(replace(moved(60, (0, 0, 1)), id=1), two)
+    assert np.linalg.norm(show.limb("right") - rest) > 0.3
+    kept = show.limb("right")
+    show.stage.release("star", 2)
+    show.play(replace(two, id=3))
+    np.testing.assert_allclose(show.limb("right"), kept, atol=1e-9, err_msg="who is away stays as they were")
+    with pytest.raises(InputError, match="does not drive it"):
+        show.stage.release("star", 2)
+
+
+def test_another_limb_is_added_to_those_that_one_has() -> None:
+    show = Show()
+    show.play(person())
+    show.stage.possess("star", parts="left arm")
+    show.stage.possess("star", parts="right arm", mode="extend")
+    (hold,) = show.actor.holds
+    assert {show.names[target[1]] for _, target in hold.pairs} == {"left 1", "right 1"}
+
+
+def test_a_joint_that_is_not_seen_pulls_nothing() -> None:
+    show = Show()
+    show.play(person())
+    show.stage.possess("star", parts="arms")
+    rest = show.limb("right")
+    body = moved(60, (0, 0, 1))
+    unsure = body.confidence.copy()
+    unsure[[Joint.SHOULDER_RIGHT, Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT, Joint.HAND_RIGHT]] = 0.0
+    show.play(replace(body, confidence=unsure))
+    np.testing.assert_allclose(show.limb("right"), rest, atol=1e-6)
+    assert np.linalg.norm(show.limb("left") - rest * [-1, 1, 1]) > 0.3
+
+
+def test_the_limbs_of_a_body() -> None:
+    body = person()
+    arms = body_source(body, "arms")
+    assert arms.source.root == Joint.SHOULDER_CENTER
+    assert [chain[-1] for chain in arms.chains] == [Joint.HAND_LEFT, Joint.HAND_RIGHT]
+    whole = body_source(body, "all")
+    assert whole.source.root == Joint.SPINE
+    assert [chain[0] for chain in whole.chains] == [2, 2, 2, 0, 0]
+    assert len(body_source(body, "left leg").chains) == 1
+    assert body_source(body, "spine").chains == ((0, 1, 2, 3),)
+    with pytest.raises(InputError, match="no part of the body"):
+        body_source(body, "tail")
+    lost = replace(body, joints=np.full((20, 3), np.nan))
+    with pytest.raises(InputError, match="not known"):
+        body_source(lost, "arms")
+
+
+def test_a_board_survives_the_wire() -> None:
+    show = Show()
+    show.actor.preview(None, "all")
+    board = show.play(person())
+    back = message_to_board(board_to_message(board))
+    assert (back.state, back.shown, back.total, len(back.rows)) == ("choosing", board.shown, board.total, 6)
+    for one, other in zip(board.rows, back.rows, strict=True):
+        assert (one.name, one.place, one.score) == (other.name, other.place, other.score)
+        for a, b in zip(one.lines, other.lines, strict=True):
+            np.testing.assert_allclose(a, b, atol=3e-4)
+
+
+def test_nobody_there_and_nothing_to_choose() -> None:
+    show = Show()
+    assert show.play().state == "off"
+    with pytest.raises(InputError, match="nobody is in view"):
+        show.stage.possess("star")
+    show.stage.browse("star", 1)
+    with pytest.raises(InputError, match="there is no character"):
+        show.stage.browse("moon", 1)
