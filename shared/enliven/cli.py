@@ -18,7 +18,19 @@ from enliven import __version__
 from enliven.errors import EnlivenError
 from enliven.logs import start_logging
 
-_ORDER = ("run", "edge", "view", "import", "record", "replay", "calibrate", "synthesize", "graph", "doctor")
+_ORDER = (
+    "run",
+    "edge",
+    "view",
+    "import",
+    "record",
+    "replay",
+    "calibrate",
+    "synthesize",
+    "graph",
+    "retarget",
+    "doctor",
+)
 _INTERRUPTED = 130
 
 HELP = """Step into any mesh and bring it alive.
@@ -30,6 +42,7 @@ HELP = """Step into any mesh and bring it alive.
   enliven edge --sensor synthetic          the program beside the camera
   enliven view --edge 192.168.1.20         the program on a screen
   enliven graph horse.obj -o horse.png     what a mesh is possessed by
+  enliven retarget walk.bvh horse.glb -o out.glb   move a model by a motion
   enliven doctor                           what this machine lacks, and how to mend it
 
 Exit codes: 0 done, 1 a fault of enliven, 2 wrong usage, 3 an input that cannot be used, 4 something this

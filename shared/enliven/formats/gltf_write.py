@@ -309,14 +309,14 @@ def _unit32(quaternions: Float) -> Float32:
     """Unit in float32 too."""
     made = quaternions.astype(np.float32)
     length = np.linalg.norm(made.astype(np.float64), axis=-1, keepdims=True)
-    return (made / length).astype(np.float32)
+    return np.asarray(made / length, np.float32)
 
 
 def _normals(normals: Float) -> Float32:
     """Unit, also where no face has any area."""
     missing = np.linalg.norm(normals, axis=1) < 0.5
     normals = np.where(missing[:, None], [0.0, 1.0, 0.0], normals).astype(np.float32)
-    return (normals / np.linalg.norm(normals.astype(np.float64), axis=1, keepdims=True)).astype(np.float32)
+    return np.asarray(normals / np.linalg.norm(normals.astype(np.float64), axis=1, keepdims=True), np.float32)
 
 
 def _linear16(colours: UInt8) -> UInt16:

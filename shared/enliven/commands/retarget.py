@@ -1,0 +1,174 @@
+"""enliven retarget: a motion from a file onto a model from another, without a window."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from enliven.errors import InputError, ResourceError
+
+if TYPE_CHECKING:
+    from enliven.formats.rig import Rig
+    from enliven.mapping.plan import Mode, Plan
+    from enliven.motion.clip import Clip
+
+
+def retarget(
+    take: Annotated[Path, typer.Argument(help="The motion: .bvh, CMU's exponential maps (.txt), or .glb.")],
+    model: Annotated[Path, typer.Argument(help="The model: .glb or .gltf, rigged or not.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The .glb to make.")],
+    mapping: Annotated[
+        Path | None, typer.Option("--map", help="A mapping file; without one, the mapping is found.")
+    ] = None,
+    write_map: Annotated[
+        Path | None, typer.Option(help="Write the mapping that was used, to be changed by hand.")
+    ] = None,
+    sheet: Annotated[
+        Path | None, typer.Option(help="Draw six moments of take and model (needs the viewer's package).")
+    ] = None,
+    start: Annotated[float, typer.Option(min=0, help="Seconds into the take to begin at.")] = 0.0,
+    end: Annotated[float | None, typer.Option(min=0, help="Seconds into the take to stop at.")] = None,
+    rest: Annotated[
+        str | None,
+        typer.Option(help='Pose of the take that movement counts from: "mean", "first", "zero", or seconds.'),
+    ] = None,
+    mode: Annotated[
+        Literal["auto", "pose", "move"],
+        typer.Option(help="Take the performer's pose, or move the model from its own; auto: the likelier."),
+    ] = "auto",
+    travel: Annotated[
+        bool, typer.Option("--travel", help="Let the model go where the performer goes.")
+    ] = False,
+    turn: Annotated[bool, typer.Option(help="Let the model turn as the performer turns.")] = True,
+    rate: Annotated[float, typer.Option(min=1, max=240, help="Frames a second of what is made.")] = 30.0,
+    height: Annotated[
+        float | None, typer.Option(help="Metres to scale the model to; as modelled if not given.")
+    ] = None,
+    animation: Annotated[
+        str | None, typer.Option(help="Which animation of a .glb is the take; its first if not given.")
+    ] = None,
+) -> None:
+    """Move a model by a motion: whole body at once, or as a mapping file says.
+
+    \b
+      enliven retarget walk.bvh horse.glb -o out.glb
+      enliven retarget walk.bvh horse.glb -o out.glb --sheet out.png --write-map map.toml
+      enliven retarget walk.bvh horse.glb -o out.glb --map map.toml --start 1 --end 5
+      enliven retarget fox.glb deer.glb -o out.glb --animation Run
+    """
+    # Heavy modules are imported only here, so that the help is quick.
+    from enliven.formats.gltf import read_gltf
+    from enliven.formats.gltf_write import performance_of, write_gltf
+    from enliven.mapping.automatic import retargeted
+    from enliven.mapping.plan_file import read_plan, write_plan
+
+    draw = _sheet_maker() if sheet else None
+    clip, notes = read_take(take, animation, start, end)
+    rig = read_gltf(model, height=height)
+    plan = _plan(read_plan(mapping) if mapping else None, rig, clip, rest, mode, travel, turn)
+    for note in (*notes, *rig.notes):
+        typer.echo(f"enliven: {note}", err=True)
+    made = retargeted(rig.shape, clip, plan)
+    performance = performance_of(made.project, made.shape_id, 0.0, made.duration, rate)
+    write_gltf(output, [performance], f"{take.stem} on {model.stem}")
+    if write_map:
+        write_plan(made.plan, write_map)
+    if sheet and draw:
+        draw(sheet, made, f"{take.stem} on {model.stem}")
+    modes = {chain.mode for chain in made.plan.chains}
+    how = {frozenset({"pose"}): "posed as the performer", frozenset({"move"}): "moved from its own pose"}
+    typer.echo(
+        f"enliven: {len(made.plan.chains)} chains, {how.get(frozenset(modes), 'posed and moved')}, "
+        f"{made.duration:.2f} s are in {output}"
+    )
+
+
+def read_take(
+    path: Path, animation: str | None = None, start: float = 0.0, end: float | None = None
+) -> tuple[Clip, tuple[str, ...]]:
+    """The clip in a file, from ``start`` to ``end`` seconds, and what was odd about the file.
+
+    Raises:
+        InputError: where there is none.
+    """
+    from enliven.formats.bvh import read_bvh
+    from enliven.formats.expmap import read_expmap
+    from enliven.formats.gltf import read_gltf
+    from enliven.motion.capture_clip import between_times, clip_of_capture
+
+    kind = path.suffix.lower()
+    if kind in (".glb", ".gltf"):
+        rig = read_gltf(path)
+        clip, notes = _animation_of(rig, path, animation), rig.notes
+    elif kind in (".bvh", ".txt"):
+        capture = read_bvh(path) if kind == ".bvh" else read_expmap(path)
+        clip, notes = clip_of_capture(capture, path.stem), capture.notes
+    else:
+        raise InputError(f"{kind or 'a file without an ending'} is no motion", where=str(path), mend=_TAKES)
+    stop = clip.duration if end is None else end
+    if start > clip.duration or stop <= start:
+        what = f"it lasts {clip.duration:.2f} s: from {start:g} s to {stop:g} s is nothing"
+        raise InputError(what, where=str(path), mend="Choose other --start and --end.")
+    return between_times(clip, start, stop), notes
+
+
+_TAKES = "Known: .bvh, .txt (CMU's exponential maps), .glb and .gltf with animations."
+
+
+def _animation_of(rig: Rig, path: Path, wanted: str | None) -> Clip:
+    if not rig.clips:
+        raise InputError("it has no animation", where=str(path), mend=_TAKES)
+    for clip in rig.clips:
+        if wanted is None or wanted in (clip.id, clip.id.rpartition("|")[2]):
+            return clip
+    known = ", ".join(clip.id for clip in rig.clips)
+    raise InputError(f"there is no animation {wanted!r}", where=str(path), mend=f"Known: {known}.")
+
+
+def _plan(
+    plan: Plan | None,
+    rig: Rig,
+    clip: Clip,
+    rest: str | None,
+    mode: Mode | Literal["auto"],
+    travel: bool,
+    turn: bool,
+) -> Plan:
+    """The mapping of the file, or the one that is found, with what the command line says about it."""
+    from dataclasses import replace
+
+    from enliven.mapping.automatic import automatic
+    from enliven.mapping.plan import Plan
+    from enliven.settings import load_settings
+
+    plan = automatic(clip, rig.shape) if plan is None else plan
+    changes: dict[str, Any] = {"travel": travel or plan.travel, "turn": turn and plan.turn}
+    if rest is not None:
+        value = float(rest) if _is_number(rest) else rest
+        changes["rest"] = load_settings(Plan, {"rest": value}, where="--rest").rest
+    if mode != "auto":
+        changes["chains"] = tuple(replace(chain, mode=mode) for chain in plan.chains)
+    return replace(plan, **changes)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _sheet_maker() -> Callable[..., None]:
+    """The function that draws sheets, of whichever package brings it."""
+    for entry in entry_points(group="enliven.pictures"):
+        if entry.name == "motion":
+            made: Callable[..., None] = entry.load()
+            return made
+    raise ResourceError(
+        "a sheet cannot be drawn", where="--sheet", mend="Install the viewer's package, enliven-viewer."
+    )

@@ -1,0 +1,265 @@
+"""What a skeleton is made of: a trunk, pairs of limbs on its sides, a head and a tail; by geometry alone.
+
+Twigs are left out (fingers, ears, a jaw): at a fork, what is short beside the whole, or beside the way from
+the root to the fork. What is left falls into chains between forks and ends. Those between forks are trunk;
+those to an end are limbs. Two limbs that mirror one another are a pair; of the others, the one that goes most
+ahead and up is the head, the one that goes most back and down the tail.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.mapping.facing import facing_of, side_of, turned_level
+from enliven.skeleton import Skeleton
+
+_SHORT, _TWIG, _SIDE_TWIG = 0.15, 0.5, 0.6
+"""Shares below which a branch is a twig: of the longest, and of its fork's way from the root; of that again
+for one that leads off the middle plane (a big ear)."""
+_MANY = 5
+"""Branches of a fork, other than the root, that make a face or a hand of it."""
+_ASIDE = 0.15
+"""Share of the longest branch that a fork is off the middle plane by to be a hand: its longest goes on."""
+_ALIKE, _APART = 0.15, 0.1
+"""Shares of the length: how much two limbs of a pair differ in it at most, and how far apart they are."""
+_MIDDLE = 0.03
+"""Share of a limb that a bone begins off the middle plane by, to be part of the limb proper."""
+_SIDEWAYS, _ONWARD = 0.8, 0.5
+"""A bone that leads sideways by this share of it, and goes on with less than this cosine, is girdle."""
+_GIRDLE, _THICK = 0.6, 0.7
+"""Share of a limb that is girdle at most; of its second longest bone, that the limb proper begins with."""
+_FLOOR, _DROP = 0.15, 0.12
+"""Shares of the height: how near the floor a leg ends, and how far down it goes."""
+
+
+@dataclass(frozen=True)
+class Limb:
+    """A chain of joints from a fork to an end.
+
+    Attributes:
+        chain: from the fork on.
+        start: where in the chain the limb proper begins; before it is the girdle (collar bone, hip).
+        grounded: it stands on the floor.
+        end: (3,) metres, where it ends, with the front at +Z and the left at +X.
+    """
+
+    chain: tuple[int, ...]
+    start: int
+    grounded: bool
+    end: tuple[float, float, float]
+
+    @property
+    def proper(self) -> tuple[int, ...]:
+        """The chain without its girdle."""
+        return self.chain[self.start :]
+
+    @property
+    def girdle(self) -> tuple[int, ...]:
+        """The joints from the fork to where the limb proper begins, both included."""
+        return self.chain[: self.start + 1]
+
+
+Pair = tuple[Limb, Limb]
+"""The left limb and the right."""
+
+
+@dataclass(frozen=True)
+class Anatomy:
+    """The parts of a skeleton.
+
+    Attributes:
+        facing: radians that its front is turned about +Y from +Z.
+        trunk: from the root to the last fork; the root alone where there is one fork at most.
+        pairs: (left, right), the foremost and uppermost first.
+        head, tail: chains on the middle plane, or None.
+    """
+
+    facing: float
+    trunk: tuple[int, ...]
+    pairs: tuple[Pair, ...]
+    head: Limb | None
+    tail: Limb | None
+
+    @property
+    def legs(self) -> tuple[Pair, ...]:
+        """The pairs that stand on the floor, the foremost first."""
+        return tuple(pair for pair in self.pairs if pair[0].grounded)
+
+    @property
+    def arms(self) -> tuple[Pair, ...]:
+        """The pairs that do not, the uppermost first."""
+        return tuple(pair for pair in self.pairs if not pair[0].grounded)
+
+
+def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
+    """The parts of a skeleton at rest.
+
+    Args:
+        facing: radians that its front is turned about +Y from +Z; None finds it.
+    """
+    facing = facing_of(skeleton) if facing is None else facing
+    at = turned_level(skeleton.positions - skeleton.positions[0] * [1.0, 0.0, 1.0], -facing)
+    below = _major(skeleton, at)
+    chains = _chains(below)
+    limbs = [_limb(chain, at) for chain in chains if not below[chain[-1]]]
+    trunk = _trunk([chain for chain in chains if below[chain[-1]]], at)
+    pairs, single = _paired(limbs, at, skeleton.names)
+    head, tail = _ends(single, at)
+    if not any(limb.chain[0] == trunk[-1] for limb in single):
+        trunk, pairs, found = _beheaded(trunk, pairs, at)
+        head = found or head
+    return Anatomy(facing, trunk, tuple(pairs), head, tail)
+
+
+def _major(skeleton: Skeleton, at: Float) -> list[list[int]]:
+    """The children of each joint that are no twigs."""
+    count = len(skeleton)
+    reach, way, end = np.zeros(count), np.zeros(count), np.arange(count)
+    for j in range(count - 1, 0, -1):
+        up, long = skeleton.parents[j], reach[j] + skeleton.lengths[j]
+        if long >= reach[up]:
+            reach[up], end[up] = long, end[j]
+    for j in range(1, count):
+        way[j] = way[skeleton.parents[j]] + skeleton.lengths[j]
+    below: list[list[int]] = []
+    for j, children in enumerate(skeleton.children):
+        kept = []
+        for c in children:
+            long = reach[c] + skeleton.lengths[c]
+            aside = abs(at[end[c], 0] - at[j, 0]) > _TWIG * long
+            least = max(_SHORT * reach[0], (_SIDE_TWIG if aside else _TWIG) * way[j])
+            if long >= least or len(children) == 1:
+                kept.append(c)
+        if j > 0 and len(kept) > 1 and abs(at[j, 0]) > _ASIDE * reach[0]:
+            kept = [max(kept, key=lambda c: reach[c] + skeleton.lengths[c])]
+        below.append(kept if j == 0 or len(kept) < _MANY else [])
+    return below
+
+
+def _chains(below: list[list[int]]) -> list[tuple[int, ...]]:
+    """From the root and every fork to the next fork or end."""
+    chains, waiting = list[tuple[int, ...]](), [0]
+    while waiting:
+        fork = waiting.pop(0)
+        for child in below[fork]:
+            chain = [fork, child]
+            while len(below[chain[-1]]) == 1:
+                chain.append(below[chain[-1]][0])
+            chains.append(tuple(chain))
+            if below[chain[-1]]:
+                waiting.append(chain[-1])
+    return chains
+
+
+def _trunk(chains: list[tuple[int, ...]], at: Float) -> tuple[int, ...]:
+    """The longest way from the root along chains that end in a fork."""
+    best: tuple[int, ...] = (0,)
+    ways: dict[int, tuple[int, ...]] = {0: (0,)}
+    for chain in chains:
+        if chain[0] in ways:
+            ways[chain[-1]] = (*ways[chain[0]], *chain[1:])
+            if _length(ways[chain[-1]], at) > _length(best, at):
+                best = ways[chain[-1]]
+    return best
+
+
+def _beheaded(
+    trunk: tuple[int, ...], pairs: list[Pair], at: Float
+) -> tuple[tuple[int, ...], list[Pair], Limb | None]:
+    """A trunk that goes on beyond the arms to a fork that has nothing but pairs (ears) ends in a head."""
+    forks = [
+        trunk.index(pair[0].chain[0]) for pair in pairs if pair[0].chain[0] in trunk and not pair[0].grounded
+    ]
+    if not forks or max(forks) != len(trunk) - 1 or min(forks) == len(trunk) - 1:
+        return trunk, pairs, None
+    neck = max(fork for fork in forks if fork < len(trunk) - 1)
+    kept = [pair for pair in pairs if pair[0].chain[0] != trunk[-1]]
+    return trunk[: neck + 1], kept, _limb(trunk[neck:], at)
+
+
+def _length(chain: tuple[int, ...], at: Float) -> float:
+    return float(np.linalg.norm(np.diff(at[list(chain)], axis=0), axis=1).sum())
+
+
+def _limb(chain: tuple[int, ...], at: Float) -> Limb:
+    """A chain with its girdle told from the limb proper."""
+    length = _length(chain, at)
+    bones = np.linalg.norm(np.diff(at[list(chain)], axis=0), axis=1)
+    aside = np.abs(at[list(chain[:-1]), 0]) > _MIDDLE * length
+    second = np.sort(bones[aside])[-2:][0] if aside.any() else 0.0
+    limb = aside & (bones >= _THICK * second) & ~_sideways(at[list(chain)])
+    start = int(limb.argmax()) if limb.any() else 0
+    while start and _length(chain[: start + 1], at) > _GIRDLE * length:
+        start -= 1
+    floor, tall = float(at[:, 1].min()), float(np.ptp(at[:, 1]))
+    end = at[chain[-1]]
+    drop = float(at[list(chain), 1].max() - end[1])
+    grounded = bool(end[1] < floor + _FLOOR * tall and drop > _DROP * tall)
+    return Limb(chain, start, grounded, (float(end[0]), float(end[1]), float(end[2])))
+
+
+def _sideways(points: Float) -> Bool:
+    """(K - 1,) which bones of a chain lead sideways, while what follows turns off (a hip)."""
+    bones, rest = np.diff(points, axis=0), points[-1] - points[1:]
+    lengths = np.linalg.norm(bones, axis=1) * np.maximum(np.linalg.norm(rest, axis=1), 1e-9)
+    along = np.einsum("kc,kc->k", bones, rest) / np.maximum(lengths, 1e-12)
+    across = np.abs(bones[:, 0]) > _SIDEWAYS * np.linalg.norm(bones, axis=1)
+    return np.asarray(across & (along < _ONWARD) & (np.arange(len(bones)) < len(bones) - 1))
+
+
+def _paired(limbs: list[Limb], at: Float, names: tuple[str, ...]) -> tuple[list[Pair], list[Limb]]:
+    """Pairs (left, right), ordered, and the limbs that have no partner.
+
+    Two limbs of a pair are of one length; how a performer holds them says less.
+    """
+    costs = []
+    for a, left in enumerate(limbs):
+        for b, right in enumerate(limbs):
+            if a == b or not _on_sides(left, right, at, names):
+                continue
+            one, other = _length(left.chain, at), _length(right.chain, at)
+            differ = abs(one - other) / max(one, other, 1e-9)
+            if differ < _ALIKE:
+                costs.append((differ + 0.3 * _off_mirror(left, right, at) / max(one, other, 1e-9), a, b))
+    pairs, used = list[Pair](), set[int]()
+    for _, a, b in sorted(costs):
+        if not {a, b} & used:
+            used |= {a, b}
+            pairs.append((limbs[a], limbs[b]))
+    pairs.sort(key=lambda pair: -_ahead(pair, at))
+    return pairs, [limb for k, limb in enumerate(limbs) if k not in used]
+
+
+def _on_sides(left: Limb, right: Limb, at: Float, names: tuple[str, ...]) -> bool:
+    """Whether one limb is on the left and the other on the right, by name or by place."""
+    sides = [side_of(names[limb.chain[-1]]) for limb in (left, right)]
+    if sides != [0, 0]:
+        return sides == [1, -1]
+    apart = float(at[list(left.chain), 0].mean() - at[list(right.chain), 0].mean())
+    return apart > _APART * max(_length(left.chain, at), _length(right.chain, at))
+
+
+def _off_mirror(left: Limb, right: Limb, at: Float) -> float:
+    """Metres that the ends of a limb are away from where the other's are in the mirror."""
+    mirror = np.array([-1.0, 1.0, 1.0])
+    off = np.linalg.norm(at[left.chain[0]] * mirror - at[right.chain[0]])
+    return float(off + np.linalg.norm(np.array(left.end) * mirror - right.end))
+
+
+def _ahead(pair: Pair, at: Float) -> float:
+    """Metres ahead and up where a pair begins, or ends for those that begin at one place."""
+    starts = np.mean([at[limb.proper[0]] for limb in pair], axis=0)
+    ends = np.mean([limb.end for limb in pair], axis=0)
+    return float(starts[2] + starts[1] + 0.1 * (ends[2] + ends[1]))
+
+
+def _ends(single: list[Limb], at: Float) -> tuple[Limb | None, Limb | None]:
+    """Head and tail of the limbs that have no partner."""
+    ways = {limb: np.array(limb.end) - at[limb.chain[0]] for limb in single}
+    scored = sorted(single, key=lambda limb: float(ways[limb][1] + ways[limb][2]))
+    head = scored[-1] if scored and ways[scored[-1]][1:].sum() > 0 else None
+    tail = scored[0] if scored and scored[0] is not head else None
+    return head, tail

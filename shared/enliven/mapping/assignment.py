@@ -1,0 +1,171 @@
+"""Which limb of a source drives which limb of a target: legs to legs, arms to arms, wings or forelegs.
+
+A limb is given the source limb of its kind, in the order from front and top to back and bottom:
+
+- pairs that stand on the floor get pairs that do, the rearmost first; of those that are left over, the
+  foremost gets the arms (a horse's forelegs), the others the same legs again with the sides exchanged, so
+  that neighbours step in turn, as insects do;
+- other pairs (arms, wings, flippers) get arms, or where the source has none, its foremost legs;
+- the head gets the head, with the trunk before it where only one of the two skeletons has a trunk;
+- a tail gets the tail, else the spine; what has no legs (a snake) is moved at its tail by one.
+
+Left goes to left; where all of a kind are in one pair's charge, sides alternate from pair to pair.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+from enliven.mapping.anatomy import Anatomy, Limb, Pair
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One chain of the source and the one of the target that it drives.
+
+    Attributes:
+        source, target: joints, from the one that stays.
+        role: what it is, for whoever reads the mapping.
+        lead: joints of the source before ``source`` whose turn is taken along.
+    """
+
+    source: tuple[int, ...]
+    target: tuple[int, ...]
+    role: str
+    lead: tuple[int, ...] = ()
+
+
+def assigned(source: Anatomy, target: Anatomy) -> list[Drive]:
+    """The drives of a whole body; the turn of the whole is not among them."""
+    drives: list[Drive] = []
+    lent = _lent_legs(source, target)
+    for (left, right), (from_left, from_right), role in _pairs(source, target, lent):
+        drives += [
+            *_limb_drives(from_left, left, f"left {role}"),
+            *_limb_drives(from_right, right, f"right {role}"),
+        ]
+    drives += _middle(source, target)
+    drives += _tail(source, target)
+    return [drive for drive in drives if len(drive.source) > 1 and len(drive.target) > 1]
+
+
+def _lent_legs(source: Anatomy, target: Anatomy) -> tuple[Pair, ...]:
+    """The source's legs that stand in for arms that it has not."""
+    spare = len(source.legs) - max(len(target.legs), 1)
+    return source.legs[: max(spare, 0)] or source.legs[:1]
+
+
+def _pairs(source: Anatomy, target: Anatomy, lent: tuple[Pair, ...]) -> list[tuple[Pair, Pair, str]]:
+    """(target pair, source pair, role) of all the pairs of the target that can be driven."""
+    made: list[tuple[Pair, Pair, str]] = []
+    arms = source.arms or lent
+    legs = source.legs or source.arms
+    standing = list(target.legs)
+    if standing and legs:
+        own = min(len(standing), len(legs))
+        hind = zip(standing[len(standing) - own :], legs[len(legs) - own :], strict=True)
+        for number, (pair, by) in enumerate(hind, 1):
+            made.append((pair, by, "leg" if own == 1 else f"leg {number}"))
+        rest = standing[: len(standing) - own]
+        if rest and source.arms:
+            made.append((rest[0], source.arms[0], "foreleg"))
+            rest = rest[1:]
+        for number, pair in enumerate(reversed(rest), 1):
+            made.append((pair, _exchanged(legs[0], number), f"leg {own + number}"))
+    for number, pair in enumerate(target.arms):
+        if not arms:
+            break
+        by = arms[number] if number < len(arms) else _exchanged(arms[-1], number - len(arms) + 1)
+        made.append((pair, by, "arm" if number == 0 else f"arm {number + 1}"))
+    return made
+
+
+def _exchanged(pair: Pair, times: int) -> Pair:
+    """The pair with its sides exchanged so many times."""
+    return (pair[1], pair[0]) if times % 2 else pair
+
+
+def _limb_drives(source: Limb, target: Limb, role: str) -> list[Drive]:
+    """The limb proper, and the girdle where both have one; else the limb takes the girdle's turn along."""
+    if len(source.girdle) > 1 and len(target.girdle) > 1:
+        return [
+            Drive(source.girdle, target.girdle, f"{role} girdle"),
+            Drive(source.proper, target.proper, role),
+        ]
+    return [Drive(source.proper, target.proper, role, source.girdle[:-1])]
+
+
+def _middle(source: Anatomy, target: Anatomy) -> list[Drive]:
+    """Trunk and head."""
+    head = source.head.chain if source.head else ()
+    if len(target.trunk) > 1 and target.head and target.head.chain[0] == target.trunk[-1]:
+        if len(source.trunk) > 1 and head and head[0] == source.trunk[-1]:
+            return [Drive(source.trunk, target.trunk, "trunk"), Drive(head, target.head.chain, "head")]
+        whole = head or source.trunk
+        return [Drive(whole, (*target.trunk, *target.head.chain[1:]), "trunk and head")]
+    upright = _joined(source.trunk, head)
+    drives = []
+    if len(target.trunk) > 1:
+        drives.append(Drive(source.trunk if len(source.trunk) > 1 else upright, target.trunk, "trunk"))
+    if target.head:
+        drives.append(Drive(upright, target.head.chain, "head"))
+    return drives
+
+
+def _joined(trunk: tuple[int, ...], head: tuple[int, ...]) -> tuple[int, ...]:
+    """Trunk and head as one chain, where one goes on from the other."""
+    if head and head[0] == trunk[-1]:
+        return (*trunk, *head[1:])
+    return head or trunk
+
+
+def _tail(source: Anatomy, target: Anatomy) -> list[Drive]:
+    if target.tail is None:
+        return []
+    if source.tail:
+        return [Drive(source.tail.chain, target.tail.chain, "tail")]
+    legs = source.legs or source.arms
+    if legs and not target.pairs:
+        return [Drive(legs[0][0].chain, target.tail.chain, "tail")]
+    upright = _joined(source.trunk, source.head.chain if source.head else ())
+    return [Drive(upright, target.tail.chain, "tail")]
+
+
+def split(drive: Drive, source_arc: list[float], target_arc: list[float], near: float) -> list[Drive]:
+    """A drive in pieces, cut at the joints that are at nearly the same arc length in both chains.
+
+    So an elbow drives an elbow, though the two are not at quite the same place; within a piece, and where no
+    joints correspond, arc length alone decides, as in AniMesh.
+
+    Args:
+        source_arc, target_arc: arc length 0..1 at the joints of the chains.
+        near: how far apart two joints may be and still be the same.
+    """
+    cuts = [(0, 0), *_same(source_arc, target_arc, near), (len(source_arc) - 1, len(target_arc) - 1)]
+    pieces = [
+        Drive(drive.source[a : c + 1], drive.target[b : d + 1], drive.role)
+        for (a, b), (c, d) in pairwise(cuts)
+    ]
+    first = Drive((*drive.lead, *pieces[0].source), pieces[0].target, drive.role)
+    return [first, *pieces[1:]]
+
+
+def _same(one: list[float], other: list[float], near: float) -> list[tuple[int, int]]:
+    """The most pairs of inner joints that correspond, in order, and of those the nearest ones."""
+    rows, columns = len(one) - 2, len(other) - 2
+    best: dict[tuple[int, int], tuple[float, tuple[tuple[int, int], ...]]] = {}
+
+    def found(i: int, j: int) -> tuple[float, tuple[tuple[int, int], ...]]:
+        if i == 0 or j == 0:
+            return 0.0, ()
+        if (i, j) not in best:
+            options = [found(i - 1, j), found(i, j - 1)]
+            apart = abs(one[i] - other[j])
+            if apart <= near:
+                score, pairs = found(i - 1, j - 1)
+                options.append((score + 1.0 - apart, (*pairs, (i, j))))
+            best[i, j] = max(options, key=lambda option: option[0])
+        return best[i, j]
+
+    return list(found(rows, columns)[1])

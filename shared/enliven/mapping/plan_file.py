@@ -1,0 +1,120 @@
+"""Mapping files: TOML, made to be read and changed by hand.
+
+    rest = "auto"
+    travel = false
+
+    [[chain]]
+    role = "left leg"
+    source = "LeftUpLeg .. LeftLeg"
+    target = "UpperLeg.L .. LowerLeg.L"
+    mode = "pose"
+
+A chain is given by its first and last joint with two points between, by all of its joints in an array, or by
+one joint, which stands for the turn of itself. What is not said is as in :mod:`enliven.mapping.plan`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from enliven.errors import InputError, ResourceError
+from enliven.mapping.plan import ChainPlan, Plan
+from enliven.settings import load_settings
+
+_HEAD = """# What of the performer drives what of the model. Change what you like, and give it with --map.
+# rest: "auto", "mean", "first", "zero", or seconds into the take. mode: "pose" (the model's bones point
+# where the performer's do) or "move" (they move from their own rest pose). Of a chain also: flip,
+# weight (0 to 1), offset (s), speed, loop, extend, mirrored.
+"""
+
+
+def read_plan(path: Path | str) -> Plan:
+    """A mapping from a file.
+
+    Raises:
+        InputError: for an unreadable file, or with the chain and the key that is wrong.
+    """
+    path = Path(path)
+    try:
+        found = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"it is not readable TOML ({error})", where=str(path)) from None
+    listed = found.pop("chain", [])
+    if not isinstance(listed, list) or not all(isinstance(one, Mapping) for one in listed):
+        raise InputError("chain must be tables: [[chain]]", where=str(path))
+    if "chains" in found:
+        raise InputError("unknown key chains", where=str(path), mend="Did you mean [[chain]]?")
+    plan = load_settings(Plan, found, where=str(path))
+    chains = []
+    for number, table in enumerate(listed, 1):
+        where = f"{path}, chain {number}"
+        values = {k: _joints(v) if k in ("source", "target") else v for k, v in table.items()}
+        chain = load_settings(ChainPlan, values, where=where)
+        if not chain.source or not chain.target:
+            mend = 'Give "first .. last" for both.'
+            raise InputError("it needs a source and a target", where=where, mend=mend)
+        if chain.speed == 0.0:
+            raise InputError("a speed of 0 never plays", where=where, mend="Give 1, or -1 for backwards.")
+        chains.append(chain)
+    if not chains:
+        mend = "Write one with --write-map to begin with."
+        raise InputError("it has no [[chain]]", where=str(path), mend=mend)
+    return dataclasses.replace(plan, chains=tuple(chains))
+
+
+def write_plan(plan: Plan, path: Path | str) -> None:
+    """Write a mapping, to be read by :func:`read_plan`.
+
+    Raises:
+        ResourceError: where the file cannot be written.
+    """
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(plan_text(plan), encoding="utf-8")
+    except OSError as error:
+        what = f"the mapping cannot be written ({error.strerror})"
+        raise ResourceError(what, where=str(path), mend="Choose another place with --write-map.") from None
+
+
+def plan_text(plan: Plan) -> str:
+    """The text of a mapping file: what is as usual is left out, but for what one may want to change."""
+    lines = [_HEAD]
+    for field in dataclasses.fields(Plan):
+        value = getattr(plan, field.name)
+        if field.name != "chains" and value is not None:
+            lines.append(f"{field.name} = {_toml(value)}")
+    for chain in plan.chains:
+        lines += ["", "[[chain]]"]
+        for field in dataclasses.fields(ChainPlan):
+            value = getattr(chain, field.name)
+            if field.name in ("source", "target"):
+                value = " .. ".join(value) if len(value) <= 2 and _plain(value) else list(value)
+            elif value == field.default and field.name != "mode":
+                continue
+            lines.append(f"{field.name} = {_toml(value)}")
+    return "\n".join(lines) + "\n"
+
+
+def _joints(value: Any) -> Any:
+    """The joints that a text or an array names; what is neither is left for the settings to refuse."""
+    if not isinstance(value, str):
+        return value
+    parts = value.split(" .. ") if " .. " in value else value.split("..")
+    return [part.strip() for part in parts if part.strip()]
+
+
+def _plain(names: tuple[str, ...]) -> bool:
+    return all(".." not in name and name == name.strip() for name in names)
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML: its basic strings, numbers, booleans and arrays are written as JSON writes them."""
+    return json.dumps(value, ensure_ascii=False)

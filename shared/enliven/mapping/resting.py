@@ -1,0 +1,66 @@
+"""Rest poses of a take: the one it is said against. Any pose will do, since turns are relative to it.
+
+about_itself(clip)         # (N, 4) the mean pose of the take, its heading that of the first frame
+rebased(clip, since)       # the take against another rest pose
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.motion.clip import Clip
+from enliven.rotation import conjugate, multiply, normalized, rotate
+from enliven.skeleton import Skeleton
+
+
+def heading_of(turns: Float) -> Float:
+    """(..., 4) the part of turns (..., 4) that is about +Y: swing and twist, the twist."""
+    twist = np.asarray(turns, np.float64).copy()
+    twist[..., 1] = twist[..., 3] = 0.0
+    return normalized(twist)
+
+
+def mean_turn(turns: Float) -> Float:
+    """(4,) the mean of rotations (F, 4): the largest eigenvector of sum q q^T (Markley et al. 2007)."""
+    _, vectors = np.linalg.eigh(turns.T @ turns)
+    mean = vectors[:, -1]
+    return np.asarray(mean if mean[0] >= 0 else -mean)
+
+
+def about_itself(clip: Clip) -> Float:
+    """(N, 4) world turns of the pose that a take moves about: of each bone the mean turn in the one before.
+
+    The heading is that of the first frame: whoever turns round in a take has no mean of it.
+    """
+    parents = clip.skeleton.parents
+    heading = heading_of(clip.turns[:, 0])
+    since = np.empty((len(parents), 4))
+    since[0] = multiply(heading[0], mean_turn(multiply(conjugate(heading), clip.turns[:, 0])))
+    for j in range(1, len(parents)):
+        local = multiply(conjugate(clip.turns[:, parents[j]]), clip.turns[:, j])
+        since[j] = multiply(since[parents[j]], mean_turn(local))
+    return since
+
+
+def at_moment(clip: Clip, seconds: float) -> Float:
+    """(N, 4) world turns of the pose at a time of the take."""
+    frame = int(np.clip(round(seconds / clip.step), 0, len(clip.turns) - 1))
+    return np.asarray(clip.turns[frame])
+
+
+def posed(skeleton: Skeleton, turns: Float) -> Skeleton:
+    """The skeleton in a pose of world turns (N, 4), its root where it is."""
+    at = skeleton.positions.copy()
+    vectors = rotate(turns, skeleton.vectors)
+    for j in range(1, len(skeleton)):
+        at[j] = at[skeleton.parents[j]] + vectors[j]
+    return replace(skeleton, positions=at)
+
+
+def rebased(clip: Clip, since: Float) -> Clip:
+    """The same motion against another rest pose, of world turns ``since`` (N, 4) from the present one."""
+    turns = multiply(clip.turns, conjugate(since))
+    return replace(clip, skeleton=posed(clip.skeleton, since), turns=turns)
