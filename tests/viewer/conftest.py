@@ -11,6 +11,9 @@ import pytest
 from enliven.body import BONES, Body
 from enliven.character import Character, SkinWeights
 from enliven.errors import ResourceError
+from enliven.mesh import Mesh
+from enliven.shape import Shape, still_shape
+from enliven.skeleton import Skeleton
 from enliven_viewer.render.context import offscreen_context
 
 SQUARES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -81,3 +84,35 @@ def gl() -> Iterator[moderngl.Context]:
         pytest.skip(f"no OpenGL here: {error}")
     yield ctx
     ctx.release()
+
+
+@pytest.fixture
+def make_limb() -> Callable[..., Shape]:
+    """A closed square tube along +Y with a chain of bones in it, weighted rigidly."""
+
+    def make(
+        name: str = "limb", bones: int = 4, length: float = 1.0, at: tuple[float, ...] = (0.0, 0.2, 0.0)
+    ) -> Shape:
+        heights = np.linspace(0.0, length, bones + 1)
+        rings = np.linspace(0.0, length, 4 * bones + 1)
+        square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * 0.06
+        places = [[x, y, z] for y in rings for x, z in square]
+        sides = [
+            f
+            for ring in range(len(rings) - 1)
+            for k in range(4)
+            for a, b in [(4 * ring + k, 4 * ring + (k + 1) % 4)]
+            for f in ((a, b, a + 4), (b, b + 4, a + 4))
+        ]
+        top = 4 * (len(rings) - 1)
+        faces = np.array([*sides, (0, 2, 1), (0, 3, 2), (top, top + 1, top + 2), (top, top + 2, top + 3)])
+        mesh = Mesh(np.array(places) + at, faces[:, ::-1], name)
+        indices = np.zeros((len(places), 4), np.uint16)
+        indices[:, 0] = 1 + np.clip((np.array(places)[:, 1] / length * bones).astype(int), 0, bones - 1)
+        weights = np.tile(np.float32([1, 0, 0, 0]), (len(places), 1))
+        names = tuple(f"{name} {k}" for k in range(bones + 1))
+        joints = np.stack([np.zeros(bones + 1), heights, np.zeros(bones + 1)], 1) + at
+        skeleton = Skeleton(names, np.arange(-1, bones, dtype=np.int32), joints)
+        return still_shape(name, skeleton, mesh, SkinWeights(indices, weights))
+
+    return make

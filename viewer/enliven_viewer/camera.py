@@ -116,6 +116,17 @@ class OrbitCamera:
         self._goal[3] += across
         self._goal[4] = min(max(self._goal[4] + up, LOWEST), HIGHEST)
 
+    @property
+    def target(self) -> Float:
+        """(3,) metres, what the camera looks at now."""
+        return self._now[:3].copy()
+
+    def face(self, azimuth: float, elevation: float) -> None:
+        """Look from a side: radians around the target from +Z towards +X, and up."""
+        turns = round((self._goal[3] - azimuth) / (2 * math.pi))
+        self._goal[3] = azimuth + 2 * math.pi * turns
+        self._goal[4] = min(max(elevation, LOWEST), HIGHEST)
+
     def pan(self, across: float, up: float) -> None:
         """Move the target by fractions of the picture's height to the right and up."""
         span = 2 * math.tan(self.field_of_view / 2) * math.exp(self._goal[5])

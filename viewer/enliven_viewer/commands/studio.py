@@ -37,14 +37,13 @@ def studio(
     # Heavy modules are imported only here, so that the help is quick.
     from enliven_viewer.studio.desk import Desk
     from enliven_viewer.studio.editor import Editor
-    from enliven_viewer.studio.files import open_file
-    from enliven_viewer.studio.motions import library
     from enliven_viewer.studio.settings import StudioSettings
     from enliven_viewer.studio.window import StudioWindow
 
     chosen = load_settings(StudioSettings, settings) if settings else StudioSettings()
-    editor = Editor(chosen)
-    editor.edit("library", lambda project: project.with_takes(*library()))
+    desk = Desk.new(Editor(chosen))
     for file in files or []:
-        open_file(editor, file)
-    StudioWindow(Desk.of(editor)).run(seconds=seconds)
+        desk.open(file)
+    if desk.cabinet.recoverable():
+        desk.ask("recover")
+    StudioWindow(desk).run(seconds=seconds)

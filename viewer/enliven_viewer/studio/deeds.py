@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from enliven.matching.symmetry import equal_limbs
 from enliven.modeling.copying import copy_shape, mirror_shape, paste_shape, scale_shape
 from enliven.modeling.posing import turn_bone
+from enliven.modeling.spread import spread_motion
 from enliven.motion.copying import copy_motion
 from enliven.motion.retarget import clear_chain
 from enliven.project import Project
@@ -16,8 +18,8 @@ from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.nodes import remove
 
-_ASIDE = 0.35
-"""Of a shape's width (and at least as many metres / 2): how far a copy is put beside it."""
+_ASIDE = 0.3
+"""Metres between the bones of a shape and those of a copy that is put beside it."""
 
 
 class Deeds:
@@ -31,6 +33,7 @@ class Deeds:
     def __init__(self, editor: Editor, ask: Callable[[str], None] = lambda dialogue: None) -> None:
         self.editor, self.ask = editor, ask
         self._shape: tuple[Project, str] | None = None
+        self._pasted = 0
         self._motion: tuple[str, tuple[int, ...]] | None = None
 
     def play(self) -> None:
@@ -61,14 +64,14 @@ class Deeds:
         """Remember the chosen shape with its motion."""
         shape = self._chosen()
         if shape is not None:
-            self._shape = (self.editor.project, shape)
+            self._shape, self._pasted = (self.editor.project, shape), 0
             self.editor.toasts.say(f"Copied {shape} with its motion", "Ctrl+V puts a copy beside it.")
 
     def cut_out(self) -> None:
         """Remember the chosen shape and take it away."""
         shape = self._chosen()
         if shape is not None:
-            self._shape = (self.editor.project, shape)
+            self._shape, self._pasted = (self.editor.project, shape), -1
             self.editor.edit(f"cut out {shape}", lambda project: project.without_shape(shape))
 
     def paste(self) -> None:
@@ -77,7 +80,8 @@ class Deeds:
             self.editor.toasts.say("No shape was copied", "Choose one and press Ctrl+C first.")
             return
         source, name = self._shape
-        offset, made = self._aside(source, name), []
+        self._pasted += 1
+        offset, made = self._aside(source, name) * self._pasted, []
 
         def change(project: Project) -> Project:
             project, copy = paste_shape(project, source, name, offset=offset)
@@ -152,6 +156,22 @@ class Deeds:
                 ),
             )
 
+    def spread(self) -> None:
+        """Give the motion of the chosen limb to the limbs that are equal to it."""
+        chosen = self.editor.selection
+        joint = chosen.joint if chosen.joint is not None else (chosen.chain[-1] if chosen.chain else None)
+        if chosen.shape is None or joint is None:
+            self.editor.toasts.say("No limb is chosen", "Click a node of the limb that moves.")
+            return
+        shape = chosen.shape
+        groups = equal_limbs(self.editor.project.shapes[shape].skeleton)
+        group = next((group for group in groups if group.limb_of(joint) >= 0), None)
+        if group is None:
+            self.editor.toasts.say("No limb is equal to this one", "Copy its motion chain by chain instead.")
+            return
+        if self.editor.edit("same on equal limbs", lambda p: spread_motion(p, shape, group, joint)):
+            self.editor.toasts.say(f"{len(group.limbs)} limbs move alike", "Shift their bars for a delay.")
+
     def clear_motion(self) -> None:
         """Take all motion off the chosen chain, or off the whole chosen shape."""
         chosen = self.editor.selection
@@ -189,8 +209,7 @@ class Deeds:
         lens, points = self.editor.lens, source.shapes[name].skeleton.positions
         right = lens.view.camera_from_world[0, :3]
         wide = float(np.ptp(points @ right))
-        count = sum(shape.startswith(name.rstrip(" 0123456789")) for shape in self.editor.project.shapes)
-        way = np.asarray(right * (wide + _ASIDE) * max(count, 1))
+        way = np.asarray(right * (wide + _ASIDE))
         way[1] = 0.0
         return way
 
@@ -227,6 +246,7 @@ DEEDS = (
     Deed("Edit", "Duplicate shape", ("ctrl+d",), Deeds.duplicate),
     Deed("Edit", "Copy motion", ("ctrl+shift+c",), Deeds.copy_motion),
     Deed("Edit", "Paste motion", ("ctrl+shift+v",), Deeds.paste_motion),
+    Deed("Edit", "Same motion on equal limbs", ("ctrl+shift+d",), Deeds.spread),
     Deed("Edit", "Clear motion", ("ctrl+shift+x",), Deeds.clear_motion),
     Deed("Edit", "Delete", ("delete", "backspace"), Deeds.delete),
     Deed("Shape", "Mirror left to right", ("ctrl+m",), Deeds.mirror),
@@ -241,6 +261,10 @@ DEEDS = (
     Deed("View", "To the start", ("home",), lambda d: d.editor.scrub(0.0)),
     Deed("View", "To the end", ("end",), lambda d: d.editor.scrub(d.editor.length)),
     Deed("View", "Frame everything", ("f",), lambda d: d.editor.frame_all()),
+    Deed("View", "From the front", ("1",), lambda d: d.editor.camera.face(0.0, 0.0)),
+    Deed("View", "From the right", ("3",), lambda d: d.editor.camera.face(np.pi / 2, 0.0)),
+    Deed("View", "From the back", ("2",), lambda d: d.editor.camera.face(np.pi, 0.0)),
+    Deed("View", "From above", ("7",), lambda d: d.editor.camera.face(0.0, np.pi / 2)),
     Deed("View", "Bones", ("b",), Deeds.bones),
     Deed("Help", "Keys", ("f1", "h"), lambda d: d.ask("help")),
 )

@@ -2,40 +2,123 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from pathlib import Path
 
-from enliven.errors import InputError
+from enliven.errors import EnlivenError, InputError
+from enliven.project import Project
+from enliven_viewer.studio.browser import Browser
+from enliven_viewer.studio.cabinet import PROJECT, Cabinet
+from enliven_viewer.studio.deeds import Deeds
 from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.files import MODELS, TAKES, add_file, export
 from enliven_viewer.studio.hand import Hand
+from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.timeline_hand import TimelineHand
 
 Rectangle = tuple[float, float, float, float]
 """Left, top, right, bottom in the window's pixels."""
 
 
-@dataclass
 class Desk:
     """Everything that panels draw and change; it lives without a window as well.
 
     Attributes:
         widgets: where each widget was drawn last, by name, so that a session can click on it.
-        asking: the id of the dialogue that is open, or empty.
+        asking: the dialogue that is open, or empty.
+        browser: what a dialogue about files shows.
         caption: what a session says of what it does; empty in an artist's hands.
         pressed: the key that a session presses just now.
+        over: whether the studio is to end.
     """
 
-    editor: Editor
-    hand: Hand
-    timeline: TimelineHand
-    widgets: dict[str, Rectangle] = field(default_factory=dict)
-    asking: str = ""
-    caption: str = ""
-    pressed: str = ""
+    def __init__(self, editor: Editor, folder: Path | None = None) -> None:
+        self.editor = editor
+        self.hand = Hand(editor, Deeds(editor, self.ask))
+        self.timeline = TimelineHand(editor)
+        self.cabinet = Cabinet(editor, folder)
+        self.widgets: dict[str, Rectangle] = {}
+        self.asking = self.caption = self.pressed = ""
+        self.browser: Browser | None = None
+        self.over = False
+        self._after = ""
+        self._wanted: Path | None = None
 
     @classmethod
-    def of(cls, editor: Editor) -> Desk:
-        """A desk for an editor."""
-        return cls(editor, Hand(editor), TimelineHand(editor))
+    def new(cls, editor: Editor, folder: Path | None = None) -> Desk:
+        """A desk with an empty project and the library of motions."""
+        desk = cls(editor, folder)
+        desk.cabinet.new(Project().with_takes(*library()))
+        return desk
+
+    def ask(self, dialogue: str) -> None:
+        """Open a dialogue, or do at once what needs none."""
+        if dialogue in ("new", "quit") and self.cabinet.dirty:
+            self._after, self.asking = dialogue, "unsaved"
+        elif dialogue == "new":
+            self.cabinet.new(Project().with_takes(*library()))
+        elif dialogue == "quit":
+            self.over = True
+        elif dialogue == "save" and self.cabinet.path is not None:
+            self.attempt(self.cabinet.save)
+        elif dialogue in ("open", "save", "save as", "export"):
+            self._browse("save as" if dialogue == "save" else dialogue)
+        else:
+            self.asking = dialogue
+
+    def open(self, path: Path) -> None:
+        """Add a model or take, or open a project; asks first where work would be lost.
+
+        Raises:
+            InputError: where the file cannot be read.
+        """
+        if path.suffix.lower() != PROJECT:
+            add_file(self.editor, path)
+        elif self.cabinet.dirty:
+            self._after, self._wanted, self.asking = "open", path, "unsaved"
+        else:
+            self.cabinet.open(path)
+
+    def chosen(self, path: Path) -> None:
+        """A file was chosen in the dialogue.
+
+        Raises:
+            EnlivenError: where it cannot be read or written.
+        """
+        dialogue, self.asking = self.asking, ""
+        if dialogue == "open":
+            self.open(path)
+        elif dialogue == "export":
+            count = export(self.editor.project, path)
+            self.editor.toasts.say(f"Wrote {count} shape{'s' * (count != 1)} to {path.name}")
+        else:
+            self.cabinet.save(path)
+            self._go_on()
+
+    def go_on(self, *, discard: bool) -> None:
+        """What was asked for goes on: without saving, or after saving."""
+        self.asking = ""
+        if discard:
+            self.cabinet.forget()
+            self._go_on()
+        elif self.cabinet.path is not None:
+            if self.attempt(self.cabinet.save):
+                self._go_on()
+        else:
+            self._browse("save as")
+
+    def cancel(self) -> None:
+        """Close the dialogue; nothing goes on."""
+        self.asking, self._after, self._wanted = "", "", None
+
+    def attempt(self, deed: Callable[[], object]) -> bool:
+        """Do something that may fail; where it does, say so."""
+        try:
+            deed()
+        except EnlivenError as error:
+            self.editor.toasts.complain(error)
+            return False
+        return True
 
     def widget(self, name: str) -> Rectangle:
         """Where a widget was drawn last.
@@ -45,9 +128,8 @@ class Desk:
         """
         if name not in self.widgets:
             known = ", ".join(sorted(self.widgets))
-            raise InputError(
-                f"there is no widget {name!r} on the screen", where="session", mend=f"Known: {known}."
-            )
+            what = f"there is no widget {name!r} on the screen"
+            raise InputError(what, where="session", mend=f"Known: {known}.")
         return self.widgets[name]
 
     def remember(self, name: str) -> None:
@@ -56,3 +138,19 @@ class Desk:
 
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self.widgets[name] = (low.x, low.y, high.x, high.y)
+
+    def _browse(self, dialogue: str) -> None:
+        folder = self.cabinet.path.parent if self.cabinet.path else Path.cwd()
+        endings = {"open": (PROJECT, *MODELS, *TAKES), "save as": (PROJECT,), "export": (".glb",)}[dialogue]
+        name = "" if dialogue == "open" else self.cabinet.name + endings[0]
+        self.browser = Browser(folder, endings, name, dialogue != "open")
+        self.asking = dialogue
+
+    def _go_on(self) -> None:
+        """Do what waited for the work to be saved or given up."""
+        after, self._after = self._after, ""
+        wanted, self._wanted = self._wanted, None
+        if after == "open" and wanted is not None:
+            self.attempt(lambda: self.cabinet.open(wanted))
+        elif after:
+            self.ask(after)

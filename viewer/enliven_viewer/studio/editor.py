@@ -93,6 +93,12 @@ class Editor:
         self.project.shape(shape_id)
         return next(stance for stance in self.stances if stance.shape.id == shape_id)
 
+    def begin(self, project: Project) -> None:
+        """Another project, with no past."""
+        self.history, self.draft = History(project), None
+        self.selection, self.time, self.playing = Selection(), 0.0, False
+        self.frame_all()
+
     def edit(self, name: str, change: Edit) -> bool:
         """Do an edit and remember it; where it cannot be done, say why and change nothing."""
         self.draft = None

@@ -21,9 +21,8 @@ class Hand:
         deeds: what keys and menus do.
     """
 
-    def __init__(self, editor: Editor, deeds: Deeds | None = None) -> None:
-        self.editor = editor
-        self.deeds = deeds or Deeds(editor)
+    def __init__(self, editor: Editor, deeds: Deeds) -> None:
+        self.editor, self.deeds = editor, deeds
         self.tools = {kind.name: kind(editor) for kind in TOOLS}
         self.tool: Tool = self.tools[TOOLS[0].name]
         self.at: Point = (0.0, 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-MENU, TOOLS, SIDE, TIMELINE = 27.0, 92.0, 288.0, 196.0
+MENU, TOOLS, SIDE, TIMELINE = 23.0, 92.0, 288.0, 196.0
 
 
 class Area(NamedTuple):

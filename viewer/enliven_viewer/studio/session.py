@@ -18,8 +18,8 @@ import numpy as np
 
 from enliven.errors import InputError
 from enliven_viewer.studio.desk import Desk
-from enliven_viewer.studio.files import open_file
 from enliven_viewer.studio.overlay import Point
+from enliven_viewer.studio.places import places_in
 from enliven_viewer.studio.source_view import SourceView
 from enliven_viewer.studio.tools.map import Map
 
@@ -130,13 +130,14 @@ class Drag:
 
     Attributes:
         button: 0 left, 1 right (turns the view), 2 middle.
+        shift: whether Shift is held.
         seconds: that the way takes.
     """
 
     places: tuple[Place, ...]
     seconds: float = 0.9
     button: int = 0
-    hold: bool = False
+    shift: bool = False
 
 
 @dataclass(frozen=True)
@@ -207,12 +208,15 @@ def _steps_of(action: Action, stage: Stage) -> Iterator[None]:
     if isinstance(action, Say):
         desk.caption = action.text
     elif isinstance(action, Open):
-        open_file(desk.editor, action.path)
+        desk.open(action.path)
     elif isinstance(action, Key):
         desk.pressed = action.key
         stage.key(action.key)
         yield from _pause(0.35, stage)
         desk.pressed = ""
+    elif isinstance(action, Click) and isinstance(action.place, Widget) and isinstance(stage, DeskStage):
+        stage.activate(action.place.name)
+        yield
     elif isinstance(action, Click):
         yield from _glide(stage, action.place, stage.pace)
         stage.shift(action.shift)
@@ -252,6 +256,7 @@ def _glide(stage: Stage, place: Place, seconds: float) -> Iterator[None]:
 
 def _drag(action: Drag, stage: Stage) -> Iterator[None]:
     yield from _glide(stage, action.places[0], stage.pace)
+    stage.shift(action.shift)
     yield
     stage.button(action.button, True)
     yield
@@ -264,10 +269,10 @@ def _drag(action: Drag, stage: Stage) -> Iterator[None]:
         eased = share * share * (3 - 2 * share) if len(points) == 2 else share
         stage.move(_along(points, eased))
         yield
-    if not action.hold:
-        yield from _pause(0.15, stage)
+    yield from _pause(0.15, stage)
     stage.button(action.button, False)
     yield
+    stage.shift(False)
     yield from _pause(0.2, stage)
 
 
@@ -351,6 +356,9 @@ class DeskStage:
 
     def __init__(self, desk: Desk) -> None:
         self.desk, self.at = desk, (0.0, 0.0)
+        area = places_in(desk.editor.settings.width, desk.editor.settings.height).viewport
+        desk.editor.size = (area.width, area.height)
+        desk.editor.frame_all(at_once=True)
         self._shift = False
         self._in = ""
 
@@ -394,7 +402,31 @@ class DeskStage:
         return 2 * _AREA, 0.0
 
     def widget(self, name: str) -> Point:
-        raise InputError(f"there is no window, so no {name!r}", where="session", mend="Use a key.")
+        raise InputError(f"there is no window, so {name!r} has no place", where="session", mend="Use a key.")
+
+    def activate(self, name: str) -> None:
+        """What a click on a widget does, for those that a session needs.
+
+        Raises:
+            InputError: for one that it does not know.
+        """
+        kind, _, rest = name.partition(" ")
+        mapping = self.desk.hand.tools["map"]
+        assert isinstance(mapping, Map)
+        if kind == "tool":
+            self.desk.hand.take(rest)
+        elif kind == "take":
+            self.desk.hand.take("map")
+            mapping.source.show(rest)
+        elif kind == "loop":
+            mapping.loop = not mapping.loop
+        elif kind == "find":
+            mapping.rank()
+        elif kind == "match":
+            mapping.accept(mapping.offered[int(rest)])
+            mapping.offered = []
+        else:
+            raise InputError(f"there is no window, so {name!r} cannot be clicked", where="session")
 
     def _area(self) -> str:
         return ("viewport", "source", "timeline")[min(int(self.at[0] // (_AREA / 2) + 1) // 2, 2)]

@@ -12,6 +12,7 @@ from imgui_bundle import hello_imgui, imgui
 from enliven.arrays import UInt8
 from enliven_viewer.render.context import window_context
 from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.panels.dialogs import draw_dialogs
 from enliven_viewer.studio.panels.menu import draw_menu
 from enliven_viewer.studio.panels.over import draw_over
 from enliven_viewer.studio.panels.side import draw_side
@@ -27,6 +28,7 @@ _LONGEST_STEP = 0.1
 """Seconds: after a longer picture the playhead goes on from where it was."""
 KEYS = {
     **{letter: getattr(imgui.Key, letter) for letter in "abcdefghijklmnopqrstuvwxyz"},
+    **{str(k): getattr(imgui.Key, f"_{k}") for k in range(1, 10)},
     "space": imgui.Key.space,
     "left": imgui.Key.left_arrow,
     "right": imgui.Key.right_arrow,
@@ -92,6 +94,7 @@ class StudioWindow:
         calls.post_init = self._start
         calls.custom_background = self._picture
         calls.show_gui = self._gui
+        calls.confirm_exit = self._may_close
         if register_tests is not None:
             runner.use_imgui_test_engine = True
             calls.register_tests = register_tests
@@ -114,6 +117,11 @@ class StudioWindow:
     def close(self) -> None:
         """Close the window after this picture."""
         hello_imgui.get_runner_params().app_shall_exit = True
+
+    def _may_close(self) -> bool:
+        """Whether the window's own button may close it; where work would be lost, it is asked for."""
+        self.desk.ask("quit")
+        return self.desk.over
 
     def pixels(self) -> UInt8:
         """(H, W, 3) sRGB of what is on the screen, top row first; to be asked for after a picture."""
@@ -192,7 +200,12 @@ class StudioWindow:
         tool = self.desk.hand.tool
         if isinstance(tool, Map) and self._source is not None:
             draw_source(self.desk, tool, places.viewport, self._source.renderer.picture.texture.glo)
+        draw_dialogs(self.desk)
         self._listen(places.viewport)
+        self.desk.cabinet.keep()
+        if self.desk.over:
+            self.desk.cabinet.close()
+            self.close()
 
     def _listen(self, area: Area) -> None:
         io, hand = imgui.get_io(), self.desk.hand

@@ -1,4 +1,4 @@
-"""The panel at the right: shapes, takes, and what can be said of what is chosen."""
+"""The panel at the right: shapes, what is chosen, its motion, and takes."""
 
 from __future__ import annotations
 
@@ -6,18 +6,29 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
+from enliven.motion.layers import Layer
+from enliven.project import Project
 from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.editor import Edit
+from enliven_viewer.studio.naming import renamed
 from enliven_viewer.studio.panels.style import heading, panel, quiet
+from enliven_viewer.studio.performance import used_layers
 from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.tools.map import Map
 from enliven_viewer.studio.viewport import clay_of
+
+_HALF = ImVec2(126, 0)
 
 
 def draw_side(desk: Desk, area: Area) -> None:
     """Everything in the right panel."""
     with panel("side", area):
         _shapes(desk)
-        _chosen_shape(desk)
-        _chosen_layer(desk)
+        if desk.editor.selection.shape is not None:
+            _chosen_shape(desk, desk.editor.selection.shape)
+        if desk.editor.selection.layer is not None:
+            _chosen_layer(desk, desk.editor.project.layers[desk.editor.selection.layer])
+        _takes(desk)
 
 
 def _shapes(desk: Desk) -> None:
@@ -31,47 +42,91 @@ def _shapes(desk: Desk) -> None:
         tint = ImVec4(clay[0] / 255, clay[1] / 255, clay[2] / 255, 1.0)
         imgui.color_button(f"##clay {shape.id}", tint, flags, ImVec2(14, 14))
         imgui.same_line()
-        chosen = editor.selection.shape == shape.id
-        if imgui.selectable(f"{shape.id}##shape", chosen)[0]:
+        if imgui.selectable(f"{shape.id}##shape", editor.selection.shape == shape.id)[0]:
             editor.select(shape=shape.id)
         desk.remember(f"shape {shape.id}")
 
 
-def _chosen_shape(desk: Desk) -> None:
-    editor = desk.editor
-    if editor.selection.shape is None:
+def _chosen_shape(desk: Desk, name: str) -> None:
+    editor, deeds = desk.editor, desk.hand.deeds
+    shape = editor.project.shapes[name]
+    heading("Chosen shape")
+    imgui.set_next_item_width(-1)
+    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+    typed, wanted = imgui.input_text("##name", name, flags)
+    desk.remember("name")
+    if typed and wanted.strip() and wanted != name:
+        if editor.edit("rename", lambda project: renamed(project, name, wanted.strip())):
+            editor.select(shape=wanted.strip())
         return
-    shape = editor.project.shapes[editor.selection.shape]
-    heading("Chosen")
     bones = len(shape.skeleton) - 1
     surface = f"{len(shape.mesh.vertices):,} vertices" if shape.mesh is not None else "no surface"
-    quiet(f"{bones} bone{'s' * (bones != 1)}, {surface}")
-    if editor.selection.joint is not None:
-        quiet(f"node {shape.skeleton.names[editor.selection.joint]}")
+    node = editor.selection.joint
+    told = f"{bones} bone{'s' * (bones != 1)}, {surface}"
+    quiet(told if node is None else f"{told}, node {shape.skeleton.names[node]}")
+    for label, deed in (
+        ("Duplicate", deeds.duplicate),
+        ("Mirror", deeds.mirror),
+        ("Larger", lambda: deeds.scale(1.1)),
+        ("Smaller", lambda: deeds.scale(1 / 1.1)),
+        ("Turn left", lambda: deeds.turn(15.0)),
+        ("Turn right", lambda: deeds.turn(-15.0)),
+        ("Same on equal limbs", deeds.spread),
+        ("Clear motion", deeds.clear_motion),
+    ):
+        if imgui.button(label, _HALF):
+            deed()
+        desk.remember(f"do {label}")
+        if label in ("Duplicate", "Larger", "Turn left", "Same on equal limbs"):
+            imgui.same_line()
 
 
-def _chosen_layer(desk: Desk) -> None:
+def _chosen_layer(desk: Desk, layer: Layer) -> None:
     editor = desk.editor
-    if editor.selection.layer is None:
-        return
-    layer = editor.project.layers[editor.selection.layer]
-    heading("Layer")
-    imgui.text(layer.id)
+    heading("Chosen motion")
+    imgui.text_unformatted(layer.id)
+    quiet(f"take {layer.take}")
+    _slider(desk, layer, "weight", layer.weight, 0.0, 1.0, "weight %.2f")
+    _slider(desk, layer, "offset", layer.offset, -5.0, 5.0, "begins at %.2f s")
+    _slider(desk, layer, "speed", layer.speed, -3.0, 3.0, "speed %.2f")
+    for label in ("loop", "muted"):
+        toggled, on = imgui.checkbox(label, getattr(layer, label))
+        if toggled:
+            editor.edit(label, _setting(layer.id, label, on))
+        if label == "loop":
+            imgui.same_line()
 
-    def change(name: str, **changes: object) -> None:
-        editor.edit(name, lambda project: project.with_layers(replace(layer, **changes)))  # type: ignore[arg-type]
 
-    imgui.set_next_item_width(-70)
-    changed, weight = imgui.slider_float("weight", layer.weight, 0.0, 1.0, "%.2f")
-    if changed:
-        held = editor.project.layers[layer.id]
-        editor.sketch(lambda project: project.with_layers(replace(held, weight=weight)))
+def _slider(desk: Desk, layer: Layer, name: str, value: float, low: float, high: float, said: str) -> None:
+    """A number of a layer: shown while it is dragged, remembered as one edit when it is let go."""
+    imgui.set_next_item_width(-1)
+    changed, wanted = imgui.slider_float(f"##{name}", value, low, high, said)
+    desk.remember(f"layer {name}")
+    if changed and (name != "speed" or abs(wanted) > 0.02):
+        desk.editor.sketch(lambda project: _changed(project, layer.id, name, wanted))
     if imgui.is_item_deactivated_after_edit():
-        change("weight", weight=editor.project.layers[layer.id].weight)
-    toggled, loop = imgui.checkbox("loop", layer.loop)
-    if toggled:
-        change("loop", loop=loop)
-    imgui.same_line()
-    toggled, muted = imgui.checkbox("mute", layer.muted)
-    if toggled:
-        change("mute", muted=muted)
+        last = getattr(desk.editor.project.layers[layer.id], name)
+        desk.editor.edit(f"change {name}", lambda project: _changed(project, layer.id, name, last))
+
+
+def _setting(layer: str, name: str, value: object) -> Edit:
+    return lambda project: _changed(project, layer, name, value)
+
+
+def _changed(project: Project, layer: str, name: str, value: object) -> Project:
+    return project.with_layers(replace(project.layers[layer], **{name: value}))  # type: ignore[arg-type]
+
+
+def _takes(desk: Desk) -> None:
+    editor = desk.editor
+    heading("Takes")
+    used = {layer.take for layer in used_layers(editor.project)}
+    mapping = desk.hand.tools["map"]
+    assert isinstance(mapping, Map)
+    for name, take in editor.project.takes.items():
+        shown = mapping.source.take == name and desk.hand.tool is mapping
+        label = f"{name}   {take.duration:.1f} s" + ("  · in use" if name in used else "")
+        if imgui.selectable(f"{label}##take {name}", shown)[0]:
+            desk.hand.take("map")
+            mapping.source.show(name)
+        desk.remember(f"take {name}")

@@ -33,6 +33,7 @@ def draw_source(desk: Desk, tool: Map, viewport: Area, texture: int | None) -> N
     tool.source.size = (max(size.x, 1.0), max(size.y - 34, 1.0))
     _picture(desk, tool, texture)
     _, tool.loop = imgui.checkbox("loop", tool.loop)
+    desk.remember("loop")
     imgui.same_line()
     if imgui.button("Find matches", ImVec2(-1, 0)):
         tool.rank()
@@ -49,7 +50,6 @@ def _takes(desk: Desk, tool: Map) -> None:
         for name in takes:
             if imgui.selectable(name, name == tool.source.take)[0]:
                 tool.source.show(name)
-            desk.remember(f"take {name}")
         imgui.end_combo()
     desk.remember("takes")
     if not takes:

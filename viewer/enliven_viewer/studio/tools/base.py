@@ -9,6 +9,9 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.overlay import Overlay, Point
 from enliven_viewer.studio.picking import Hit, bone_at, joint_at, surface_at
 
+_AS_NEAR = 3.0
+"""Pixels: after a cut, two joints are at one place."""
+
 
 @dataclass(frozen=True)
 class Pointer:
@@ -72,9 +75,14 @@ class Tool:
         return Overlay(chain=self._chosen_chain(), hovered=hovered)
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
-        """The joint under the pointer, or else the bone."""
+        """The joint under the pointer, or else the bone; of two as near, the chosen shape's."""
         reach, lens, stances = self.editor.settings.reach, self.editor.lens, self.editor.stances
-        return joint_at(stances, lens, pointer.at, reach) or bone_at(stances, lens, pointer.at, reach * 0.7)
+        chosen = [s for s in stances if s.shape.id == self.editor.selection.shape]
+        for pick, within in ((joint_at, reach), (bone_at, reach * 0.7)):
+            hit, mine = pick(stances, lens, pointer.at, within), pick(chosen, lens, pointer.at, within)
+            if hit is not None:
+                return mine if mine is not None and mine.pixels <= hit.pixels + _AS_NEAR else hit
+        return None
 
     def shape_at(self, pointer: Pointer) -> Hit | None:
         """The joint, the bone or the surface under the pointer."""

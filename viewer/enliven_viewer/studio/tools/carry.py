@@ -106,7 +106,6 @@ class Carry(Tool):
             at = graft.along if graft.joint and graft.along < 1.0 else 1.0
             return merge(project, graft.shape, graft.joint, shape_id, time, at=at)[0]
 
-        # The root is put on the node exactly: the drag only chose which.
         if self.editor.edit(f"merge {shape_id}", change):
             self.editor.select(shape=graft.shape)
             self.editor.toasts.say(f"{shape_id} is now part of {graft.shape}", "Ctrl+Z takes them apart.")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.modeling.cut import cut_bone
+from enliven.modeling.cut_stroke import cut_stroke
+from enliven.modeling.cut_surfaces import StrokeCut
 from enliven.project import Project
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.overlay import Disc, Line, Overlay, Point
@@ -47,7 +48,10 @@ class Cut(Tool):
         if np.hypot(pointer.at[0] - last[0], pointer.at[1] - last[1]) >= _APART:
             self._stroke.append(pointer.at)
             editor = self.editor
-            self._crossed = crossings(editor.stances, editor.lens, np.array(self._stroke))
+            found = crossings(editor.stances, editor.lens, np.array(self._stroke))
+            # Where the chosen shape is crossed, what lies behind or before it is not meant.
+            mine = [hit for hit in found if hit.shape == editor.selection.shape]
+            self._crossed = mine or found
 
     def release(self, pointer: Pointer) -> None:
         stroke, crossed = self._stroke, self._crossed
@@ -57,18 +61,29 @@ class Cut(Tool):
         if not crossed:
             self.editor.toasts.say("The stroke crosses no bone", "Draw it across a limb, from side to side.")
             return
-        time = self.editor.time
+        time, surface = self.editor.time, self._surface(stroke)
+        parts: list[str] = []
+        notes: list[str] = []
 
         def change(project: Project) -> Project:
-            # What hangs below comes first, so that the bones above keep their shape.
-            for hit in sorted(crossed, key=lambda hit: (hit.shape, -hit.joint)):
-                project = cut_bone(project, hit.shape, hit.joint, hit.along, time)[0]
+            for shape in dict.fromkeys(hit.shape for hit in crossed):
+                project, made = cut_stroke(project, shape, surface, time, notes=notes)
+                parts.extend(made[1:])
             return project
 
         if self.editor.edit("cut", change):
-            self.editor.select(shape=crossed[0].shape)
-            self.editor.select(joint=None, chain=())
-            self.editor.toasts.say("Cut", "Both parts keep their motion. Move one with G.")
+            self.editor.select(shape=parts[-1])
+            named = ", ".join(parts)
+            said = f"Cut off: {named}" + "".join(f". {note}" for note in notes[:1])
+            self.editor.toasts.say(said, "Both sides keep their pose now, and their motion.")
+
+    def _surface(self, stroke: list[Point]) -> StrokeCut:
+        """The stroke swept along the view; pixels, y up."""
+        lens = self.editor.lens
+        wide, high = lens.size
+        clip = lens.view.clip_from_world
+        picture = np.stack([wide / 2 * (clip[0] + clip[3]), high / 2 * (clip[1] + clip[3]), clip[2], clip[3]])
+        return StrokeCut(np.array([(x, high - y) for x, y in stroke]), picture)
 
     def cancel(self) -> None:
         super().cancel()

@@ -13,6 +13,10 @@ from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.stance import Stance
 from enliven_viewer.studio.tools.base import Pointer, Tool
 
+_TURN = 0.01
+"""Radians a pixel."""
+_UPRIGHT = np.array([0.0, 1.0, 0.0])
+
 
 class Pose(Tool):
     """Turns one bone; dragged by the root, or by its surface, the shape turns in the picture's plane."""
@@ -27,7 +31,7 @@ class Pose(Tool):
     def hint(self) -> str:
         if self._held is not None:
             return "Let go to keep the pose; Esc drops it."
-        return "Drag a joint to turn its bone. Drag the root or the surface to turn the whole shape."
+        return "Drag a joint to turn its bone, the root to turn the whole; with Shift about the upright."
 
     def press(self, pointer: Pointer) -> bool:
         hit = self.shape_at(pointer)
@@ -68,10 +72,12 @@ class Pose(Tool):
     def _turn_of_all(self, stance: Stance, start: Pointer, pointer: Pointer) -> Float:
         """(4,) the world turn about the view's axis by as much as the pointer went around the root."""
         lens = self.editor.lens
+        if pointer.shift:
+            return from_rotation_vector(_UPRIGHT * (_TURN * (pointer.at[0] - start.at[0])))
         centre = lens.project(stance.joints[:1])[0][0]
         before, after = (np.array(p.at) - centre for p in (start, pointer))
         if np.linalg.norm(before) < 24:
-            angle = 0.008 * float(pointer.at[0] - start.at[0])
+            angle = _TURN * float(pointer.at[0] - start.at[0])
         else:
             angle = math.atan2(after[1], after[0]) - math.atan2(before[1], before[0])
         return from_rotation_vector(lens.forward * angle)

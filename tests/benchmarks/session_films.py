@@ -1,0 +1,226 @@
+"""The sessions of AniMesh's figures, played by the studio's own tools in its window, as films.
+
+    make session-films                      all of them, into out/sessions
+    make session-films ONLY="squid"         some of them
+    python tests/benchmarks/session_films.py --check     without window and film, as fast as it goes
+
+Every motion and every part is made here: parts are sketched, motions are the studio's library.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.modeling.strokes import limb
+from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.session import (
+    Action,
+    Click,
+    DeskStage,
+    Do,
+    Drag,
+    Joint,
+    Key,
+    Near,
+    OnBone,
+    Pixel,
+    Place,
+    Say,
+    SourceJoint,
+    Spot,
+    Wait,
+    Widget,
+    play,
+)
+
+OUT = Path(__file__).parents[2] / "out" / "sessions"
+Actions = Iterator[Action]
+
+
+def outline(points: Float, at: tuple[float, float] = (0.0, 0.0), turned: float = 0.0) -> tuple[Place, ...]:
+    """A stroke around points (N, 2), metres in the plane z = 0, moved and turned by degrees."""
+    angle = np.radians(turned)
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    places = points @ turn + at
+    step = max(len(places) // 48, 1)
+    closed = [*places[::step], places[0]]
+    return tuple(Spot(float(x), float(y)) for x, y in closed)
+
+
+def sketch(points: tuple[Place, ...], seconds: float = 1.8) -> Actions:
+    """Draw a part."""
+    yield Key("s")
+    yield Drag(points, seconds)
+    yield Wait(0.3)
+
+
+def mapped(take: str, joints: tuple[int, int], shape: str, ends: tuple[int, int]) -> Actions:
+    """Map a chain of a take onto a chain of a shape by clicking both."""
+    yield Key("m")
+    yield Click(Widget(f"take {take}"))
+    yield Wait(0.3)
+    yield from (Click(SourceJoint(joint)) for joint in joints)
+    yield from (Click(Joint(shape, joint)) for joint in ends)
+    yield Wait(0.4)
+    yield Key("q")
+
+
+def watch(seconds: float) -> Actions:
+    """Play for a while, then go back to the start."""
+    yield Key("space")
+    yield Wait(seconds)
+    yield Key("space")
+    yield Key("home")
+
+
+def merged(shape: str, host: str, joint: int) -> Actions:
+    """Drag a shape's root onto a node of another."""
+    yield Key("g")
+    yield Drag((Joint(shape, 0), Joint(host, joint)), 1.1)
+    yield Wait(0.3)
+
+
+def figure_6() -> Actions:
+    """(a) to (i): one bone, two nodes, a copy turned by half, merged, cut, merged elsewhere."""
+    pill = limb(np.array([[0.0, 0.0], [0.0, 0.7]]), np.array([0.075, 0.06]))
+    yield Key("1")
+    yield Wait(0.6)
+    yield Say("(a)  A shape with a single bone...")
+    yield from sketch(outline(pill, (0.0, 0.75)))
+    yield Say("(a)  ...and a quarter turn")
+    yield Key("m")
+    yield Wait(0.2)
+    yield Click(Widget("loop"))
+    yield from mapped("quarter turn", (0, 1), "part", (0, 1))
+    yield from watch(1.3)
+    yield Say("(b)  Two nodes more: the total turn is the same")
+    yield Key("i")
+    yield Click(OnBone("part", 1, 0.33))
+    yield Click(OnBone("part", 2, 0.5))
+    yield from watch(1.3)
+    yield Say("(c)  A copy, turned by half")
+    yield Key("q")
+    yield Click(Joint("part", 1))
+    yield Key("ctrl+d")
+    yield Key("ctrl+up")
+    yield Wait(0.4)
+    yield Say("(d)  Merged: both motions are kept")
+    yield from merged("part 2", "part", 0)
+    yield from watch(1.5)
+    yield Say("(e)  Cut at another time")
+    yield Do(lambda desk: desk.editor.scrub(0.7))
+    yield Key("c")
+    middle = OnBone("part", 5, 0.5)
+    yield Drag((Near(middle, -70, 45), Near(middle, 70, -45)), 0.8)
+    yield Say("(f)  Two shapes, both still moving")
+    yield Key("g")
+    yield Key("space")
+    yield Wait(1.5)
+    yield Key("space")
+    yield Say("(g)  The part goes to another node...")
+    yield Do(lambda desk: desk.editor.scrub(0.7))
+    yield from merged("part 2", "part", 3)
+    yield Say("(h)  ...as it is posed now")
+    yield Wait(1.0)
+    yield Say("(i)  and all motions are kept")
+    yield Key("home")
+    yield Key("space")
+    yield Wait(3.0)
+
+
+def squid() -> Actions:
+    """One tentacle sketched and animated, copied, turned, and merged to a mantle."""
+    yield Key("1")
+    yield Wait(0.6)
+    yield Say("Sketch one tentacle")
+    tentacle = limb(np.array([[0.0, 0.0], [0.0, -0.45], [0.0, -0.85]]), np.array([0.07, 0.05, 0.018]))
+    yield from sketch(outline(tentacle, (0.9, 1.45)))
+    yield Say("Add nodes, so that it can bend")
+    yield Key("i")
+    yield Click(OnBone("part", 1, 0.5))
+    yield Click(OnBone("part", 1, 0.5))
+    yield Click(OnBone("part", 3, 0.5))
+    yield Click(OnBone("part", 5, 0.5))
+    yield Say("Map a wave onto it")
+    yield from mapped("wave", (0, 6), "part", (0, -1))
+    yield from watch(2.0)
+    yield Say("Lean it outwards")
+    yield Key("q")
+    yield Click(Joint("part", 0))
+    yield Key("ctrl+left")
+    yield Key("ctrl+left")
+    yield Say("Sketch a mantle")
+    mantle = limb(np.array([[0.0, 0.0], [0.0, 0.3], [0.0, 0.85]]), np.array([0.12, 0.24, 0.04]))
+    yield from sketch(outline(mantle, (-0.6, 1.2)), 2.2)
+    yield Key("f")
+    yield Key("1")
+    yield Wait(0.6)
+    yield Say("Copy the tentacle with its motion, turn it, merge it to the mantle")
+    for number in range(1, 6):
+        yield Key("q")
+        yield Click(Joint("part", 3))
+        yield Key("ctrl+d")
+        yield Key("r")
+        root = Joint("part 3", 0)
+        yield Drag((root, Near(root, math.radians(60 * number) / 0.01, 0)), 0.7, shift=True)
+        yield from merged("part 3", "part 2", 0)
+        yield Key("q")
+    yield from merged("part", "part 2", 0)
+    yield Say("One squid, watertight, six tentacles, every motion kept")
+    yield Key("f")
+    yield Key("space")
+    yield Wait(2.5)
+    yield Drag((Pixel(0.2, 0.3), Pixel(0.5, 0.36)), 2.5, button=1)
+    yield Wait(3.0)
+
+
+SESSIONS: dict[str, Callable[[], Actions]] = {"figure6": figure_6, "squid": squid}
+
+
+def main(arguments: list[str]) -> int:
+    """Film the sessions that are named, or all."""
+    check = "--check" in arguments
+    names = [name for name in arguments if not name.startswith("-")] or list(SESSIONS)
+    unknown = [name for name in names if name not in SESSIONS]
+    if unknown:
+        print(f"There is no session {unknown[0]!r}. Known: {', '.join(SESSIONS)}.", file=sys.stderr)
+        return 2
+    if not check and sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        return _under_xvfb(arguments)
+    for name in names:
+        with tempfile.TemporaryDirectory() as folder:
+            desk = Desk.new(Editor(), Path(folder))
+            actions = list(SESSIONS[name]())
+            if check:
+                play(actions, DeskStage(desk))
+                said = f"{len(desk.editor.history.names)} edits"
+            else:
+                from enliven_viewer.studio.filming import film
+
+                said = f"{film(actions, desk, OUT / f'{name}.mp4', title=name)} pictures"
+            print(f"{name}: {said}, {len(desk.editor.project.shapes)} shapes", flush=True)
+    return 0
+
+
+def _under_xvfb(arguments: list[str]) -> int:
+    """The same on a screen of Xvfb's."""
+    if shutil.which("xvfb-run") is None:
+        print("There is no display, and no xvfb-run to make one: apt install xvfb", file=sys.stderr)
+        return 4
+    command = ["xvfb-run", "-a", "-s", "-screen 0 1400x900x24", sys.executable, __file__, *arguments]
+    return subprocess.run(command, check=False).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

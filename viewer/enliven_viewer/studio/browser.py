@@ -1,0 +1,65 @@
+"""A file browser without a window: a folder, what of it can be chosen, and a name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from enliven.errors import InputError
+
+
+@dataclass
+class Browser:
+    """What an open or save dialogue shows.
+
+    Attributes:
+        folder: that is listed.
+        endings: of files that can be chosen, with the dot; the first is added to a name without one.
+        name: what is typed or clicked.
+        saving: a name that is not there is allowed.
+    """
+
+    folder: Path
+    endings: tuple[str, ...]
+    name: str = ""
+    saving: bool = False
+    problem: str = field(default="", init=False)
+
+    def folders(self) -> list[Path]:
+        """Folders in the folder, without hidden ones."""
+        return [path for path in self._listed() if path.is_dir()]
+
+    def files(self) -> list[Path]:
+        """Files that can be chosen."""
+        return [path for path in self._listed() if path.is_file() and path.suffix.lower() in self.endings]
+
+    def enter(self, folder: Path) -> None:
+        """List another folder."""
+        self.folder, self.name = folder.resolve(), "" if not self.saving else self.name
+
+    def chosen(self) -> Path:
+        """The path that is chosen.
+
+        Raises:
+            InputError: where nothing is, or it is not there.
+        """
+        name = self.name.strip()
+        if not name:
+            raise InputError("no file is chosen", where="file", mend="Click one, or type a name.")
+        path = Path(name).expanduser()
+        path = path if path.is_absolute() else self.folder / path
+        if self.saving and path.suffix.lower() not in self.endings:
+            path = path.with_name(path.name + self.endings[0])
+        if not self.saving and not path.is_file():
+            raise InputError("there is no such file", where=str(path), mend="Choose another.")
+        return path
+
+    def _listed(self) -> list[Path]:
+        """What is in the folder, by name; nothing where it cannot be read."""
+        self.problem = ""
+        try:
+            found = [path for path in self.folder.iterdir() if not path.name.startswith(".")]
+        except OSError as error:
+            self.problem = f"The folder cannot be read ({error.strerror})."
+            return []
+        return sorted(found, key=lambda path: path.name.lower())

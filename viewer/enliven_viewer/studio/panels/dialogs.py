@@ -1,0 +1,161 @@
+"""Dialogues: files, questions before work is lost, and the keys."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven.errors import EnlivenError
+from enliven_viewer.studio.browser import Browser
+from enliven_viewer.studio.deeds import DEEDS
+from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.panels.menu import spoken
+from enliven_viewer.studio.panels.style import quiet
+from enliven_viewer.studio.tools.shelf import TOOLS
+
+_FOLDER = "\uf07b"
+_TITLES = {"open": "Open", "save as": "Save the project", "export": "Export GLB"}
+
+
+def draw_dialogs(desk: Desk) -> None:
+    """The dialogue that is asked for, over everything."""
+    if desk.asking in _TITLES:
+        _files(desk)
+    elif desk.asking == "help":
+        _help(desk)
+    elif desk.asking == "recover":
+        _recover(desk)
+    elif desk.asking:
+        _unsaved(desk)
+
+
+def _begin(title: str, wide: float, high: float = 0.0) -> bool:
+    imgui.open_popup(title)
+    middle = imgui.get_main_viewport().get_center()
+    imgui.set_next_window_pos(middle, imgui.Cond_.always, ImVec2(0.5, 0.5))
+    imgui.set_next_window_size(ImVec2(wide, high))
+    flags = imgui.WindowFlags_.no_resize | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
+    return bool(imgui.begin_popup_modal(title, None, flags)[0])
+
+
+def _files(desk: Desk) -> None:
+    browser = desk.browser
+    if browser is None or not _begin(_TITLES[desk.asking], 560, 430):
+        return
+    if imgui.button("Up"):
+        browser.enter(browser.folder.parent)
+    imgui.same_line()
+    imgui.text_unformatted(str(browser.folder))
+    imgui.begin_child("##list", ImVec2(0, 270), imgui.ChildFlags_.frame_style)
+    done = False
+    for folder in browser.folders():
+        if imgui.selectable(f"{_FOLDER}  {folder.name}", False)[0]:
+            browser.enter(folder)
+    for file in browser.files():
+        flags = imgui.SelectableFlags_.allow_double_click
+        if imgui.selectable(file.name, browser.name == file.name, flags)[0]:
+            browser.name = file.name
+            done = imgui.is_mouse_double_clicked(0)
+    if browser.problem:
+        quiet(browser.problem)
+    imgui.end_child()
+    imgui.set_next_item_width(-1)
+    typed, name = imgui.input_text("##name", browser.name, imgui.InputTextFlags_.enter_returns_true)
+    browser.name = name
+    if _choice(desk, "Save" if browser.saving else "Open", "Cancel") or typed or done:
+        _finish(desk, browser)
+    imgui.end_popup()
+
+
+def _finish(desk: Desk, browser: Browser) -> None:
+    """Do what the file dialogue was for."""
+    try:
+        desk.chosen(browser.chosen())
+    except EnlivenError as error:
+        desk.editor.toasts.complain(error)
+
+
+def _choice(desk: Desk, yes: str, no: str) -> bool:
+    """Two buttons; whether the first was pressed. The second, and Escape, close the dialogue."""
+    pressed = imgui.button(yes, ImVec2(110, 0))
+    desk.remember(f"dialog {yes}")
+    imgui.same_line()
+    if imgui.button(no, ImVec2(110, 0)) or imgui.is_key_pressed(imgui.Key.escape):
+        desk.cancel()
+    desk.remember(f"dialog {no}")
+    return bool(pressed)
+
+
+def _unsaved(desk: Desk) -> None:
+    """Ask before work is thrown away."""
+    if not _begin("Save your work?", 430):
+        return
+    name = desk.cabinet.name
+    imgui.text_wrapped(f"{name} has changes that are not saved. They are lost unless you save them.")
+    imgui.dummy(ImVec2(0, 6))
+    if imgui.button("Discard", ImVec2(110, 0)):
+        desk.go_on(discard=True)
+    desk.remember("dialog Discard")
+    imgui.same_line()
+    if _choice(desk, "Save", "Cancel"):
+        desk.go_on(discard=False)
+    imgui.end_popup()
+
+
+def _recover(desk: Desk) -> None:
+    """Offer what a studio that ended badly had not saved."""
+    found = desk.cabinet.recoverable()
+    if not found or not _begin("Unsaved work was found", 460):
+        desk.asking = desk.asking if found else ""
+        return
+    imgui.text_wrapped(
+        f"The studio ended without saving. Its last work, of {_when(found[0])}, is still there."
+    )
+    imgui.dummy(ImVec2(0, 6))
+    if imgui.button("Recover", ImVec2(110, 0)):
+        desk.asking = ""
+        desk.attempt(lambda: desk.cabinet.recover(found[0]))
+    desk.remember("dialog Recover")
+    imgui.same_line()
+    if imgui.button("Throw away", ImVec2(110, 0)):
+        desk.asking = ""
+        desk.cabinet.throw_away(found)
+    imgui.same_line()
+    if imgui.button("Later", ImVec2(110, 0)):
+        desk.asking = ""
+    imgui.end_popup()
+
+
+def _when(path: Path) -> str:
+    import datetime
+
+    return datetime.datetime.fromtimestamp(path.stat().st_mtime).strftime("%d %B, %H:%M")
+
+
+def _help(desk: Desk) -> None:
+    if not _begin("Keys", 660, 520):
+        return
+    imgui.columns(2, "##keys", False)
+    rows = [("Tools", [(kind.key.upper(), kind.label) for kind in TOOLS])]
+    for menu in dict.fromkeys(deed.menu for deed in DEEDS):
+        rows.append((menu, [(spoken(d.keys[0]), d.label) for d in DEEDS if d.menu == menu and d.keys]))
+    rows.append(
+        ("View", [("Right drag", "turn"), ("Middle drag", "move"), ("Wheel", "closer"), ("Esc", "drop")])
+    )
+    half = sum(len(lines) + 1 for _, lines in rows) / 2
+    done = 0
+    for title, lines in rows:
+        if done >= half:
+            imgui.next_column()
+            done = -10_000
+        quiet(title.upper())
+        for key, label in lines:
+            imgui.text_unformatted(key)
+            imgui.same_line(120)
+            imgui.text_disabled(label)
+        done += len(lines) + 1
+    imgui.columns(1)
+    if imgui.button("Close", ImVec2(110, 0)) or imgui.is_key_pressed(imgui.Key.escape):
+        desk.asking = ""
+    imgui.end_popup()

@@ -1,0 +1,97 @@
+"""Sketching: a closed stroke becomes a part with bones and weights."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.modeling.sketch import Plane, shape_from_stroke
+from enliven.project import Project, unused
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.overlay import Disc, Line, Overlay, Point
+from enliven_viewer.studio.theme import GOOD, STROKE
+from enliven_viewer.studio.tools.base import Pointer, Tool
+
+_APART = 4.0
+"""Pixels between two points of a stroke."""
+_CLOSED = 22.0
+"""Pixels from its begin within which a stroke shows that it is closed."""
+_FEWEST = 8
+
+
+class Sketch(Tool):
+    """A stroke around a part, in the plane of the picture that goes through what the camera looks at."""
+
+    name, label, key, icon = "sketch", "Sketch part", "s", "\uf040"
+
+    def __init__(self, editor: Editor) -> None:
+        super().__init__(editor)
+        self._stroke: list[Point] = []
+
+    @property
+    def hint(self) -> str:
+        if self._closed:
+            return "Let go: the stroke is closed."
+        if self._stroke:
+            return "Draw around the part, back to where you began."
+        return "Draw the outline of a part: a limb, a body, a tentacle. It becomes a shape with bones."
+
+    def hover(self, pointer: Pointer) -> None:
+        """Nothing is picked while sketching."""
+
+    def press(self, pointer: Pointer) -> bool:
+        self.editor.playing = False
+        self._stroke = [pointer.at]
+        return True
+
+    def drag(self, pointer: Pointer) -> None:
+        if self._stroke:
+            last = self._stroke[-1]
+            if np.hypot(pointer.at[0] - last[0], pointer.at[1] - last[1]) >= _APART:
+                self._stroke.append(pointer.at)
+
+    def release(self, pointer: Pointer) -> None:
+        stroke, self._stroke = self._stroke, []
+        if len(stroke) < _FEWEST:
+            if stroke:
+                self.editor.toasts.say("The stroke is too short", "Draw all around the part.")
+            return
+        plane, points = self._in_plane(stroke)
+        made: list[str] = []
+
+        def change(project: Project) -> Project:
+            name = unused("part", project.shapes)
+            made.append(name)
+            return project.with_shapes(shape_from_stroke(points, plane, id=name))
+
+        if self.editor.edit("sketch part", change):
+            self.editor.select(shape=made[-1])
+            bones = len(self.editor.project.shapes[made[-1]].skeleton) - 1
+            said = f"A part with {bones} bone{'s' * (bones != 1)}"
+            self.editor.toasts.say(said, "G moves it, M gives it motion, and you can rename it at the right.")
+
+    def cancel(self) -> None:
+        super().cancel()
+        self._stroke = []
+
+    def overlay(self) -> Overlay:
+        if len(self._stroke) < 2:
+            return Overlay()
+        closed = self._closed
+        line = Line(tuple(self._stroke), GOOD if closed else STROKE, 2.5, closed)
+        return Overlay((line, Disc(self._stroke[0], 6.0, GOOD if closed else STROKE, 2.0)))
+
+    @property
+    def _closed(self) -> bool:
+        if len(self._stroke) < _FEWEST:
+            return False
+        (ax, ay), (bx, by) = self._stroke[0], self._stroke[-1]
+        return bool(np.hypot(ax - bx, ay - by) < _CLOSED)
+
+    def _in_plane(self, stroke: list[Point]) -> tuple[Plane, Float]:
+        """The plane parallel to the picture through what is looked at, and the stroke in it, metres."""
+        lens = self.editor.lens
+        through = self.editor.camera.target
+        right, up = lens.view.camera_from_world[0, :3], lens.up
+        places = np.array([lens.on_plane(at, through) for at in stroke])
+        return Plane(through, right, up), (places - through) @ np.stack([right, up], 1)
