@@ -50,10 +50,13 @@ def skeleton_of_bones(bones: Sequence[Bone]) -> Skeleton:
 
 
 def rebuilt(shape: Shape, bones: Sequence[Bone], **changes: object) -> Shape:
-    """The shape with other bones, and with what else is named changed."""
+    """The shape with other bones, and with what else is named changed; a pin goes with its joints."""
     modeling = np.array([bone.modeling for bone in bones])
     spans = tuple(bone.spans for bone in bones)
-    return shape.with_changes(skeleton=skeleton_of_bones(bones), modeling=modeling, spans=spans, **changes)
+    names = {bone.name for bone in bones}
+    pins = tuple(pin for pin in shape.pins if {pin.joint, pin.start} <= names)
+    made = {"modeling": modeling, "spans": spans, "pins": pins} | changes
+    return shape.with_changes(skeleton=skeleton_of_bones(bones), **made)
 
 
 def numbers_of(shape: Shape, bones: Sequence[Bone], instead: dict[str, str] | None = None) -> Int:

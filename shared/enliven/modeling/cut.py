@@ -9,7 +9,7 @@ from enliven.modeling.bones import Bone, bone_number, bones_of, inside, rebuilt
 from enliven.modeling.mesh_cut import Cut, cut_across_bone
 from enliven.modeling.meshes import numbers_in, with_piece
 from enliven.modeling.nodes import divided, insert_node, new_name
-from enliven.modeling.posed import as_far, own_turn, posed
+from enliven.modeling.posed import as_far, held_at, own_turn, posed
 from enliven.motion.layers import STILL
 from enliven.project import Project, unused
 from enliven.rotation import conjugate, multiply, normalized, rotate
@@ -97,7 +97,11 @@ def parted_at(
     lower[0] = Bone(lower[0].name, "", lower[0].rest, turns[above], STILL)
     place = place - lower[0].rest
     first = as_far(project, shape, rebuilt(shape, upper))
+    if shape.pins:
+        first = held_at(project, first, shape, turns, time)
     second = rebuilt(shape, lower, id=lower_id, place=place, travel=None, travel_scale=None)
+    if shape.pins:
+        second = held_at(project, second, shape, turns, time)
     return first, second
 
 

@@ -19,6 +19,7 @@ from enliven.modeling.posed import as_far, posed
 from enliven.modeling.seam import SeamSettings, healed
 from enliven.modeling.skins import follows, renumbered
 from enliven.modeling.spans import before, joined_spans, moves
+from enliven.motion.contacts import Pin
 from enliven.project import Project, unused
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized
 from enliven.shape import Shape
@@ -88,7 +89,9 @@ def merge(
     axes = Axes(_exact(multiply(conjugate(world), theirs[_first_bone(graft, time)])))
     edited, layers = layers_in(project, graft, axes)
     bones, names = _grafted(host, j, graft, world, axes, layers)
-    merged = as_far(edited, host, rebuilt(host, [*bones_of(host), *bones], mesh=None, skin=None))
+    pins = (*host.pins, *_pins(graft, names))
+    merged = rebuilt(host, [*bones_of(host), *bones], mesh=None, skin=None, pins=pins)
+    merged = as_far(edited, host, merged)
     surfaces = _surface(host, ours, spots, time), _surface(graft, theirs, places + spots[j] - places[0], time)
     numbers = np.array([merged.skeleton.index(names[name]) for name in graft.skeleton.names])
     moved = _put(surfaces[1], graft, host.skeleton.positions[j], axes, numbers, time)
@@ -138,6 +141,11 @@ def _one_surface(
         return healed(mesh, skin, skeleton, where, seam)
 
     return joined(host, graft, maps, heal, loose=loose, notes=notes, where=f"shape {merged.id!r}")
+
+
+def _pins(graft: Shape, names: dict[str, str]) -> tuple[Pin, ...]:
+    """The graft's pins, under the names that its joints have now."""
+    return tuple(replace(pin, joint=names[pin.joint], start=names[pin.start]) for pin in graft.pins)
 
 
 def _exact(turn: Float) -> Float:

@@ -10,7 +10,7 @@ from enliven.modeling.spans import before
 from enliven.motion.evaluate import pose_of
 from enliven.motion.travel import travel_scale
 from enliven.project import Project
-from enliven.rotation import conjugate, multiply, rotate
+from enliven.rotation import conjugate, multiply, normalized, rotate
 from enliven.shape import Shape
 
 
@@ -50,6 +50,27 @@ def as_far(project: Project, old: Shape, new: Shape) -> Shape:
     clip = project.takes[project.layers[new.travel].take]
     before = travel_scale(old, clip)
     return new if travel_scale(new, clip) == before else new.with_changes(travel_scale=before)
+
+
+def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: float | None) -> Shape:
+    """A part of a shape with the world turns of the whole at ``time`` where a pin that held it is gone.
+
+    What the pin had turned goes into the modeling rotations.
+
+    Args:
+        turns: (N, 4) the world turns of the whole.
+    """
+    wanted = dict(zip(whole.skeleton.names, turns, strict=True))
+    now, _ = posed(project, part, time)
+    modeling = np.array(part.modeling)
+    for j, name in enumerate(part.skeleton.names):
+        parent = int(part.skeleton.parents[j])
+        if j == 0 or name not in wanted or np.allclose(now[j], wanted[name], atol=1e-12):
+            continue
+        above = wanted.get(part.skeleton.names[parent], now[parent])
+        back = multiply(conjugate(above), multiply(wanted[name], conjugate(own_turn(now, part, j))))
+        modeling[j] = normalized(back)
+    return part.with_changes(modeling=modeling)
 
 
 def own_turn(turns: Float, shape: Shape, j: int) -> Float:
