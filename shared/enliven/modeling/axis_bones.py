@@ -29,7 +29,7 @@ def simplified(points: Float, radii: Float, tolerance: float, longest: float) ->
     out = [kept[0]]
     for a, b in itertools.pairwise(kept):
         mean = float(np.mean(radii[a : b + 1]))
-        parts = int(np.ceil((along[b] - along[a]) / max(2 * longest * mean, 1e-12)))
+        parts = int(np.ceil((along[b] - along[a]) / max(2 * longest * mean, 1e-12) - 1e-9))
         for k in range(1, min(parts, b - a)):
             middle = int(np.argmin(np.abs(along - (along[a] + (along[b] - along[a]) * k / parts))))
             if out[-1] < middle < b:

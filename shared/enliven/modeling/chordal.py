@@ -125,8 +125,9 @@ class _Tracer:
         return self.chord[key]
 
     def _junction(self, t: int, nodes: list[int]) -> None:
-        middle = self.outline[self.triangles[t]].mean(0)
-        centre = self._add(middle, self._inscribed(middle))
+        corners = self.outline[self.triangles[t]]
+        middle = corners.mean(0)
+        centre = self._add(middle, float(np.linalg.norm(corners - middle, axis=1).mean()))
         self.links += [(node, centre) for node in nodes]
 
     def _end(self, t: int, node: int, closed: list[int], bumps: dict[int, list[int]]) -> None:

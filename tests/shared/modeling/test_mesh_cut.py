@@ -1,0 +1,222 @@
+"""Cuts: both sides closed, their volumes the whole, and everything away from the cut the same to the bit."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mesh_makers import (
+    ball,
+    flat_shaded,
+    line,
+    on_bone,
+    partition_of_unity,
+    random_skin,
+    same_bits,
+    tube,
+    volume,
+    watertight,
+)
+
+from enliven.errors import InputError
+from enliven.mesh import Mesh
+from enliven.modeling.cut_loops import area, chains_of, joined, winding
+from enliven.modeling.cut_surfaces import PlaneCut, StrokeCut
+from enliven.modeling.mesh_cut import CutSettings, cut_across_bone, cut_by_stroke
+
+FROM_Z = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+"""A picture of the x and y axes."""
+
+
+def unchanged(piece, mesh, skin):
+    """Kept vertices, weights and whole faces are those of before, in their order."""
+    old = piece.kept >= 0
+    kept = piece.kept[old]
+    assert (np.diff(kept) > 0).all()
+    assert same_bits(piece.mesh.vertices[old], mesh.vertices[kept])
+    assert same_bits(piece.skin.indices[old], skin.indices[kept])
+    assert same_bits(piece.skin.weights[old], skin.weights[kept])
+    whole = (piece.kept[piece.mesh.faces] >= 0).all(1)
+    inside = np.isin(mesh.faces, kept).all(1)
+    assert same_bits(piece.kept[piece.mesh.faces[whole]].astype(np.int32), mesh.faces[inside])
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    u=st.floats(0.02, 0.98),
+    tilt=st.tuples(*[st.floats(-0.8, 0.8)] * 2),
+    flat=st.booleans(),
+    fine=st.booleans(),
+)
+def test_two_closed_parts_make_the_whole(u, tilt, flat, fine):
+    mesh = tube()
+    mesh = flat_shaded(mesh) if flat else mesh
+    skin = random_skin(len(mesh.vertices), 6)
+    surface = PlaneCut([0, 0, 0.3 + 1.4 * u], [*tilt, 1.0])
+    cut = cut_by_stroke(mesh, skin, surface, settings=CutSettings(fine=fine))
+    assert volume(cut.near.mesh) + volume(cut.far.mesh) == pytest.approx(volume(mesh), rel=1e-9)
+    for piece in (cut.near, cut.far):
+        assert volume(piece.mesh) > 0
+        assert watertight(piece.mesh)
+        assert partition_of_unity(piece.skin)
+        unchanged(piece, mesh, skin)
+    together = np.concatenate([cut.near.kept[cut.near.kept >= 0], cut.far.kept[cut.far.kept >= 0]])
+    assert (np.sort(together) == np.arange(len(mesh.vertices))).all()
+
+
+def test_the_cut_is_where_it_was_asked_for():
+    mesh, skeleton = tube(step=0.05), line([[0, 0, 0], [0, 0, 2.0]])
+    cut = cut_across_bone(mesh, on_bone(mesh, 1), skeleton, 1, 0.37)
+    # It may slide a little so as not to pass through vertices.
+    assert cut.near.mesh.bounds[1, 2] == pytest.approx(0.74, abs=0.15 * 0.1)
+    assert cut.far.mesh.bounds[0, 2] == pytest.approx(cut.near.mesh.bounds[1, 2], abs=1e-12)
+    caps = cut.near.mesh.faces[-cut.near.caps :]
+    assert np.ptp(cut.near.mesh.vertices[caps][:, :, 2]) < 1e-12
+    assert (cut.near.mesh.face_normals()[-cut.near.caps :, 2] > 0.999).all()
+
+
+def two_legs():
+    legs = [tube(0.1, 1.0), tube(0.1, 1.0)]
+    shifted = legs[1].vertices + np.array([0.5, 0, 0])
+    faces = np.concatenate([legs[0].faces, legs[1].faces + len(legs[0].vertices)])
+    return Mesh(np.concatenate([legs[0].vertices, shifted]), faces, "legs")
+
+
+def test_only_the_limb_around_the_bone_is_cut():
+    mesh = two_legs()
+    half = len(mesh.vertices) // 2
+    skin = on_bone(mesh, 1)
+    indices = skin.indices.copy()
+    indices[half:, 0] = 0
+    skin = type(skin)(indices, skin.weights)
+    cut = cut_across_bone(mesh, skin, line([[0, 0, 0], [0, 0, 1.0]]), 1, 0.5)
+    # The other leg follows the root, and stays with it whole.
+    assert set(range(half, 2 * half)) <= set(cut.near.kept)
+    assert watertight(cut.near.mesh) and watertight(cut.far.mesh)
+    assert volume(cut.far.mesh) == pytest.approx(volume(mesh) / 4, rel=0.1)
+
+
+def test_a_shell_that_is_not_cut_goes_with_its_bones():
+    limb, eye = tube(0.1, 1.0), ball(0.02, (0.3, 0.0, 0.1))
+    mesh = Mesh(
+        np.concatenate([limb.vertices, eye.vertices]),
+        np.concatenate([limb.faces, eye.faces + len(limb.vertices)]),
+    )
+    skeleton = line([[0, 0, 0], [0, 0, 0.5], [0, 0, 1.0]])
+    skin = on_bone(mesh, 2)
+    cut = cut_across_bone(mesh, skin, skeleton, 1, 0.5)
+    # It lies on the near side of the plane, but follows a bone beyond the cut.
+    assert set(range(len(limb.vertices), len(mesh.vertices))) <= set(cut.far.kept)
+
+
+def test_a_ring_is_parted_by_a_second_cut_and_that_is_said():
+    import trimesh
+
+    made = trimesh.creation.torus(0.5, 0.1)
+    mesh = Mesh(made.vertices, made.faces, "ring")
+    skeleton = line([[0.5, -0.3, 0], [0.5, 0.3, 0]])
+    cut = cut_across_bone(mesh, on_bone(mesh, 1), skeleton, 1, 0.5)
+    assert any("elsewhere" in note for note in cut.notes)
+    assert watertight(cut.near.mesh) and watertight(cut.far.mesh)
+    assert volume(cut.near.mesh) + volume(cut.far.mesh) == pytest.approx(volume(mesh), rel=1e-9)
+
+
+def test_a_stroke_cuts_what_it_passes_through_and_nothing_else():
+    mesh = two_legs()
+    turned = Mesh(mesh.vertices[:, [0, 2, 1]] * [1, 1, -1], mesh.faces, "legs")
+    skin = random_skin(len(mesh.vertices), 3)
+    through_one = StrokeCut([[-0.2, 0.4], [0.0, 0.5], [0.2, 0.45]], FROM_Z)
+    cut = cut_by_stroke(turned, skin, through_one)
+    assert watertight(cut.near.mesh) and watertight(cut.far.mesh)
+    parts = sorted([volume(cut.near.mesh), volume(cut.far.mesh)])
+    assert sum(parts) == pytest.approx(volume(turned), rel=1e-9)
+    assert parts[0] < 0.3 * volume(turned)
+    through_both = StrokeCut([[-0.2, 0.4], [0.7, 0.5]], FROM_Z)
+    both = cut_by_stroke(turned, skin, through_both)
+    assert volume(both.near.mesh) == pytest.approx(0.45 * volume(turned), rel=0.1)
+
+
+def test_a_crooked_stroke_leaves_crooked_caps_that_still_fit():
+    mesh = ball(0.5, detail=4)
+    stroke = StrokeCut([[-0.7, -0.1], [-0.1, -0.1], [0.0, 0.2], [0.7, 0.2]], FROM_Z)
+    cut = cut_by_stroke(mesh, None, stroke)
+    assert watertight(cut.near.mesh) and watertight(cut.far.mesh)
+    assert volume(cut.near.mesh) + volume(cut.far.mesh) == pytest.approx(volume(mesh), rel=1e-9)
+    new = cut.near.mesh.vertices[cut.near.kept < 0]
+    rim = new[np.linalg.norm(new, axis=1) > 0.49]
+    left, right = rim[rim[:, 0] < -0.2], rim[rim[:, 0] > 0.1]
+    np.testing.assert_allclose(left[:, 1], -0.1, atol=0.02)
+    np.testing.assert_allclose(right[:, 1], 0.2, atol=0.02)
+
+
+def test_a_stroke_on_a_posed_mesh_cuts_the_mesh_at_rest():
+    mesh = tube(step=0.05)
+    turned = np.stack([mesh.vertices[:, 2], mesh.vertices[:, 1], -mesh.vertices[:, 0]], 1)
+    cut = cut_by_stroke(mesh, None, StrokeCut([[0.8, 1.0], [0.8, -1.0]], FROM_Z), posed=turned)
+    assert {round(float(m.bounds[1, 2]), 1) for m in (cut.near.mesh, cut.far.mesh)} == {0.8, 2.0}
+    assert volume(cut.near.mesh) + volume(cut.far.mesh) == pytest.approx(volume(mesh), rel=1e-9)
+
+
+def test_colours_and_weights_run_on_over_the_cut():
+    mesh = tube(step=0.25)
+    shade = (mesh.vertices[:, 2] * 100).astype(np.uint8)
+    mesh = Mesh(mesh.vertices, mesh.faces, "tube", np.stack([shade] * 3, 1))
+    skin = on_bone(mesh, 0)
+    share = (mesh.vertices[:, 2] / 2).astype(np.float32)
+    indices, weights = skin.indices.copy(), skin.weights.copy()
+    indices[:, 1], weights[:, 0], weights[:, 1] = 1, 1 - share, share
+    cut = cut_by_stroke(mesh, type(skin)(indices, weights), PlaneCut([0, 0, 0.9], [0, 0, 1]))
+    new = cut.far.kept < 0
+    z = cut.far.mesh.vertices[new, 2]
+    np.testing.assert_allclose(cut.far.mesh.colours[new], np.stack([100 * z] * 3, 1), atol=1)
+    of_one = np.where(cut.far.skin.indices == 1, cut.far.skin.weights, 0).sum(1)[new]
+    np.testing.assert_allclose(of_one, z / 2, atol=1e-6)
+
+
+def test_an_open_mesh_stays_open_where_it_was_and_is_closed_at_the_cut():
+    mesh = tube()
+    open_tube = Mesh(mesh.vertices, mesh.faces[: -2 * 12], "open")
+    cut = cut_by_stroke(open_tube, None, PlaneCut([0, 0, 1.03], [0, 0, 1]))
+    for piece in (cut.near, cut.far):
+        edges = np.sort(piece.mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), 1)
+        _, counts = np.unique(edges, axis=0, return_counts=True)
+        assert (counts == 1).sum() == 12 and (counts <= 2).all()
+    half = Mesh(mesh.vertices, mesh.faces[mesh.vertices[mesh.faces][:, :, 0].mean(1) > 0], "shell")
+    cut = cut_by_stroke(half, None, PlaneCut([0, 0, 1.03], [0, 0, 1]))
+    assert cut.near.caps == 0 and any("open" in note for note in cut.notes)
+
+
+def test_what_cannot_be_cut_says_why():
+    mesh, skeleton = tube(), line([[1.0, 0, 0], [1.0, 0, 1.0]])
+    skin = on_bone(mesh, 0)
+    with pytest.raises(InputError, match="surrounds"):
+        cut_across_bone(mesh, skin, skeleton, 1, 0.5)
+    with pytest.raises(InputError, match="no length"):
+        cut_across_bone(mesh, skin, skeleton, 0, 0.5)
+    with pytest.raises(InputError, match="through no part"):
+        cut_by_stroke(mesh, skin, PlaneCut([0, 0, 5.0], [0, 0, 1]))
+    with pytest.raises(InputError, match="dot"):
+        StrokeCut([[0, 0], [0, 0]], FROM_Z)
+    with pytest.raises(InputError, match="direction"):
+        PlaneCut([0, 0, 0], [0, 0, 0])
+    with pytest.raises(InputError, match="faces"):
+        cut_by_stroke(Mesh(mesh.vertices, np.zeros((0, 3))), None, PlaneCut([0, 0, 1], [0, 0, 1]))
+    broken = mesh.vertices.copy()
+    broken[3] = np.nan
+    with pytest.raises(InputError, match="finite"):
+        cut_by_stroke(Mesh(broken, mesh.faces), None, PlaneCut([0, 0, 1], [0, 0, 1]))
+
+
+def test_loops_chains_and_windings():
+    square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    assert area(square) == 1 and area(square[::-1]) == -1
+    assert winding(square, np.array([0.5, 0.5])) == pytest.approx(1)
+    assert winding(square, np.array([1.5, 0.5])) == pytest.approx(0, abs=1e-9)
+    # One pair is the wrong way about, as in a soup with a turned face.
+    (loop, shut), *rest = chains_of(np.array([[0, 1], [1, 2], [3, 2], [3, 0]]))
+    assert shut and not rest
+    assert list(np.roll(loop, -list(loop).index(0))) == [0, 1, 2, 3]
+    open_chains = chains_of(np.array([[0, 1], [1, 2], [5, 6], [6, 7]]))
+    assert not any(shut for _, shut in open_chains)
+    places = np.array([[0, 0], [1, 0], [2, 0], [9, 9], [9, 9], [2, 0.1], [1, 0.1], [0, 0.1]], float)
+    (whole, shut), *rest = joined(open_chains, places, 0.3)
+    assert shut and not rest and len(whole) == 6

@@ -1,0 +1,129 @@
+"""Healing is local: creases round off, what is smooth or far stays to the bit, weights stay weights."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mesh_makers import (
+    ball,
+    flat_shaded,
+    line,
+    on_bone,
+    partition_of_unity,
+    same_bits,
+    tube,
+    volume,
+    watertight,
+)
+from scipy.spatial import cKDTree
+
+from enliven.mesh import Mesh
+from enliven.modeling.mesh_cut import cut_across_bone
+from enliven.modeling.mesh_union import united
+from enliven.modeling.seam import SeamSettings, fair, healed, reweighted, smoothed
+from enliven.skeleton import Skeleton
+
+
+def tee(flat=False):
+    """Two tubes that meet at right angles, and their skeleton."""
+    trunk, branch = tube(0.3, 2.0, 20, 0.09), tube(0.2, 1.2, 16, 0.08)
+    turned = branch.vertices @ np.array([[0, 0, 1.0], [0, 1, 0], [-1, 0, 0]]).T
+    branch = Mesh(turned + np.array([0.05, 0.01, 1.0]), branch.faces, "branch")
+    if flat:
+        trunk, branch = flat_shaded(trunk), flat_shaded(branch)
+    skeleton = Skeleton(
+        ("a", "b", "c", "d"),
+        np.array([-1, 0, 1, 1]),
+        np.array([[0, 0, 0], [0, 0, 1.0], [0, 0, 2], [1.2, 0, 1]]),
+    )
+    union = united(trunk, on_bone(trunk, 1), branch, on_bone(branch, 3))
+    return union, skeleton, volume(trunk), volume(branch)
+
+
+def sharpest(mesh, near):
+    """The sharpest bend, in degrees, across an edge of two ``near`` vertices."""
+    normals, seen, worst = mesh.face_normals(), {}, 0.0
+    for f, face in enumerate(mesh.faces.tolist()):
+        for a, b in zip(face, [*face[1:], face[0]], strict=True):
+            key = (min(a, b), max(a, b))
+            if key in seen and near[a] and near[b]:
+                cosine = np.clip(normals[f] @ normals[seen[key]], -1, 1)
+                worst = max(worst, float(np.degrees(np.arccos(cosine))))
+            seen[key] = f
+    return worst
+
+
+@pytest.mark.parametrize("flat", [False, True])
+def test_a_seam_is_healed_and_nothing_else_is_touched(flat):
+    union, skeleton, *parts = tee(flat)
+    mesh, skin = healed(union.mesh, union.skin, skeleton, union.seam)
+    assert watertight(mesh) and partition_of_unity(skin)
+    assert max(parts) < volume(mesh) < sum(parts)
+    # A fillet fills the crease: it takes nothing away, and adds little.
+    assert volume(union.mesh) <= volume(mesh) < 1.05 * volume(union.mesh)
+    away, _ = cKDTree(union.mesh.vertices[union.seam]).query(union.mesh.vertices)
+    far = away > 0.5
+    assert far.sum() > 200
+    assert same_bits(mesh.vertices[far], union.mesh.vertices[far])
+    assert same_bits(skin.weights[far], union.skin.weights[far])
+    assert same_bits(skin.indices[far], union.skin.indices[far])
+    assert same_bits(mesh.faces, union.mesh.faces)
+    assert not same_bits(skin.weights, union.skin.weights)
+
+
+def test_a_crease_becomes_a_fillet():
+    union, *_ = tee()
+    before = sharpest(union.mesh, union.seam)
+    after = sharpest(smoothed(union.mesh, union.seam), union.seam)
+    assert before > 80 and after < 0.7 * before
+
+
+def test_weights_run_smoothly_over_the_seam():
+    union, skeleton, *_ = tee()
+    skin = reweighted(union.mesh, union.skin, skeleton, union.seam)
+    edges = union.mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+
+    def leap(skin):
+        of_branch = np.where(skin.indices == 3, skin.weights, 0).sum(1)
+        return np.abs(np.diff(of_branch[edges], axis=1)).max()
+
+    assert leap(union.skin) > 0.6 and leap(skin) < 0.5
+
+
+@settings(max_examples=10, deadline=None)
+@given(u=st.floats(0.2, 0.8), around=st.integers(8, 24))
+def test_what_was_cut_and_put_back_is_as_it_was(u, around):
+    mesh, skeleton = tube(0.3, 2.0, around), line([[0, 0, 0], [0, 0, 2.0]])
+    cut = cut_across_bone(mesh, on_bone(mesh, 1), skeleton, 1, u)
+    union = united(cut.near.mesh, cut.near.skin, cut.far.mesh, cut.far.skin)
+    made = smoothed(union.mesh, union.seam)
+    assert same_bits(made.vertices, union.mesh.vertices)
+
+
+def test_fairing_goes_on_as_what_is_around():
+    """A tube stays a tube and a plane a plane, whatever was dented between."""
+    for mesh, most in ((tube(0.3, 2.0, 24, 0.08), 0.01), (ball(0.3, detail=4), 0.01)):
+        free = np.abs(mesh.vertices[:, 2] - mesh.vertices[:, 2].mean()) < 0.17
+        dented = mesh.vertices.copy()
+        dented[free, :2] *= 0.9 + 0.05 * np.random.default_rng(1).random((free.sum(), 1))
+        made = fair(Mesh(dented, mesh.faces), free)
+        assert same_bits(made[~free], dented[~free])
+        before = np.linalg.norm(dented[free] - mesh.vertices[free], axis=1).max()
+        assert before > 0.02
+        assert np.abs(np.linalg.norm(made[free, :2], axis=1) - np.linalg.norm(mesh.vertices[free, :2], axis=1)).max() < most  # fmt: skip  # noqa: E501
+    grid = np.stack(np.meshgrid(np.arange(12.0), np.arange(12.0), [0.0]), -1).reshape(-1, 3)
+    cells = [[12 * i + j, 12 * i + j + 1, 12 * i + j + 13] for i in range(11) for j in range(11)]
+    cells += [[12 * i + j, 12 * i + j + 13, 12 * i + j + 12] for i in range(11) for j in range(11)]
+    free = (np.abs(grid[:, :2] - 5.5) < 2).all(1)
+    bumpy = grid + np.where(free[:, None], [0, 0, 1.0], 0)
+    np.testing.assert_allclose(fair(Mesh(bumpy, np.array(cells)), free)[:, 2], 0, atol=1e-6)
+
+
+def test_settings_at_zero_leave_all_as_it_is():
+    union, skeleton, *_ = tee()
+    off = SeamSettings(strength=0.0, weight_rings=0, weight_reach=0.0)
+    mesh = smoothed(union.mesh, union.seam, off)
+    assert mesh is union.mesh
+    nowhere = np.zeros_like(union.seam)
+    assert reweighted(mesh, union.skin, skeleton, nowhere) is union.skin
+    assert smoothed(mesh, nowhere) is mesh

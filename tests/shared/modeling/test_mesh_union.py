@@ -1,0 +1,139 @@
+"""Unions: closed, between the larger and the sum in volume, traced, and nothing is lost where it fails."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mesh_makers import (
+    ball,
+    flat_shaded,
+    line,
+    on_bone,
+    partition_of_unity,
+    random_skin,
+    same_bits,
+    tube,
+    volume,
+    watertight,
+)
+
+from enliven.mesh import Mesh
+from enliven.modeling.mesh_cut import cut_across_bone
+from enliven.modeling.mesh_union import barycentric, united
+
+
+def traced(union, first, first_skin, second, second_skin, offset=0):
+    """Old vertices away from the seam are the same to the bit."""
+    for old, mesh, skin, plus in (
+        (union.first, first, first_skin, 0),
+        (union.second, second, second_skin, offset),
+    ):
+        rows = (old >= 0) & ~union.seam
+        kept = old[rows]
+        assert (np.diff(kept) > 0).all()
+        assert same_bits(union.mesh.vertices[rows], mesh.vertices[kept])
+        assert same_bits(union.skin.weights[rows], skin.weights[kept])
+        assert same_bits(union.skin.indices[rows], (skin.indices[kept] + plus).astype(np.uint16))
+    assert ((union.first >= 0) | (union.second >= 0) | union.seam).all()
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    way=st.tuples(*[st.floats(-1, 1)] * 3),
+    far=st.floats(0.06, 0.14),
+    flat=st.booleans(),
+)
+def test_the_union_is_closed_and_between_the_larger_and_the_sum(way, far, flat):
+    way = np.array(way) + np.array([0, 0, 1e-3])
+    first, second = ball(0.1), ball(0.06, far * way / np.linalg.norm(way), name="other")
+    if flat:
+        first, second = flat_shaded(first), flat_shaded(second)
+    skins = random_skin(len(first.vertices), 5, 1), random_skin(len(second.vertices), 3, 2)
+    union = united(first, skins[0], second, skins[1], offset=5)
+    assert union.fused and not union.notes
+    assert watertight(union.mesh) and partition_of_unity(union.skin)
+    parts = volume(first), volume(second)
+    assert max(parts) * (1 - 1e-9) <= volume(union.mesh) <= sum(parts) * (1 + 1e-9)
+    traced(union, first, skins[0], second, skins[1], 5)
+    # At one place there is one weight, or the surface would tear when it moves.
+    order = np.lexsort(union.mesh.vertices.T)
+    same = (np.diff(union.mesh.vertices[order], axis=0) == 0).all(1) & union.seam[order[1:]]
+    assert not same.any() or flat
+    assert same_bits(union.skin.weights[order[1:][same]], union.skin.weights[order[:-1][same]])
+
+
+def test_faces_away_from_the_seam_stay_in_their_order():
+    first, second = ball(0.1), ball(0.06, (0.1, 0, 0))
+    union = united(first, on_bone(first, 0), second, on_bone(second, 1))
+    old = union.first[union.mesh.faces]
+    whole = (old >= 0).all(1)
+    kept = {tuple(face): number for number, face in enumerate(first.faces.tolist())}
+    numbers = [kept[tuple(face)] for face in old[whole].tolist() if tuple(face) in kept]
+    assert len(numbers) > 0.7 * len(first.faces)
+    assert (np.diff(numbers) > 0).all()
+
+
+def test_what_was_cut_is_made_whole_again():
+    mesh, skeleton = tube(), line([[0, 0, 0], [0, 0, 2.0]])
+    skin = random_skin(len(mesh.vertices), 2)
+    cut = cut_across_bone(mesh, skin, skeleton, 1, 0.37)
+    union = united(cut.near.mesh, cut.near.skin, cut.far.mesh, cut.far.skin)
+    assert union.fused and watertight(union.mesh)
+    assert volume(union.mesh) == pytest.approx(volume(mesh), rel=1e-9)
+    # The caps are gone: but for the rim there is no vertex that was not there before.
+    assert len(union.mesh.vertices) - len(mesh.vertices) == union.seam.sum()
+    from_near = cut.near.kept[union.first[union.first >= 0]]
+    assert set(range(len(mesh.vertices))) - set(from_near) <= set(cut.far.kept)
+
+
+def test_colours_are_kept_and_blank_where_there_were_none():
+    first, second = ball(0.1), ball(0.06, (0.1, 0, 0))
+    red = np.tile(np.array([250, 10, 20], np.uint8), (len(first.vertices), 1))
+    first = Mesh(first.vertices, first.faces, "red", red)
+    union = united(first, on_bone(first, 0), second, on_bone(second, 1))
+    own = (union.first >= 0) & ~union.seam
+    assert (union.mesh.colours[own] == [250, 10, 20]).all()
+    assert (union.mesh.colours[(union.second >= 0) & ~union.seam] == 204).all()
+
+
+def test_a_hole_is_closed_and_that_is_said():
+    first, second = ball(0.1), ball(0.06, (0.1, 0, 0))
+    holed = Mesh(first.vertices, first.faces[8:], "holed")
+    union = united(holed, on_bone(holed, 0), second, on_bone(second, 1))
+    assert union.fused and any("hole" in note for note in union.notes)
+    assert watertight(union.mesh) and partition_of_unity(union.skin)
+    turned = Mesh(first.vertices, first.faces[:, ::-1], "turned")
+    union = united(turned, on_bone(turned, 0), second, on_bone(second, 1))
+    assert union.fused and any("inside out" in note for note in union.notes)
+    assert watertight(union.mesh) and volume(union.mesh) > volume(first)
+
+
+@pytest.mark.parametrize(
+    ("other", "why"),
+    [
+        (ball(0.05, (1.0, 0, 0)), "do not meet"),
+        (ball(0.05), "inside"),
+        (Mesh(ball(0.06, (0.1, 0, 0)).vertices, ball().faces[::2], "sieve"), "no solid"),
+        (Mesh(ball(0.06, (0.1, 0, 0)).vertices, np.tile(ball().faces[:1], (3, 1)), "leaf"), "no solid"),
+    ],
+)
+def test_what_cannot_be_fused_is_joined_and_nothing_is_lost(other, why):
+    first = ball(0.1)
+    union = united(first, on_bone(first, 0), other, on_bone(other, 0), offset=3)
+    assert not union.fused and why in union.notes[0]
+    assert same_bits(union.mesh.vertices[: len(first.vertices)], first.vertices)
+    assert same_bits(union.mesh.vertices[len(first.vertices) :], other.vertices)
+    assert same_bits(union.mesh.faces[: len(first.faces)], first.faces)
+    assert same_bits(union.mesh.faces[len(first.faces) :] - np.int32(len(first.vertices)), other.faces)
+    assert set(np.unique(union.skin.indices[len(first.vertices) :, 0])) == {3}
+    assert union.failed == (why == "no solid")
+
+
+def test_barycentric_shares_add_up_to_the_point():
+    rng = np.random.default_rng(3)
+    corners = rng.random((50, 3, 3))
+    share = rng.dirichlet([1, 1, 1], 50)
+    points = np.einsum("nk,nkd->nd", share, corners)
+    np.testing.assert_allclose(barycentric(points, corners), share, atol=1e-9)
+    flat = np.zeros((1, 3, 3))
+    np.testing.assert_allclose(barycentric(np.ones((1, 3)), flat).sum(1), 1)
