@@ -85,9 +85,11 @@ def links_of(bodies: list[Body], size: float) -> Links:
     tops = [j for j in range(len(bodies)) if loose[j] and weight[j] > _HEAVY * total]
     made = [_hung(bodies, before, loose, off, top) for top in sorted(tops, key=lambda j: (-weight[j], j))]
     links = min(made, key=lambda one: _unsaid(bodies, one, off) // (0.3 * _LOOSE * size))
-    for j, parent in links.parents.items():
-        if parent not in (-1, before[j]):
-            links.notes.append(f"{bodies[j].name} hangs on {bodies[parent].name}, which it follows")
+    moved = [
+        f"{bodies[j].name} on {bodies[p].name}" for j, p in links.parents.items() if p not in (-1, before[j])
+    ]
+    if moved:
+        links.notes.append(f"hung on the joints that they follow: {', '.join(moved)}")
     for j in set(range(len(bodies))) - set(links.parents):
         if before[j] in links.parents:
             bodies[before[j]].leaves.append(bodies[j].rest)

@@ -1,0 +1,119 @@
+"""Values of a document as JSON and arrays, and back, by the type hints of its dataclasses.
+
+A dataclass becomes an object of its fields, a mapping an object, a tuple an array, and a NumPy array
+``{"array": <name>}`` with its numbers kept elsewhere, each once. Numbers come back bit for bit: JSON has the
+shortest decimal that is the same float64. A field that a file lacks gets its default, so a document that
+grew a field still reads what was written before it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import types
+import typing
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import AnyArray
+from enliven.errors import InputError
+
+ARRAY = "array"
+
+
+def packed(value: Any, arrays: dict[str, AnyArray]) -> Any:
+    """``value`` as JSON; its arrays are put into ``arrays`` by a name made of what is in them."""
+    if isinstance(value, np.ndarray):
+        name = name_of(value)
+        arrays[name] = value
+        return {ARRAY: name}
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = [field.name for field in dataclasses.fields(value) if field.init]
+        return {name: packed(getattr(value, name), arrays) for name in fields}
+    if isinstance(value, Mapping):
+        return {str(key): packed(inner, arrays) for key, inner in value.items()}
+    if isinstance(value, tuple | list):
+        return [packed(inner, arrays) for inner in value]
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"a document cannot hold a {type(value).__name__}")
+
+
+def name_of(array: AnyArray) -> str:
+    """A name made of an array's type, shape and numbers: equal for equal arrays, and a checksum."""
+    told = hashlib.blake2b(f"{array.dtype.str}{array.shape}".encode(), digest_size=16)
+    told.update(np.ascontiguousarray(array).tobytes())
+    return told.hexdigest()
+
+
+def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
+    """The value of a type that JSON stands for.
+
+    Raises:
+        InputError: where it does not fit the type; ``where`` is the path to it.
+    """
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (types.UnionType, typing.Union):
+        if value is None and type(None) in arguments:
+            return None
+        inner = [argument for argument in arguments if argument is not type(None)]
+        return unpacked(inner[0], value, arrays, where)
+    if origin is np.ndarray:
+        if not isinstance(value, dict) or value.get(ARRAY) not in arrays:
+            raise InputError("an array is missing", where=where)
+        return arrays[value[ARRAY]]
+    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
+        return _dataclass(hint, value, arrays, where)
+    if origin is not None and issubclass(origin, Mapping):
+        table = _typed(value, dict, where)
+        return {key: unpacked(arguments[1], v, arrays, f"{where}.{key}") for key, v in table.items()}
+    if origin is tuple:
+        return _tuple(arguments, _typed(value, list, where), arrays, where)
+    if origin is typing.Literal:
+        if value not in arguments:
+            raise InputError(f"{value!r} is not known here", where=where)
+        return value
+    if hint is Any:
+        return value
+    return _typed(value, hint, where)
+
+
+def _dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
+    table = _typed(value, dict, where)
+    hints = typing.get_type_hints(kind)
+    fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
+    unknown = [key for key in table if key not in fields]
+    if unknown:
+        mend = "A later version of enliven made it: install that."
+        raise InputError(f"{unknown[0]!r} is not known here", where=where, mend=mend)
+    made = {}
+    for name, field in fields.items():
+        if name in table:
+            made[name] = unpacked(hints[name], table[name], arrays, f"{where}.{name}")
+        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            raise InputError(f"{name!r} is missing", where=where)
+    return kind(**made)
+
+
+def _tuple(hints: tuple[Any, ...], values: list[Any], arrays: Mapping[str, AnyArray], where: str) -> Any:
+    many = hints[1:] == (Ellipsis,)
+    if not many and len(hints) != len(values):
+        raise InputError(f"{len(values)} values where {len(hints)} belong", where=where)
+    each = [hints[0]] * len(values) if many else list(hints)
+    return tuple(
+        unpacked(hint, value, arrays, f"{where}[{number}]")
+        for number, (hint, value) in enumerate(zip(each, values, strict=True))
+    )
+
+
+def _typed(value: Any, kind: Any, where: str) -> Any:
+    """The value, which must be of a plain kind; a whole number will do for a float."""
+    wanted = (int, float) if kind is float else kind
+    if not isinstance(value, wanted) or (isinstance(value, bool) and kind is not bool):
+        name = getattr(kind, "__name__", str(kind))
+        raise InputError(f"{str(value)[:40]!r} where a {name} belongs", where=where)
+    return value
