@@ -1,0 +1,23 @@
+"""The code of docs/surgery.md runs as it stands and says what the page says."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+PAGE = Path(__file__).parents[3] / "docs" / "surgery.md"
+
+
+def test_the_page_runs(capsys):
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    assert len(blocks) >= 5
+    names = {}
+    for block in blocks:
+        exec(compile(block, str(PAGE), "exec"), names)
+    said = capsys.readouterr().out
+    for comment in ("{'elbow': 'elbow 2', 'hand': 'hand 2'}", "('Insert a node', 'Turn')"):
+        assert comment in said
+    # The elbow at 45 degrees, half a metre away; the hand another half straight up from there.
+    half = np.sqrt(0.5) / 2
+    assert f"{half:.3f}" in said
+    assert f"{half + 0.5:.3f}" in said
