@@ -11,6 +11,7 @@ skeleton again.
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -97,7 +98,8 @@ def write_gltf(path: Path | str, performances: Sequence[Performance], name: str 
         beside.write_bytes(data)
         os.replace(beside, path)
     except OSError as error:
-        beside.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)
         raise ResourceError(
             f"cannot be written ({error.strerror})", where=str(path), mend="Choose another place."
         ) from None

@@ -7,6 +7,7 @@ from before stays until the new one is whole.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import os
@@ -50,7 +51,8 @@ def write_project(path: Path | str, project: Project) -> None:
             os.fsync(file.fileno())
         os.replace(beside, path)
     except OSError as error:
-        beside.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)
         raise ResourceError(
             f"it cannot be written ({error.strerror})", where=str(path), mend="Save it elsewhere."
         ) from None
