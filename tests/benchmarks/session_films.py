@@ -93,7 +93,7 @@ def merged(shape: str, host: str, joint: int) -> Actions:
 
 def figure_6() -> Actions:
     """(a) to (i): one bone, two nodes, a copy turned by half, merged, cut, merged elsewhere."""
-    pill = limb(np.array([[0.0, 0.0], [0.0, 0.7]]), np.array([0.075, 0.06]))
+    pill = limb(np.array([[0.0, 0.0], [0.0, 0.72]]), np.array([0.08, 0.065]))
     yield Key("1")
     yield Wait(0.6)
     yield Say("(a)  A shape with a single bone...")
@@ -130,7 +130,7 @@ def figure_6() -> Actions:
     yield Key("space")
     yield Say("(g)  The part goes to another node...")
     yield Do(lambda desk: desk.editor.scrub(0.7))
-    yield from merged("part 2", "part", 3)
+    yield from merged("part 2", "part", 1)
     yield Say("(h)  ...as it is posed now")
     yield Wait(1.0)
     yield Say("(i)  and all motions are kept")

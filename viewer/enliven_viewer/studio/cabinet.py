@@ -7,9 +7,9 @@ import os
 import sys
 import time
 from pathlib import Path
-from typing import cast
 
 from enliven.errors import EnlivenError
+from enliven.formats.project_file import read_project, write_project
 from enliven.project import Project
 from enliven_viewer.studio.editor import Editor
 
@@ -143,20 +143,6 @@ class Cabinet:
 
     def _own(self) -> Path:
         return self.folder / f"recovery-{os.getpid()}{PROJECT}"
-
-
-def read_project(path: Path) -> Project:
-    """The project of a file."""
-    from enliven.formats import project_file  # type: ignore[attr-defined]
-
-    return cast(Project, project_file.read_project(path))
-
-
-def write_project(path: Path, project: Project) -> None:
-    """Write a project to a file."""
-    from enliven.formats import project_file  # type: ignore[attr-defined]
-
-    project_file.write_project(path, project)
 
 
 def _running(path: Path) -> bool:

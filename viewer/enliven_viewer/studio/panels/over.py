@@ -58,11 +58,11 @@ def _hint(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
 
 
 def _caption(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
-    """What a session says, in the middle below, with the key that it presses."""
+    """What a session says, in the middle above, with the key that it presses."""
     font, size = imgui.get_font(), 19.0
     grown = size / imgui.get_font_size()
     wide = imgui.calc_text_size(desk.caption).x * grown
-    x, y = area.x + (area.width - wide) / 2, area.y + area.height - 52
+    x, y = area.x + (area.width - wide) / 2, area.y + 66
     draw.add_rect_filled(
         ImVec2(x - 18, y - 9), ImVec2(x + wide + 18, y + 31), packed((*GLASS[:3], 0.8)), 10.0
     )

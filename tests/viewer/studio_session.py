@@ -1,0 +1,98 @@
+"""Opens the studio's window and lets ImGui's test engine work in it; prints what came of it as JSON."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from imgui_bundle import ImVec2, hello_imgui, imgui
+
+from enliven.modeling.sketch import shape_from_stroke
+from enliven.modeling.strokes import limb
+from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.session import Joint, Place, where
+from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.window import StudioWindow
+
+said: dict[str, object] = {"done": False, "errors": []}
+
+
+def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
+    """What an artist does: tools, a menu, a drag in the viewport, keys, the dialogue at the end."""
+    desk = window.desk
+    editor = desk.editor
+
+    def at(place: Place) -> ImVec2:
+        from enliven_viewer.studio.filming import WindowStage
+
+        return ImVec2(*where(place, WindowStage(window)))
+
+    said["size"] = list(window.places.viewport)
+    ctx.item_click("tools/##carry")
+    said["tool"] = desk.hand.tool.name
+    ctx.mouse_move_to_pos(at(Joint("one", 0)))
+    ctx.mouse_down(0)
+    ctx.mouse_move_to_pos(at(Joint("two", 1)))
+    ctx.mouse_up(0)
+    ctx.yield_()
+    said["merged"] = sorted(editor.project.shapes)
+    ctx.menu_click("##MainMenuBar/Edit/Undo")
+    said["undone"] = sorted(editor.project.shapes)
+    ctx.item_click("side/two##shape")
+    said["chosen"] = editor.selection.shape
+    ctx.item_input_value("side/##name", "mantle")
+    said["renamed"] = sorted(editor.project.shapes)
+    ctx.item_click("side/Duplicate")
+    said["copied"] = sorted(editor.project.shapes)
+    ctx.key_press(imgui.Key.mod_ctrl | imgui.Key.z)
+    said["after ctrl z"] = sorted(editor.project.shapes)
+    ctx.item_click("side/wave   2.0 s##take wave")
+    said["source"] = [desk.hand.tool.name, desk.hand.tool.source.take]
+    ctx.key_press(imgui.Key.space)
+    said["playing"] = editor.playing
+    ctx.key_press(imgui.Key.f1)
+    ctx.yield_()
+    said["help"] = desk.asking
+    ctx.item_click("Keys/Close")
+    ctx.menu_click("##MainMenuBar/File/Quit")
+    ctx.yield_()
+    said["asks"] = desk.asking
+    ctx.item_click("Save your work?/Cancel")
+    said["stays"] = not desk.over
+    said["done"] = True
+    ctx.menu_click("##MainMenuBar/File/Quit")
+    ctx.yield_()
+    ctx.item_click("Save your work?/Discard")
+
+
+def main() -> None:
+    render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
+    desk = Desk.new(Editor(StudioSettings(render=render, width=1100, height=720)), Path(sys.argv[1]))
+    pill = limb(np.array([[0.0, 0.0], [0.0, 0.6]]), np.array([0.08, 0.05]))
+    shapes = [shape_from_stroke(np.add(pill, [x, 0.7]), id=name) for x, name in ((-0.4, "one"), (0.4, "two"))]
+    desk.cabinet.new(desk.editor.project.with_shapes(*shapes))
+    window = StudioWindow(desk)
+
+    def register() -> None:
+        engine = hello_imgui.get_imgui_test_engine()
+        imgui.test_engine.get_io(engine).config_run_speed = imgui.test_engine.TestRunSpeed.fast
+        test = imgui.test_engine.register_test(engine, "studio", "work")
+        test.test_func = lambda ctx: work(ctx, window)
+        imgui.test_engine.queue_test(engine, test)
+
+    def after(window: StudioWindow) -> None:
+        if window.pictures == 2:
+            said["spread"] = float(window.pixels().std())
+
+    window.run(seconds=60, after=after, register_tests=register)
+    said["over"] = desk.over
+    said["left"] = [path.name for path in Path(sys.argv[1]).iterdir()]
+    print(json.dumps(said))
+
+
+if __name__ == "__main__":
+    main()
