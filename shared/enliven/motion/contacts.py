@@ -4,7 +4,8 @@
     contacts_of(places (F, 3), step, size, settings) -> Contacts
 
 A foot touches the floor while it is low and slow; it is off again when it is clearly higher or faster
-(hysteresis). While it touches, its place is the middle of where it was.
+(hysteresis). While it touches, its place is the middle of where it was; it may rise there, as a heel does,
+but not sink.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ class ContactSettings:
     """When a joint stands on the floor, in lengths of its limb so that a spider is judged as a giraffe is."""
 
     height: float = setting(
-        0.08, "How high above its lowest a foot that stands may be.", unit="limb lengths", low=0.0, high=2.0
+        0.04, "How high above its lowest a foot that stands may be.", unit="limb lengths", low=0.0, high=2.0
     )
     speed: float = setting(
         0.5, "How fast a foot that stands may move.", unit="limb lengths/s", low=0.0, high=100.0
@@ -34,6 +35,19 @@ class ContactSettings:
     shortest: float = setting(0.1, "A contact shorter than this is none.", unit="s", low=0.0, high=10.0)
     blend: float = setting(
         0.12, "How long a foot takes into its place and out of it.", unit="s", low=0.0, high=10.0
+    )
+    rise: float = setting(
+        1.0,
+        "How much of its own rise a foot that stands keeps, as a heel that comes off before the toe.",
+        low=0.0,
+        high=1.0,
+    )
+    drop: float = setting(
+        0.1,
+        "How far the root may come down so that a foot reaches its place.",
+        unit="limb lengths",
+        low=0.0,
+        high=1.0,
     )
 
 

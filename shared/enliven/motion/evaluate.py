@@ -29,9 +29,9 @@ from enliven.motion.compose import compose, upright
 from enliven.motion.contacts import Contacts
 from enliven.motion.end_effector import lead_at, led_chains
 from enliven.motion.layers import Layer
-from enliven.motion.pin import HeldPin, held_pins
+from enliven.motion.pin import held_pins
 from enliven.motion.sampling import Sampler
-from enliven.motion.standing import found_contacts, pin_at, window_of
+from enliven.motion.standing import Standing, standing_of, window_of
 from enliven.motion.travel import Travel
 from enliven.project import Project
 from enliven.rotation import to_matrix
@@ -84,7 +84,7 @@ class Player:
             for chain in led_chains(self.shape, layer, line)
         ]
         self._pins, self._live = held_pins(self.shape), False
-        self._held: list[tuple[HeldPin, Contacts]] | None = None
+        self._standing: Standing | None = None
         self._window = window_of([*parts.layers, *self._travelling()], project.takes)
 
     def at(self, seconds: float) -> ShapePose:
@@ -100,8 +100,9 @@ class Player:
         """(T, N, 4) turns D_j and (T, N, 3) joints in metres at times (T,) in seconds."""
         times = _times(times)
         turns, joints = self.free(times)
-        for pin, contacts in self._contacts():
-            pin_at(pin, contacts, self._window.folded(times), self.shape.skeleton, turns, joints)
+        standing = self.standing()
+        if standing is not None:
+            standing.hold(times, self.shape.skeleton, turns, joints)
         return turns, joints
 
     def free(self, times: AnyArray) -> tuple[Float, Float]:
@@ -147,18 +148,18 @@ class Player:
         self._travel.feed(take, root)
         self._live = True
 
+    def standing(self) -> Standing | None:
+        """When the pinned feet stand, found once by playing the whole shape; None without pins or live."""
+        if not self._pins or self._live:
+            return None
+        if self._standing is None:
+            self._standing = standing_of(self._pins, self._window, self.free)
+        return self._standing
+
     def contacts(self) -> dict[str, Contacts]:
         """When the pinned joints stand, by name; seconds of the project."""
-        names = self.shape.skeleton.names
-        return {names[pin.chain[-1]]: contacts for pin, contacts in self._contacts()}
-
-    def _contacts(self) -> list[tuple[HeldPin, Contacts]]:
-        """The contacts of every pin, found once by playing the whole shape; none while it is fed live."""
-        if not self._pins or self._live:
-            return []
-        if self._held is None:
-            self._held = found_contacts(self._pins, self._window, self.free)
-        return self._held
+        standing, names = self.standing(), self.shape.skeleton.names
+        return {names[pin.chain[-1]]: seen for pin, seen in (standing.pins if standing else ())}
 
     def _travelling(self) -> list[Layer]:
         return [] if self._travel.layer is None else [self._travel.layer]

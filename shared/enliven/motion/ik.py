@@ -15,6 +15,8 @@ from enliven.motion.quaternions import between, conj, load, mul, store, turn
 
 _ROUNDS = 8
 """FABRIK rounds: they spread the bend over the chain; the closed form then makes it exact."""
+_STRAIGHT = 0.15
+"""Sine of the bend about which a limb counts as straight."""
 _TRIES = 4
 """How often that is done where one half alone cannot be folded enough."""
 
@@ -85,38 +87,65 @@ def swing_to(a, b):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def two_bone(start, middle, end, goal, side):  # type: ignore[no-untyped-def]
     """Kernel: turns of the upper part (about ``start``) and of the lower (about ``middle``) that bring the
-    end to ``goal``: first the bend at the middle by the law of cosines, in the plane that it has, then the
-    swing of the whole.
+    end to ``goal``: first the bend at the middle by the law of cosines, then the swing of the whole.
+
+    A limb that is clearly bent stays in its plane. One that is nearly straight has none to speak of (a knee
+    may even lean backwards by a hair): what it is bent more, it is bent towards ``side``.
 
     Args:
-        side: (3,) where the middle bulges to if the limb is straight now and has no plane.
+        side: triple, where the middle bulges to at rest.
 
     Returns:
         Two quaternions, to be applied in the world before (on the left of) what the parts turned.
     """
-    one = (1.0, 0.0, 0.0, 0.0)
     u, v = minus(start, middle), minus(end, middle)
     a, b = length(u), length(v)
-    whole = swing_to(minus(end, start), minus(goal, start))
     if a < 1e-12 or b < 1e-12:
+        whole = swing_to(minus(end, start), minus(goal, start))
         return whole, whole
     d = min(max(length(minus(goal, start)), abs(a - b)), a + b)
-    n = cross(u, v)
-    sine = length(n)
-    now = math.atan2(sine, dot(u, v))
-    if sine > 1e-9 * a * b:
-        n = (n[0] / sine, n[1] / sine, n[2] / sine)
-    else:
-        n = cross(u, (-side[0], -side[1], -side[2]))
-        sine = length(n)
-        n = (n[0] / sine, n[1] / sine, n[2] / sine) if sine > 1e-9 * a else at_right_angles(u)
+    plane = cross(u, v)
+    sine = length(plane) / (a * b)
+    now = math.atan2(sine, dot(u, v) / (a * b))
     half = (d * d - (a - b) * (a - b)) / (4.0 * a * b)
     wanted = 2.0 * math.asin(math.sqrt(min(max(half, 0.0), 1.0)))
-    bend = one if wanted == now else about(n, wanted - now)
-    x, y, z = turn(bend, v[0], v[1], v[2])
-    reached = (middle[0] + x, middle[1] + y, middle[2] + z)
+    n = bend_axis(u, plane, sine, max(now - wanted, 0.0), side)
+    q = about(n, wanted)
+    scale = b / a
+    bent = turn(q, u[0] * scale, u[1] * scale, u[2] * scale)
+    bend = swing_to(v, bent)
+    reached = (middle[0] + bent[0], middle[1] + bent[1], middle[2] + bent[2])
     whole = swing_to(minus(reached, start), minus(goal, start))
     return whole, mul(whole, bend)
+
+
+@njit(cache=True, nogil=True)
+def bend_axis(u, plane, sine, more, side):  # type: ignore[no-untyped-def]
+    """Kernel: the unit axis, at right angles to ``u`` (middle to start), about which a limb is bent.
+
+    Args:
+        plane: triple along the axis of the bend that it has, whose ``sine`` is known.
+        more: radians that it is to be bent more.
+        side: triple, where it bulges at rest.
+    """
+    wish = cross(u, (-side[0], -side[1], -side[2]))
+    size = length(wish)
+    if size > 1e-9 * length(u) * max(length(side), 1e-300):
+        wish = (wish[0] / size, wish[1] / size, wish[2] / size)
+    else:
+        wish = at_right_angles(u)
+    whole = length(plane)
+    if whole < 1e-300:
+        return wish
+    lean = math.exp(-((sine / _STRAIGHT) ** 2))
+    own, drawn = (sine + (1.0 - lean) * more) / whole, lean * more
+    n = (
+        own * plane[0] + drawn * wish[0],
+        own * plane[1] + drawn * wish[1],
+        own * plane[2] + drawn * wish[2],
+    )
+    size = length(n)
+    return (n[0] / size, n[1] / size, n[2] / size) if size > 1e-12 else wish
 
 
 @njit(cache=True, nogil=True)

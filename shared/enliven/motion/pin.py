@@ -5,7 +5,9 @@
     held_pins(shape) -> list[HeldPin]                        # what the player works with
 
 A limb of more than two bones is two rigid halves. What hangs on the foot keeps its turn in the world, so a
-sole that was flat stays flat. A place out of reach is met as nearly as the stretched limb can.
+sole that was flat stays flat. Where a stretched limb would not reach, the root comes down as far as it may,
+evenly over time (Kovar, Schreiner & Gleicher, "Footskate cleanup for motion capture editing", 2002); a place
+that is out of reach even so is met as nearly as can be.
 """
 
 from __future__ import annotations
@@ -136,26 +138,29 @@ def _two_up(skeleton: Skeleton, joint: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def pin_limb(parents, vectors, chain, middle, side, kept, weights, goals, turns, joints):  # type: ignore[no-untyped-def]
+def pin_limb(parents, vectors, chain, middle, side, kept, rise, weights, goals, drops, turns, joints):  # type: ignore[no-untyped-def]
     """Kernel: brings the end of a limb to its goal, as much as ``weights`` (T,) says, and rebuilds what hangs
     on it.
 
     Args:
         chain: (K,) joints of the limb.
         kept: (N,) bones that keep their turn in the world.
+        rise: how much of its own rise above the goal the foot keeps.
         goals: (T, 3) metres.
+        drops: (T,) metres that the whole has come down: a foot that is free goes where it went.
         turns: (T, N, 4) world turns, changed in place; joints: (T, N, 3) metres, too.
     """
     local = np.empty((len(parents), 4))
     for t in range(len(weights)):
-        if weights[t] <= 0.0:
+        if weights[t] <= 0.0 and drops[t] <= 0.0:
             continue
         start, bend, end = chain[0], chain[middle], chain[-1]
         at = row(joints[t], end)
-        w = weights[t]
+        w, free = weights[t], at[1] + drops[t]
+        high = goals[t, 1] + rise * max(free - goals[t, 1], 0.0)
         goal = (
             at[0] + w * (goals[t, 0] - at[0]),
-            at[1] + w * (goals[t, 1] - at[1]),
+            free + w * (high - free),
             at[2] + w * (goals[t, 2] - at[2]),
         )
         bulge = turn(load(turns[t], chain[1]), side[0], side[1], side[2])
