@@ -124,6 +124,14 @@ class App:
         """Turn the camera to where most of the bones of the characters can be seen."""
         turn_to_bones(self.camera, self._scene)
 
+    def tell_gaze(self) -> None:
+        """Tell the feed from where the user looks, where somebody chooses, and where that is new."""
+        if not self._scene.boards:
+            return
+        look = self._gaze.changed(self.camera.view(self._aspect), time.monotonic())
+        if look is not None:
+            self.feed.look(look)
+
     def fraction_along(self, x: float) -> float:
         """The place on the timeline, 0..1, of a pixel's column."""
         left, _, width, _ = timeline_area(self._size, self.scale)
@@ -147,10 +155,8 @@ class App:
         renderer.resize(self._size)
         self._scene = scene_of(self.document, self.playhead.moment(), self.look)
         self._frame_newcomers()
-        view = self.camera.view(self._aspect)
-        if self._scene.boards and (look := self._gaze.changed(view, time.monotonic())) is not None:
-            self.feed.look(look)
-        renderer.draw(self._scene, view)
+        self.tell_gaze()
+        renderer.draw(self._scene, self.camera.view(self._aspect))
         if self._with_hud:
             self.scale = max(glfw.get_window_content_scale(window)[0], 1.0)
             hud.rescale(self.scale)

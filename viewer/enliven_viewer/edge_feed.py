@@ -28,6 +28,8 @@ class EdgeFeed:
         self._edge_ms: float | None = None
         self._way_ms: float | None = None
         self._bare_since: float | None = None
+        self._look: Look | None = None
+        self._told_instance: int | None = None
 
     def poll(self, document: Document) -> int:
         """Apply everything that has arrived since the last call, without waiting; how many messages."""
@@ -45,6 +47,7 @@ class EdgeFeed:
         self._take_cues(document)
         if poses:
             self._take_latency(poses[-1])
+        self._look_again()
         document.edge = self._state()
         return len(poses) + len(bodies)
 
@@ -60,6 +63,7 @@ class EdgeFeed:
 
     def look(self, look: Look) -> None:
         """Say from where the viewer looks: what a pose means is decided on the screen."""
+        self._look = look
         self._link.look(look)
 
     def browse(self, character_id: str, step: int = 1) -> None:
@@ -79,6 +83,14 @@ class EdgeFeed:
         for name in self._shown_cues.keys() - current.keys():
             document.forget_cues(name)
         self._shown_cues = current
+
+    def _look_again(self) -> None:
+        """An edge that has restarted does not know from where the viewer looks."""
+        instance = self._link.edges[0].instance
+        if instance != self._told_instance and self._link.status is not None:
+            self._told_instance = instance
+            if self._look is not None:
+                self._link.look(self._look)
 
     def _lacks_characters(self, connected: bool, now: float) -> bool:
         """Whether the edge is heard, but has not told its characters for a while: often a wrong port."""

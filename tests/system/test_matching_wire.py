@@ -1,0 +1,144 @@
+"""Posing to choose over real sockets: a viewer looks, goes through the matches by keys, and takes one."""
+
+from __future__ import annotations
+
+import sys
+import time
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from enliven.frames import BodyFrame, Frame
+from enliven_edge.matching.rig_actor import RigActor
+from enliven_edge.matching.settings import MatchingSettings
+from enliven_edge.outlet import Outlet
+from enliven_edge.service import Edge
+from enliven_edge.settings import WireSettings
+from enliven_edge.stage import Stage
+from enliven_edge.tracking.tracker import Tracker
+from enliven_viewer.app import App
+from enliven_viewer.document import Document
+from enliven_viewer.edge_feed import EdgeFeed
+from enliven_viewer.link import Link
+from enliven_viewer.match_cards import cards_of
+from enliven_viewer.render.match_lines import match_rows
+from enliven_viewer.render.scene import scene_of
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "edge" / "matching"))
+
+from rigs_for_stage import person, star
+
+STEP = 33_333_333
+
+
+class Pointing:
+    """A sensor of one body, whose arms point where they are told to."""
+
+    name = "pointing"
+
+    def __init__(self) -> None:
+        self.left, self.right, self._count = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), 0
+
+    def read(self, timeout: float | None = None) -> Frame | None:
+        self._count += 1
+        return BodyFrame([person(self.left, self.right)], self._count * STEP, self.name)
+
+    def close(self) -> None: ...
+
+
+class House:
+    """An edge with a star and a viewer without a window, stepped in turn."""
+
+    def __init__(self, outlet: Outlet) -> None:
+        self.actor = RigActor(star(), MatchingSettings(fade=0.1))
+        outlet.introduce(self.actor.character)
+        self.sensor = Pointing()
+        self.edge = Edge(self.sensor, Tracker(), Stage([self.actor]), outlet)
+        self.document = Document()
+        self.feed = EdgeFeed(Link([outlet.publisher.endpoint]))
+        self.app = App(self.feed, self.document)
+        self.app.camera.face(0.0, 0.2)
+        self.app.camera.advance(10.0)
+
+    def step(self) -> None:
+        frame = self.sensor.read()
+        assert frame is not None
+        self.edge.step(frame)
+        self.edge._listen()
+        self.feed.poll(self.document)
+        self.app._scene = scene_of(self.document, self.app.playhead.moment(), self.app.look)
+        self.app.tell_gaze()
+        time.sleep(0.002)
+
+    def until(self, done) -> None:
+        deadline = time.monotonic() + 20
+        while not done():
+            assert time.monotonic() < deadline, "it never came to be"
+            self.step()
+
+    @property
+    def board(self):
+        return self.app._scene.boards.get("star")
+
+    @property
+    def tips(self) -> list[str]:
+        """The limbs that the viewer shows as meant, by where their tips are."""
+        names, joints = self.actor.puppet.shape.skeleton.names, self.actor.puppet.joints
+        lines = self.board.rows[self.board.shown].lines
+        return [names[int(np.linalg.norm(joints - line[-1], axis=1).argmin())][:-2] for line in lines]
+
+
+@pytest.fixture
+def house() -> Iterator[House]:
+    wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
+    with Outlet(wire, "pointing") as outlet:
+        made = House(outlet)
+        made.until(lambda: made.document.characters and made.board is not None and made.board.rows)
+        yield made
+        made.feed.close()
+
+
+def test_a_viewer_sees_chooses_and_takes(house: House) -> None:
+    app = house.app
+    app.choose_parts(3)  # the arms
+    house.until(lambda: len(house.board.rows[0].lines) == 2)
+    house.until(lambda: house.tips == ["left", "right"])
+    cards = cards_of(app._scene, app.camera.view(1.6))
+    assert len(cards) == 6 and [card.meant for card in cards].index(True) == house.board.shown
+    assert all(card.bones.min() >= 0.0 and card.bones.max() <= 1.0 for card in cards)
+    rows, thickest = match_rows(app._scene.boards)
+    assert len(rows) == 2 * (2 + 3) and thickest > 0.0
+    house.sensor.left = (0.0, 1.0, 0.0)
+    house.until(lambda: house.tips == ["up", "right"])
+    app.browse(1)
+    house.until(lambda: house.board.shown == 1)
+    second = house.tips
+    app.possess()
+    house.until(lambda: house.board.state == "playing")
+    assert house.tips == second
+    assert cards_of(app._scene, app.camera.view(1.6)) == ()
+    before = house.actor.puppet.joints
+    house.sensor.right = (0.0, -1.0, 0.0)
+    house.until(lambda: np.abs(house.actor.puppet.joints - before).max() > 0.2)
+    app.release()
+    house.until(lambda: house.board.state == "choosing")
+
+
+def test_the_edge_ranks_for_where_the_viewer_looks(house: House) -> None:
+    house.app.choose_parts(3)
+    house.until(lambda: house.tips == ["left", "right"])
+    house.app.camera.face(np.pi, 0.2)
+    house.app.camera.advance(10.0)
+    house.until(lambda: house.tips == ["right", "left"])
+
+
+def test_the_camera_turns_to_where_the_bones_are_seen(house: House) -> None:
+    house.app.camera.face(1.5, 0.2)
+    house.app.camera.advance(10.0)
+    house.app.show_bones()
+    house.app.camera.advance(10.0)
+    forward = -house.app.camera.view(1.0).camera_from_world[2, :3]
+    assert abs(forward[2]) > 0.75, "most limbs of the star lie across z"

@@ -1,0 +1,156 @@
+"""What a viewer shows of matches: tubes on the model, cards, and where it looks from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from enliven.character import Character, SkinWeights
+from enliven.matching.board import Board, Row
+from enliven_viewer.camera import OrbitCamera
+from enliven_viewer.document import Document
+from enliven_viewer.gaze import Gaze, look_of, turn_to_bones
+from enliven_viewer.match_cards import cards_of, draw_cards
+from enliven_viewer.render.canvas import Canvas
+from enliven_viewer.render.match_lines import TINTS, match_rows
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import Actor, Look, Scene, scene_of
+
+PIVOTS = np.array([[0, 0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0], [0, 1.2, 0]], np.float32)
+CHARACTER = Character(
+    "cross",
+    np.array([[0, 0.49, 0], [0.01, 0.5, 0], [0, 0.51, 0]], np.float32),
+    np.array([[0, 1, 2]], np.int32),
+    SkinWeights(np.zeros((3, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (3, 1))),
+    PIVOTS,
+    np.array([[0, 1], [0, 2], [0, 3]], np.int32),
+    "bones",
+)
+RIGHT, LEFT, UP = (PIVOTS[[0, k]].astype(float) for k in (1, 2, 3))
+ROWS = (Row("1-1", 0, 1.9, (RIGHT, LEFT)), Row("1-1", 1, 1.2, (UP, LEFT)))
+BOARD = Board("cross", "choosing", 1, 5, 0, ROWS, 3, 0.5)
+
+
+def scene(board: Board = BOARD) -> Scene:
+    return Scene((Actor(CHARACTER, CHARACTER.rest_pose()),), (), Look(body=0.0), boards={"cross": board})
+
+
+def front() -> OrbitCamera:
+    camera = OrbitCamera()
+    camera.face(0.0, 0.05)
+    camera.frame((np.array([-0.7, 0.0, -0.2]), np.array([0.7, 1.4, 0.2])), 1.5, at_once=True)
+    return camera
+
+
+def test_the_meant_chains_glow_on_the_model_in_the_limbs_colours(gl) -> None:
+    renderer = Renderer(gl, (300, 200))
+    view = front().view(1.5)
+    plain = renderer
+    plain.draw(replace(scene(), boards={}), view)
+    without = plain.pixels().astype(int)
+    renderer.draw(scene(), view)
+    changed = np.abs(renderer.pixels().astype(int) - without).sum(-1)
+    for line, tint in ((RIGHT, TINTS[0]), (LEFT, TINTS[1])):
+        across, up = view.project(line.mean(0)[None])[0]
+        column, row = int((across + 1) * 150), int((1 - up) * 100)
+        pixel = renderer.pixels()[row, column].astype(float)
+        assert changed[row, column] > 100
+        assert int(pixel.argmax()) == int(np.argmax(tint)), (pixel, tint)
+    across, up = view.project(UP.mean(0)[None])[0]
+    assert changed[int((1 - up) * 100), int((across + 1) * 150)] < 30, "that would be another match"
+
+
+def test_what_is_driven_is_thinner_and_without_cards() -> None:
+    playing = replace(BOARD, state="playing", rows=ROWS[:1])
+    rows, thick = match_rows({"cross": BOARD})
+    thin_rows, thin = match_rows({"cross": playing})
+    assert thin == pytest.approx(thick / 2) and len(rows) == len(thin_rows) == 2 * 3
+    assert cards_of(scene(playing), front().view(1.5)) == ()
+    assert len(match_rows({"cross": Board("cross", "off")})[0]) == 0
+
+
+def test_cards_show_each_match_as_it_is_seen() -> None:
+    cards = cards_of(scene(), front().view(1.5))
+    assert [card.title for card in cards] == ["1 of 3", "2 of 3"]
+    assert [card.meant for card in cards] == [True, False]
+    assert [card.held for card in cards] == [0.5, 0.0]
+    right, left = cards[0].lines
+    assert right[1, 0] > right[0, 0] and left[1, 0] < left[0, 0], "right is right"
+    assert cards[1].lines[0][1, 1] < cards[1].lines[0][0, 1], "up is up"
+    spans = np.abs(cards[0].bones[:, 1] - cards[0].bones[:, 0]).max(1)
+    np.testing.assert_allclose(spans / spans[0], [1.0, 1.0, 1.4], rtol=0.05, err_msg="nothing is stretched")
+
+
+def test_cards_are_drawn_above_the_timeline_and_only_where_there_is_room(gl) -> None:
+    texture = gl.texture((640, 360), 4)
+    target = gl.framebuffer([texture])
+    cards = cards_of(scene(), front().view(1.5))
+
+    def ink(size: tuple[int, int]) -> np.ndarray:
+        target.clear(0.2, 0.2, 0.2, 1)
+        canvas = Canvas(gl, (14,))
+        draw_cards(canvas, size, 1.0, 14, cards)
+        canvas.draw(target)
+        picture = np.frombuffer(target.read(components=3, alignment=1), np.uint8).reshape(360, 640, 3)[::-1]
+        return np.abs(picture.astype(int) - 51).sum(-1) > 12
+
+    both, one = ink((640, 360)), ink((200, 360))
+    rows, columns = np.nonzero(both)
+    assert rows.min() > 180 and rows.max() < 360 - 54
+    assert abs((columns.min() + columns.max()) / 2 - 320) < 4
+    assert 0 < one.sum() < 0.7 * both.sum()
+    assert not ink((100, 360)).any()
+
+
+def test_a_line_of_the_canvas_covers_its_pixels_and_no_others(gl) -> None:
+    texture = gl.texture((64, 64), 4)
+    target = gl.framebuffer([texture])
+    target.clear(0, 0, 0, 1)
+    canvas = Canvas(gl, (14,))
+    canvas.line(np.array([10.0, 12.0]), np.array([40.0, 52.0]), 6.0, (1, 1, 1, 1))
+    canvas.line(np.array([56.0, 8.0]), np.array([56.0, 8.0]), 8.0, (1, 1, 1, 1))
+    canvas.draw(target)
+    picture = np.frombuffer(target.read(components=3, alignment=1), np.uint8).reshape(64, 64, 3)[::-1, :, 0]
+    y, x = np.mgrid[0:64, 0:64] + 0.5
+    along = np.clip(((x - 10) * 30 + (y - 12) * 40) / 2500, 0, 1)
+    far = np.hypot(x - 10 - 30 * along, y - 12 - 40 * along)
+    dot = np.hypot(x - 56, y - 8)
+    assert (picture[(far < 2.2) | (dot < 3.2)] > 200).all()
+    assert (picture[(far > 4.0) & (dot > 5.0)] == 0).all()
+
+
+def test_boards_come_to_the_scene_at_their_time_and_stay_while_the_next_is_under_way() -> None:
+    document = Document(characters={"cross": CHARACTER})
+    document.add_bodies(5, ())
+    document.add_board(BOARD)
+    document.add_bodies(6, ())
+    assert scene_of(document, document.timeline.at(6), Look()).boards == {"cross": BOARD}
+    later = replace(BOARD, time_ns=6, state="playing")
+    document.add_board(later)
+    assert document.timeline.at(6).boards == {"cross": later}
+    assert document.timeline.at(5).boards == {"cross": BOARD}
+    document.remove_character("cross")
+    assert scene_of(document, document.timeline.at(6), Look()).boards == {}
+
+
+def test_the_edge_is_told_when_the_camera_moves_and_not_otherwise() -> None:
+    gaze, camera = Gaze(), front()
+    first = gaze.changed(camera.view(1.5), 0.0)
+    assert first is not None and first.eye is not None
+    np.testing.assert_allclose(np.linalg.norm(first.direction), 1.0)
+    assert gaze.changed(camera.view(1.5), 1.0) is None
+    camera.orbit(0.3, 0.0)
+    camera.advance(10.0)
+    assert gaze.changed(camera.view(1.5), 0.05) is None, "not more often than ten times a second"
+    assert gaze.changed(camera.view(1.5), 1.1) == look_of(camera.view(1.5))
+
+
+def test_the_camera_turns_to_where_bones_are_seen() -> None:
+    camera = front()
+    camera.face(np.pi / 2, 0.1)
+    camera.advance(10.0)
+    turn_to_bones(camera, scene())
+    camera.advance(10.0)
+    assert abs(camera.view(1.0).camera_from_world[2, 2]) > 0.99, "the cross lies across z"
