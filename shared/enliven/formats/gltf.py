@@ -167,7 +167,7 @@ def _bodies(
         while above >= 0 and above not in number:
             above = file.parents[above]
         leaves = [
-            bind.world[child][:3, 3]
+            (file.name(child), bind.world[child][:3, 3])
             for child in file.document.nodes[node].children or []
             if child not in number and file.document.nodes[child].mesh is None
         ]

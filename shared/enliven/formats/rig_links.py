@@ -38,7 +38,7 @@ class Body:
         places: (F, 3) metres.
         mass: the surface that follows it, m2, each vertex by its weight.
         reach: (3,) metres, the far end of those vertices, or None.
-        leaves: (3,) each, where it has child nodes that are no joints.
+        leaves: name and (3,) metres of its child nodes that are no joints.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Body:
     places: Float
     mass: float = 0.0
     reach: Float | None = None
-    leaves: list[Float] = field(default_factory=list)
+    leaves: list[tuple[str, Float]] = field(default_factory=list)
 
 
 @dataclass
@@ -92,7 +92,7 @@ def links_of(bodies: list[Body], size: float) -> Links:
         links.notes.append(f"hung on the joints that they follow: {', '.join(moved)}")
     for j in set(range(len(bodies))) - set(links.parents):
         if before[j] in links.parents:
-            bodies[before[j]].leaves.append(bodies[j].rest)
+            bodies[before[j]].leaves.append((bodies[j].name, bodies[j].rest))
     _trim(bodies, links)
     return links
 
@@ -169,7 +169,7 @@ def _home(bodies: list[Body], child: int, usual: int, inside: set[int], off: Flo
 
 
 def _distance(bodies: list[Body], child: int, parent: int) -> float:
-    points = [bodies[parent].rest, *bodies[parent].leaves]
+    points = [bodies[parent].rest, *(place for _, place in bodies[parent].leaves)]
     return min(float(np.linalg.norm(bodies[child].rest - p)) for p in points)
 
 

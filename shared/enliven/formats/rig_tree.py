@@ -123,7 +123,8 @@ def _built(
             continue
         out = [k for k in range(1, len(joints.names)) if joints.drivers[k] == j and joints.parents[k] == home]
         if not out and bodies[j].mass > 0:
-            out = [joints.add(f"{bodies[j].name} end", home, _tip(bodies, j, joints, home, size), j)]
+            name, place = _tip(bodies, j, joints, home, size)
+            out = [joints.add(name, home, place, j)]
         if out:
             bone[j] = joints.straightest(home, out)
     return Tree(*joints.sorted(bone), root=root, notes=notes)
@@ -177,17 +178,19 @@ class _Joints:
         return skeleton, [self.drivers[old] for old in order], {j: new[k] for j, k in bone.items()}
 
 
-def _tip(bodies: list[Body], j: int, joints: _Joints, home: int, size: float) -> Float:
-    """Where the bone of a joint without children ends."""
+def _tip(bodies: list[Body], j: int, joints: _Joints, home: int, size: float) -> tuple[str, Float]:
+    """What the end of the bone of a joint without children is called, and where it is."""
     body = bodies[j]
-    for leaf in body.leaves:
-        if np.linalg.norm(leaf - body.rest) > 1e-3 * size:
-            return leaf
+    for name, place in body.leaves:
+        if np.linalg.norm(place - body.rest) > 1e-3 * size:
+            return name, place
+    name = f"{body.name} end"
     if body.reach is not None and np.linalg.norm(body.reach - body.rest) > 1e-3 * size:
-        return body.reach
+        return name, body.reach
     into = joints.rest[home] - joints.rest[max(joints.parents[home], 0)]
     length = float(np.linalg.norm(into))
-    return np.asarray(body.rest + (into / 2 if length > 1e-3 * size else np.array([0.0, 0.05 * size, 0.0])))
+    onward = into / 2 if length > 1e-3 * size else np.array([0.0, 0.05 * size, 0.0])
+    return name, np.asarray(body.rest + onward)
 
 
 def _cosine(a: Float, b: Float) -> float:

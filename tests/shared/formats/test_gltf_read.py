@@ -1,0 +1,255 @@
+"""Rigged glTF becomes a shape that moves as glTF's own skinning does; what bones cannot say is told."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_gltf import Made, random_rig, trs
+from PIL import Image
+from slow_gltf import SlowGltf
+
+from enliven.deformation.skinning import skin_vertices
+from enliven.errors import InputError
+from enliven.formats.gltf import read_gltf
+from enliven.formats.gltf_parts import strongest
+from enliven.formats.rig import playing
+from enliven.motion.evaluate import Player
+from enliven.project import Project
+from enliven.shape import character_of
+
+
+def vertices_of(rig, clip, frame):
+    """(V, 3) the model at a frame of a clip, by our own evaluation and skinning."""
+    project, shape = playing(Project(), rig.shape, clip)
+    return skin_vertices(character_of(shape), Player(project, shape.id).pose(frame * clip.step))
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 10_000))
+def test_a_rig_that_only_turns_moves_as_gltf_says(tmp_path_factory, seed):
+    path = random_rig(seed, tmp_path_factory.mktemp("rig") / "odd.gltf")
+    rig, slow = read_gltf(path), SlowGltf(path)
+    (clip,) = rig.clips
+    size = np.ptp(rig.shape.mesh.vertices, axis=0).max()
+    assert clip.duration == pytest.approx(0.75)
+    for frame in (0, len(clip.turns) // 2, len(clip.turns) - 1):
+        expected = slow.vertices_at(0, frame * clip.step)
+        assert np.abs(vertices_of(rig, clip, frame) - expected).max() < 1e-4 * size
+    assert not [note for note in rig.notes if "move" in note or "stretch" in note]
+
+
+def two_joints(**child) -> Made:
+    """A root and a child a metre above it, one triangle each."""
+    made = Made()
+    root = made.node(name="root")
+    end = made.node(root, name="child", translation=[0, 1, 0], **child)
+    inverse = np.stack([np.eye(4), trs([0, -1, 0], [0, 0, 0, 1])]).transpose(0, 2, 1).reshape(-1, 16)
+    skin = {"joints": [root, end], "inverseBindMatrices": made.accessor(inverse.astype(np.float32))}
+    made.add("skins", skin)
+    points = np.array([[0, 0, 0], [0.2, 0, 0], [0, 0.5, 0], [0, 1, 0], [0.2, 1, 0], [0, 1.5, 0]], np.float32)
+    joints = np.zeros((6, 4), np.uint8)
+    joints[3:, 0] = 1
+    weights = np.tile(np.array([1, 0, 0, 0], np.float32), (6, 1))
+    attributes = {
+        "POSITION": made.accessor(points),
+        "JOINTS_0": made.accessor(joints),
+        "WEIGHTS_0": made.accessor(weights),
+    }
+    made.node(mesh=made.add("meshes", {"primitives": [{"attributes": attributes}]}), skin=0)
+    return made
+
+
+def animated(made: Made, node: int, path: str, values) -> None:
+    times = made.accessor(np.array([0.0, 1.0], np.float32))
+    sampler = {"input": times, "output": made.accessor(np.array(values, np.float32))}
+    found = made.json.setdefault("animations", [{"channels": [], "samplers": []}])[0]
+    found["samplers"].append(sampler)
+    found["channels"].append({"sampler": len(found["samplers"]) - 1, "target": {"node": node, "path": path}})
+
+
+def test_bones_of_a_simple_rig(tmp_path):
+    skeleton = read_gltf(two_joints().write(tmp_path / "two.gltf")).shape.skeleton
+    assert skeleton.names == ("root", "child", "child end")
+    np.testing.assert_allclose(skeleton.positions, [[0, 0, 0], [0, 1, 0], [0.1, 1.5, 0]], atol=0.1)
+    skin = read_gltf(tmp_path / "two.gltf").shape.skin
+    # The root's vertices follow the turn of the whole, the child's the bone that begins at the child.
+    assert skin.indices[:, 0].tolist() == [0, 0, 0, 2, 2, 2]
+
+
+def test_what_bones_cannot_say_is_told_with_its_size(tmp_path):
+    made = two_joints()
+    animated(made, 1, "translation", [[0, 1, 0], [0, 1.004, 0]])
+    (note,) = read_gltf(made.write(tmp_path / "moved.gltf")).notes
+    assert "animations move 1 joint off their bones" in note
+    assert "0.004 m (0.3% of the size), child" in note
+    made = two_joints()
+    animated(made, 1, "scale", [[1, 1, 1], [1, 2, 1]])
+    (note,) = read_gltf(made.write(tmp_path / "grown.gltf")).notes
+    assert note == "animations stretch joints; not kept: at most by 100.0%, child"
+
+
+def test_a_foot_under_a_controller_hangs_on_the_shin(tmp_path):
+    """As baked inverse kinematics leaves it: the foot hangs on the ground, moved to the shin's end."""
+    made = Made()
+    ground = made.node(name="ground")
+    hip = made.node(ground, name="hip", translation=[0, 2, 0])
+    shin = made.node(hip, name="shin", translation=[0, -1, 0])
+    foot = made.node(ground, name="foot")
+    pole = made.node(ground, name="pole", translation=[0, 1, 5])
+    places = [[0, 2, 0], [0, 1, 0], [0, 0, 0], [0, 1, 5]]
+    inverse = np.stack([trs([-x for x in p], [0, 0, 0, 1]) for p in places]).transpose(0, 2, 1)
+    skin = {
+        "joints": [hip, shin, foot, pole],
+        "inverseBindMatrices": made.accessor(inverse.reshape(-1, 16).astype(np.float32)),
+    }
+    made.add("skins", skin)
+    points = np.concatenate(
+        [
+            np.array([[0, 0, 0], [0.1, 0, 0], [0, -0.9 if k < 2 else 0, 0.3]]) + p
+            for k, p in enumerate(places[:3])
+        ]
+    )
+    joints = np.zeros((9, 4), np.uint8)
+    joints[:, 0] = np.repeat([0, 1, 2], 3)
+    weights = np.tile(np.array([1, 0, 0, 0], np.float32), (9, 1))
+    attributes = {
+        "POSITION": made.accessor(points.astype(np.float32)),
+        "JOINTS_0": made.accessor(joints),
+        "WEIGHTS_0": made.accessor(weights),
+    }
+    made.node(mesh=made.add("meshes", {"primitives": [{"attributes": attributes}]}), skin=0)
+    half = [np.sin(np.pi / 8), 0, 0, np.cos(np.pi / 8)]
+    animated(made, hip, "rotation", [[0, 0, 0, 1], half])
+    steps = np.linspace(0, np.pi / 4, 9)
+    times = made.accessor(np.linspace(0, 1, 9).astype(np.float32))
+    path = np.stack([np.zeros(9), 2 - 2 * np.cos(steps), -2 * np.sin(steps)], 1).astype(np.float32)
+    found = made.json["animations"][0]
+    found["samplers"].append({"input": times, "output": made.accessor(path)})
+    found["channels"].append({"sampler": 1, "target": {"node": foot, "path": "translation"}})
+    rig = read_gltf(made.write(tmp_path / "leg.gltf"))
+    skeleton = rig.shape.skeleton
+    assert skeleton.names == ("hip", "shin", "foot", "foot end")
+    assert "hung on the joints that they follow: foot on shin" in rig.notes
+    slow = SlowGltf(tmp_path / "leg.gltf")
+    (clip,) = rig.clips
+    for frame in range(0, len(clip.turns), 3):
+        expected = slow.vertices_at(0, frame * clip.step)
+        assert np.abs(vertices_of(rig, clip, frame) - expected).max() < 1e-4 * 3
+
+
+def test_joints_at_one_place_are_one_and_their_limbs_turn_apart(tmp_path):
+    made = Made()
+    hips = made.node(name="hips")
+    legs = [made.node(hips, name=f"hips to {side}") for side in ("left", "right")]
+    feet = [made.node(legs[k], name=f"foot {k}", translation=[0.3 - 0.6 * k, -1, 0]) for k in (0, 1)]
+    nodes = [hips, *legs, *feet]
+    places = [[0, 0, 0]] * 3 + [[0.3, -1, 0], [-0.3, -1, 0]]
+    inverse = np.stack([trs([-x for x in p], [0, 0, 0, 1]) for p in places]).transpose(0, 2, 1)
+    made.add(
+        "skins",
+        {"joints": nodes, "inverseBindMatrices": made.accessor(inverse.reshape(-1, 16).astype(np.float32))},
+    )
+    points = np.concatenate([np.array([[0, 0, 0], [0.1, 0, 0], [0, -0.1, 0.1]]) + p for p in places])
+    joints = np.zeros((15, 4), np.uint8)
+    joints[:, 0] = np.repeat(np.arange(5), 3)
+    attributes = {
+        "POSITION": made.accessor(points.astype(np.float32)),
+        "JOINTS_0": made.accessor(joints),
+        "WEIGHTS_0": made.accessor(np.tile(np.array([1, 0, 0, 0], np.float32), (15, 1))),
+    }
+    made.node(mesh=made.add("meshes", {"primitives": [{"attributes": attributes}]}), skin=0)
+    for k, leg in enumerate(legs):
+        animated(made, leg, "rotation", [[0, 0, 0, 1], [np.sin(0.3 + k), 0, 0, np.cos(0.3 + k)]])
+    rig = read_gltf(made.write(tmp_path / "hips.gltf"))
+    assert rig.shape.skeleton.names == ("hips", "foot 0", "foot 0 end", "foot 1", "foot 1 end")
+    slow, (clip,) = SlowGltf(tmp_path / "hips.gltf"), rig.clips
+    expected = slow.vertices_at(0, clip.duration)
+    assert np.abs(vertices_of(rig, clip, len(clip.turns) - 1) - expected).max() < 1e-5
+
+
+def test_colours_come_from_factor_texture_and_vertex(tmp_path):
+    made = two_joints()
+    picture = io.BytesIO()
+    Image.fromarray(np.array([[[255, 0, 0], [0, 255, 0]]], np.uint8)).save(picture, "PNG")
+    made.add("images", {"bufferView": made.view(picture.getvalue()), "mimeType": "image/png"})
+    made.add("textures", {"source": 0})
+    pbr = {"baseColorFactor": [0.5, 1, 1, 1], "baseColorTexture": {"index": 0}}
+    made.add("materials", {"pbrMetallicRoughness": pbr})
+    primitive = made.json["meshes"][0]["primitives"][0]
+    uv = np.array([[0.1, 0.5]] * 3 + [[0.9, 0.5]] * 3, np.float32)
+    colours = np.full((6, 4), 65535, np.uint16)
+    colours[5] = 0
+    primitive["attributes"] |= {
+        "TEXCOORD_0": made.accessor(uv),
+        "COLOR_0": made.accessor(colours, normalized=True),
+    }
+    primitive["material"] = 0
+    mesh = read_gltf(made.write(tmp_path / "coloured.gltf")).shape.mesh
+    # Half as much light is sRGB 188.
+    assert mesh.colours.tolist() == [[188, 0, 0]] * 3 + [[0, 255, 0]] * 2 + [[0, 0, 0]]
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 1000), st.integers(1, 8))
+def test_the_four_largest_weights_are_kept(seed, width):
+    random = np.random.default_rng(seed)
+    joints, weights = random.integers(0, 6, (5, width)), random.uniform(0, 1, (5, width))
+    four, shares = strongest(joints, weights)
+    assert np.allclose(shares.sum(1), 1)
+    for v in range(5):
+        total: dict[int, float] = {}
+        for j, w in zip(joints[v], weights[v], strict=True):
+            total[int(j)] = total.get(int(j), 0.0) + w
+        best = sorted(total.values(), reverse=True)[:4]
+        np.testing.assert_allclose(sorted(shares[v], reverse=True)[: len(best)], np.array(best) / sum(best))
+        for j, share in zip(four[v], shares[v], strict=True):
+            assert share == 0 or share == pytest.approx(total[int(j)] / sum(best))
+
+
+def test_a_model_without_a_rig_gets_one_bone(tmp_path):
+    made = two_joints()
+    del made.json["skins"], made.json["nodes"][2]["skin"]
+    rig = read_gltf(made.write(tmp_path / "still.gltf"), height=3.0, floor=True)
+    np.testing.assert_allclose(rig.shape.skeleton.positions[:, 1], [0, 3])
+    assert rig.notes == ("it has no rig: it is given one bone, from its foot to its top",)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda d: d.update(extensionsRequired=["KHR_draco_mesh_compression"]), "KHR_draco_mesh_compression"),
+        (lambda d: d["meshes"][0]["primitives"][0].update(mode=1), "no triangle"),
+        (lambda d: d["nodes"][0].update(children=[0]), "has a child 0"),
+        (lambda d: d["bufferViews"][1].update(byteLength=10**6), "cut short or damaged"),
+        (lambda d: d["accessors"][1].update(count=10**6), "beyond its buffer"),
+        (lambda d: d["nodes"][2].update(mesh=7), "mesh 7 that is not there"),
+        (lambda d: d["skins"][0].update(joints=[0]), "follows joint 1 of 1"),
+        (lambda d: d["asset"].update(version="1.0"), "cannot be read as glTF 2"),
+    ],
+)
+def test_what_is_wrong_is_said(tmp_path, spoil, words):
+    made = two_joints()
+    path = made.write(tmp_path / "wrong.gltf")
+    document = json.loads(path.read_text())
+    spoil(document)
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError, match=words) as caught:
+        read_gltf(path)
+    assert str(path) in caught.value.where
+
+
+def test_files_that_are_no_models(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        read_gltf(tmp_path / "none.glb")
+    with pytest.raises(InputError, match="no glTF file"):
+        (tmp_path / "a.txt").write_text("x")
+        read_gltf(tmp_path / "a.txt")
+    (tmp_path / "cut.glb").write_bytes(b"glTF" + struct.pack("<II", 2, 1000) + b"\0" * 20)
+    with pytest.raises(InputError, match="cannot be read as glTF 2"):
+        read_gltf(tmp_path / "cut.glb")
