@@ -35,12 +35,7 @@ from enliven.skeleton import Skeleton
 class HeatSettings:
     """How skin weights are computed."""
 
-    heat: float = setting(1.0, "more makes weights sharper, less softer around joints", low=1e-3, high=1e3)
-    reach: float = setting(
-        3.0,
-        "how many times farther than the nearest bone a bone may be to stand in for a hidden one",
-        low=1.0,
-    )
+    heat: float = setting(2.0, "more makes weights sharper, less softer around joints", low=1e-3, high=1e3)
     tie: float = setting(
         1e-3, "bones that are farther by no more than this share give heat together", low=0.0, high=1.0
     )
@@ -86,7 +81,7 @@ def heat_weights(
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
         raise InputError("it has no faces, or positions that are not finite", where=mesh.name)
     welded, of = weld(mesh)
-    chosen, distance = nearest_seen(welded.vertices, welded.faces, segments, settings.reach, settings.tie)
+    chosen, distance = nearest_seen(welded.vertices, outward(welded), welded.faces, segments, settings.tie)
     laplacian, mass = cotangents(welded.vertices, welded.faces)
     _warm_the_blind(welded, laplacian, segments, chosen, distance)
     extent = float(np.ptp(welded.vertices, axis=0).max()) or 1.0
@@ -127,6 +122,14 @@ def cotangents(vertices: Float, faces: Int32) -> tuple[csc_matrix, Float]:
     own = np.asarray(web.sum(1)).ravel()
     mass = np.bincount(faces.ravel(), np.repeat(least / 6, 3), count)
     return csc_matrix(diags(own) - web), np.maximum(mass, 1e-12 * float(mass.max() or 1.0))
+
+
+def outward(welded: Mesh) -> Float:
+    """(V, 3) unit normals that point out of the volume, also where the mesh is inside out."""
+    a, b, c = (welded.vertices[welded.faces[:, k]] for k in range(3))
+    inside_out = np.einsum("ij,ij->", a - welded.vertices.mean(0), np.cross(b - a, c - a)) < 0
+    normals = welded.vertex_normals()
+    return -normals if inside_out else normals
 
 
 def _warm_the_blind(

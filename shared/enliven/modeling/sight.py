@@ -7,6 +7,11 @@ from numba import njit
 
 from enliven.arrays import Float, Int, Int32
 
+_OUTWARD = 0.2
+"""A bone is outside where the way to it leaves the surface, by the cosine to the normal."""
+_FADE = 4
+"""How strongly a bone that stands in for a hidden one fades: of the powers tried, this came nearest to what
+artists painted on ten rigs."""
 MOST = 6
 """Bones that a vertex tries at most, from the nearest on."""
 
@@ -61,10 +66,12 @@ def _hit(p, d, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _hidden(v, target, vertices, faces, offsets, inside, low, cell, size):  # type: ignore[no-untyped-def]
-    """Whether a face that does not touch vertex v lies between it and a point."""
+def _hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size):  # type: ignore[no-untyped-def]
+    """Whether a point lies outside of vertex v's own surface, or a face that does not touch v hides it."""
     p = vertices[v]
     d = target - p
+    if d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2] > _OUTWARD * np.sqrt((d * d).sum()):
+        return True
     at, step = np.empty(3, np.int64), np.empty(3, np.int64)
     ahead, each = np.empty(3), np.empty(3)
     for a in range(3):
@@ -96,7 +103,7 @@ def _hidden(v, target, vertices, faces, offsets, inside, low, cell, size):  # ty
 
 
 @njit(cache=True, nogil=True)
-def _seen(vertices, faces, segments, offsets, inside, low, cell, size, reach, tie):  # type: ignore[no-untyped-def]
+def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, tie):  # type: ignore[no-untyped-def]
     """See :func:`nearest_seen`."""
     count, some = vertices.shape[0], min(MOST, segments.shape[0])
     chosen = np.full((count, some), -1, np.int32)
@@ -128,32 +135,36 @@ def _seen(vertices, faces, segments, offsets, inside, low, cell, size, reach, ti
         taken = 0
         for i in range(found):
             far = np.sqrt(near[i])
-            if far > reach * np.sqrt(near[0]) + 1e-300 or (taken and far > (1.0 + tie) * distance[v]):
+            if taken and far > (1.0 + tie) * distance[v]:
                 break
-            if _hidden(v, points[i], vertices, faces, offsets, inside, low, cell, size):
+            if _hidden(v, points[i], vertices, normals[v], faces, offsets, inside, low, cell, size):
                 continue
             if taken == 0:
                 distance[v] = far
             chosen[v, taken] = who[i]
             taken += 1
+        if taken:
+            distance[v] *= (distance[v] / max(np.sqrt(near[0]), 1e-300)) ** _FADE
     return chosen, distance
 
 
 def nearest_seen(
-    vertices: Float, faces: Int32, segments: Float, reach: float, tie: float
+    vertices: Float, normals: Float, faces: Int32, segments: Float, tie: float
 ) -> tuple[Int32, Float]:
     """The nearest bones that each vertex sees.
 
+    Where the nearest is hidden, one farther off stands in for it, and counts as farther still.
+
     Args:
         vertices: (V, 3) metres, welded.
+        normals: (V, 3) outward; zero where either side will do.
         faces: (F, 3).
         segments: (S, 2, 3) metres, the ends of the bones.
-        reach: how many times farther than the nearest bone a bone may be that is taken in its place.
         tie: bones that are farther by no more than this share count as equally near.
 
     Returns:
-        (V, K) int32 segments, the nearest and those equally near, then -1; (V,) metres to them, infinite
-        where none is seen.
+        (V, K) int32 segments, the nearest and those equally near, then -1; (V,) metres to them, d (d / d_0)^4
+        with d_0 the distance to the nearest, hidden or not; infinite where none is seen.
     """
     low, high = vertices.min(0), vertices.max(0)
     extent = float((high - low).max()) or 1.0
@@ -162,6 +173,6 @@ def nearest_seen(
     size: Int = np.maximum(1, np.ceil((high - low) / cell + 1e-9)).astype(np.int64)
     offsets, inside = grid_of(vertices, faces, low, cell, size)
     seen: tuple[Int32, Float] = _seen(
-        vertices, faces, np.ascontiguousarray(segments), offsets, inside, low, cell, size, reach, tie
+        vertices, normals, faces, np.ascontiguousarray(segments), offsets, inside, low, cell, size, tie
     )
     return seen

@@ -8,7 +8,7 @@ from mesh_makers import ball, flat_shaded, line, partition_of_unity, tube
 
 from enliven.errors import InputError
 from enliven.mesh import Mesh
-from enliven.modeling.bone_heat import bone_heat, cotangents, heat_weights, segments_of
+from enliven.modeling.bone_heat import bone_heat, cotangents, heat_weights, outward, segments_of
 from enliven.modeling.sight import nearest_seen
 from enliven.modeling.skin_values import dense, renumbered, sparse
 from enliven.skeleton import Skeleton
@@ -100,17 +100,27 @@ def test_a_part_that_sees_no_bone_follows_the_nearest():
 def test_sight_agrees_with_trying_every_face():
     rng = np.random.default_rng(5)
     mesh = both(ball(0.3, detail=2), ball(0.2, (0.45, 0, 0), detail=2))
+    normals = outward(mesh)
     segments = rng.uniform(-0.4, 0.7, (7, 2, 3))
-    chosen, distance = nearest_seen(mesh.vertices, mesh.faces, segments, np.inf, 1e-9)
+    chosen, distance = nearest_seen(mesh.vertices, normals, mesh.faces, segments, 1e-9)
     vectors = segments[:, 1] - segments[:, 0]
     for v in rng.integers(0, len(mesh.vertices), 60):
         p = mesh.vertices[v]
         u = np.clip(((p - segments[:, 0]) * vectors).sum(1) / (vectors**2).sum(1), 0, 1)
-        points = segments[:, 0] + u[:, None] * vectors
-        far = np.linalg.norm(points - p, axis=1)
-        seen = [s for s in np.argsort(far)[:6] if not hidden(mesh, v, points[s])]
+        ways = segments[:, 0] + u[:, None] * vectors - p
+        far = np.linalg.norm(ways, axis=1)
+        inward = ways @ normals[v] <= 0.2 * far
+        seen = [s for s in np.argsort(far)[:6] if inward[s] and not hidden(mesh, v, p + ways[s])]
         assert (chosen[v, 0] == seen[0]) if seen else (chosen[v, 0] == -1)
-        assert distance[v] == pytest.approx(far[seen[0]] if seen else np.inf)
+        best = far[seen[0]] if seen else np.inf
+        assert distance[v] == pytest.approx(best * (best / far.min()) ** 4)
+
+
+def test_normals_look_outward_also_of_a_mesh_that_is_inside_out():
+    mesh = ball()
+    turned = Mesh(mesh.vertices, mesh.faces[:, ::-1])
+    np.testing.assert_allclose(outward(mesh), outward(turned), atol=1e-12)
+    assert ((outward(mesh) * mesh.vertices).sum(1) > 0).all()
 
 
 def hidden(mesh, v, target):
