@@ -16,6 +16,8 @@ from enliven_viewer.render.scene import Actor, Scene
 
 WIDTH, HEIGHT, GAP, PAD = 124.0, 92.0, 8.0, 10.0
 """Pixels of a card on a plain screen, the space between two, and within one."""
+WIDE = 2.0
+"""How much wider than high the picture on a card is."""
 _GLASS: Colour = (0.05, 0.06, 0.085, 0.62)
 _MEANT: Colour = (1.0, 0.69, 0.30, 0.95)
 _BONE: Colour = (0.78, 0.81, 0.86, 0.42)
@@ -28,10 +30,10 @@ class Card:
     """One match, ready to be drawn.
 
     Attributes:
-        title: its place and sub-tree.
-        score: in words.
+        title: its place.
+        score: where it begins, and how alike it looks.
         meant: whether it is the one that would be taken.
-        bones: (E, 2, 2) the whole skeleton, 0..1 to the right and down.
+        bones: (E, 2, 2) the whole skeleton, 0..WIDE to the right and 0..1 down.
         lines: (K, 2) by branch of the source, likewise.
         held: 0..1 how long of the time to hold still has passed.
     """
@@ -59,8 +61,8 @@ def _cards(actor: Actor, board: Board, view: View) -> tuple[Card, ...]:
     seen = view.project(np.concatenate(every)) * [1.0, -1.0]
     # Pixels are square on the card as on the screen: the picture is as much wider as its projection says.
     seen[:, 0] *= view.clip_from_camera[1, 1] / view.clip_from_camera[0, 0]
-    middle, reach = (seen.max(0) + seen.min(0)) / 2, float(np.ptp(seen, axis=0).max()) or 1.0
-    seen = 0.5 + (seen - middle) / reach
+    middle, reach = (seen.max(0) + seen.min(0)) / 2, float((np.ptp(seen, axis=0) / [WIDE, 1.0]).max()) or 1.0
+    seen = np.array([WIDE / 2, 0.5]) + (seen - middle) / reach
     ends = np.cumsum([0, *(len(points) for points in every)])
     parts = [seen[a:b] for a, b in itertools.pairwise(ends)]
     cards, at = [], 1
@@ -69,7 +71,7 @@ def _cards(actor: Actor, board: Board, view: View) -> tuple[Card, ...]:
         at += len(row.lines)
         title = f"{row.place + 1} of {board.total}"
         meant = number == board.shown
-        score = f"{row.name}   {row.score:.2f}"
+        score = f"{row.name[:10]}  {row.score:.2f}"
         cards.append(Card(title, score, meant, parts[0].reshape(-1, 2, 2), lines, board.held * meant))
     return tuple(cards)
 
@@ -101,7 +103,7 @@ def _draw_card(canvas: Canvas, x: float, y: float, s: float, text: int, card: Ca
     canvas.text(x + PAD * s, y + 5 * s, card.title, text, _INK if card.meant else _QUIET)
     canvas.text(x + PAD * s, y + height - 7 * s - text, card.score, text, _QUIET)
     side = height - 2 * (text + 8 * s)
-    corner = np.array([x + (width - side) / 2, y + text + 8 * s])
+    corner = np.array([x + (width - WIDE * side) / 2, y + text + 8 * s])
     for a, b in corner + side * card.bones:
         canvas.line(a, b, 1.2 * s, _BONE)
     for line, tint in zip(card.lines, itertools.cycle(TINTS), strict=False):

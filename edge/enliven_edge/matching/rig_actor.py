@@ -216,7 +216,8 @@ class RigActor:
         assert self._ranking is not None
         match = self._ranking[place]
         lines = tuple(self.puppet.joints[list(chain)] for chain in self._chains(match))
-        return Row(match.candidate.name, place, match.score, lines)
+        root = self.puppet.shape.skeleton.names[match.candidate.root]
+        return Row(root, place, match.score, lines)
 
 
 def _strengths(count: int, chains: Sequence[Sequence[int]]) -> Float:

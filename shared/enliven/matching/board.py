@@ -13,7 +13,7 @@ class Row:
     """One match.
 
     Attributes:
-        name: of the sub-tree, such as "2-1".
+        name: of the joint that the branches begin at.
         place: in the ranking, from 0.
         score: sum of cosines.
         lines: by branch of the source, (K, 3) metres, the joints that it would drive; none: (0, 3).

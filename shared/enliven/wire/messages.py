@@ -162,7 +162,7 @@ class PackedMatch(Struct, array_like=True, frozen=True):
     """One match of a source with a character.
 
     Attributes:
-        name: of the sub-tree, such as "2-1".
+        name: of the joint that the branches begin at.
         place: in the ranking, from 0.
         score: sum of cosines.
         sizes: (m,) uint8, how many joints each branch of the source would drive, the first included.
