@@ -1,0 +1,215 @@
+"""Project files: bit for bit, for ever, and a clear word about every file that is none."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.character import Character, Pose, SkinWeights
+from enliven.errors import InputError, ResourceError
+from enliven.formats.project_file import (
+    VERSION,
+    project_bytes,
+    project_of,
+    read_project,
+    write_project,
+)
+from enliven.formats.project_values import name_of, packed, unpacked
+from enliven.graph_shape import graph_shape_of
+from enliven.mesh import Mesh
+from enliven.motion.layers import Span
+from enliven.project import Project, same
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "modeling"))
+from surgery_worlds import random_project
+
+STORED = Path(__file__).parent / "projects"
+
+
+def possessed():
+    """A possessed triangle: a character of two nodes, and what they did."""
+    skin = SkinWeights(
+        np.array([[0, 1, 0, 0]] * 3, np.uint16), np.array([[0.75, 0.25, 0, 0]] * 3, np.float32)
+    )
+    pivots = np.array([[0, 0, 0], [1, 0, 0]], np.float32)
+    character = Character(
+        "chair", np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32), skin, pivots,
+        np.array([[0, 1]], np.int32), "graph", np.array([[1, 2, 3]] * 3, np.uint8),
+    )  # fmt: skip
+    turns = np.tile(np.eye(3, dtype=np.float32), (2, 1, 1))
+    poses = [Pose("chair", 40_000_000 * k, turns, pivots + np.float32(0.1 * k)) for k in range(3)]
+    return graph_shape_of(character, poses, "dance")
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000))
+def test_a_project_comes_back_bit_for_bit(seed):
+    project, random = random_project(seed)
+    shape = project.shapes["shape 0"]
+    count = 12
+    mesh = Mesh(random.normal(size=(count, 3)), random.integers(0, count, (5, 3)).astype(np.int32), "blob")
+    indices = random.integers(0, len(shape.skeleton), (count, 4)).astype(np.uint16)
+    skin = SkinWeights(indices, random.random((count, 4)).astype(np.float32))
+    project = project.with_shapes(
+        shape.with_changes(mesh=mesh, skin=skin, travel_scale=0.1 + random.random())
+    )
+    graph, stream = possessed()
+    project = project.with_streams(stream).with_graphs(graph)
+    data = project_bytes(project)
+    again = project_of(data)
+    assert same(project, again)
+    assert project_bytes(again) == data
+
+
+def test_the_empty_project(tmp_path):
+    write_project(tmp_path / "new" / "a.enliven", Project())
+    assert same(read_project(tmp_path / "new" / "a.enliven"), Project())
+
+
+@pytest.mark.parametrize("path", sorted(STORED.glob("*.enliven")), ids=lambda p: p.stem)
+def test_every_version_that_ever_was_is_read(path):
+    """Stored when each version was the newest; never made again."""
+    project = read_project(path)
+    expected = json.loads(path.with_suffix(".json").read_text())
+    assert list(project.shapes) == expected["shapes"]
+    shape = project.shapes[expected["shapes"][0]]
+    assert shape.skeleton.positions.tolist() == expected["positions"]
+    assert [span.before for span in shape.spans[-1]] == [tuple(b) for b in expected["before"]]
+    assert project.layers["wave layer"].offset == expected["offset"]
+    assert project.takes["wave"].turns[1].tolist() == expected["turns"]
+    assert shape.mesh.colours.tolist() == expected["colours"]
+
+
+def test_there_is_a_stored_file_of_this_version():
+    assert (STORED / f"version_{VERSION}.enliven").is_file()
+
+
+def test_a_field_that_an_old_file_lacks_gets_its_default():
+    project, _ = random_project(3)
+    header, arrays = opened(project_bytes(project))
+    for layer in header["project"]["layers"].values():
+        del layer["mirrored"]
+    for shape in header["project"]["shapes"].values():
+        for spans in shape["spans"]:
+            for span in spans:
+                del span["before"]
+    again = project_of(closed(header, arrays))
+    assert not any(layer.mirrored for layer in again.layers.values())
+    assert again.shapes["shape 0"].spans[0][0].before == Span().before
+
+
+def opened(data):
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        header = json.loads(archive.read("project.json"))
+        return header, {n: archive.read(n) for n in archive.namelist() if n.startswith("arrays/")}
+
+
+def closed(header, arrays):
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        archive.writestr("project.json", json.dumps(header))
+        for name, data in arrays.items():
+            archive.writestr(name, data)
+    return out.getvalue()
+
+
+def spoiled(change):
+    header, arrays = opened(project_bytes(random_project(1)[0]))
+    change(header, arrays)
+    return closed(header, arrays)
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "where"),
+    [
+        (lambda h, a: h.update(format="zip"), "no enliven project", ""),
+        (lambda h, a: h.update(version=VERSION + 1, made_by="9.9"), "made by enliven 9.9", ""),
+        (lambda h, a: h.update(version="new"), "does not say what it is", ""),
+        (lambda h, a: a.popitem(), "an array is missing", "project."),
+        (lambda h, a: a.update({next(iter(a)): b"\x93NUMPY"}), "array in it is damaged", ""),
+        (lambda h, a: a.update({k: next(iter(a.values())) for k in a}), "array in it is damaged", ""),
+        (lambda h, a: h["project"]["layers"]["layer 0"].update(glow=1), "'glow' is not known", "layer 0"),
+        (lambda h, a: h["project"]["layers"]["layer 0"].pop("take"), "'take' is missing", "layer 0"),
+        (
+            lambda h, a: h["project"]["layers"]["layer 0"].update(speed="fast"),
+            "'fast' where a float",
+            "speed",
+        ),
+        (lambda h, a: h["project"]["layers"]["layer 0"].update(loop=1), "where a bool", "loop"),
+        (lambda h, a: h["project"]["takes"].pop("walk"), "there is no take 'walk'", "layer"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_said(change, words, where):
+    with pytest.raises(InputError, match=words) as caught:
+        project_of(spoiled(change), "my.enliven")
+    assert caught.value.where.startswith("my.enliven") and where in caught.value.where
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 3), st.floats(0, 1, exclude_max=True))
+def test_a_file_that_is_cut_short_anywhere_is_refused(seed, share):
+    data = project_bytes(random_project(seed)[0])
+    with pytest.raises(InputError, match=r"cut short|no enliven project"):
+        project_of(data[: int(share * len(data))])
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000))
+def test_a_bit_that_is_turned_over_is_noticed_or_does_not_matter(seed):
+    random = np.random.default_rng(seed)
+    project = random_project(5)[0]
+    data = bytearray(project_bytes(project))
+    data[int(random.integers(len(data)))] ^= 1 << int(random.integers(8))
+    try:
+        again = project_of(bytes(data))
+    except InputError:
+        return
+    assert same(project, again)
+
+
+def test_files_that_are_none(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        read_project(tmp_path / "none.enliven")
+    (tmp_path / "text.enliven").write_text("hello")
+    with pytest.raises(InputError, match="no enliven project"):
+        read_project(tmp_path / "text.enliven")
+    with zipfile.ZipFile(tmp_path / "other.enliven", "w") as archive:
+        archive.writestr("readme.txt", "x")
+    with pytest.raises(InputError, match="no enliven project"):
+        read_project(tmp_path / "other.enliven")
+
+
+def test_the_file_from_before_stays_where_a_new_one_cannot_be_written(tmp_path):
+    project, _ = random_project(2)
+    path = tmp_path / "a.enliven"
+    write_project(path, project)
+    (tmp_path / ".a.enliven.part").mkdir()
+    with pytest.raises(ResourceError, match="cannot be written"):
+        write_project(path, Project())
+    assert same(read_project(path), project)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(allow_nan=False), st.integers(-(2**60), 2**60), st.text(), st.booleans())
+def test_plain_values_come_back_as_they_are(number, whole, text, flag):
+    for hint, value in ((float, number), (int, whole), (str, text), (bool, flag)):
+        again = unpacked(hint, json.loads(json.dumps(packed(value, {}))), {}, "here")
+        assert same(value, again)
+
+
+def test_equal_arrays_are_kept_once_and_others_apart():
+    a = np.arange(6.0)
+    assert name_of(a) == name_of(a.copy())
+    different = [a + 1, a.astype(np.float32), a.reshape(2, 3), -a, np.array([0.0, -0.0])]
+    assert len({name_of(x) for x in (a, *different, np.array([0.0, 0.0]))}) == 7
+    kept: dict[str, np.ndarray] = {}
+    packed((a, a.copy(), a + 1), kept)
+    assert len(kept) == 2
