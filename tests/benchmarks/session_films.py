@@ -32,8 +32,10 @@ from enliven_viewer.studio.session import (
     Drag,
     Joint,
     Key,
+    Name,
     Near,
     OnBone,
+    OnTimeline,
     Pixel,
     Place,
     Say,
@@ -58,17 +60,19 @@ def outline(points: Float, at: tuple[float, float] = (0.0, 0.0), turned: float =
     return tuple(Spot(float(x), float(y)) for x, y in closed)
 
 
-def sketch(points: tuple[Place, ...], seconds: float = 1.8) -> Actions:
-    """Draw a part."""
+def sketch(name: str, points: tuple[Place, ...], seconds: float = 1.8) -> Actions:
+    """Draw a part and give it a name."""
     yield Key("s")
     yield Drag(points, seconds)
     yield Wait(0.3)
+    yield Name(name)
 
 
 def mapped(take: str, joints: tuple[int, int], shape: str, ends: tuple[int, int]) -> Actions:
     """Map a chain of a take onto a chain of a shape by clicking both."""
     yield Key("m")
-    yield Click(Widget(f"take {take}"))
+    yield Click(Widget("takes"))
+    yield Click(Widget(f"pick {take}"))
     yield Wait(0.3)
     yield from (Click(SourceJoint(joint)) for joint in joints)
     yield from (Click(Joint(shape, joint)) for joint in ends)
@@ -84,10 +88,10 @@ def watch(seconds: float) -> Actions:
     yield Key("home")
 
 
-def merged(shape: str, host: str, joint: int) -> Actions:
-    """Drag a shape's root onto a node of another."""
+def merged(shape: str, place: Joint | OnBone) -> Actions:
+    """Drag a shape's root onto a node, or a place on a bone, of another."""
     yield Key("g")
-    yield Drag((Joint(shape, 0), Joint(host, joint)), 1.1)
+    yield Drag((Joint(shape, 0), place), 1.1)
     yield Wait(0.3)
 
 
@@ -97,46 +101,42 @@ def figure_6() -> Actions:
     yield Key("1")
     yield Wait(0.6)
     yield Say("(a)  A shape with a single bone...")
-    yield from sketch(outline(pill, (0.0, 0.75)))
+    yield from sketch("chain", outline(pill, (0.0, 0.85)))
     yield Say("(a)  ...and a quarter turn")
     yield Key("m")
-    yield Wait(0.2)
     yield Click(Widget("loop"))
-    yield from mapped("quarter turn", (0, 1), "part", (0, 1))
+    yield from mapped("quarter turn", (0, 1), "chain", (0, 1))
     yield from watch(1.3)
     yield Say("(b)  Two nodes more: the total turn is the same")
     yield Key("i")
-    yield Click(OnBone("part", 1, 0.33))
-    yield Click(OnBone("part", 2, 0.5))
+    yield Click(OnBone("chain", 1, 0.33))
+    yield Click(OnBone("chain", 2, 0.5))
     yield from watch(1.3)
     yield Say("(c)  A copy, turned by half")
     yield Key("q")
-    yield Click(Joint("part", 1))
+    yield Click(Joint("chain", 1))
     yield Key("ctrl+d")
     yield Key("ctrl+up")
     yield Wait(0.4)
     yield Say("(d)  Merged: both motions are kept")
-    yield from merged("part 2", "part", 0)
+    yield from merged("chain 2", Joint("chain", 0))
     yield from watch(1.5)
     yield Say("(e)  Cut at another time")
     yield Do(lambda desk: desk.editor.scrub(0.7))
     yield Key("c")
-    middle = OnBone("part", 5, 0.5)
+    middle = OnBone("chain", 5, 0.5)
     yield Drag((Near(middle, -70, 45), Near(middle, 70, -45)), 0.8)
     yield Say("(f)  Two shapes, both still moving")
     yield Key("g")
-    yield Key("space")
-    yield Wait(1.5)
-    yield Key("space")
+    yield from watch(1.5)
     yield Say("(g)  The part goes to another node...")
     yield Do(lambda desk: desk.editor.scrub(0.7))
-    yield from merged("part 2", "part", 1)
-    yield Say("(h)  ...as it is posed now")
-    yield Wait(1.0)
+    yield from merged("chain 2", Joint("chain", 2))
+    yield Say("(h)  ...as it is posed at this time")
+    yield Wait(1.2)
     yield Say("(i)  and all motions are kept")
-    yield Key("home")
-    yield Key("space")
-    yield Wait(3.0)
+    yield from watch(2.5)
+    yield Wait(0.5)
 
 
 def squid() -> Actions:
@@ -144,48 +144,120 @@ def squid() -> Actions:
     yield Key("1")
     yield Wait(0.6)
     yield Say("Sketch one tentacle")
-    tentacle = limb(np.array([[0.0, 0.0], [0.0, -0.45], [0.0, -0.85]]), np.array([0.07, 0.05, 0.018]))
-    yield from sketch(outline(tentacle, (0.9, 1.45)))
+    joints = np.array([[0.0, 0.0], [0.0, -0.45], [0.0, -0.9]])
+    yield from sketch("tentacle", outline(limb(joints, np.array([0.07, 0.05, 0.018])), (0.45, 1.45)))
     yield Say("Add nodes, so that it can bend")
     yield Key("i")
-    yield Click(OnBone("part", 1, 0.5))
-    yield Click(OnBone("part", 1, 0.5))
-    yield Click(OnBone("part", 3, 0.5))
-    yield Click(OnBone("part", 5, 0.5))
+    yield Click(OnBone("tentacle", 1, 0.5))
+    yield Click(OnBone("tentacle", 1, 0.5))
+    yield Click(OnBone("tentacle", 3, 0.5))
+    yield Click(OnBone("tentacle", 5, 0.5))
     yield Say("Map a wave onto it")
-    yield from mapped("wave", (0, 6), "part", (0, -1))
+    yield from mapped("wave", (0, 6), "tentacle", (0, -1))
     yield from watch(2.0)
     yield Say("Lean it outwards")
     yield Key("q")
-    yield Click(Joint("part", 0))
+    yield Click(Joint("tentacle", 0))
     yield Key("ctrl+left")
     yield Key("ctrl+left")
     yield Say("Sketch a mantle")
     mantle = limb(np.array([[0.0, 0.0], [0.0, 0.3], [0.0, 0.85]]), np.array([0.12, 0.24, 0.04]))
-    yield from sketch(outline(mantle, (-0.6, 1.2)), 2.2)
+    yield from sketch("mantle", outline(mantle, (-0.45, 1.1)), 2.2)
     yield Key("f")
     yield Key("1")
     yield Wait(0.6)
     yield Say("Copy the tentacle with its motion, turn it, merge it to the mantle")
     for number in range(1, 6):
         yield Key("q")
-        yield Click(Joint("part", 3))
+        yield Click(Joint("tentacle", 3))
         yield Key("ctrl+d")
-        yield Key("r")
-        root = Joint("part 3", 0)
-        yield Drag((root, Near(root, math.radians(60 * number) / 0.01, 0)), 0.7, shift=True)
-        yield from merged("part 3", "part 2", 0)
-        yield Key("q")
-    yield from merged("part", "part 2", 0)
+        yield from turned("tentacle 2", 60 * number)
+        yield from merged("tentacle 2", Joint("mantle", 0))
+    yield from merged("tentacle", Joint("mantle", 0))
+    yield Say("Each a little later: its bar is shifted")
+    for lane in (1, 2, 3):
+        yield Drag((OnTimeline(0.4, lane), OnTimeline(0.4 + 0.25 * lane, lane)), 0.7)
     yield Say("One squid, watertight, six tentacles, every motion kept")
+    yield Key("q")
+    yield Click(Pixel(0.05, 0.4))
+    yield Key("b")
     yield Key("f")
     yield Key("space")
     yield Wait(2.5)
-    yield Drag((Pixel(0.2, 0.3), Pixel(0.5, 0.36)), 2.5, button=1)
+    yield Drag((Pixel(0.2, 0.3), Pixel(0.36, 0.32)), 2.5, button=1)
     yield Wait(3.0)
 
 
-SESSIONS: dict[str, Callable[[], Actions]] = {"figure6": figure_6, "squid": squid}
+def mantis() -> Actions:
+    """Torso and arm sketched; motion onto the arm; copied; a leg, copied, and cut for the back legs."""
+    yield Key("1")
+    yield Wait(0.6)
+    yield Say("Sketch the torso")
+    spine = np.array([[-0.75, 0.86], [-0.45, 0.84], [0.0, 0.92], [0.22, 1.28], [0.30, 1.42]])
+    yield from sketch("mantis", outline(limb(spine, np.array([0.025, 0.11, 0.075, 0.05, 0.085]))), 2.2)
+    yield Say("Sketch a front arm")
+    arm = np.array([[0.62, 1.40], [0.76, 1.05], [1.08, 1.35], [0.98, 1.00]])
+    yield from sketch("arm", outline(limb(arm, np.array([0.062, 0.05, 0.04, 0.016]))), 2.0)
+    yield Say("Map a reach onto it")
+    yield from mapped("reach", (0, 3), "arm", (0, -1))
+    yield from watch(1.8)
+    yield Say("Copy it with its motion, turn the two apart, merge them")
+    yield from pair("arm", OnBone("mantis", "a1", 0.3), Joint("mantis", "a1 node"), 25)
+    yield from watch(1.8)
+    yield Say("Sketch a leg, and map a walk onto it")
+    leg = np.array([[0.72, 0.86], [0.94, 1.10], [1.16, 0.22], [1.27, 0.13]])
+    yield from sketch("leg", outline(limb(leg, np.array([0.055, 0.045, 0.024, 0.014]))), 1.8)
+    yield from mapped("walk", (0, 3), "leg", (0, -1))
+    yield from watch(1.2)
+    yield Key("q")
+    yield Click(Joint("leg", 0))
+    yield Key("ctrl+c")
+    yield Say("Two of them are the middle legs")
+    yield from pair("leg", Joint("mantis", "a1"), Joint("mantis", "a1"), 60)
+    yield Say("Cut a copy: what is cut off makes the back legs")
+    yield Key("ctrl+v")
+    yield Key("c")
+    middle = OnBone("leg", "a2", 0.25)
+    yield Drag((Near(middle, -24, -4), Near(middle, 30, 4)), 0.8)
+    yield Key("q")
+    yield Click(Joint("leg", 0))
+    yield Key("delete")
+    yield Click(Joint("leg 2", 1))
+    yield Name("hind")
+    yield from pair("hind", OnBone("mantis", "a2", 0.55), Joint("mantis", "a2 node"), 60)
+    yield Say("Legs that step in turn: their bars are shifted")
+    for lane in (3, 5):
+        yield Drag((OnTimeline(0.3, lane), OnTimeline(0.9, lane)), 0.7)
+    yield Say("A mantis, made of three sketches")
+    yield Key("q")
+    yield Click(Pixel(0.05, 0.4))
+    yield Key("b")
+    yield Key("f")
+    yield Key("space")
+    yield Wait(2.5)
+    yield Drag((Pixel(0.2, 0.3), Pixel(0.36, 0.32)), 2.5, button=1)
+    yield Wait(3.0)
+
+
+def turned(part: str, degrees: float) -> Actions:
+    """Turn a part about the upright: Shift-drag its root."""
+    yield Key("r")
+    root = Joint(part, 0)
+    yield Drag((root, Near(root, math.radians(degrees) / 0.01, 0)), 0.7, shift=True)
+
+
+def pair(part: str, place: OnBone | Joint, node: Joint, degrees: float) -> Actions:
+    """Copy a part, turn the two apart about the upright, merge the copy at a place and it at a node."""
+    yield Key("q")
+    yield Click(Joint(part, 0))
+    yield Key("ctrl+d")
+    yield from turned(f"{part} 2", degrees)
+    yield from merged(f"{part} 2", place)
+    yield from turned(part, -degrees)
+    yield from merged(part, node)
+
+
+SESSIONS: dict[str, Callable[[], Actions]] = {"figure6": figure_6, "squid": squid, "mantis": mantis}
 
 
 def main(arguments: list[str]) -> int:

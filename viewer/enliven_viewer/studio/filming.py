@@ -52,6 +52,9 @@ class WindowStage:
             imgui.get_io().add_key_event(one, True)
         self._up = pressed
 
+    def write(self, text: str) -> None:
+        imgui.get_io().add_input_characters_utf8(text)
+
     def viewport(self) -> Point:
         area = self._window.places.viewport
         return area.x, area.y

@@ -18,6 +18,7 @@ import numpy as np
 
 from enliven.errors import InputError
 from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.naming import renamed
 from enliven_viewer.studio.overlay import Point
 from enliven_viewer.studio.places import places_in
 from enliven_viewer.studio.source_view import SourceView
@@ -141,6 +142,13 @@ class Drag:
 
 
 @dataclass(frozen=True)
+class Name:
+    """Give the chosen shape a name, in its field."""
+
+    name: str
+
+
+@dataclass(frozen=True)
 class Wait:
     """Let time pass."""
 
@@ -154,7 +162,7 @@ class Do:
     deed: Callable[[Desk], object]
 
 
-Action = Say | Open | Key | Click | Drag | Wait | Do
+Action = Say | Open | Key | Click | Drag | Name | Wait | Do
 
 
 class Stage(Protocol):
@@ -175,6 +183,9 @@ class Stage(Protocol):
 
     def key(self, key: str) -> None:
         """Press a key and let go of it."""
+
+    def write(self, text: str) -> None:
+        """Type text into the field that has the focus."""
 
     def viewport(self) -> Point:
         """Where the viewport's top left is."""
@@ -230,6 +241,8 @@ def _steps_of(action: Action, stage: Stage) -> Iterator[None]:
         yield from _pause(0.2, stage)
     elif isinstance(action, Drag):
         yield from _drag(action, stage)
+    elif isinstance(action, Name):
+        yield from _name(action.name, stage)
     elif isinstance(action, Wait):
         yield from _pause(action.seconds, stage)
     else:
@@ -273,6 +286,23 @@ def _drag(action: Drag, stage: Stage) -> Iterator[None]:
     stage.button(action.button, False)
     yield
     stage.shift(False)
+    yield from _pause(0.2, stage)
+
+
+def _name(name: str, stage: Stage) -> Iterator[None]:
+    """Type into the field of the name; without a window there is none, and the shape is renamed."""
+    if isinstance(stage, DeskStage):
+        editor = stage.desk.editor
+        before = editor.selection.shape or ""
+        if editor.edit("rename", lambda project: renamed(project, before, name)):
+            editor.select(shape=name)
+        yield
+        return
+    yield from _steps_of(Click(Widget("name")), stage)
+    for letter in name:
+        stage.write(letter)
+        yield
+    stage.key("enter")
     yield from _pause(0.2, stage)
 
 
@@ -392,6 +422,9 @@ class DeskStage:
     def key(self, key: str) -> None:
         self.desk.hand.key(key)
 
+    def write(self, text: str) -> None:
+        """There is no field without a window."""
+
     def viewport(self) -> Point:
         return 0.0, 0.0
 
@@ -415,7 +448,9 @@ class DeskStage:
         assert isinstance(mapping, Map)
         if kind == "tool":
             self.desk.hand.take(rest)
-        elif kind == "take":
+        elif kind == "takes":
+            pass  # a list that opens
+        elif kind in ("take", "pick"):
             self.desk.hand.take("map")
             mapping.source.show(rest)
         elif kind == "loop":

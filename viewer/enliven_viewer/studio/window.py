@@ -16,7 +16,7 @@ from enliven_viewer.studio.panels.dialogs import draw_dialogs
 from enliven_viewer.studio.panels.menu import draw_menu
 from enliven_viewer.studio.panels.over import draw_over
 from enliven_viewer.studio.panels.side import draw_side
-from enliven_viewer.studio.panels.source import draw_source
+from enliven_viewer.studio.panels.source import draw_source, split_side
 from enliven_viewer.studio.panels.style import apply_style, load_fonts
 from enliven_viewer.studio.panels.timeline import draw_timeline
 from enliven_viewer.studio.panels.toolbar import draw_toolbar
@@ -194,12 +194,16 @@ class StudioWindow:
         places = self.places
         draw_menu(self.desk)
         draw_toolbar(self.desk, places.tools)
-        draw_side(self.desk, places.side)
-        draw_timeline(self.desk, places.timeline)
-        draw_over(self.desk, places.viewport)
         tool = self.desk.hand.tool
         if isinstance(tool, Map) and self._source is not None:
-            draw_source(self.desk, tool, places.viewport, self._source.renderer.picture.texture.glo)
+            above, below = split_side(places.side)
+            draw_side(self.desk, above)
+            texture = self._source.renderer.picture.texture.glo
+            draw_source(self.desk, tool, below, places.viewport, texture)
+        else:
+            draw_side(self.desk, places.side)
+        draw_timeline(self.desk, places.timeline)
+        draw_over(self.desk, places.viewport)
         draw_dialogs(self.desk)
         self._listen(places.viewport)
         self.desk.cabinet.keep()

@@ -7,38 +7,36 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.matches import Offer
-from enliven_viewer.studio.panels.style import FIXED, packed, quiet, small
+from enliven_viewer.studio.panels.style import FIXED, heading, packed, panel, quiet, small
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.theme import ACCENT, CHAIN, DARK, INK, QUIET
 from enliven_viewer.studio.tools.map import Map
 
-WIDE, HIGH = 330.0, 372.0
+_SHARE = 0.56
 _THUMB = ImVec2(92, 92)
 
 
-def source_area(viewport: Area) -> Area:
-    """Where the view of sources stands: the lower right of the viewport."""
-    high = min(HIGH, viewport.height - 24)
-    return Area(viewport.x + viewport.width - WIDE - 12, viewport.y + viewport.height - high - 12, WIDE, high)
+def split_side(side: Area) -> tuple[Area, Area]:
+    """The right panel in two: what is left of it, and the view of sources below, which hides no shape."""
+    high = round(_SHARE * side.height)
+    above = Area(side.x, side.y, side.width, side.height - high)
+    return above, Area(side.x, side.y + side.height - high, side.width, high)
 
 
-def draw_source(desk: Desk, tool: Map, viewport: Area, texture: int | None) -> None:
-    """The window of sources; ``texture`` is the picture of the take."""
-    area = source_area(viewport)
-    imgui.set_next_window_pos(ImVec2(area.x, area.y))
-    imgui.set_next_window_size(ImVec2(area.width, area.height))
-    imgui.begin("source", None, FIXED | imgui.WindowFlags_.no_scrollbar)
-    _takes(desk, tool)
-    size = imgui.get_content_region_avail()
-    tool.source.size = (max(size.x, 1.0), max(size.y - 34, 1.0))
-    _picture(desk, tool, texture)
-    _, tool.loop = imgui.checkbox("loop", tool.loop)
-    desk.remember("loop")
-    imgui.same_line()
-    if imgui.button("Find matches", ImVec2(-1, 0)):
-        tool.rank()
-    desk.remember("find matches")
-    imgui.end()
+def draw_source(desk: Desk, tool: Map, area: Area, viewport: Area, texture: int | None) -> None:
+    """The view of sources; ``texture`` is the picture of the take."""
+    with panel("source", area, imgui.WindowFlags_.no_scrollbar):
+        heading("Source")
+        _takes(desk, tool)
+        size = imgui.get_content_region_avail()
+        tool.source.size = (max(size.x, 1.0), max(size.y - 34, 1.0))
+        _picture(desk, tool, texture)
+        _, tool.loop = imgui.checkbox("loop", tool.loop)
+        desk.remember("loop")
+        imgui.same_line()
+        if imgui.button("Find matches", ImVec2(-1, 0)):
+            tool.rank()
+        desk.remember("find matches")
     if tool.offered:
         _offers(desk, tool, viewport)
 
@@ -50,6 +48,7 @@ def _takes(desk: Desk, tool: Map) -> None:
         for name in takes:
             if imgui.selectable(name, name == tool.source.take)[0]:
                 tool.source.show(name)
+            desk.remember(f"pick {name}")
         imgui.end_combo()
     desk.remember("takes")
     if not takes:
