@@ -41,6 +41,7 @@ HELP = """Step into any mesh and bring it alive.
   enliven import depth/*.png -o take.mcap  bring in a recording made by others
   enliven edge --sensor synthetic          the program beside the camera
   enliven view --edge 192.168.1.20         the program on a screen
+  enliven studio spider.glb                sketch, animate, cut and merge shapes
   enliven graph horse.obj -o horse.png     what a mesh is possessed by
   enliven retarget walk.bvh horse.glb -o out.glb   move a model by a motion
   enliven doctor                           what this machine lacks, and how to mend it
