@@ -5,10 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
-import numpy as np
-
 from enliven.body import Body, Joint, parts_named
-from enliven.errors import InputError
 from enliven.matching.source import Source, source_of
 
 LIMBS: dict[str, tuple[Joint, ...]] = {
@@ -57,8 +54,6 @@ def body_source(body: Body, parts: str) -> BodySource:
     links = [(int(root), int(chain[1])) for chain in chains]
     links += [(int(a), int(b)) for chain in chains for a, b in itertools.pairwise(chain[1:])]
     joints = {int(root), *(int(joint) for chain in chains for joint in chain[1:])}
-    if not np.isfinite(body.joints).all():
-        raise InputError(f"the joints of performer {body.id} are not known", where="matching")
     source = source_of(body.joints, links, int(root), joints)
     by_tip = {int(chain[-1]): chain for chain in chains}
     return BodySource(source, tuple(by_tip[branch.extended[-1]] for branch in source.branches))

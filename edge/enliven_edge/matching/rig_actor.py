@@ -62,6 +62,7 @@ class RigActor:
     def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> Pose:
         """The pose at a moment, and the ranking for whoever chooses."""
         self._time_ns = time_ns
+        bodies = [body for body in bodies if np.isfinite(body.joints).all()]
         if not self._met and bodies:
             self._meet(bodies[0])
         pose = self.puppet.pose(bodies, time_ns)
@@ -81,6 +82,10 @@ class RigActor:
         Raises:
             InputError: for an unknown part, or a body or character without a match.
         """
+        parts_named(parts)
+        if not np.isfinite(body.joints).all():
+            where, mend = f"possessing {self.character.id!r}", "Step in front of the sensor again."
+            raise InputError(f"the joints of performer {body.id} are not known", where=where, mend=mend)
         self._would = (body.id, parts)
         self._choose([body], again=True)
         self._picker.accept()
@@ -156,8 +161,6 @@ class RigActor:
 
     def _meet(self, body: Body) -> None:
         """Stands beside the first performer, to the right as the sensor sees it."""
-        if not np.isfinite(body.joints).all():
-            return
         self._met = True
         beside = np.array([body.joints[0, 0] + self.settings.beside, 0.0, body.joints[0, 2]])
         root = self.puppet.shape.skeleton.positions[0]

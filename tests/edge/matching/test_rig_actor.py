@@ -251,9 +251,6 @@ def test_the_limbs_of_a_body() -> None:
     assert body_source(body, "spine").chains == ((0, 1, 2, 3),)
     with pytest.raises(InputError, match="no part of the body"):
         body_source(body, "tail")
-    lost = replace(body, joints=np.full((20, 3), np.nan))
-    with pytest.raises(InputError, match="not known"):
-        body_source(lost, "arms")
 
 
 def test_a_board_survives_the_wire() -> None:
@@ -266,6 +263,19 @@ def test_a_board_survives_the_wire() -> None:
         assert (one.name, one.place, one.score) == (other.name, other.place, other.score)
         for a, b in zip(one.lines, other.lines, strict=True):
             np.testing.assert_allclose(a, b, atol=3e-4)
+
+
+def test_a_body_that_is_not_a_number_is_nobody() -> None:
+    show = Show()
+    show.actor.preview(None, "arms")
+    lost = replace(person(), joints=np.full((20, 3), np.nan))
+    assert show.play(lost).state == "off"
+    show.play(person())
+    with pytest.raises(InputError, match="not known"):
+        show.actor.possess(lost, "arms")
+    show.stage.possess("star", parts="arms")
+    assert show.play(lost).state == "playing"
+    assert np.isfinite(show.pose.linear).all()
 
 
 def test_nobody_there_and_nothing_to_choose() -> None:
