@@ -30,7 +30,8 @@ class Shape:
         modeling: (N, 4) unit quaternions m_j.
         spans: (N,) what takes move each bone; see :mod:`enliven.motion.layers`.
         place: (3,) metres that the root joint is moved by from its rest position.
-        travel: the id of the layer whose take's root moves this root too, or None.
+        travel: the id of the layer whose take's root moves this root too, or None; a looped take goes on from
+            where it ended.
         mesh: the surface at rest, in the skeleton's frame, or None.
         skin: which bones each vertex follows, or None without a mesh.
         travel_scale: metres that this root goes for a metre of the take's, or None for the ratio of their

@@ -9,8 +9,9 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float
 from enliven.errors import InputError
-from enliven.modeling.spans import Spans, as_before, layers_of
+from enliven.modeling.spans import Spans, as_before
 from enliven.motion.layers import Layer
+from enliven.motion.retarget import layers_of
 from enliven.project import Project, unused
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized, rotate
 from enliven.shape import Shape
@@ -83,11 +84,11 @@ def layers_in(project: Project, shape: Shape, axes: Axes) -> tuple[Project, dict
 
     A layer that no other shape uses keeps its id; the others are copied, and stay for those who use them.
     """
-    used = layers_used(shape)
+    used = layers_of(shape)
     if axes.same or not used:
         return project, {layer: layer for layer in used}
     elsewhere = {
-        layer for other in project.shapes.values() if other.id != shape.id for layer in layers_used(other)
+        layer for other in project.shapes.values() if other.id != shape.id for layer in layers_of(other)
     }
     ids, made = {}, []
     taken = dict.fromkeys(project.layers)
@@ -96,9 +97,3 @@ def layers_in(project: Project, shape: Shape, axes: Axes) -> tuple[Project, dict
         taken[ids[layer]] = None
         made.append(replace(axes.layer(project.layers[layer]), id=ids[layer]))
     return project.with_layers(*made), ids
-
-
-def layers_used(shape: Shape) -> tuple[str, ...]:
-    """The ids of the layers that turn or move a shape, each once."""
-    travel = (shape.travel,) if shape.travel else ()
-    return tuple(dict.fromkeys((*layers_of(shape.spans), *travel)))

@@ -8,10 +8,11 @@ import numpy as np
 
 from enliven.arrays import AnyArray
 from enliven.errors import InputError
-from enliven.modeling.axes import Axes, layers_in, layers_used
+from enliven.modeling.axes import Axes, layers_in
 from enliven.modeling.bones import bones_of, rebuilt
 from enliven.modeling.posed import as_far
 from enliven.motion.layers import Layer
+from enliven.motion.retarget import layers_of, without_idle_layers
 from enliven.project import Project, same, unused
 from enliven.rotation import IDENTITY, normalized
 from enliven.shape import Shape
@@ -53,11 +54,11 @@ def paste_shape(
     """
     shape = source.shape(shape_id)
     _check_numbers(np.asarray(offset, np.float64), delay, shape_id)
-    project, takes = _with_takes(project, source, [source.layers[name] for name in layers_used(shape)])
+    project, takes = _with_takes(project, source, [source.layers[name] for name in layers_of(shape)])
     ids: dict[str, str] = {}
     taken = dict.fromkeys(project.layers)
     made = []
-    for name in layers_used(shape):
+    for name in layers_of(shape):
         layer = source.layers[name]
         ids[name] = unused(name, taken)
         taken[ids[name]] = None
@@ -116,6 +117,16 @@ def scale_shape(project: Project, shape_id: str, factor: float) -> Project:
         mesh = replace(mesh, vertices=centre + factor * (mesh.vertices - centre))
     stride = None if shape.travel_scale is None else shape.travel_scale * factor
     return project.with_shapes(rebuilt(shape, bones, mesh=mesh, travel_scale=stride))
+
+
+def delete_shape(project: Project, shape_id: str) -> Project:
+    """A project without a shape, nor the layers that only it used; the takes stay.
+
+    Raises:
+        InputError: where there is no such shape.
+    """
+    project.shape(shape_id)
+    return without_idle_layers(project.without_shape(shape_id), project, shape_id)
 
 
 def _with_layers(shape: Shape, ids: dict[str, str]) -> Shape:

@@ -20,6 +20,7 @@ from enliven.modeling.seam import SeamSettings, healed
 from enliven.modeling.skins import follows, renumbered
 from enliven.modeling.spans import before, joined_spans, moves
 from enliven.motion.contacts import Pin
+from enliven.motion.retarget import without_idle_layers
 from enliven.project import Project, unused
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized
 from enliven.shape import Shape
@@ -69,7 +70,8 @@ def merge(
 
     Returns:
         The project, without the grafted shape, and the new name of each of its joints but the root, which
-        becomes the node. A layer that only the graft used keeps its id; one that others use is copied.
+        becomes the node. A layer that only the graft used keeps its id; one that others use is copied; one
+        that only moved the graft's root along goes.
 
     Raises:
         InputError: for a shape merged with itself, or a joint that is not there, or where no
@@ -99,7 +101,8 @@ def merge(
     mesh, skin = _one_surface(merged, surfaces[0], moved, then, loose, seam, [] if notes is None else notes)
     del names[graft.skeleton.names[0]]
     merged = merged.with_changes(mesh=mesh, skin=skin)
-    return edited.without_shape(graft_id).with_shapes(merged), names
+    done = edited.without_shape(graft_id).with_shapes(merged)
+    return without_idle_layers(done, edited, graft_id), names
 
 
 def _surface(shape: Shape, turns: Float, joints: Float, time: float | None) -> Surface | None:

@@ -69,11 +69,6 @@ def moves(spans: Spans) -> bool:
     return any(span.refs for span in spans)
 
 
-def layers_of(all_spans: Sequence[Spans]) -> tuple[str, ...]:
-    """The ids of the layers that spans of bones name, each once, in their order."""
-    return tuple(dict.fromkeys(ref.layer for spans in all_spans for span in spans for ref in span.refs))
-
-
 def as_before(turn: Float) -> tuple[float, float, float, float]:
     """A rotation as a span keeps it; one that is the identity but for rounding is the identity."""
     w, x, y, z = canonical(normalized(turn)).tolist()

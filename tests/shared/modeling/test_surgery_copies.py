@@ -9,7 +9,7 @@ from surgery_worlds import angle, random_project, random_turns
 from enliven.character import SkinWeights
 from enliven.errors import InputError
 from enliven.mesh import Mesh
-from enliven.modeling.copying import copy_shape, mirror_shape, paste_shape, scale_shape
+from enliven.modeling.copying import copy_shape, delete_shape, mirror_shape, paste_shape, scale_shape
 from enliven.modeling.posed import posed
 from enliven.modeling.posing import drag_joint, move_shape, set_bone, turn_bone
 from enliven.motion.evaluate import pose_of
@@ -138,6 +138,18 @@ def test_a_mirrored_mesh_keeps_its_outside():
     project = project.with_shapes(project.shape("shape 0").with_changes(mesh=mesh, skin=skin))
     mirrored = mirror_shape(project, "shape 0", [1.0, 2.0, 0.0]).shape("shape 0").mesh
     assert volume(mirrored) == pytest.approx(volume(mesh)) == pytest.approx(1 / 6)
+
+
+def test_a_shape_goes_with_the_layers_that_only_it_used():
+    project, _ = random_project(7)
+    shared = {ref.layer for spans in project.shape("shape 1").spans for span in spans for ref in span.refs}
+    copied, copy = copy_shape(project, "shape 0")
+    assert set(delete_shape(copied, copy).layers) == set(project.layers)
+    left = delete_shape(project, "shape 0")
+    assert shared <= set(left.layers)
+    assert list(left.takes) == list(project.takes)
+    with pytest.raises(InputError, match="no shape"):
+        delete_shape(project, "shape 9")
 
 
 def volume(mesh):
