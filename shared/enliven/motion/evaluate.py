@@ -102,7 +102,9 @@ class Player:
         turns, joints = self.free(times)
         standing = self.standing()
         if standing is not None:
-            standing.hold(times, self.shape.skeleton, turns, joints)
+            first = standing.window.folded(times)
+            on = joints[:, 0] - self._travel.at(first)
+            standing.hold(first, on, self.shape.skeleton, turns, joints)
         return turns, joints
 
     def free(self, times: AnyArray) -> tuple[Float, Float]:

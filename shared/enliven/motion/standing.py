@@ -1,7 +1,10 @@
-"""When the pinned feet of a shape stand: its whole motion played once, free, and watched.
+"""When the pinned feet of a shape stand.
 
-window_of(layers, takes) -> Window                       # the time that has to be watched
-found_contacts(pins, window, free) -> [(HeldPin, Contacts)]
+    window_of(layers, takes) -> Window                       # the time that has to be watched
+    standing_of(pins, window, free) -> Standing              # contacts, and how far the root comes down
+    standing.hold(times, on, skeleton, turns, joints)        # pins the feet of a pose, in place
+
+The whole motion is played once, free, and watched.
 """
 
 from __future__ import annotations
@@ -77,13 +80,16 @@ class Standing:
     times: Float
     drops: Float
 
-    def hold(self, times: Float, skeleton: Skeleton, turns: Float, joints: Float) -> None:
-        """Pins the feet at times (T,); changes turns (T, N, 4) and joints (T, N, 3) in place."""
-        times = self.window.folded(times)
+    def hold(self, times: Float, on: Float, skeleton: Skeleton, turns: Float, joints: Float) -> None:
+        """Pins the feet at times (T,) in the window; changes turns (T, N, 4) and joints (T, N, 3) in place.
+
+        ``on`` (T, 3) metres is how far the shape went on in the rounds before.
+        """
         drops = np.interp(times, self.times, self.drops)
         joints[:, :, 1] -= drops[:, None]
         for pin, contacts in self.pins:
             weights, goals = _held(pin, contacts, times)
+            goals += on
             tree, limb = (skeleton.parents, skeleton.vectors), (pin.chain, pin.middle, pin.side, pin.kept)
             pin_limb(*tree, *limb, pin.settings.rise, weights, goals, drops, turns, joints)
 

@@ -42,6 +42,14 @@ class Clocks:
         played_frames(seconds, self.rows, out)
         return out
 
+    def rounds(self, seconds: Float) -> Float:
+        """(T, L) how many times a looped take was played to its end before; 0 for one that is not looped."""
+        offset, speed, looped, step, frames = self.rows.T
+        length = (frames - 1.0) * step
+        played = (seconds[:, None] - offset) * speed + np.where(speed < 0.0, length, 0.0)
+        whole = np.floor(played / np.where(length > 0.0, length, 1.0))
+        return np.asarray(np.where((looped > 0.0) & (length > 0.0), whole, 0.0))
+
 
 def frames_of(layer: Layer, clip: Clip, seconds: AnyArray) -> Float:
     """(T,) the frame numbers of the take that a layer plays at ``seconds`` (T,) of the project.

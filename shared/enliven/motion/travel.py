@@ -1,5 +1,7 @@
 """Root motion: where a take's root went since rest, in the size of the shape that goes along.
 
+A looped take goes on from where it ended, over the ground: a walk of two steps walks on, at its height.
+
 height_of(skeleton)                  # metres: what two skeletons' strides are compared by
 travel_scale(shape, clip)            # the shape's own, or the ratio of the heights
 """
@@ -66,8 +68,10 @@ class Travel:
             out[:] = self._still
             return out
         frames = np.zeros((len(times), 1)) if self._fed else self._clocks.frames(times)
+        rounds = np.zeros((len(times), 1)) if self._fed or not self.layer.loop else self._clocks.rounds(times)
         rest, layer = self._clip.skeleton.positions[0], self.layer
-        travelled(self._root, rest, frames, layer.basis, layer.mirrored, self._factor, self._still, out)
+        how = (layer.basis, layer.mirrored, self._factor, self._still)
+        travelled(self._root, rest, frames, rounds, *how, out)
         return out
 
     def feed(self, take: str, root: Float) -> None:
@@ -77,15 +81,19 @@ class Travel:
 
 
 @njit(cache=True, nogil=True)
-def travelled(root, rest, frames, basis, mirrored, factor, still, out):  # type: ignore[no-untyped-def]
-    """Kernel: ``out`` (T, 3) is ``still`` and the way from ``rest`` to ``root`` (F, 3) at frames (T, 1)."""
+def travelled(root, rest, frames, rounds, basis, mirrored, factor, still, out):  # type: ignore[no-untyped-def]
+    """Kernel: ``out`` (T, 3) is ``still`` and the way from ``rest`` to ``root`` (F, 3) at frames (T, 1).
+
+    ``rounds`` (T, 1) is how often the take was gone through before: each adds its way over the ground.
+    """
     turned = (basis[0], basis[1], basis[2], basis[3])
+    on_x, on_z = root[len(root) - 1, 0] - root[0, 0], root[len(root) - 1, 2] - root[0, 2]
     for t in range(len(frames)):
         frame = max(min(int(frames[t, 0]), len(root) - 2), 0)
         after, part = min(frame + 1, len(root) - 1), frames[t, 0] - frame
-        x = (1.0 - part) * root[frame, 0] + part * root[after, 0] - rest[0]
+        x = (1.0 - part) * root[frame, 0] + part * root[after, 0] - rest[0] + rounds[t, 0] * on_x
         y = (1.0 - part) * root[frame, 1] + part * root[after, 1] - rest[1]
-        z = (1.0 - part) * root[frame, 2] + part * root[after, 2] - rest[2]
+        z = (1.0 - part) * root[frame, 2] + part * root[after, 2] - rest[2] + rounds[t, 0] * on_z
         x, y, z = turn(turned, -x if mirrored else x, y, z)
         out[t, 0] = still[0] + factor * x
         out[t, 1] = still[1] + factor * y

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from enliven.errors import InputError
 from enliven.motion.evaluate import Player
+from enliven.motion.polyline import Polyline
 from enliven.motion.retarget import bind_chain, set_layer
 from enliven.rotation import conjugate, rotate
 from enliven.shape import still_shape
@@ -51,8 +52,9 @@ def test_the_end_is_where_the_takes_is(seed, joints, mirrored):
     scale = target.lengths.sum() / source.lengths.sum()
     way = posed(clip, range(5))[:, -1] * ([-1, 1, 1] if mirrored else [1, 1, 1])
     expected = at[:, 0] + scale * rotate(basis, way)
-    # A curled take may be nearer than the target's halves can fold; there it is as near as they can.
-    far = np.linalg.norm(way, axis=1) * scale / target.lengths.sum() > 0.3
+    # A curled take may be nearer than the target can fold; there it is as near as it can.
+    whole, longest = target.lengths.sum(), target.lengths.max()
+    far = np.linalg.norm(way, axis=1) * scale > max(0.3 * whole, 2 * longest - whole)
     assert np.abs(at[far, -1] - expected[far]).max(initial=0) < 1e-4 * target.lengths.sum()
     for j in range(1, joints):
         link = rotate(turns[:, j], target.vectors[j])
@@ -114,3 +116,29 @@ def test_there_is_no_other_mode():
     project, clip, _ = scene(np.random.default_rng(0))
     with pytest.raises(InputError, match="known: turns, end"):
         bind_chain(project, "shape", (0,), clip.id, (0,), mode="fly")
+
+
+def test_a_chain_that_was_cut_follows_its_own_part():
+    # The second half of a chain, alone: its end is where the take's end is from the take's own middle.
+    rng = np.random.default_rng(6)
+    source, target = line(rng, 7, 0.1), line(rng, 7, 0.1)
+    clip = random_clip(rng, source)
+    project = scene(rng)[0].with_takes(clip).with_shapes(still_shape("line", target))
+    project = bind_chain(project, "line", range(7), "take", range(7), basis=EYE, mode="end")
+    whole = project.shape("line")
+    half = Skeleton(target.names[3:], target.parents[3:] - 3, target.positions[3:])
+    part = still_shape("half", half).with_changes(spans=(whole.spans[0], *whole.spans[4:]))
+    start = part.spans[1][0].refs[0].start
+    assert 0.2 < start < 0.8
+    joints = Player(project.with_shapes(part), "half").sample(np.arange(9) * clip.step)[1]
+    at, arc = (
+        posed(clip, range(7)),
+        np.concatenate([[0.0], source.lengths[1:].cumsum()]) / source.lengths.sum(),
+    )
+    k = int(np.searchsorted(arc, start)) - 1
+    share = (start - arc[k]) / (arc[k + 1] - arc[k])
+    begin = at[:, k] + share * (at[:, k + 1] - at[:, k])
+    turn = Polyline.of(clip, range(7)).sample([start], np.arange(9))[:, 0]
+    scale = half.lengths.sum() / ((1 - start) * source.lengths.sum())
+    expected = joints[:, 0] + scale * rotate(conjugate(turn), at[:, -1] - begin)
+    np.testing.assert_allclose(joints[:, -1], expected, atol=1e-5)

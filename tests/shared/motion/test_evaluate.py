@@ -290,3 +290,20 @@ def test_a_live_moment_is_played_as_the_same_frame_of_a_take(seed):
 def test_there_must_be_such_a_shape():
     with pytest.raises(InputError, match="no shape"):
         pose_of(Project(), "ghost", 0.0)
+
+
+@pytest.mark.parametrize("speed", [1.0, -1.0, 2.0])
+def test_a_looped_take_goes_on_from_where_it_ended(speed):
+    rng = np.random.default_rng(8)
+    project, clip, _ = scene(rng)
+    project = bind_chain(project, "shape", (0,), "take", (0,), basis=random_turn(rng), speed=speed, loop=True)
+    player = Player(set_travel(project, "shape", "take"), "shape")
+    layer = project.layers["take"]
+    way = rotate(layer.basis, (clip.root[-1] - clip.root[0]) * [1, 0, 1]) * np.sign(speed)
+    times, period = np.array([0.011, 0.1]), clip.duration / abs(speed)
+    for rounds in (-2, 1, 5):
+        later = player.root(times + rounds * period)
+        np.testing.assert_allclose(later, player.root(times) + rounds * way, atol=1e-9)
+    # Over the ground there is no jump where it begins again.
+    seam = rotate(conjugate(layer.basis), np.diff(player.root(period + np.array([-1e-9, 1e-9])), axis=0)[0])
+    assert np.abs(seam[[0, 2]]).max() < 1e-6
