@@ -282,3 +282,28 @@ def test_every_motion_of_the_library_can_be_looped_or_stays(desk: Desk) -> None:
         assert clip.id == "quarter turn" or np.allclose(turns, 1.0, atol=1e-9), clip.id
         steps = np.abs((clip.turns[1:] * clip.turns[:-1]).sum(2))
         assert 2 * np.arccos(np.clip(steps, -1, 1)).max() < 0.35, f"{clip.id} jumps"
+
+
+def test_the_best_view_shows_more_of_the_bones(desk: Desk) -> None:
+    do(desk, Click(Joint("limb", 0)), Key("7"), Wait(1.0))
+
+    def seen() -> float:
+        return float(np.ptp(desk.editor.lens.project(desk.editor.stance("limb").joints)[0], axis=0).max())
+
+    from_above = seen()
+    do_next = [Key("v"), Wait(1.5)]
+    play(do_next, DeskStage(desk))
+    assert seen() > 2 * from_above and desk.editor.history.names == ()
+
+
+def test_a_take_of_another_build_says_what_to_do_or_maps_all(desk: Desk) -> None:
+    do(desk, Click(Joint("limb", 0)), Click(Widget("take walk")), Click(Widget("whole body")))
+    assert desk.editor.history.names == ("map all of walk",) or "chain by chain" in said(desk)
+
+
+def test_a_foot_is_pinned_and_let_go(desk: Desk) -> None:
+    desk.editor.edit("map", moving)
+    do(desk, Click(Joint("limb", 4)), Key("p"))
+    assert [pin.joint for pin in desk.editor.project.shapes["limb"].pins] == ["limb 4"], said(desk)
+    do(desk, Click(Joint("limb", 4)), Key("p"))
+    assert desk.editor.project.shapes["limb"].pins == ()

@@ -8,14 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.matching.symmetry import equal_limbs
+from enliven.matching.views import best_view
 from enliven.modeling.copying import copy_shape, mirror_shape, paste_shape, scale_shape
 from enliven.modeling.posing import turn_bone
 from enliven.modeling.spread import spread_motion
 from enliven.motion.copying import copy_motion
+from enliven.motion.pin import pin_feet, unpin
 from enliven.motion.retarget import clear_chain
 from enliven.project import Project
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.matches import seen
 from enliven_viewer.studio.tools.nodes import remove
 
 _ASIDE = 0.3
@@ -172,6 +175,31 @@ class Deeds:
         if self.editor.edit("same on equal limbs", lambda p: spread_motion(p, shape, group, joint)):
             self.editor.toasts.say(f"{len(group.limbs)} limbs move alike", "Shift their bars for a delay.")
 
+    def pin(self) -> None:
+        """Keep the chosen foot where it stands while it touches the floor, or let it go."""
+        chosen = self.editor.selection
+        if chosen.shape is None or chosen.joint is None:
+            self.editor.toasts.say("No foot is chosen", "Click the node of an ankle first.")
+            return
+        shape, joint = chosen.shape, chosen.joint
+        name = self.editor.project.shapes[shape].skeleton.names[joint]
+        if any(pin.joint == name for pin in self.editor.project.shapes[shape].pins):
+            self.editor.edit(f"let {name} go", lambda project: unpin(project, shape, [joint]))
+        elif self.editor.edit(f"pin {name}", lambda project: pin_feet(project, shape, [joint])):
+            self.editor.toasts.say(f"{name} stays where it stands", "P lets it go again.")
+
+    def best_view(self) -> None:
+        """Look from where most of the chosen shape's bones are seen, no further round than needed."""
+        shape = self._chosen()
+        if shape is None:
+            return
+        starts, ends = self.editor.stance(shape).bones()
+        way = best_view(ends - starts, seen(self.editor.lens)).direction
+        # From behind as much is seen, and never from below the floor.
+        way = -way if way[1] > 0 else way
+        azimuth, elevation = np.arctan2(-way[0], -way[2]), np.arcsin(np.clip(-way[1], -1.0, 1.0))
+        self.editor.camera.face(float(azimuth), float(elevation))
+
     def clear_motion(self) -> None:
         """Take all motion off the chosen chain, or off the whole chosen shape."""
         chosen = self.editor.selection
@@ -248,6 +276,7 @@ DEEDS = (
     Deed("Edit", "Paste motion", ("ctrl+shift+v",), Deeds.paste_motion),
     Deed("Edit", "Same motion on equal limbs", ("ctrl+shift+d",), Deeds.spread),
     Deed("Edit", "Clear motion", ("ctrl+shift+x",), Deeds.clear_motion),
+    Deed("Edit", "Pin or free a foot", ("p",), Deeds.pin),
     Deed("Edit", "Delete", ("delete", "backspace"), Deeds.delete),
     Deed("Shape", "Mirror left to right", ("ctrl+m",), Deeds.mirror),
     Deed("Shape", "Larger by a tenth", ("ctrl+equal",), lambda d: d.scale(1.1)),
@@ -265,6 +294,7 @@ DEEDS = (
     Deed("View", "From the right", ("3",), lambda d: d.editor.camera.face(np.pi / 2, 0.0)),
     Deed("View", "From the back", ("2",), lambda d: d.editor.camera.face(np.pi, 0.0)),
     Deed("View", "From above", ("7",), lambda d: d.editor.camera.face(0.0, np.pi / 2)),
+    Deed("View", "Where most is seen", ("v",), Deeds.best_view),
     Deed("View", "Bones", ("b",), Deeds.bones),
     Deed("Help", "Keys", ("f1", "h"), lambda d: d.ask("help")),
 )

@@ -457,6 +457,8 @@ class DeskStage:
             mapping.loop = not mapping.loop
         elif kind == "find":
             mapping.rank()
+        elif kind == "whole":
+            mapping.map_whole()
         elif kind == "match":
             mapping.accept(mapping.offered[int(rest)])
             mapping.offered = []

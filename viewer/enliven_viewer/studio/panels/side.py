@@ -7,12 +7,14 @@ from dataclasses import replace
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from enliven.motion.layers import Layer
+from enliven.motion.retarget import set_travel
 from enliven.project import Project
+from enliven.shape import Shape
 from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.editor import Edit
 from enliven_viewer.studio.naming import renamed
 from enliven_viewer.studio.panels.style import heading, panel, quiet
-from enliven_viewer.studio.performance import used_layers
+from enliven_viewer.studio.performance import layers_of, used_layers
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.tools.map import Map
 from enliven_viewer.studio.viewport import clay_of
@@ -95,6 +97,31 @@ def _chosen_layer(desk: Desk, layer: Layer) -> None:
             editor.edit(label, _setting(layer.id, label, on))
         if label == "loop":
             imgui.same_line()
+    ends = layer.mode == "end"
+    toggled, on = imgui.checkbox("lead the end", ends)
+    if imgui.is_item_hovered():
+        imgui.set_tooltip("Bend the chain so that its end goes where the take's end goes")
+    if toggled:
+        editor.edit("lead the end", _setting(layer.id, "mode", "end" if on else "turns"))
+    shape = _mover(desk, layer.id)
+    if shape is not None:
+        imgui.same_line()
+        toggled, on = imgui.checkbox("root travels", shape.travel == layer.id)
+        if imgui.is_item_hovered():
+            imgui.set_tooltip(
+                "The shape goes where the take's root goes. P keeps chosen feet where they stand."
+            )
+        if toggled:
+            wanted = layer.id if on else None
+            editor.edit("root travels", lambda project: set_travel(project, shape.id, wanted))
+
+
+def _mover(desk: Desk, layer: str) -> Shape | None:
+    """The chosen shape where the layer moves it, or the first that it moves."""
+    shapes = desk.editor.project.shapes
+    movers = [shape for shape in shapes.values() if layer in layers_of(shape)]
+    chosen = [shape for shape in movers if shape.id == desk.editor.selection.shape]
+    return next(iter(chosen or movers), None)
 
 
 def _slider(desk: Desk, layer: Layer, name: str, value: float, low: float, high: float, said: str) -> None:

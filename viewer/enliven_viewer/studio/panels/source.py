@@ -34,11 +34,23 @@ def draw_source(desk: Desk, tool: Map, area: Area, viewport: Area, texture: int 
         _, tool.loop = imgui.checkbox("loop", tool.loop)
         desk.remember("loop")
         imgui.same_line()
-        if imgui.button("Find matches", ImVec2(-1, 0)):
+        if imgui.button("Matches", ImVec2(84, 0)):
             tool.rank()
         desk.remember("find matches")
+        _tell("Rank the parts of the chosen shape that look like the take as it stands now")
+        imgui.same_line()
+        if imgui.button("Whole body", ImVec2(-1, 0)):
+            tool.map_whole()
+        desk.remember("whole body")
+        _tell("Map every limb of the take onto a limb of the chosen shape at once")
     if tool.offered:
         _offers(desk, tool, viewport)
+
+
+def _tell(text: str) -> None:
+    """What the last widget is for, once the pointer rests on it."""
+    if imgui.is_item_hovered():
+        imgui.set_tooltip(text)
 
 
 def _takes(desk: Desk, tool: Map) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from enliven.errors import EnlivenError
+from enliven.errors import EnlivenError, InputError
+from enliven.mapping.automatic import apply_plan, automatic
 from enliven.motion.polyline import goes_down
 from enliven.motion.retarget import bind_chain
 from enliven.project import Project
@@ -109,6 +110,25 @@ class Map(Tool):
             self.offered = offers(clip, time, stance, editor.lens, self.source.lens, most)
         except EnlivenError as error:
             editor.toasts.complain(error)
+
+    def map_whole(self) -> None:
+        """Map every limb of the take onto a limb of the chosen shape that suits it, at once."""
+        editor, clip, shape = self.editor, self.source.clip, self.editor.selection.shape
+        if clip is None or shape is None:
+            editor.toasts.say("Nothing to map", "Choose a take, and click the shape that is to move.")
+            return
+
+        def change(project: Project) -> Project:
+            target = project.shape(shape)
+            plan = automatic(clip, target)
+            if not plan.chains:
+                mend = "Map it chain by chain, or pose the take and find matches."
+                raise InputError("no limb of the take suits one of the shape", where=clip.id, mend=mend)
+            return apply_plan(project, target, clip, plan)[0]
+
+        if editor.edit(f"map all of {clip.id}", change):
+            self._last = None
+            editor.toasts.say(f"{clip.id} moves all of {shape}", "Space plays it, Ctrl+Z takes it back.")
 
     def accept(self, offer: Offer) -> None:
         """Map every chain of an offer."""
