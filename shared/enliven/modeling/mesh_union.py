@@ -187,16 +187,9 @@ class _Fused:
         given = len(self.pair.meshes[k].vertices)
         if len(mesh.vertices) == given:
             return skins.taken(skin, kept)
-        full = np.concatenate([skins.dense(skin, bones), np.zeros((len(mesh.vertices) - given, bones))])
-        for _ in range(50):
-            total, many = np.zeros_like(full), np.zeros(len(full))
-            for a in range(3):
-                for b in (1, 2):
-                    np.add.at(total, mesh.faces[:, a], full[mesh.faces[:, (a + b) % 3]])
-                    np.add.at(many, mesh.faces[:, a], 1.0)
-            full[given:] = (total / np.maximum(many, 1)[:, None])[given:]
+        made = self.sides[k].solid.closing @ skins.dense(skin, bones)
         old = skins.taken(skin, kept[kept < given])
-        return skins.stacked([old, skins.sparse(full[kept[kept >= given]])])
+        return skins.stacked([old, skins.sparse(made[kept[kept >= given] - given])])
 
     def _at_new(self, new: Int) -> tuple[Float, UInt8]:
         """(N, B) weights and (N, 3) colours of the new vertices, by their place in the face they lie in."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
+from scipy.sparse import csr_matrix, vstack
 
 from enliven.arrays import Bool, Float, Int
 from enliven.mesh import Mesh, weld
@@ -23,6 +24,7 @@ class Solid:
     Attributes:
         manifold: the library's own; each vertex has its number in ``mesh`` as a property.
         mesh: vertices as given, then those that close holes; faces that could not be used left out.
+        closing: (I, V) shares of the given vertices in each one that closes a hole.
         faces: (F', ) for each face of ``mesh`` the given face, or -1 for one that closes a hole.
         id: the number under which the library's results name it.
         notes: what was mended.
@@ -30,6 +32,7 @@ class Solid:
 
     manifold: manifold3d.Manifold
     mesh: Mesh
+    closing: csr_matrix
     faces: Int
     id: int
     notes: tuple[str, ...]
@@ -43,7 +46,7 @@ def solid_of(mesh: Mesh) -> Solid | str:
     if not use.all():
         notes.append(f"left out {int((~use).sum())} faces without area or there twice")
     faces = np.flatnonzero(use)
-    whole, mended = _closed(Mesh(mesh.vertices, mesh.faces[use], mesh.name, mesh.colours), of)
+    whole, closing, mended = _closed(Mesh(mesh.vertices, mesh.faces[use], mesh.name, mesh.colours), of)
     if isinstance(mended, str):
         return mended
     if mended:
@@ -55,7 +58,7 @@ def solid_of(mesh: Mesh) -> Solid | str:
     made, number = _manifold(whole)
     if made.status() != manifold3d.Error.NoError:
         return _REASONS.get(made.status(), f"the library says {made.status()}")
-    return Solid(made, whole, faces, number, tuple(notes))
+    return Solid(made, whole, closing, faces, number, tuple(notes))
 
 
 _REASONS = {
@@ -80,20 +83,23 @@ def _usable(welded: Mesh) -> Bool:
     return np.asarray(whole & once)
 
 
-def _closed(mesh: Mesh, of: Int) -> tuple[Mesh, int | str]:
-    """The mesh with its holes filled, and how many there were; or why they are not filled."""
+def _closed(mesh: Mesh, of: Int) -> tuple[Mesh, csr_matrix, int | str]:
+    """The mesh with its holes filled, what the new points are made of, and how many holes there were; or why
+    they are not filled."""
+    given = len(mesh.vertices)
+    shares = [csr_matrix((0, given))]
     faces = of[mesh.faces]
     starts, ends = faces.ravel(), np.roll(faces, -1, 1).ravel()
     count = len(of)
     key = starts * count + ends
     lonely = np.flatnonzero(~np.isin(ends * count + starts, key))
     if len(lonely) == 0:
-        return mesh, 0
+        return mesh, shares[0], 0
     own = mesh.faces.ravel()[lonely]
     # The border of a hole runs against the edges of the faces around it.
     chains = chains_of(np.stack([ends[lonely], starts[lonely]], 1))
     if not all(shut for _, shut in chains):
-        return mesh, "the borders of its holes do not close"
+        return mesh, shares[0], "the borders of its holes do not close"
     vertex_at = np.zeros(count, np.int64)
     vertex_at[starts[lonely]] = own
     vertices, closing, colours, added = [mesh.vertices], [mesh.faces], mesh.colours, 0.0
@@ -104,6 +110,9 @@ def _closed(mesh: Mesh, of: Int) -> tuple[Mesh, int | str]:
         points = cap.inside @ mesh.vertices[rim][cap.rim]
         numbers = np.concatenate([rim[cap.rim], total + np.arange(len(points))])
         vertices.append(points)
+        columns = np.tile(rim[cap.rim], len(points))
+        rows = np.repeat(np.arange(len(points)), len(rim))
+        shares.append(csr_matrix((cap.inside.ravel(), (rows, columns)), (len(points), given)))
         closing.append(numbers[cap.faces].astype(np.int32))
         if colours is not None:
             more = np.clip(np.rint(cap.inside @ colours[rim][cap.rim]), 0, 255).astype(np.uint8)
@@ -111,8 +120,9 @@ def _closed(mesh: Mesh, of: Int) -> tuple[Mesh, int | str]:
         total += len(points)
         added += Mesh(np.concatenate([mesh.vertices[rim][cap.rim], points]), cap.faces.astype(np.int32)).area
     if added > _OPEN * mesh.area:
-        return mesh, "it is open: too much of its surface is missing to close it"
-    return Mesh(np.concatenate(vertices), np.concatenate(closing), mesh.name, colours), len(chains)
+        return mesh, shares[0], "it is open: too much of its surface is missing to close it"
+    whole = Mesh(np.concatenate(vertices), np.concatenate(closing), mesh.name, colours)
+    return whole, csr_matrix(vstack(shares)), len(chains)
 
 
 def _flattened(points: Float) -> Float:

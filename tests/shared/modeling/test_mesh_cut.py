@@ -22,6 +22,7 @@ from enliven.mesh import Mesh
 from enliven.modeling.cut_loops import area, chains_of, joined, winding
 from enliven.modeling.cut_surfaces import PlaneCut, StrokeCut
 from enliven.modeling.mesh_cut import CutSettings, cut_across_bone, cut_by_stroke
+from enliven.skeleton import Skeleton
 
 FROM_Z = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 """A picture of the x and y axes."""
@@ -183,6 +184,36 @@ def test_an_open_mesh_stays_open_where_it_was_and_is_closed_at_the_cut():
     half = Mesh(mesh.vertices, mesh.faces[mesh.vertices[mesh.faces][:, :, 0].mean(1) > 0], "shell")
     cut = cut_by_stroke(half, None, PlaneCut([0, 0, 1.03], [0, 0, 1]))
     assert cut.near.caps == 0 and any("open" in note for note in cut.notes)
+
+
+def test_a_bone_beside_its_limb_cuts_what_follows_it():
+    mesh = two_legs()
+    half = len(mesh.vertices) // 2
+    skeleton = Skeleton(
+        ("a", "b", "c"), np.array([-1, 0, 0]), np.array([[0.15, 0, 0], [0.15, 0, 1.0], [0.5, 0, 1.0]])
+    )
+    skin = on_bone(mesh, 1)
+    skin.indices[half:, 0] = 2
+    cut = cut_across_bone(mesh, skin, skeleton, 1, 0.5)
+    assert any("outside" in note for note in cut.notes)
+    assert volume(cut.far.mesh) == pytest.approx(volume(mesh) / 4, rel=0.1)
+    assert set(range(half, 2 * half)) <= set(cut.near.kept)
+
+
+def test_a_bone_through_nothing_takes_shells_asunder():
+    body, leg = ball(0.1), tube(0.05, 0.5)
+    mesh = Mesh(
+        np.concatenate([body.vertices, leg.vertices + np.array([0.5, 0, 0])]),
+        np.concatenate([body.faces, leg.faces + len(body.vertices)]),
+    )
+    skeleton = line([[0, 0, 0], [0.5, 0, 0], [0.5, 0, 0.5]])
+    skin = on_bone(mesh, 2)
+    skin.indices[: len(body.vertices), 0] = 0
+    cut = cut_across_bone(mesh, skin, skeleton, 1, 0.5)
+    assert any("asunder" in note for note in cut.notes)
+    assert list(cut.near.kept) == list(range(len(body.vertices)))
+    assert cut.near.caps == cut.far.caps == 0
+    assert same_bits(cut.near.mesh.faces, body.faces)
 
 
 def test_what_cannot_be_cut_says_why():
