@@ -115,6 +115,7 @@ def serve(
 ) -> None:
     """Opens everything, serves, and closes everything; heavy modules are imported only here."""
     from enliven_edge.casting import parts_for
+    from enliven_edge.matching.rig_actor import RigActor
     from enliven_edge.outlet import Outlet
     from enliven_edge.service import Edge
     from enliven_edge.stage import Stage
@@ -131,6 +132,8 @@ def serve(
         playground = _playground(chosen.physics, [actor.character], live)
         outlet = stack.enter_context(Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite))
         outlet.introduce(actor.character)
+        if isinstance(actor, RigActor):
+            actor.preview(None, (parts or parts_for(mesh)).split("/")[0])
         service = Edge(
             sensor,
             Tracker(chosen.tracker, _colour_eye(chosen, stack)),

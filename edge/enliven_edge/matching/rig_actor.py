@@ -162,9 +162,9 @@ class RigActor:
     def _meet(self, body: Body) -> None:
         """Stands beside the first performer, to the right as the sensor sees it."""
         self._met = True
-        beside = np.array([body.joints[0, 0] + self.settings.beside, 0.0, body.joints[0, 2]])
-        root = self.puppet.shape.skeleton.positions[0]
-        self.puppet.stand(beside - np.array([root[0], 0.0, root[2]]))
+        low, high = self.character.vertices.min(0), self.character.vertices.max(0)
+        across = body.joints[0, 0] + self.settings.beside - low[0]
+        self.puppet.stand(np.array([across, 0.0, body.joints[0, 2] - (low[2] + high[2]) / 2]))
 
     def _choose(self, bodies: Sequence[Body], again: bool = False) -> None:
         """Ranks and picks, for whoever chooses."""

@@ -17,7 +17,9 @@ class MatchingSettings:
         1.2, "Height of the model; 0 takes it as modelled.", unit="m", low=0.0, high=100.0
     )
     beside: float = setting(
-        1.4, "How far beside the first performer it stands, to the right as the sensor sees it.", unit="m"
+        0.7,
+        "How far beside the first performer's middle its own edge is, to the right as the sensor sees it.",
+        unit="m",
     )
     mirror: bool = setting(True, "The character is like the performer's picture in a mirror.")
     extend: bool = setting(

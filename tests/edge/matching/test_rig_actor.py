@@ -132,7 +132,8 @@ def test_the_mesh_goes_with_the_bones() -> None:
     np.testing.assert_allclose(
         show.pose.linear[bone] @ tip + show.pose.positions[bone], show.actor.puppet.joints[bone], atol=1e-5
     )
-    assert np.linalg.norm(place) > 1.0, "it stands beside the performer"
+    left = (show.actor.character.vertices[:, 0] + place[0]).min()
+    assert left == pytest.approx(person().joints[0, 0] + 0.7), "it stands beside the performer"
 
 
 def test_whoever_lets_go_chooses_anew_and_the_limbs_go_back() -> None:
