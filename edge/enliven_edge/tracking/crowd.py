@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -46,6 +48,17 @@ _WELL_KNOWN = 10
 """Frames after which somebody's proportions are known."""
 
 
+@dataclass
+class _Glance:
+    """What a frame shows of somebody: their pixels, whether they are hidden, whether all of them is seen."""
+
+    person: Person
+    pixels: Bool
+    behind: bool
+    whole: bool
+    fitted: bool = False
+
+
 class Crowd:
     """Follows several people; new ones are found among the pixels that are nobody's.
 
@@ -67,6 +80,7 @@ class Crowd:
         self._dropped: list[Float] = []
         self._indexed: list[Person] = []
         self._doubts: dict[tuple[int, int], int] = {}
+        self._threads: ThreadPoolExecutor | None = None
 
     @property
     def bystanders(self) -> int:
@@ -113,7 +127,7 @@ class Crowd:
         """Fits everybody who is known; whose the pixels of the frame are."""
         if np.count_nonzero(view.z) < _DARK * view.z.size:
             return self._wait_in_the_dark(view, kind)
-        handicap = np.array([_HANDICAP if p.hidden_ns is not None else 0.0 for p in self.people])
+        handicap = np.array([_HANDICAP if p.hidden else 0.0 for p in self.people])
         expected = [p.expected() for p in self.people]
         segments = segmented(view, kind, expected, handicap)
         self._indexed = list(self.people)
@@ -124,8 +138,10 @@ class Crowd:
                 expected = [p.expected() for p in self.people]
             self._dark_ns = None
         fitted = self._fitted_now()
-        for k, person in enumerate(self._indexed):
-            self._follow(person, expected[k], k, view, segments, fit=person in fitted)
+        glances = [self._glance(p, expected[k], k, view, segments) for k, p in enumerate(self._indexed)]
+        self._fit_all([g for g in glances if not g.behind and (g.person in fitted or g.person.hidden)], view)
+        for glance in glances:
+            self._settle(glance, view)
         self._part_doubles()
         self._decide(view.time_ns)
         self.register.forget_old(view.time_ns, self.lock.ids or frozenset())
@@ -172,24 +188,42 @@ class Crowd:
             always = [*always, others[self._turn % len(others)]]
         return always
 
-    def _follow(
-        self, person: Person, expected: Posture, k: int, view: View, segments: Segments, *, fit: bool
-    ) -> None:
-        """One person in one frame: fitted, carried along, hidden or gone."""
-        pixels = segments.pixels(k)
+    def _glance(self, person: Person, expected: Posture, k: int, view: View, segments: Segments) -> _Glance:
+        """What a frame shows of somebody."""
         covered, outside = sight(view, expected, segments.owner, k)
-        few = segments.counts[k] < 2 * FEWEST_PIXELS
+        few = bool(segments.counts[k] < 2 * FEWEST_PIXELS)
         behind = covered > _COVERED or (few and covered > 0.5 * _COVERED and outside < _OUTSIDE)
-        if behind or (person.hidden_ns is not None and few):
+        whole = covered < _WHOLE and outside < _WHOLE
+        return _Glance(person, segments.pixels(k), bool(behind or (person.hidden and few)), bool(whole))
+
+    def _fit_all(self, glances: list[_Glance], view: View) -> None:
+        """Fits people side by side: nobody's fit looks at another's, so the order makes no difference."""
+
+        def fit(glance: _Glance) -> None:
+            glance.person.follow(view, glance.pixels, whole=glance.whole)
+            glance.fitted = True
+
+        if len(glances) < 2 or self.settings.people.threads < 2:
+            for glance in glances:
+                fit(glance)
+            return
+        if self._threads is None:
+            self._threads = ThreadPoolExecutor(self.settings.people.threads, "fit")
+        for _ in self._threads.map(fit, glances):
+            pass
+
+    def _settle(self, glance: _Glance, view: View) -> None:
+        """One person after a frame: fitted, carried along, hidden or gone."""
+        person = glance.person
+        if glance.behind:
             person.hide(view.time_ns)
-        elif fit or person.hidden_ns is not None:
-            person.follow(view, pixels, whole=covered < _WHOLE and outside < _WHOLE)
+        elif glance.fitted:
             if person.follower.lost or not self.zone.holds(person.place, _ZONE_MARGIN):
                 self._leave(person, view.time_ns)
             elif person.vague or (person.doubted and not 0 <= view.time_ns - person.found_ns < _DOUBT_NS):
                 self._refuse(person, view.time_ns)
         else:
-            person.coast(view, pixels)
+            person.coast(view, glance.pixels)
         if person.hidden_for(view.time_ns) > self.settings.people.hidden and person in self.people:
             self._leave(person, view.time_ns)
 
@@ -220,7 +254,7 @@ class Crowd:
             if newcomer.shape.free > _LOOSE:
                 hold |= newcomer.pixels
         alone = not self.people
-        missing = bool(self.register.absent) or any(p.hidden_ns is not None for p in self.people)
+        missing = bool(self.register.absent) or any(p.hidden for p in self.people)
         due = [
             n
             for n in newcomers
@@ -268,7 +302,7 @@ class Crowd:
         if not self.zone.holds(place):
             return False
         awaited = {a.id for a in self.register.absent}
-        awaited |= {p.id for p in self.people if p.hidden_ns is not None}
+        awaited |= {p.id for p in self.people if p.hidden}
         return self.lock.ids is None or bool(self.lock.ids & awaited)
 
     def _awaits(self, place: Float) -> bool:

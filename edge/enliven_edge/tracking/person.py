@@ -61,6 +61,11 @@ class Person:
         """Where they are expected in the next frame."""
         return self.follower.posture if self.hidden_ns is not None else self.follower.predicted()
 
+    @property
+    def hidden(self) -> bool:
+        """Whether they were not seen in the last frame."""
+        return self.hidden_ns is not None
+
     def hidden_for(self, time_ns: int) -> float:
         """Seconds for which they were not seen; 0 while they are."""
         return 0.0 if self.hidden_ns is None else (time_ns - self.hidden_ns) * 1e-9

@@ -47,6 +47,7 @@ class PeopleSettings:
 
     most: int = setting(8, "At most so many people are followed.", low=1, high=32)
     full_rate: int = setting(4, "So many are fitted every frame; the others take turns.", low=1, high=32)
+    threads: int = setting(2, "So many are fitted side by side, each on a core.", low=1, high=32)
     hidden: float = setting(
         4.0, "Somebody hidden behind something is waited for so long.", unit="s", low=0.0, high=60.0
     )
