@@ -109,8 +109,8 @@ def test_a_viewer_sees_chooses_and_takes(house: House) -> None:
     cards = cards_of(app._scene, app.camera.view(1.6))
     assert len(cards) == 6 and [card.meant for card in cards].index(True) == house.board.shown
     assert all(card.bones.min() >= 0.0 and card.bones[..., 1].max() <= 1.0 for card in cards)
-    rows, thickest = match_rows(app._scene.boards)
-    assert len(rows) == 2 * (2 + 3) and thickest > 0.0
+    rows, deep = match_rows(app._scene.boards)
+    assert len(rows) == 2 * (2 + 3) and deep > 0.0
     house.sensor.left = (0.0, 1.0, 0.0)
     house.until(lambda: house.tips == ["up", "right"])
     app.browse(1)

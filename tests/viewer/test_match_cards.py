@@ -64,9 +64,10 @@ def test_the_meant_chains_glow_on_the_model_in_the_limbs_colours(gl) -> None:
 
 def test_what_is_driven_is_thinner_and_without_cards() -> None:
     playing = replace(BOARD, state="playing", rows=ROWS[:1])
-    rows, thick = match_rows({"cross": BOARD})
-    thin_rows, thin = match_rows({"cross": playing})
-    assert thin == pytest.approx(thick / 2) and len(rows) == len(thin_rows) == 2 * 3
+    (rows, deep), (thin, shallow) = match_rows({"cross": BOARD}), match_rows({"cross": playing})
+    assert len(rows) == len(thin) == 2 * 3
+    np.testing.assert_allclose(thin[:, 3], rows[:, 3] / 2)
+    assert shallow == pytest.approx(deep / 2)
     assert cards_of(scene(playing), front().view(1.5)) == ()
     assert len(match_rows({"cross": Board("cross", "off")})[0]) == 0
 

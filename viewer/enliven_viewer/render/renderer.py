@@ -116,10 +116,10 @@ class Renderer:
 
     def _draw_matches(self, scene: Scene) -> None:
         """The chains that a pose means, or that are driven, over everything."""
-        rows, thickest = match_rows(scene.boards if scene.look.cues > 0 else {})
+        rows, deepest = match_rows(scene.boards if scene.look.cues > 0 else {})
         if len(rows):
             self._tubes = self._tubes or Tubes(self.ctx)
-            self._tubes.draw(self.picture, rows, 6 * thickest)
+            self._tubes.draw(self.picture, rows, deepest)
 
     def pixels(self) -> UInt8:
         """(H, W, 3) sRGB of the picture, top row first."""
