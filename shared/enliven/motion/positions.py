@@ -7,10 +7,15 @@ filled(parents, positions, seen) -> (F, N, 3)            # joints that were not 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from numba import njit
 
 from enliven.arrays import AnyArray, Bool, Float
-from enliven.rotation import from_matrix, from_rotation_vector, multiply, rotate, swing
+from enliven.motion.ik import about, cross, dot, length, minus, row, swing_to
+from enliven.motion.quaternions import load, mul, store, turn
+from enliven.rotation import nearest_quaternion
 from enliven.skeleton import Skeleton
 
 _SHORT = 1e-6
@@ -30,14 +35,9 @@ def turns_of(skeleton: Skeleton, positions: Float, known: Float | None = None) -
             the swing that points the bone along its joints.
     """
     turns = np.empty((len(positions), len(skeleton), 4))
-    for j, parent in enumerate(skeleton.parents):
-        if parent < 0:
-            turns[:, j] = _root_turn(skeleton, positions) if known is None else known[:, j]
-            continue
-        before = turns[:, parent] if known is None else known[:, j]
-        turns[:, j] = _swung(before, skeleton.vectors[j], positions[:, j] - positions[:, parent])
-        if known is None and len(skeleton.children[j]) > 1:
-            turns[:, j] = _twisted(skeleton, j, turns[:, j], positions)
+    given = np.empty((0, len(skeleton), 4)) if known is None else np.ascontiguousarray(known, np.float64)
+    places = np.ascontiguousarray(positions, np.float64)
+    point_bones(skeleton.parents, skeleton.vectors, places, given, turns)
     return turns
 
 
@@ -71,49 +71,82 @@ def filled(parents: AnyArray, positions: Float, seen: Bool) -> Float:
     return made
 
 
-def _root_turn(skeleton: Skeleton, positions: Float) -> Float:
-    """(F, 4) the rotation that fits the root's own bones best (Kabsch); one bone alone is a swing."""
-    below = [j for j in skeleton.children[0] if skeleton.lengths[j] > _SHORT]
-    if len(below) < 2:
-        still = np.tile([1.0, 0.0, 0.0, 0.0], (len(positions), 1))
-        return (
-            _swung(still, skeleton.vectors[below[0]], positions[:, below[0]] - positions[:, 0])
-            if below
-            else still
-        )
-    rest, now = skeleton.vectors[below], positions[:, below] - positions[:, :1]
-    return from_matrix(np.einsum("fni,nj->fij", now, rest))
-
-
-def _swung(before: Float, rest: Float, now: Float) -> Float:
-    """(F, 4) ``before`` and then the shortest way that points ``rest`` along ``now`` (F, 3)."""
-    if np.linalg.norm(rest) < _SHORT:
-        return before
-    carried, wanted = rotate(before, _direction(rest)), _direction(now)
-    # A joint on top of its parent says nothing: the bone stays as it is carried.
-    wanted = np.where(np.linalg.norm(now, axis=-1, keepdims=True) < _SHORT, carried, wanted)
-    return multiply(swing(carried, wanted), before)
-
-
-def _twisted(skeleton: Skeleton, joint: int, turns: Float, positions: Float) -> Float:
-    """(F, 4) turned about the bone itself so that the bones after it fit best.
-
-    With a and b the parts at right angles to the bone of a child as carried and as it is, the angle is
-    atan2(sum (a x b).n, sum a.b): the least squares fit of one angle.
-    """
-    axis = rotate(turns, _direction(skeleton.vectors[joint]))
-    sine, cosine = np.zeros(len(turns)), np.zeros(len(turns))
-    for child in skeleton.children[joint]:
-        a = rotate(turns, skeleton.vectors[child])
-        b = positions[:, child] - positions[:, joint]
-        a, b = (v - (v * axis).sum(-1, keepdims=True) * axis for v in (a, b))
-        sine += (np.cross(a, b) * axis).sum(-1)
-        cosine += (a * b).sum(-1)
-    angle = np.arctan2(sine, cosine)
-    return multiply(from_rotation_vector(axis * angle[:, None]), turns)
-
-
 def _direction(v: Float) -> Float:
     """Unit vectors; up for one without length."""
     length = np.linalg.norm(v, axis=-1, keepdims=True)
     return np.asarray(np.where(length > _SHORT, v / np.where(length > _SHORT, length, 1.0), [0.0, 1.0, 0.0]))
+
+
+@njit(cache=True, nogil=True)
+def point_bones(parents, vectors, positions, known, turns):  # type: ignore[no-untyped-def]
+    """Kernel: ``turns`` (F, N, 4) takes the world turns that point bones along ``positions`` (F, N, 3).
+
+    ``known`` is (F, N, 4), or (0, N, 4) where nothing is known.
+    """
+    given = len(known) > 0
+    for f in range(len(positions)):
+        for j in range(len(parents)):
+            if given:
+                q = load(known[f], j)
+            elif parents[j] < 0:
+                q = root_turn(parents, vectors, positions[f])
+            else:
+                q = load(turns[f], parents[j])
+            if parents[j] >= 0:
+                q = swung(q, row(vectors, j), minus(row(positions[f], j), row(positions[f], parents[j])))
+                if not given:
+                    q = twisted(parents, vectors, positions[f], j, q)
+            store(turns[f], j, q)
+
+
+@njit(cache=True, nogil=True)
+def root_turn(parents, vectors, positions):  # type: ignore[no-untyped-def]
+    """Kernel: the rotation that fits the root's own bones best (Kabsch); one bone alone is a swing."""
+    moment = np.zeros((3, 3))
+    count, only = 0, 0
+    for j in range(1, len(parents)):
+        if parents[j] == 0 and length(row(vectors, j)) > _SHORT:
+            count, only = count + 1, j
+            for a in range(3):
+                for b in range(3):
+                    moment[a, b] += (positions[j, a] - positions[0, a]) * vectors[j, b]
+    if count > 1:
+        return nearest_quaternion(moment)
+    one = (1.0, 0.0, 0.0, 0.0)
+    if count == 0:
+        return one
+    return swung(one, row(vectors, only), minus(row(positions, only), row(positions, 0)))
+
+
+@njit(cache=True, nogil=True)
+def swung(q, rest, now):  # type: ignore[no-untyped-def]
+    """Kernel: ``q`` and then the shortest way that points ``rest`` along ``now``; a joint on top of its
+    parent says nothing, and the bone stays as it is carried."""
+    if length(rest) < _SHORT or length(now) < _SHORT:
+        return q
+    return mul(swing_to(turn(q, rest[0], rest[1], rest[2]), now), q)
+
+
+@njit(cache=True, nogil=True)
+def twisted(parents, vectors, positions, joint, q):  # type: ignore[no-untyped-def]
+    """Kernel: ``q`` turned about its bone so that the bones after it, if there are several, fit best.
+
+    With a and b the parts at right angles to the bone of a child as carried and as it is, the angle is
+    atan2(sum (a x b).n, sum a.b): the least squares fit of one angle.
+    """
+    bone = row(vectors, joint)
+    size = length(bone)
+    if size < _SHORT:
+        bone, size = (0.0, 1.0, 0.0), 1.0
+    n = turn(q, bone[0] / size, bone[1] / size, bone[2] / size)
+    sine, cosine, count = 0.0, 0.0, 0
+    for child in range(joint + 1, len(parents)):
+        if parents[child] == joint:
+            count += 1
+            a = turn(q, vectors[child, 0], vectors[child, 1], vectors[child, 2])
+            b = minus(row(positions, child), row(positions, joint))
+            sine += dot(cross(a, b), n)
+            cosine += dot(a, b) - dot(a, n) * dot(b, n)
+    if count < 2 or (sine == 0.0 and cosine == 0.0):
+        return q
+    return mul(about(n, math.atan2(sine, cosine)), q)
