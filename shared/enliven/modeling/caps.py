@@ -57,6 +57,16 @@ def _sizes(points: Float, loops: list[Int]) -> Float:
     return sizes
 
 
+def flattened(points: Float) -> Float:
+    """(N, 2) a loop in the plane that it spans best, counter-clockwise."""
+    middle = points - points.mean(0)
+    normal = np.cross(middle, np.roll(middle, -1, 0)).sum(0)
+    normal /= max(float(np.linalg.norm(normal)), 1e-300)
+    across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    across /= max(float(np.linalg.norm(across)), 1e-300)
+    return np.asarray(middle @ np.stack([across, np.cross(normal, across)]).T)
+
+
 def harmonic(points: Float, triangles: Int, fixed: int) -> Float:
     """(P - fixed, fixed) weights of the harmonic interpolation of the first ``fixed`` points at the others.
 

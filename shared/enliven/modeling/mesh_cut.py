@@ -71,7 +71,41 @@ def cut_across_bone(
     own = np.where(skin.indices == bone, skin.weights, 0.0).sum(1, dtype=np.float64)
     work = Parting(mesh, skin, surface, None, settings, loyal)
     work.choose_around(surface.flat(surface.point[None])[0], own, where)
-    return _parted(work)
+    cut = _parted(work)
+    beyond[bone] = 0.0
+    ahead = (beyond[skin.indices] * skin.weights).sum(1)
+    behind = 1.0 - ahead - own
+    if len(work.chosen) == 0 or _belongs(cut, ahead, behind) > settings.belongs:
+        return cut
+    # A plane through a body's middle, as the bone to a hip asks for, would halve the body.
+    along = np.clip(work.surface.field(mesh.vertices) / skeleton.lengths[bone], -1, 1)
+    other = Parting(mesh, skin, surface, None, settings, loyal, ahead - behind + own * along)
+    other.choose_all()
+    by_skin = _parted(other) if other.count else cut
+    if _belongs(by_skin, ahead, behind) <= _belongs(cut, ahead, behind):
+        return cut
+    note = "a plane would cut through other parts: cut where the skin of the bones beyond begins"
+    return Cut(by_skin.near, by_skin.far, (*by_skin.notes, note))
+
+
+def _belongs(cut: Cut, ahead: Float, behind: Float) -> float:
+    """How much of what follows the bones on either side lies on that side, of the worse side; 1 is all of it.
+
+    Args:
+        ahead: (V,) how much each vertex follows the bones beyond the cut.
+        behind: (V,) how much the bones before it.
+    """
+    worst = 1.0
+    for right, wrong, weight in ((cut.near, cut.far, behind), (cut.far, cut.near, ahead)):
+        mine = float(weight[right.kept[right.kept >= 0]].sum())
+        other = float(weight[wrong.kept[wrong.kept >= 0]].sum())
+        # What strays counts against the side that it strays to, too: a foot must not bring half a body.
+        worst = min(worst, mine / max(mine + other, 1e-9), 1.0 - other / max(_size(wrong), 1.0))
+    return worst
+
+
+def _size(piece: Piece) -> float:
+    return float((piece.kept >= 0).sum())
 
 
 def cut_by_stroke(

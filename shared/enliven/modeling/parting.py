@@ -13,10 +13,15 @@ from enliven.arrays import Bool, Float, Int
 from enliven.character import SkinWeights
 from enliven.errors import InputError
 from enliven.mesh import Mesh, weld
-from enliven.modeling.caps import Cap, cap_of
+from enliven.modeling.caps import Cap, cap_of, flattened
 from enliven.modeling.cut_loops import Crossings, area, chains_of, crossings_of, joined, winding
 from enliven.modeling.cut_surfaces import CutSurface, PlaneCut
 from enliven.settings import setting
+
+_SIDES = ((0, 1), (1, 2), (2, 0))
+_ISLAND = 0.05
+"""A part of the surface that weights alone would cut out stays, if it is smaller than this share of all on
+its side."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,12 @@ class CutSettings:
     gap: float = setting(
         0.3, "how much of a loop may be missing (holes of a scan) for it to be closed", low=0.0, high=1.0
     )
+    belongs: float = setting(
+        0.75,
+        "how much of each side of a plane must follow that side's bones; below it the skin says where to cut",
+        low=0.0,
+        high=1.0,
+    )
     fine: bool = setting(True, "give the caps points inside, so that they can bend and be rounded")
 
 
@@ -45,6 +56,8 @@ class Parting:
     posed: Float | None
     settings: CutSettings
     loyal: Float | None
+    values: Float | None = None
+    """(V,) a field to cut along in place of the surface's, which only the caps lie near to then."""
     notes: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -60,7 +73,7 @@ class Parting:
         first = np.zeros(len(welded.vertices), np.int64)
         first[self.of[::-1]] = np.arange(len(self.of))[::-1]
         self.first, self.rest, self.at = first, welded.vertices, at[first]
-        self.field = self.surface.field(self.at)
+        self.field = self.surface.field(self.at) if self.values is None else self._without_islands()
         self.shift = self._clear_of_vertices()
         self.far = self.field > self.shift
         self.found: Crossings = crossings_of(self.faces, self.far)
@@ -84,6 +97,23 @@ class Parting:
             return 0.0
         best = int(np.argmax(wide))
         return float((stops[best] + stops[best + 1]) / 2)
+
+    def _without_islands(self) -> Float:
+        """(W,) the values, with what is small and alone on its side of zero given to the other side."""
+        assert self.values is not None
+        values = self.values[self.first]
+        far = values > 0
+        same = [self.faces[far[self.faces[:, a]] == far[self.faces[:, b]]][:, [a, b]] for a, b in _SIDES]
+        part = _hang_together(np.concatenate(same), len(values))
+        size = np.bincount(part)
+        of_side = np.array([(~far).sum(), far.sum()])[far.astype(np.int64)]
+        small = size[part] < _ISLAND * of_side
+        return np.asarray(np.where(small, -1e-9 * np.sign(values), values))
+
+    def choose_all(self) -> None:
+        """Every loop there is."""
+        self.chosen = np.arange(self.count)
+        self.point = self.places.mean(0) if len(self.places) else np.zeros(2)
 
     def between(self, at: Float, edges: Int, share: Float) -> Float:
         return np.asarray(at[edges[:, 0]] + share[:, None] * (at[edges[:, 1]] - at[edges[:, 0]]))
@@ -190,13 +220,10 @@ class Parting:
         faces = self.faces[whole]
         links = [faces[:, [0, 1]], faces[:, [1, 2]]]
         split = self.faces[self.found.faces[cut]]
-        for a, b in ((0, 1), (1, 2), (2, 0)):
+        for a, b in _SIDES:
             same = self.far[split[:, a]] == self.far[split[:, b]]
             links.append(split[same][:, [a, b]])
-        ends = np.concatenate(links)
-        count = len(self.rest)
-        web = coo_matrix((np.ones(len(ends), np.int8), (ends[:, 0], ends[:, 1])), (count, count))
-        return np.asarray(connected_components(web, directed=False)[1], np.int64)
+        return _hang_together(np.concatenate(links), len(self.rest))
 
     def _choose_another(self, part: Int, torn: Int) -> None:
         """Add the nearest loop through which the two sides still hang together."""
@@ -225,10 +252,8 @@ class Parting:
     def caps(self) -> list[Cap]:
         """A cap for every shell that was cut, its rim as numbers of crossed edges."""
         cut = np.isin(self.found.loops, self.chosen)
-        count = len(self.rest)
         ends = self.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-        web = coo_matrix((np.ones(len(ends), np.int8), (ends[:, 0], ends[:, 1])), (count, count))
-        shell = connected_components(web, directed=False)[1][self.faces[self.found.faces, 0]]
+        shell = _hang_together(ends, len(self.rest))[self.faces[self.found.faces, 0]]
         made = []
         for one in np.unique(shell[cut]):
             chains = chains_of(self.found.pairs[cut & (shell == one)])
@@ -239,10 +264,24 @@ class Parting:
             ]
             if len(loops) < len(chains) and "some of it is open there and was left open" not in self.notes:
                 self._say_open(chains, loops)
-            if loops:
+            if self.values is not None:
+                made += [self._own_cap(loop) for loop in loops]
+            elif loops:
                 made.append(cap_of(loops, self.places, self.settings.fine))
         return made
+
+    def _own_cap(self, loop: Int) -> Cap:
+        """A cap in the plane that a loop spans best."""
+        points = self.between(self.at, self.found.edges[loop], self.share[loop])
+        cap = cap_of([np.arange(len(loop))], flattened(points), self.settings.fine)
+        return Cap(loop[cap.rim], cap.faces, cap.inside)
 
     def _say_open(self, chains: list[tuple[Int, bool]], loops: list[Int]) -> None:
         if sum(len(chain) for chain, _ in chains) > sum(len(loop) for loop in loops):
             self.notes.append("some of it is open there and was left open")
+
+
+def _hang_together(links: Int, count: int) -> Int:
+    """(count,) the number of the part that each hangs together with over (L, 2) links."""
+    web = coo_matrix((np.ones(len(links), np.int8), (links[:, 0], links[:, 1])), (count, count))
+    return np.asarray(connected_components(web, directed=False)[1], np.int64)

@@ -8,9 +8,9 @@ import manifold3d
 import numpy as np
 from scipy.sparse import csr_matrix, vstack
 
-from enliven.arrays import Bool, Float, Int
+from enliven.arrays import Bool, Int
 from enliven.mesh import Mesh, weld
-from enliven.modeling.caps import cap_of
+from enliven.modeling.caps import cap_of, flattened
 from enliven.modeling.cut_loops import chains_of
 
 _OPEN = 0.25
@@ -106,7 +106,7 @@ def _closed(mesh: Mesh, of: Int) -> tuple[Mesh, csr_matrix, int | str]:
     total = len(mesh.vertices)
     for order, _ in chains:
         rim = vertex_at[order]
-        cap = cap_of([np.arange(len(rim))], _flattened(mesh.vertices[rim]))
+        cap = cap_of([np.arange(len(rim))], flattened(mesh.vertices[rim]))
         points = cap.inside @ mesh.vertices[rim][cap.rim]
         numbers = np.concatenate([rim[cap.rim], total + np.arange(len(points))])
         vertices.append(points)
@@ -123,16 +123,6 @@ def _closed(mesh: Mesh, of: Int) -> tuple[Mesh, csr_matrix, int | str]:
         return mesh, shares[0], "it is open: too much of its surface is missing to close it"
     whole = Mesh(np.concatenate(vertices), np.concatenate(closing), mesh.name, colours)
     return whole, csr_matrix(vstack(shares)), len(chains)
-
-
-def _flattened(points: Float) -> Float:
-    """(N, 2) a loop in the plane that it spans best, counter-clockwise."""
-    middle = points - points.mean(0)
-    normal = np.cross(middle, np.roll(middle, -1, 0)).sum(0)
-    normal /= max(float(np.linalg.norm(normal)), 1e-300)
-    across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    across /= max(float(np.linalg.norm(across)), 1e-300)
-    return np.asarray(middle @ np.stack([across, np.cross(normal, across)]).T)
 
 
 def _manifold(mesh: Mesh) -> tuple[manifold3d.Manifold, int]:

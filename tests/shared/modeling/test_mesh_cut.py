@@ -19,9 +19,11 @@ from mesh_makers import (
 
 from enliven.errors import InputError
 from enliven.mesh import Mesh
+from enliven.modeling.bone_heat import bone_heat
 from enliven.modeling.cut_loops import area, chains_of, joined, winding
 from enliven.modeling.cut_surfaces import PlaneCut, StrokeCut
 from enliven.modeling.mesh_cut import CutSettings, cut_across_bone, cut_by_stroke
+from enliven.modeling.mesh_union import united
 from enliven.skeleton import Skeleton
 
 FROM_Z = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
@@ -214,6 +216,27 @@ def test_a_bone_through_nothing_takes_shells_asunder():
     assert list(cut.near.kept) == list(range(len(body.vertices)))
     assert cut.near.caps == cut.far.caps == 0
     assert same_bits(cut.near.mesh.faces, body.faces)
+
+
+def test_a_bone_within_a_body_takes_its_limb_and_does_not_halve_the_body():
+    trunk, branch = tube(0.3, 2.0, 20, 0.09), tube(0.12, 1.2, 16, 0.08)
+    turned = branch.vertices @ np.array([[0, 0, 1.0], [0, 1, 0], [-1, 0, 0]]).T
+    branch = Mesh(turned + np.array([0.05, 0.01, 1.0]), branch.faces, "branch")
+    union = united(trunk, on_bone(trunk, 1), branch, on_bone(branch, 3))
+    skeleton = Skeleton(
+        ("a", "b", "c", "d", "e"),
+        np.array([-1, 0, 1, 1, 3]),
+        np.array([[0, 0, 0], [0, 0, 1.0], [0, 0, 2], [0.3, 0.01, 1.0], [1.2, 0.01, 1]]),
+    )
+    skin = bone_heat(union.mesh, skeleton)
+    # The plane in the middle of bone d runs through the trunk from end to end.
+    cut = cut_across_bone(union.mesh, skin, skeleton, 3, 0.5)
+    assert any("skin" in note for note in cut.notes)
+    assert volume(cut.far.mesh) == pytest.approx(np.pi * 0.12**2 * 0.95, rel=0.2)
+    assert volume(cut.near.mesh) + volume(cut.far.mesh) == pytest.approx(volume(union.mesh), rel=1e-9)
+    for piece in (cut.near, cut.far):
+        assert watertight(piece.mesh)
+        unchanged(piece, union.mesh, skin)
 
 
 def test_what_cannot_be_cut_says_why():
