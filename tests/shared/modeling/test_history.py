@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from surgery_worlds import random_project, random_turns
+from surgery_worlds import bending_arm, random_project, random_turns
 
 from enliven.errors import InputError
 from enliven.modeling.copying import copy_shape, mirror_shape, scale_shape
@@ -78,6 +78,26 @@ def test_undo_after_200_random_edits_restores_the_project_bit_for_bit(seed):
     for _ in done:
         history.redo()
     assert same(history.project, after)
+
+
+def test_undo_restores_meshes_and_weights_too():
+    project, random = bending_arm(), np.random.default_rng(2)
+    start = copy.deepcopy(dict(project.shapes))
+    history, done = History(project), []
+    while len(done) < 40:
+        try:
+            name, edited = random_edit(history.project, random)
+        except InputError:
+            continue
+        done.append(name)
+        history.do(name, edited)
+        for shape in edited.shapes.values():
+            np.testing.assert_allclose(shape.skin.weights.sum(1), 1, atol=1e-4)
+            assert len(shape.skin.weights) == len(shape.mesh.vertices)
+    assert {"cut", "merge"} <= set(done)
+    for _ in done:
+        history.undo()
+    assert same(dict(history.project.shapes), start)
 
 
 def test_a_drag_is_one_step():

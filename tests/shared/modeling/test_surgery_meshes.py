@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from surgery_worlds import angle, straight_shape
+from surgery_worlds import about_z, angle, bending_arm
 
 from enliven.errors import InputError
 from enliven.mesh import Mesh
-from enliven.modeling.bone_heat import bone_heat
 from enliven.modeling.copying import copy_shape
 from enliven.modeling.cut import cut_bone
 from enliven.modeling.cut_stroke import cut_stroke
@@ -16,48 +15,15 @@ from enliven.modeling.meshes import posed_vertices
 from enliven.modeling.nodes import insert_node, remove_node
 from enliven.modeling.posed import posed
 from enliven.modeling.posing import move_shape, set_bone, turn_bone
-from enliven.motion.clip import Clip
 from enliven.motion.evaluate import pose_of
-from enliven.motion.layers import Layer, Ref, Span
-from enliven.project import Project, same
-from enliven.rotation import from_rotation_vector
-from enliven.skeleton import Skeleton
-
-
-def tube(length=4.0, radius=0.3, around=12, along=33):
-    """A closed tube from the origin along +x."""
-    angles = np.linspace(0, 2 * np.pi, around, endpoint=False)
-    ring = radius * np.stack([np.zeros(around), np.cos(angles), np.sin(angles)], 1)
-    rings = [ring + np.array([x, 0, 0]) for x in np.linspace(0, length, along)]
-    vertices = np.concatenate([*rings, [[0, 0, 0], [length, 0, 0]]])
-    faces = []
-    for r in range(along - 1):
-        for k in range(around):
-            a, b = r * around + k, r * around + (k + 1) % around
-            faces += [[a, b, a + around], [b, b + around, a + around]]
-    last, first = len(vertices) - 1, len(vertices) - 2
-    for k in range(around):
-        faces.append([first, (k + 1) % around, k])
-        end = (along - 1) * around
-        faces.append([last, end + k, end + (k + 1) % around])
-    return Mesh(vertices, np.array(faces, np.int32), "tube")
-
-
-def about_z(degrees):
-    return from_rotation_vector(np.radians(degrees) * np.array([0.0, 0.0, 1.0]))
+from enliven.motion.layers import Ref, Span
+from enliven.project import same
 
 
 @pytest.fixture(scope="module")
 def arm():
     """A tube of two bones that a take bends by 60 degrees in a second."""
-    skeleton = Skeleton(("shoulder", "hand"), [-1, 0], [[0, 0, 0], [1.0, 0, 0]])
-    turns = np.array([[about_z(0), about_z(60 * t)] for t in (0.0, 1.0)])
-    bend = Clip("bend", skeleton, turns, np.zeros((2, 3)), 1.0)
-    spans = [(Span(1.0, (Ref("bend", 0.0, 0.5),)),), (Span(1.0, (Ref("bend", 0.5, 1.0),)),)]
-    shape = straight_shape("arm", [[0, 0, 0], [2.0, 0, 0], [4.0, 0, 0]], spans)
-    mesh = tube()
-    shape = shape.with_changes(mesh=mesh, skin=bone_heat(mesh, shape.skeleton))
-    return Project().with_takes(bend).with_layers(Layer("bend", "bend", (0, 1))).with_shapes(shape)
+    return bending_arm()
 
 
 def surface(project, shape_id, time):
