@@ -25,6 +25,8 @@ from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
+from enliven_viewer.document import Document
+from enliven_viewer.takes import Take
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 SPIDER = DATA / "gltf" / "quaternius" / "Spider.glb"
@@ -134,6 +136,13 @@ def test_the_edge_plays_a_recording_and_records_what_came_of_it(tmp_path):
         message_to_board(msgspec.msgpack.decode(data, type=MatchesMessage))
         for _, data in recording.messages("matches")
     ]
+    document, take = Document(), Take(tmp_path / "made.mcap")
+    while take.poll(document):
+        pass
+    assert take.unreadable == 0
+    assert len(document.timeline) == len(boards)
+    assert document.timeline.at(boards[20].time_ns).boards[actor.character.id].state == "choosing"
+    assert document.timeline.at(boards[-1].time_ns).boards[actor.character.id].state == "playing"
     poses = [msgspec.msgpack.decode(data, type=PoseMessage) for _, data in recording.messages("pose")]
     first = boards[0].time_ns
     for board in boards:

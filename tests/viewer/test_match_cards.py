@@ -11,7 +11,7 @@ from enliven.character import Character, SkinWeights
 from enliven.matching.board import Board, Row
 from enliven_viewer.camera import OrbitCamera
 from enliven_viewer.document import Document
-from enliven_viewer.gaze import Gaze, look_of, turn_to_bones
+from enliven_viewer.gaze import Gaze, hidden, look_of, turn_to_bones
 from enliven_viewer.match_cards import cards_of, draw_cards
 from enliven_viewer.render.canvas import Canvas
 from enliven_viewer.render.match_lines import TINTS, match_rows
@@ -146,6 +146,18 @@ def test_the_edge_is_told_when_the_camera_moves_and_not_otherwise() -> None:
     camera.advance(10.0)
     assert gaze.changed(camera.view(1.5), 0.05) is None, "not more often than ten times a second"
     assert gaze.changed(camera.view(1.5), 1.1) == look_of(camera.view(1.5))
+
+
+def test_chains_that_point_at_the_eye_are_told() -> None:
+    camera = front()
+    assert not hidden(scene(), camera.view(1.5))
+    camera.face(np.pi / 2, 0.05)
+    camera.advance(10.0)
+    assert hidden(scene(), camera.view(1.5))
+    assert not hidden(scene(replace(BOARD, state="playing")), camera.view(1.5))
+    turn_to_bones(camera, scene())
+    camera.advance(10.0)
+    assert not hidden(scene(), camera.view(1.5))
 
 
 def test_the_camera_turns_to_where_bones_are_seen() -> None:

@@ -15,7 +15,7 @@ from enliven_viewer.camera import OrbitCamera
 from enliven_viewer.controls import Controls
 from enliven_viewer.document import Document
 from enliven_viewer.feed import Feed
-from enliven_viewer.gaze import Gaze, turn_to_bones
+from enliven_viewer.gaze import Gaze, hidden, turn_to_bones
 from enliven_viewer.grasp import Grasp
 from enliven_viewer.hud import Hud, HudState, timeline_area
 from enliven_viewer.match_cards import cards_of
@@ -186,10 +186,16 @@ class App:
             speed=head.speed,
             notice=self._notice(),
             help=self.help,
-            grasp="" if self._take else self.grasp.words,
+            grasp="" if self._take else self._grasp_words(),
             cards=cards_of(self._scene, self.camera.view(self._aspect)),
             score=self._scene.props.note if self._scene.props is not None else "",
         )
+
+    def _grasp_words(self) -> str:
+        """What the next possession takes, or what keeps the user from seeing it."""
+        if hidden(self._scene, self.camera.view(self._aspect)):
+            return "some bones point at you: V shows more of them"
+        return self.grasp.words
 
     def _notice(self) -> str:
         """What to say in the middle of an empty picture."""

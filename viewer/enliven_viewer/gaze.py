@@ -13,6 +13,8 @@ from enliven_viewer.render.scene import Scene
 
 _EVERY = 0.1
 """Seconds between two words about it at least."""
+_END_ON = 0.3
+"""A chain of which less than this share of the way from end to end is seen points at the eye."""
 _TURNED, _MOVED = 0.005, 0.02
 """Radians, and metres, that are worth a word."""
 
@@ -37,6 +39,19 @@ def look_of(view: View) -> Look:
     rows = view.camera_from_world[:3, :3]
     forward, up, eye = (tuple(float(x) for x in row) for row in (-rows[2], rows[1], view.eye))
     return Look(forward, up, eye)  # type: ignore[arg-type]
+
+
+def hidden(scene: Scene, view: View) -> bool:
+    """Whether a chain from which somebody chooses points at the eye, so that its direction cannot be seen."""
+    rows = view.camera_from_world[:3, :3]
+    for board in scene.boards.values():
+        for row in board.rows if board.state == "choosing" else ():
+            for line in row.lines:
+                ahead = line.mean(0) - view.eye if len(line) else rows[0]
+                seen = views.View(ahead, rows[1])
+                if len(line) and views.end_on(line[-1:] - line[:1], seen, _END_ON)[0]:
+                    return True
+    return False
 
 
 def turn_to_bones(camera: OrbitCamera, scene: Scene) -> None:
