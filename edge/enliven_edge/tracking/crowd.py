@@ -10,15 +10,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int, UInt8
-from enliven.body import Joint
+from enliven_edge.tracking.doubles import Doubles
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.identity import Absent, Looks, Register
 from enliven_edge.tracking.model import height_of
 from enliven_edge.tracking.newcomers import YOUNG, Newcomer, Newcomers
-from enliven_edge.tracking.person import UNDECIDED, Person, sight, trunk_shown
+from enliven_edge.tracking.person import UNDECIDED, Person, sight
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.room import Room
+from enliven_edge.tracking.search import TRIES, Search
 from enliven_edge.tracking.segmentation import Segments, segmented
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.view import View
@@ -29,20 +30,11 @@ _HANDICAP = 0.06
 """Metres: pixels that somebody in sight may have are not taken by somebody hidden."""
 _DARK, _LONG_DARK_NS = 0.01, 250_000_000
 """Share of the pixels below which nothing is seen, and for how long until nobody may be as they were."""
-_SAME_PLACE = 0.2
-_DOUBT_FRAMES = 6
 _DECIDE_NS = 1_500_000_000
 _DOUBT_NS = 4_000_000_000
 _WHOLE, _LOOSE = 0.12, 0.4
 _ZONE_MARGIN = 0.15
 """Metres outside the zone at which a performer has left it."""
-_CLEARLY = 0.05
-"""How much better a less likely group of pixels must be explained to be taken for a person."""
-_TRIES = 3
-_SHOWN, _FAINT = 0.6, 0.36
-"""Share of the trunk that must be seen where one is found, and how sure the joints must be at the least."""
-_CERTAIN, _CLEAR = 0.8, 0.68
-"""How well somebody in an unlikely posture must be explained, and how sure the joints, among others."""
 _ABOUT, _TALLER = 1.5, 0.12
 _WELL_KNOWN = 10
 """Frames after which somebody's proportions are known."""
@@ -79,7 +71,8 @@ class Crowd:
         self._dark_ns: int | None = None
         self._dropped: list[Float] = []
         self._indexed: list[Person] = []
-        self._doubts: dict[tuple[int, int], int] = {}
+        self._doubles = Doubles()
+        self._search = Search(fitter, self._expecting)
         self._threads: ThreadPoolExecutor | None = None
 
     @property
@@ -142,7 +135,10 @@ class Crowd:
         self._fit_all([g for g in glances if not g.behind and (g.person in fitted or g.person.hidden)], view)
         for glance in glances:
             self._settle(glance, view)
-        self._part_doubles()
+        for second in self._doubles.parted(self.people):
+            self.people.remove(second)
+            if second.id != UNDECIDED:
+                self.register.leave(second.id, second.looks, None, second.seen_ns)
         self._decide(view.time_ns)
         self.register.forget_old(view.time_ns, self.lock.ids or frozenset())
         return segments
@@ -262,40 +258,12 @@ class Crowd:
         ]
         sure = [n for n in due if n.convincing or n.proven]
         room_for = self.settings.people.most - len(self.people)
-        found = self._found(view, sure[: min(room_for, _TRIES if alone else 1)])
+        found = self._search.found(view, sure[: min(room_for, TRIES if alone else 1)], alone=alone)
         if not found and room_for > 0 and (alone or not sure):
-            found = self._best_guess(view, [n for n in due if n not in sure], alone=alone)
+            found = self._search.best_guess(view, [n for n in due if n not in sure], alone=alone)
         for newcomer, follower, _ in found:
             self._welcome(newcomer, follower, view, segments)
         return hold
-
-    def _best_guess(
-        self, view: View, due: list[Newcomer], *, alone: bool
-    ) -> list[tuple[Newcomer, Follower, float]]:
-        """In any posture somebody is better than nobody: the likeliest, or one explained clearly better."""
-        best: list[tuple[Newcomer, Follower, float]] = []
-        for made in self._found(view, due[: _TRIES if alone else 1]):
-            shown = trunk_shown(view, made[1].posture, made[0].pixels)
-            borne_out = shown > _SHOWN and float(made[1].confidence.mean()) > _FAINT
-            if not borne_out or not (alone or made[0].awaited or _certain(view, *made)):
-                made[0].failed(view.time_ns)
-            elif not best or made[2] > best[0][2] + _CLEARLY:
-                best = [made]
-        return best
-
-    def _found(self, view: View, newcomers: list[Newcomer]) -> list[tuple[Newcomer, Follower, float]]:
-        """Those of the newcomers in whom a body is found, and how well it explains them."""
-        made = []
-        for newcomer in newcomers:
-            expecting = self._expecting(newcomer, view.time_ns)
-            found = Follower.found(view, newcomer.pixels, expecting, self._fitter)
-            if found is None:
-                newcomer.failed(view.time_ns)
-            elif newcomer.tall or newcomer.awaited or not self.people or _certain(view, newcomer, *found):
-                made.append((newcomer, *found))
-            else:
-                newcomer.failed(view.time_ns)
-        return made
 
     def _admits(self, place: Float) -> bool:
         """Whether somebody new at a place may be a performer."""
@@ -372,34 +340,3 @@ class Crowd:
         self.register.take(absent)
         person.id = absent.id
         person.looks = absent.looks
-
-    # --- doubts --------------------------------------------------------------------------------------------
-
-    def _part_doubles(self) -> None:
-        """Two fits on one person: the later one goes."""
-        ordered = sorted((p for p in self.people if p.hidden_ns is None), key=lambda p: p.found_ns)
-        together = set()
-        for i, first in enumerate(ordered):
-            for second in ordered[i + 1 :]:
-                if float(np.linalg.norm(first.place - second.place)) < _SAME_PLACE and _one(first, second):
-                    together.add((id(first), id(second)))
-                    count = self._doubts.get((id(first), id(second)), 0) + 1
-                    self._doubts[id(first), id(second)] = count
-                    if count > _DOUBT_FRAMES and second in self.people:
-                        self.people.remove(second)
-                        if second.id != UNDECIDED:
-                            self.register.leave(second.id, second.looks, None, second.seen_ns)
-        self._doubts = {pair: n for pair, n in self._doubts.items() if pair in together}
-
-
-def _certain(view: View, newcomer: Newcomer, follower: Follower, explained: float) -> bool:
-    """Whether a body is so well borne out that it is believed in an unlikely group of pixels."""
-    shown = trunk_shown(view, follower.posture, newcomer.pixels)
-    return min(explained, shown) > _CERTAIN and float(follower.confidence.mean()) > _CLEAR
-
-
-def _one(first: Person, second: Person) -> bool:
-    """Whether two fits have their trunks in the same place."""
-    a, b = first.follower.posture.joints(), second.follower.posture.joints()
-    trunk = [Joint.HIP_CENTER, Joint.SHOULDER_CENTER, Joint.HEAD]
-    return bool(np.linalg.norm(a[trunk] - b[trunk], axis=1).mean() < _SAME_PLACE)

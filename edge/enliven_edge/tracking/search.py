@@ -1,0 +1,67 @@
+"""Looking for bodies in groups of pixels that may be somebody new."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from enliven_edge.tracking.fit import Fitter
+from enliven_edge.tracking.follower import Follower
+from enliven_edge.tracking.newcomers import Newcomer
+from enliven_edge.tracking.person import trunk_shown
+from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.view import View
+
+TRIES = 3
+"""Groups of pixels that are looked at in a frame while nobody is followed; else one."""
+_CLEARLY = 0.05
+"""How much better a less likely group of pixels must be explained to be taken for a person."""
+_SHOWN, _FAINT = 0.6, 0.36
+"""Share of the trunk that must be seen where one is found, and how sure the joints must be at the least."""
+_CERTAIN, _CLEAR = 0.8, 0.68
+"""How well somebody in an unlikely posture must be explained, and how sure the joints, among others."""
+
+Found = tuple[Newcomer, Follower, float]
+"""In whom a body was found, its fit, and how well that explains the pixels (up to 1)."""
+
+
+class Search:
+    """Finds bodies in newcomers.
+
+    Args:
+        expecting: the settings for a newcomer at a time: those of somebody who is awaited, say.
+    """
+
+    def __init__(self, fitter: Fitter, expecting: Callable[[Newcomer, int], TrackerSettings]) -> None:
+        self._fitter, self._expecting = fitter, expecting
+
+    def found(self, view: View, newcomers: Sequence[Newcomer], *, alone: bool) -> list[Found]:
+        """Those of the newcomers in whom a body is found; ``alone``: nobody is followed."""
+        made: list[Found] = []
+        for newcomer in newcomers:
+            expecting = self._expecting(newcomer, view.time_ns)
+            body = Follower.found(view, newcomer.pixels, expecting, self._fitter)
+            if body is None:
+                newcomer.failed(view.time_ns)
+            elif newcomer.tall or newcomer.awaited or alone or _certain(view, newcomer, *body):
+                made.append((newcomer, *body))
+            else:
+                newcomer.failed(view.time_ns)
+        return made
+
+    def best_guess(self, view: View, due: Sequence[Newcomer], *, alone: bool) -> list[Found]:
+        """In any posture somebody is better than nobody: the likeliest, or one explained clearly better."""
+        best: list[Found] = []
+        for made in self.found(view, due[: TRIES if alone else 1], alone=alone):
+            shown = trunk_shown(view, made[1].posture, made[0].pixels)
+            borne_out = shown > _SHOWN and float(made[1].confidence.mean()) > _FAINT
+            if not borne_out or not (alone or made[0].awaited or _certain(view, *made)):
+                made[0].failed(view.time_ns)
+            elif not best or made[2] > best[0][2] + _CLEARLY:
+                best = [made]
+        return best
+
+
+def _certain(view: View, newcomer: Newcomer, follower: Follower, explained: float) -> bool:
+    """Whether a body is so well borne out that it is believed in an unlikely group of pixels."""
+    shown = trunk_shown(view, follower.posture, newcomer.pixels)
+    return min(explained, shown) > _CERTAIN and float(follower.confidence.mean()) > _CLEAR
