@@ -19,7 +19,7 @@ from enliven.modeling.graph_pose import graph_pose, graph_vertices
 from enliven.modeling.joining import Surface, joined
 from enliven.modeling.mesh_cut import Piece, cut_by_stroke
 from enliven.modeling.seam import SeamSettings, smoothed
-from enliven.project import Project, unused
+from enliven.project import Project, same, unused
 from enliven.rotation import IDENTITY, conjugate, from_matrix, multiply, normalized, rotate, to_matrix
 
 _SEAM = SeamSettings()
@@ -120,9 +120,30 @@ def merge_graphs(
 
 def copy_graph(project: Project, shape_id: str, *, delay: float = 0.0) -> tuple[Project, str]:
     """A project with a copy of a possessed mesh, which moves ``delay`` seconds later, and its id."""
-    shape = project.graph(shape_id)
+    return paste_graph(project, project, shape_id, delay=delay)
+
+
+def paste_graph(
+    project: Project, source: Project, shape_id: str, *, delay: float = 0.0
+) -> tuple[Project, str]:
+    """A project with a copy of a possessed mesh of another project (or a take, by
+    :func:`enliven.formats.possessed.read_possessed`), with its motion, and the copy's id.
+
+    Streams that the project has already, bit for bit, are used; others come along.
+
+    Raises:
+        InputError: where there is no such shape, or the delay is no number.
+    """
+    shape = source.graph(shape_id)
+    ids: dict[str, str] = {}
+    for part in shape.parts:
+        stream = source.streams[part.stream]
+        if part.stream not in ids and not same(project.streams.get(stream.id), stream):
+            stream = replace(stream, id=unused(stream.id, project.streams))
+            project = project.with_streams(stream)
+        ids.setdefault(part.stream, stream.id)
     copy_id = unused(shape_id, {**project.shapes, **project.graphs})
-    parts = tuple(replace(part, offset=part.offset + delay) for part in shape.parts)
+    parts = tuple(replace(part, stream=ids[part.stream], offset=part.offset + delay) for part in shape.parts)
     return project.with_graphs(shape.with_changes(id=copy_id, parts=parts)), copy_id
 
 

@@ -1,0 +1,102 @@
+"""Possessed meshes out of a take: what the edge recorded of a mesh and its nodes, ready to be edited.
+
+    project = read_possessed("take.mcap")          # a graph shape and a stream for each possessed mesh
+
+The file is one that ``enliven run`` recorded: characters and poses as they went over the wire.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.character import Character, Pose
+from enliven.errors import EnlivenError, InputError
+from enliven.graph_shape import GraphShape, PoseStream, graph_shape_of
+from enliven.project import Project, unused
+from enliven.recording import Recording
+from enliven.wire.convert import message_to_character, message_to_pose
+from enliven.wire.messages import CharacterMessage, PoseMessage
+from enliven.wire.posecode import PoseCodec
+
+_FEWEST = 2
+"""Poses that a mesh must have for it to have moved."""
+
+
+def read_possessed(path: str | Path) -> Project:
+    """The possessed meshes of a take with what they did, as a project.
+
+    Poses come as fast as the sensor did; a stream has them at even steps, their median, mixed between
+    neighbours. A mesh that was taken up again with other nodes is another shape. All begin at the time that
+    they had in the take, with its first pose at 0 seconds.
+
+    Raises:
+        InputError: where the file is no recording, or no possessed mesh moved in it.
+    """
+    recording = Recording(path)
+    characters, poses = _read(recording)
+    begin = min((found[0].time_ns for found in poses.values() if found), default=0)
+    project = Project()
+    for key, character in characters.items():
+        found = poses.get(key, [])
+        if character.kind != "graph" or len(found) < _FEWEST:
+            continue
+        shape, stream = _played(character, found, begin, project)
+        project = project.with_streams(stream).with_graphs(shape)
+    if not project.graphs:
+        mend = "Possess a mesh and record it: enliven run."
+        raise InputError("no possessed mesh moves in it", where=str(path), mend=mend)
+    return project
+
+
+def _read(recording: Recording) -> tuple[dict[tuple[str, int], Character], dict[tuple[str, int], list[Pose]]]:
+    """Characters and poses by id and revision; a message that cannot be read is left out."""
+    characters: dict[tuple[str, int], Character] = {}
+    codecs: dict[tuple[str, int], PoseCodec] = {}
+    poses: dict[tuple[str, int], list[Pose]] = {}
+    for _, data in recording.messages("character") if "character" in recording.info.topics else ():
+        try:
+            message = msgspec.msgpack.decode(data, type=CharacterMessage)
+            character = message_to_character(message)
+        except (msgspec.MsgspecError, EnlivenError, ValueError):
+            continue
+        key = (character.id, message.revision)
+        characters[key], codecs[key] = character, PoseCodec(character)
+    for _, data in recording.messages("pose") if "pose" in recording.info.topics else ():
+        try:
+            said = msgspec.msgpack.decode(data, type=PoseMessage)
+            key = (said.character, said.revision)
+            if key in codecs:
+                poses.setdefault(key, []).append(message_to_pose(said, codecs[key]))
+        except (msgspec.MsgspecError, EnlivenError, ValueError):
+            continue
+    return characters, {key: sorted(found, key=lambda pose: pose.time_ns) for key, found in poses.items()}
+
+
+def _played(
+    character: Character, poses: list[Pose], begin: int, project: Project
+) -> tuple[GraphShape, PoseStream]:
+    """The shape and its stream at even steps."""
+    seconds = np.array([(pose.time_ns - begin) / 1e9 for pose in poses])
+    _, first = np.unique(seconds, return_index=True)
+    seconds, poses = seconds[first], [poses[i] for i in first]
+    if len(poses) < _FEWEST:
+        raise InputError("all its poses are of one moment", where=f"character {character.id!r}")
+    step = float(np.median(np.diff(seconds)))
+    grid = np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
+    shape, whole = graph_shape_of(character, poses, unused(character.id, project.streams), step)
+    stream = PoseStream(whole.id, _at(whole.linear, seconds, grid), _at(whole.positions, seconds, grid), step)
+    part = shape.parts[0]
+    moved = type(part)(part.stream, part.nodes, offset=float(seconds[0]))
+    return shape.with_changes(id=unused(character.id, project.graphs), parts=(moved,)), stream
+
+
+def _at(values: Float, seconds: Float, grid: Float) -> Float:
+    """(G, ...) ``values`` (F, ...) of the times ``seconds`` (F,) at the times ``grid`` (G,)."""
+    before = np.clip(np.searchsorted(seconds, grid, side="right") - 1, 0, len(seconds) - 2)
+    share = np.clip((grid - seconds[before]) / (seconds[before + 1] - seconds[before]), 0.0, 1.0)
+    share = share.reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray((1 - share) * values[before] + share * values[before + 1])
