@@ -41,6 +41,7 @@ class Binding:
         still: the performer then.
         joints: (20, 3) metres, where the performer's joints were last.
         turns: (20, 4) what they were turned by then, or None.
+        seen_ns: when that was, the sensor's clock.
     """
 
     body: int
@@ -51,6 +52,7 @@ class Binding:
     still: Body
     joints: Float
     turns: Float | None = None
+    seen_ns: int = 0
 
     def see(self, body: Body) -> None:
         """Turns bones as far as the body's are turned since the binding began; what is not seen stays."""
@@ -77,7 +79,7 @@ class Puppet:
 
     def __init__(self, shape: Shape, fade: float) -> None:
         self.shape, self.bindings = shape, list[Binding]()
-        self._fading, self._count = Fading(fade), 0
+        self._fading, self._count, self._time_ns = Fading(fade), 0, 0
         self._rebuild()
         self.joints: Float = self._player.at(0.0).joints
 
@@ -99,7 +101,8 @@ class Puppet:
         take = clip_of_bodies([body], np.zeros(1), f"live {self._count}")
         self.bindings = [b for b in self.bindings if not alone and b.body != body.id]
         joints = np.array(body.joints, np.float64)
-        self.bindings.append(Binding(body.id, tuple(pairs), take, view, mirrored, body, joints))
+        made = Binding(body.id, tuple(pairs), take, view, mirrored, body, joints, seen_ns=self._time_ns)
+        self.bindings.append(made)
         self._rebuild()
         self._fading.tear()
 
@@ -109,6 +112,15 @@ class Puppet:
         self._rebuild()
         self._fading.tear()
 
+    def hand_over(self, bodies: Sequence[Body], time_ns: int, patience: float) -> None:
+        """Who alone drives nothing goes on for who has been away for longer than some seconds."""
+        present = {body.id for body in bodies}
+        away = [b for b in self.bindings if b.body not in present and time_ns - b.seen_ns > patience * 1e9]
+        idle = present - {binding.body for binding in self.bindings}
+        if away and len(idle) == 1:
+            min(away, key=lambda binding: binding.seen_ns).body = idle.pop()
+            self._fading.tear()
+
     def pose(self, bodies: Sequence[Body], time_ns: int) -> Pose:
         """The pose at a moment; of performers who are out of view, the last."""
         present = {body.id: body for body in bodies}
@@ -116,8 +128,10 @@ class Puppet:
             body = present.get(binding.body)
             if body is not None:
                 binding.see(body)
+                binding.seen_ns = time_ns
             if binding.turns is not None:
                 self._player.feed(binding.take.id, binding.turns, binding.joints[0])
+        self._time_ns = time_ns
         at = self._player.at(time_ns * 1e-9)
         self.joints = at.joints
         pose = pose_from(self.shape, at, time_ns * 1e-9)

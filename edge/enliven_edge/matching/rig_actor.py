@@ -65,6 +65,8 @@ class RigActor:
         bodies = [body for body in bodies if np.isfinite(body.joints).all()]
         if not self._met and bodies:
             self._meet(bodies[0])
+        if self.settings.hand_over > 0.0:
+            self.puppet.hand_over(bodies, time_ns, self.settings.hand_over)
         pose = self.puppet.pose(bodies, time_ns)
         self._choose(bodies)
         if self._pick.accepted:  # by holding still

@@ -26,6 +26,13 @@ class MatchingSettings:
         True, "Chains go on along the longest branch of what hangs on them; else that is carried rigidly."
     )
     fade: float = setting(0.6, "Seconds that a change takes to show.", unit="s", low=0.0, high=10.0)
+    hand_over: float = setting(
+        60.0,
+        "Who alone drives nothing goes on for who has been away for longer; 0: only who takes hold.",
+        unit="s",
+        low=0.0,
+        high=3600.0,
+    )
     listed: int = setting(6, "Matches told to viewers.", unit="matches", low=1, high=15)
     ranking: RankingSettings = setting(RankingSettings, "How matches are scored.")
     picking: PickingSettings = setting(PickingSettings, "When the shown match gives way, and is taken.")

@@ -218,6 +218,25 @@ def test_two_performers_drive_and_one_lets_go() -> None:
         show.stage.release("star", 2)
 
 
+def test_somebody_lost_and_found_again_goes_on_under_another_number() -> None:
+    show = Show(hand_over=1.0)
+    show.play(person())
+    show.stage.possess("star", parts="arms")
+    rest = show.limb("right")
+    raised = moved(60, (0, 0, 1))
+    show.play(raised)
+    kept = show.limb("right")
+    show.play(frames=20)
+    show.play(replace(raised, id=7), frames=5)
+    assert show.stage.holders == {1}, "not yet"
+    np.testing.assert_allclose(show.limb("right"), kept, atol=1e-9)
+    show.play(replace(raised, id=7), frames=10)
+    assert show.stage.holders == {7}
+    np.testing.assert_allclose(show.limb("right"), kept, atol=1e-9)
+    show.play(replace(person(), id=7))
+    np.testing.assert_allclose(show.limb("right"), rest, atol=1e-9)
+
+
 def test_another_limb_is_added_to_those_that_one_has() -> None:
     show = Show()
     show.play(person())
