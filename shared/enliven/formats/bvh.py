@@ -126,12 +126,21 @@ def _begin(lines: _Lines, tree: _Hierarchy, chain: list[int], word: str, name: s
     if not name:
         raise lines.wrong(f"{word} has no name")
     chain.append(len(tree.names))
-    tree.names.append(name)
+    tree.names.append(_unused(name, tree.names))
     tree.parents.append(parent)
     tree.offsets.append((0.0, 0.0, 0.0))
     tree.channels.append([])
     if lines.next("{") != ["{"]:
         raise lines.wrong(f"'{{' is missing after {name}")
+
+
+def _unused(name: str, taken: list[str]) -> str:
+    """The name, or the first with a number that no joint has yet: a wrist may have two ends."""
+    number, plain = 1, name
+    while name in taken:
+        number += 1
+        name = f"{plain} {number}"
+    return name
 
 
 def _channels(lines: _Lines, count: str, kinds: list[str]) -> list[tuple[str, int]]:

@@ -133,8 +133,8 @@ def _major(skeleton: Skeleton, at: Float) -> list[list[int]]:
             least = max(_SHORT * reach[0], (_SIDE_TWIG if aside else _TWIG) * way[j])
             if long >= least or len(children) == 1:
                 kept.append(c)
-        if j > 0 and len(kept) > 1 and abs(at[j, 0]) > _ASIDE * reach[0]:
-            kept = [max(kept, key=lambda c: reach[c] + skeleton.lengths[c])]
+        if j > 0 and children and abs(at[j, 0]) > _ASIDE * reach[0]:
+            kept = [max(children, key=lambda c: reach[c] + skeleton.lengths[c])]
         below.append(kept if j == 0 or len(kept) < _MANY else [])
     return below
 

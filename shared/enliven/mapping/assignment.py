@@ -3,8 +3,8 @@
 A limb is given the source limb of its kind, in the order from front and top to back and bottom:
 
 - pairs that stand on the floor get pairs that do, the rearmost first; of those that are left over, the
-  foremost gets the arms (a horse's forelegs), the others the same legs again with the sides exchanged, so
-  that neighbours step in turn, as insects do;
+  foremost gets the arms (a horse's forelegs), the others the same legs again with the sides exchanged, seen
+  in a mirror, so that neighbours step in turn, as insects do;
 - other pairs (arms, wings, flippers) get arms, or where the source has none, its foremost legs;
 - the head gets the head, with the trunk before it where only one of the two skeletons has a trunk;
 - a tail gets the tail, else the spine; what has no legs (a snake) is moved at its tail by one.
@@ -14,7 +14,7 @@ Left goes to left; where all of a kind are in one pair's charge, sides alternate
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from enliven.mapping.anatomy import Anatomy, Limb, Pair
@@ -28,12 +28,14 @@ class Drive:
         source, target: joints, from the one that stays.
         role: what it is, for whoever reads the mapping.
         lead: joints of the source before ``source`` whose turn is taken along.
+        mirrored: the source is of the other side, and taken as seen in a mirror.
     """
 
     source: tuple[int, ...]
     target: tuple[int, ...]
     role: str
     lead: tuple[int, ...] = ()
+    mirrored: bool = False
 
 
 def assigned(source: Anatomy, target: Anatomy) -> list[Drive]:
@@ -41,10 +43,10 @@ def assigned(source: Anatomy, target: Anatomy) -> list[Drive]:
     drives: list[Drive] = []
     lent = _lent_legs(source, target)
     for (left, right), (from_left, from_right), role in _pairs(source, target, lent):
-        drives += [
-            *_limb_drives(from_left, left, f"left {role}"),
-            *_limb_drives(from_right, right, f"right {role}"),
-        ]
+        crossed = any(from_left is pair[1] for pair in source.pairs)
+        for limb, by, side in ((left, from_left, "left"), (right, from_right, "right")):
+            for drive in _limb_drives(by, limb, f"{side} {role}"):
+                drives.append(replace(drive, mirrored=crossed))
     drives += _middle(source, target)
     drives += _tail(source, target)
     return [drive for drive in drives if len(drive.source) > 1 and len(drive.target) > 1]
@@ -144,10 +146,10 @@ def split(drive: Drive, source_arc: list[float], target_arc: list[float], near: 
     """
     cuts = [(0, 0), *_same(source_arc, target_arc, near), (len(source_arc) - 1, len(target_arc) - 1)]
     pieces = [
-        Drive(drive.source[a : c + 1], drive.target[b : d + 1], drive.role)
+        replace(drive, source=drive.source[a : c + 1], target=drive.target[b : d + 1], lead=())
         for (a, b), (c, d) in pairwise(cuts)
     ]
-    first = Drive((*drive.lead, *pieces[0].source), pieces[0].target, drive.role)
+    first = replace(pieces[0], source=(*drive.lead, *pieces[0].source))
     return [first, *pieces[1:]]
 
 

@@ -11,6 +11,8 @@ from enliven.skeleton import Skeleton
 
 _LEFT = re.compile(r"left|(?<![a-z])l(?![a-z])", re.IGNORECASE)
 _RIGHT = re.compile(r"right|(?<![a-z])r(?![a-z])", re.IGNORECASE)
+_WORDS = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+"""Where one word of a name ends and the next begins without a sign between them."""
 _SURE = 0.03
 """Share of the size that feet must point ahead by, all together, to say where the front is."""
 _LOW = 0.12
@@ -38,7 +40,7 @@ def turned_level(points: Float, angle: float) -> Float:
 
 def side_of(name: str) -> int:
     """1 for the name of a left joint, -1 of a right one, 0 of others."""
-    plain = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    plain = _WORDS.sub(" ", name)
     left, right = bool(_LEFT.search(plain)), bool(_RIGHT.search(plain))
     return int(left) - int(right)
 
@@ -50,7 +52,7 @@ def _named_left(skeleton: Skeleton) -> Float | None:
     for joint, name in enumerate(skeleton.names):
         side = side_of(name)
         if side:
-            plain = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+            plain = _WORDS.sub(" ", name)
             by_plain.setdefault((_LEFT if side > 0 else _RIGHT).sub("*", plain), {})[side] = joint
     for sides in by_plain.values():
         if len(sides) == 2:
@@ -63,20 +65,27 @@ def _named_left(skeleton: Skeleton) -> Float | None:
 def _mirrored_left(skeleton: Skeleton) -> Float:
     """(3,) horizontal, towards the left, by symmetry and by the toes."""
     at = skeleton.positions - skeleton.positions[0]
-    angles = np.radians(np.arange(0.0, 180.0, 5.0))
-    costs = []
-    for angle in angles:
-        across = np.array([np.cos(angle), 0.0, -np.sin(angle)])
-        seen = at - 2.0 * (at @ across)[:, None] * across
-        apart = np.linalg.norm(seen[:, None] - at[None], axis=2)
-        costs.append(float(apart.min(1).mean()))
+    angles = np.arange(0.0, 180.0, 5.0)
+    costs = [_off_mirror(at, angle) for angle in angles]
+    best = angles[int(np.argmin(costs))]
+    finer = best + np.arange(-4.0, 4.5, 0.5)
+    angle = finer[int(np.argmin([_off_mirror(at, one) for one in finer]))]
     # +X across is what glTF has; another plane must be clearly better.
-    best = int(np.argmin(costs))
-    angle = angles[0] if costs[0] <= 1.2 * costs[best] + 1e-3 * _size(skeleton) else angles[best]
+    if costs[0] <= 1.2 * min(costs) + 1e-3 * _size(skeleton):
+        angle = 0.0
+    angle = np.radians(angle)
     left = np.array([np.cos(angle), 0.0, -np.sin(angle)])
     front = np.cross(left, [0.0, 1.0, 0.0])
     ahead = _toes(skeleton, left) @ front
     return -left if ahead < -_SURE * _size(skeleton) else left
+
+
+def _off_mirror(at: Float, degrees: float) -> float:
+    """Metres that joints (N, 3) about the root are off their mirror images, across an axis in the level."""
+    across = np.array([np.cos(np.radians(degrees)), 0.0, -np.sin(np.radians(degrees))])
+    seen = at - 2.0 * (at @ across)[:, None] * across
+    apart = np.linalg.norm(seen[:, None] - at[None], axis=2)
+    return float(apart.min(1).mean())
 
 
 def _toes(skeleton: Skeleton, left: Float) -> Float:

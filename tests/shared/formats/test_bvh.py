@@ -131,6 +131,11 @@ def test_a_simple_file() -> None:
     assert capture.clipped(0.04, 0.04).frames == 1
 
 
+def test_a_joint_with_two_ends_gives_them_two_names() -> None:
+    end = "  End Site\n  {\n    OFFSET 0 10 0\n  }\n"
+    assert parse_bvh(SIMPLE.replace(end, 2 * end)).names == ("Hips", "Hips end", "Hips end 2")
+
+
 def test_windows_line_ends_and_a_byte_order_mark_do_not_matter(tmp_path) -> None:
     path = tmp_path / "a.bvh"
     path.write_bytes(b"\xef\xbb\xbf" + SIMPLE.replace("\n", "\r\n").encode())

@@ -1,0 +1,255 @@
+"""A mapping put to work: rest poses agreed on, a basis for every chain, layers bound.
+
+Movement is counted from a rest pose of the take, and every pose will do for one. For chains of mode "pose" it
+is the pose in which the performer's bones point as the model's do at rest: then they always do. For chains of
+mode "move" it is the pose that the take moves about, and the model moves about its own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.mapping.anatomy import Anatomy, anatomy_of
+from enliven.mapping.plan import ChainPlan, Plan, Rest
+from enliven.mapping.resting import about_itself, at_moment, heading_of, posed, rebased
+from enliven.motion.clip import Clip
+from enliven.motion.layers import Layer
+from enliven.motion.polyline import arc_of
+from enliven.motion.retarget import bind_chain, branch, set_travel
+from enliven.project import Project, unused
+from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, normalized, rotate, swing
+from enliven.shape import Shape
+from enliven.skeleton import Skeleton
+
+_OPPOSITE = -0.94
+"""Cosine below which two ways count as opposite."""
+_MIRROR = np.array([-1.0, 1.0, 1.0])
+
+
+def source_anatomy(clip: Clip) -> Anatomy:
+    """The parts of the performer, looking where they look in the first frame.
+
+    At rest, or in the pose that the take moves about, whichever says more.
+    """
+    at_rest = anatomy_of(clip.skeleton)
+    amid = anatomy_of(posed(clip.skeleton, about_itself(clip)))
+    if len(amid.pairs) > len(at_rest.pairs):
+        return amid
+    heading = heading_of(clip.turns[0, 0])
+    return replace(at_rest, facing=at_rest.facing + 2.0 * float(np.arctan2(heading[2], heading[0])))
+
+
+def facings(clip: Clip, shape: Shape, plan: Plan) -> tuple[float, float]:
+    """Radians about +Y from +Z: where the performer looks at first, and the model."""
+    first, ours = plan.take_facing, plan.model_facing
+    theirs = source_anatomy(clip).facing if first is None else math.radians(first)
+    return theirs, anatomy_of(shape.skeleton).facing if ours is None else math.radians(ours)
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A chain of the plan with its joints, in the take and in the model."""
+
+    plan: ChainPlan
+    mine: tuple[int, ...]
+    theirs: tuple[int, ...]
+
+
+class _Turns:
+    """What brings the performer's axes to the model's, seen plainly or in a mirror.
+
+    A layer mirrors in the plane x = 0 of the take; with a turn of twice the performer's facing before it,
+    that is the plane that parts their left from their right.
+    """
+
+    def __init__(self, theirs: float, ours: float) -> None:
+        self.plain, self.mirrored = _level(ours - theirs), _level(ours + theirs)
+        self.across = rotate(_level(ours), np.array([1.0, 0.0, 0.0]))
+
+    def of(self, line: _Line) -> Float:
+        """(4,) model_from_take of a chain, after its mirror."""
+        return self.mirrored if line.plan.mirrored else self.plain
+
+    def forth(self, line: _Line, ways: Float) -> Float:
+        """(..., 3) directions of the take in the model's axes."""
+        return rotate(self.of(line), ways * _MIRROR if line.plan.mirrored else ways)
+
+    def back(self, line: _Line, ways: Float) -> Float:
+        """(..., 3) directions of the model in the take's axes."""
+        ways = rotate(conjugate(self.of(line)), ways)
+        return ways * _MIRROR if line.plan.mirrored else ways
+
+
+def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[Project, Clip]:
+    """A project in which the shape moves by the take, as a mapping says; and the take against its rest pose.
+
+    Raises:
+        InputError: where the mapping names a joint that is not there, with those that are.
+    """
+    source, target = clip.skeleton, shape.skeleton
+    lines = [
+        _Line(chain, _way(source, chain.source, "the take"), _target_way(target, chain))
+        for chain in plan.chains
+    ]
+    turns = _Turns(*facings(clip, shape, plan))
+    since = _rest(clip, plan.rest)
+    for line in lines:
+        if line.plan.mode == "pose":
+            _pose_like(since, clip, line, target, turns)
+    based = replace(rebased(clip, since), id=unused(clip.id, project.takes))
+    project = project.with_takes(based).with_shapes(shape)
+    project = _bound_root(project, shape.id, based, plan, turns.plain)
+    for line in lines:
+        project = _bound(project, shape, based, line, _basis(lines, line, based.skeleton, target, turns))
+    return project, based
+
+
+def _bound(project: Project, shape: Shape, take: Clip, line: _Line, basis: Float) -> Project:
+    chain = line.plan
+    return bind_chain(
+        project,
+        shape.id,
+        line.theirs,
+        take.id,
+        line.mine,
+        basis=basis,
+        layer_id=unused(f"{take.id}: {chain.role or chain.target[-1]}", project.layers),
+        weight=chain.weight,
+        offset=chain.offset,
+        speed=chain.speed,
+        loop=chain.loop,
+        mirrored=chain.mirrored,
+    )
+
+
+def _rest(clip: Clip, rest: Rest | float) -> Float:
+    """(N, 4) world turns of the pose that movement is counted from."""
+    if rest == "zero":
+        return np.tile(IDENTITY, (len(clip.skeleton), 1))
+    if rest == "first":
+        return at_moment(clip, 0.0).copy()
+    if isinstance(rest, int | float):
+        return at_moment(clip, float(rest)).copy()
+    return about_itself(clip)
+
+
+def _pose_like(since: Float, clip: Clip, line: _Line, target: Skeleton, turns: _Turns) -> None:
+    """Let the bones of a source chain rest as the target's do: ``since`` (N, 4) is changed.
+
+    The take's own zero pose, turned to its heading, is bent by the least there is to point the same way, so
+    twist about a bone stays as the performer has it.
+    """
+    heading = heading_of(clip.turns[0, 0])
+    if len(line.mine) == 1:
+        since[line.mine[0]] = heading
+        return
+    arc, ends = arc_of(clip.skeleton, line.mine), target.positions[list(line.theirs)]
+    at = np.stack([np.interp(arc, arc_of(target, line.theirs), ends[:, k]) for k in range(3)], 1)
+    ways = turns.back(line, np.diff(at, axis=0))
+    for joint, way in zip(line.mine[1:], ways, strict=True):
+        bone = rotate(heading, clip.skeleton.vectors[joint])
+        since[joint] = heading
+        if np.linalg.norm(bone) > 1e-6 and np.linalg.norm(way) > 1e-6:
+            bent = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
+            since[joint] = multiply(bent, heading)
+
+
+def _basis(lines: list[_Line], line: _Line, source: Skeleton, target: Skeleton, turns: _Turns) -> Float:
+    """(4,) target_from_source of a chain's layer."""
+    basis = turns.of(line)
+    if line.plan.mode == "move" and len(line.mine) > 1 < len(line.theirs):
+        mine, theirs = _whole(lines, line)
+        way = turns.forth(line, source.positions[mine[1]] - source.positions[mine[0]])
+        wanted = target.positions[theirs[1]] - target.positions[theirs[0]]
+        basis = multiply(_between(way, wanted, turns.across), basis)
+    return multiply(_half_turn(target, line.theirs), basis) if line.plan.flip else basis
+
+
+def _whole(lines: list[_Line], line: _Line) -> tuple[tuple[int, int], tuple[int, int]]:
+    """First and last joint, in take and model, of all chains of a limb that go on from one another.
+
+    A limb that is driven in pieces is one limb: a thigh and a shin that point two ways at rest must not turn
+    about two sets of axes.
+    """
+    role = line.plan.role
+    alike = [one for one in lines if one.plan.role == role and one.plan.mode == "move"]
+    first = last = line
+    while role and (before := [one for one in alike if _follows(one, first)]):
+        first = before[0]
+    while role and (after := [one for one in alike if _follows(last, one)]):
+        last = after[0]
+    return (first.mine[0], last.mine[-1]), (first.theirs[0], last.theirs[-1])
+
+
+def _follows(one: _Line, other: _Line) -> bool:
+    """Whether the second goes on where the first ends, in the take and in the model."""
+    return one.mine[-1] == other.mine[0] and one.theirs[-1] == other.theirs[0]
+
+
+def _between(way: Float, wanted: Float, across: Float) -> Float:
+    """(4,) the least turn from one way (3,) to another; between opposite ones about an axis of the body.
+
+    That is the axis across it (a limb that hangs to one that rises), or the upright one for limbs that lie
+    along that.
+    """
+    lengths = float(np.linalg.norm(way)), float(np.linalg.norm(wanted))
+    if min(lengths) < 1e-6:
+        return IDENTITY
+    a, b = way / lengths[0], wanted / lengths[1]
+    if a @ b >= _OPPOSITE:
+        return swing(a, b)
+    axis = across if abs(a @ across) < 0.7 else np.array([0.0, 1.0, 0.0])
+    half = from_rotation_vector(np.pi * axis)
+    return multiply(swing(rotate(half, a), b), half)
+
+
+def _half_turn(target: Skeleton, chain: tuple[int, ...]) -> Float:
+    """(4,) half a turn about the first bone of a chain."""
+    along = target.positions[chain[min(1, len(chain) - 1)]] - target.positions[chain[0]]
+    return normalized(np.concatenate([[0.0], along]))
+
+
+def _level(angle: float) -> Float:
+    """(4,) a turn by radians about +Y."""
+    return from_rotation_vector(np.array([0.0, angle, 0.0]))
+
+
+def _bound_root(project: Project, shape_id: str, clip: Clip, plan: Plan, turn: Float) -> Project:
+    """The turn and the way of the whole, as far as they are wanted."""
+    driven = {chain.target[-1] for chain in plan.chains if len(set(chain.target)) == 1}
+    if not (plan.turn or plan.travel) or project.shape(shape_id).skeleton.names[0] in driven:
+        return project
+    name = unused(f"{clip.id}: whole", project.layers)
+    if plan.turn:
+        project = bind_chain(project, shape_id, (0,), clip.id, (0,), basis=turn, layer_id=name)
+    else:
+        project = project.with_layers(Layer(name, clip.id, (0,), turn))
+    return set_travel(project, shape_id, name) if plan.travel else project
+
+
+def _way(skeleton: Skeleton, names: tuple[str, ...], what: str) -> tuple[int, ...]:
+    """The joints of a chain that is given by its ends, or in full."""
+    if not names:
+        raise InputError(f"a chain of {what} names no joint", where="mapping", mend=_known(skeleton))
+    unknown = [name for name in names if name not in skeleton.names]
+    if unknown:
+        raise InputError(f"{what} has no joint {unknown[0]!r}", where="mapping", mend=_known(skeleton))
+    joints = [skeleton.names.index(name) for name in names]
+    way = [joints[0]]
+    for joint in joints[1:]:
+        way.extend(skeleton.path(way[-1], joint)[1:])
+    return tuple(way)
+
+
+def _target_way(skeleton: Skeleton, chain: ChainPlan) -> tuple[int, ...]:
+    way = _way(skeleton, chain.target, "the model")
+    return branch(skeleton, way[0], way[-1]) if chain.extend else way
+
+
+def _known(skeleton: Skeleton) -> str:
+    return f"Its joints are: {', '.join(skeleton.names)}."

@@ -1,0 +1,167 @@
+"""Bodies made for tests: a man, a horse, a spider, a snake, with and without names that tell; and motions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.character import SkinWeights
+from enliven.mesh import Mesh
+from enliven.motion.clip import Clip
+from enliven.rotation import from_rotation_vector, multiply
+from enliven.shape import still_shape
+from enliven.skeleton import Skeleton
+
+
+def body(*joints, named=True) -> Skeleton:
+    """Joints as (name, parent's name or None, position); what is named L... is mirrored to R..."""
+    names, parents, at = [], [], []
+    for name, parent, place in joints:
+        sides = [("L", 1), ("R", -1)] if "L" in name else [("", 1)]
+        for side, sign in sides:
+            names.append(name.replace("L", "Left " if side == "L" else "Right ") if side else name)
+            above = parent
+            if parent and "L" in parent:
+                above = parent.replace("L", "Left " if side == "L" else "Right ")
+            parents.append(-1 if parent is None else names.index(above))
+            at.append([place[0] * sign, place[1], place[2]])
+    if not named:
+        names = [f"joint {j}" for j in range(len(names))]
+    return Skeleton(tuple(names), np.array(parents), np.array(at, float))
+
+
+def man(named=True) -> Skeleton:
+    return body(
+        ("hips", None, (0, 0.95, 0)),
+        ("spine", "hips", (0, 1.1, -0.01)),
+        ("chest", "spine", (0, 1.35, -0.02)),
+        ("neck", "chest", (0, 1.5, 0)),
+        ("head", "neck", (0, 1.6, 0.02)),
+        ("top", "head", (0, 1.78, 0.02)),
+        ("Lcollar", "chest", (0.02, 1.42, 0)),
+        ("Lshoulder", "Lcollar", (0.18, 1.44, 0)),
+        ("Lelbow", "Lshoulder", (0.46, 1.44, -0.01)),
+        ("Lwrist", "Lelbow", (0.71, 1.44, 0)),
+        ("Lfinger", "Lwrist", (0.88, 1.44, 0)),
+        ("Lthumb", "Lwrist", (0.76, 1.43, 0.05)),
+        ("Lhip", "hips", (0.09, 0.9, 0)),
+        ("Lknee", "Lhip", (0.1, 0.5, 0.01)),
+        ("Lankle", "Lknee", (0.1, 0.09, -0.01)),
+        ("Ltoe", "Lankle", (0.1, 0.02, 0.16)),
+        named=named,
+    )
+
+
+def horse(named=True) -> Skeleton:
+    return body(
+        ("croup", None, (0, 1.5, -0.8)),
+        ("loin", "croup", (0, 1.52, -0.2)),
+        ("withers", "loin", (0, 1.6, 0.5)),
+        ("neck", "withers", (0, 1.9, 0.9)),
+        ("poll", "neck", (0, 2.3, 1.2)),
+        ("nose", "poll", (0, 2.0, 1.6)),
+        ("Lear", "poll", (0.08, 2.45, 1.2)),
+        ("Lshoulder", "withers", (0.18, 1.2, 0.6)),
+        ("Lelbow", "Lshoulder", (0.18, 0.9, 0.45)),
+        ("Lfore knee", "Lelbow", (0.18, 0.5, 0.5)),
+        ("Lfore hoof", "Lfore knee", (0.18, 0.02, 0.5)),
+        ("Lhip", "croup", (0.18, 1.3, -0.9)),
+        ("Lstifle", "Lhip", (0.18, 0.95, -0.7)),
+        ("Lhock", "Lstifle", (0.18, 0.55, -1.0)),
+        ("Lhind hoof", "Lhock", (0.18, 0.02, -0.9)),
+        ("dock", "croup", (0, 1.5, -1.1)),
+        ("tail", "dock", (0, 1.1, -1.3)),
+        ("tail end", "tail", (0, 0.6, -1.35)),
+        named=named,
+    )
+
+
+def spider() -> Skeleton:
+    joints = [("body", None, (0, 0.6, 0)), ("abdomen", "body", (0, 0.7, -1.2))]
+    for k in range(4):
+        z = 0.6 - 0.4 * k
+        joints += [
+            (f"Lcoxa {k}", "body", (0.2, 0.6, z / 3)),
+            (f"Lknee {k}", f"Lcoxa {k}", (0.8, 1.1, z)),
+            (f"Lfoot {k}", f"Lknee {k}", (1.6, 0.0, 1.6 * z)),
+        ]
+    return body(*joints)
+
+
+def snake() -> Skeleton:
+    joints = [("middle", None, (0, 0.1, 0))]
+    joints += [(f"fore {k}", "middle" if k == 1 else f"fore {k - 1}", (0, 0.1, 0.3 * k)) for k in (1, 2, 3)]
+    joints += [(f"hind {k}", "middle" if k == 1 else f"hind {k - 1}", (0, 0.1, -0.3 * k)) for k in (1, 2, 3)]
+    return body(*joints)
+
+
+def turned_body(skeleton: Skeleton, angle: float) -> Skeleton:
+    """Turned by radians about +Y."""
+    c, s = np.cos(angle), np.sin(angle)
+    matrix = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    return Skeleton(skeleton.names, skeleton.parents, skeleton.positions @ matrix.T)
+
+
+def random_motion(random, skeleton: Skeleton, frames=8, size=0.25, name="take") -> Clip:
+    """Every bone turns a little about random axes in the bone before it; the root walks."""
+    count = len(skeleton)
+    turns = np.empty((frames, count, 4))
+    ends = random.normal(size=(2, count, 3)) * size
+    for f in range(frames):
+        local = from_rotation_vector(ends[0] + (ends[1] - ends[0]) * f / max(frames - 1, 1))
+        for j in range(count):
+            above = skeleton.parents[j]
+            turns[f, j] = local[j] if above < 0 else multiply(turns[f, above], local[j])
+    root = skeleton.positions[0] + np.linspace(0, 1, frames)[:, None] * random.normal(size=3)
+    return Clip(name, skeleton, turns, root, 0.1)
+
+
+def turned_clip(clip: Clip, angle: float) -> Clip:
+    """The same performance by somebody who stands turned by radians about +Y."""
+    q = from_rotation_vector(np.array([0.0, angle, 0.0]))
+    back = q * [1, -1, -1, -1]
+    skeleton = turned_body(clip.skeleton, angle)
+    c, s = np.cos(angle), np.sin(angle)
+    matrix = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    return Clip(clip.id, skeleton, multiply(multiply(q, clip.turns), back), clip.root @ matrix.T, clip.step)
+
+
+def meshed(name: str, skeleton: Skeleton):
+    """A still shape: a small triangle at the end of every bone."""
+    count = len(skeleton)
+    corners = np.array([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0.02]])
+    vertices = (skeleton.positions[:, None] + corners).reshape(-1, 3)
+    mesh = Mesh(vertices, np.arange(3 * count, dtype=np.int32).reshape(-1, 3), name)
+    indices = np.zeros((3 * count, 4), np.uint16)
+    indices[:, 0] = np.repeat(np.arange(count), 3)
+    weights = np.tile(np.array([1, 0, 0, 0], np.float32), (3 * count, 1))
+    return still_shape(name, skeleton, mesh, SkinWeights(indices, weights))
+
+
+def bvh_text(skeleton: Skeleton, frames: np.ndarray, seconds=0.05) -> str:
+    """A BVH file of rotations (F, N, 3) in degrees, about Z, X, Y, of the joints that have children."""
+    lines: list[str] = ["HIERARCHY"]
+    order: list[int] = []
+
+    def write(j: int, pad: str) -> None:
+        offset = skeleton.vectors[j] if j else skeleton.positions[0]
+        told = " ".join(f"{x:.6f}" for x in offset)
+        if j and not skeleton.children[j]:
+            lines.extend([f"{pad}End Site", pad + "{", f"{pad}  OFFSET {told}", pad + "}"])
+            return
+        order.append(j)
+        lines.extend([f"{pad}{'JOINT' if j else 'ROOT'} {skeleton.names[j]}", pad + "{"])
+        lines.append(f"{pad}  OFFSET {told}")
+        places = "6 Xposition Yposition Zposition" if j == 0 else "3"
+        lines.append(f"{pad}  CHANNELS {places} Zrotation Xrotation Yrotation")
+        for child in skeleton.children[j]:
+            write(child, pad + "  ")
+        lines.append(pad + "}")
+
+    write(0, "")
+    lines += ["MOTION", f"Frames: {len(frames)}", f"Frame Time: {seconds}"]
+    for f, frame in enumerate(frames):
+        row = [*(skeleton.positions[0] + [0, 0, 0.1 * f])]
+        for j in order:
+            row += list(frame[j])
+        lines.append(" ".join(f"{x:.6f}" for x in row))
+    return "\n".join(lines) + "\n"

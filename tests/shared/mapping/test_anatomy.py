@@ -1,0 +1,126 @@
+"""Where bodies look, and what they are made of, whatever they are called and however they stand."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_bodies import body, horse, man, snake, spider, turned_body
+
+from enliven.mapping.anatomy import anatomy_of
+from enliven.mapping.facing import facing_of, side_of, turned_level
+from enliven.skeleton import Skeleton, skeleton_of
+
+ANGLES = st.floats(-np.pi + 0.01, np.pi - 0.01)
+
+
+def apart(a, b):
+    return abs((a - b + np.pi) % (2 * np.pi) - np.pi)
+
+
+@settings(max_examples=30, deadline=None)
+@given(ANGLES)
+def test_names_tell_where_the_front_is(angle):
+    for made in (man(), horse(), spider()):
+        assert apart(facing_of(turned_body(made, angle)), angle) < 1e-6
+
+
+@settings(max_examples=30, deadline=None)
+@given(ANGLES)
+def test_symmetry_and_toes_tell_where_the_front_is(angle):
+    found = facing_of(turned_body(man(named=False), angle))
+    assert apart(found, angle) < np.radians(4.0)  # +Z is believed where it is nearly right
+
+
+@pytest.mark.parametrize(
+    ("name", "side"),
+    [
+        ("LeftUpLeg", 1), ("UpperLeg.L", 1), ("Shoulder_L", 1), ("l_hand", 1), ("LHipJoint", 1),
+        ("RightArm", -1), ("eye.r", -1), ("R Clavicle", -1), ("Bip01 R Hand", -1),
+        ("Spine", 0), ("Pelvis", 0), ("Hair", 0), ("leftright", 0), ("Tail.001", 0),
+    ],
+)  # fmt: skip
+def test_sides_by_name(name, side):
+    assert side_of(name) == side
+
+
+def named(skeleton, chain):
+    return [skeleton.names[j] for j in chain]
+
+
+def test_the_parts_of_a_man():
+    made = man()
+    found = anatomy_of(made)
+    assert named(made, found.trunk) == ["hips", "spine", "chest"]
+    ((left, right),) = found.arms
+    assert named(made, left.proper) == ["Left shoulder", "Left elbow", "Left wrist", "Left finger"]
+    assert named(made, left.girdle) == ["chest", "Left collar", "Left shoulder"]
+    assert named(made, right.proper) == ["Right shoulder", "Right elbow", "Right wrist", "Right finger"]
+    ((leg, _),) = found.legs
+    assert named(made, leg.proper) == ["Left hip", "Left knee", "Left ankle", "Left toe"]
+    assert named(made, found.head.chain) == ["chest", "neck", "head", "top"]
+    assert found.tail is None
+
+
+def test_the_parts_of_a_horse():
+    made = horse()
+    found = anatomy_of(made)
+    assert named(made, found.trunk) == ["croup", "loin", "withers"]
+    assert [made.names[pair[0].chain[-1]] for pair in found.legs] == ["Left fore hoof", "Left hind hoof"]
+    assert not found.arms
+    assert named(made, found.head.chain)[:3] == ["withers", "neck", "poll"]
+    assert named(made, found.tail.chain) == ["croup", "dock", "tail", "tail end"]
+
+
+def test_eight_legs_from_front_to_back_and_none():
+    made = spider()
+    found = anatomy_of(made)
+    assert [made.names[pair[0].chain[-1]] for pair in found.pairs] == [f"Left foot {k}" for k in range(4)]
+    assert len(found.legs) == 4
+    made = snake()
+    found = anatomy_of(made)
+    assert not found.pairs
+    assert (made.names[found.head.chain[-1]], made.names[found.tail.chain[-1]]) == ("fore 3", "hind 3")
+
+
+def test_ears_on_a_trunk_that_goes_on_are_no_arms():
+    made = body(
+        ("hips", None, (0, 1, 0)),
+        ("chest", "hips", (0, 2, 0)),
+        ("head", "chest", (0, 3, 0)),
+        ("Lear", "head", (0.5, 4, 0)),
+        ("Lshoulder", "chest", (0.3, 2, 0)),
+        ("Lhand", "Lshoulder", (1.3, 2, 0)),
+        ("Lhip", "hips", (0.3, 0.9, 0)),
+        ("Lfoot", "Lhip", (0.3, 0, 0)),
+    )
+    found = anatomy_of(made)
+    assert named(made, found.head.chain) == ["chest", "head"]
+    assert [made.names[pair[0].chain[-1]] for pair in found.pairs] == ["Left hand", "Left foot"]
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 1000), ANGLES, st.floats(0.01, 100))
+def test_parts_do_not_depend_on_size_place_heading_or_order(seed, angle, scale):
+    random = np.random.default_rng(seed)
+    for made in (man(), horse(), spider()):
+        moved = turned_body(made, angle)
+        at = moved.positions * scale + random.normal(size=3) * [1, 0, 1]
+        order = [0, *(1 + random.permutation(len(made) - 1))]
+        links = [(order.index(int(p)), order.index(j)) for j, p in enumerate(made.parents) if p >= 0]
+        shuffled, _ = skeleton_of([made.names[j] for j in order], links, at[order])
+        before, after = anatomy_of(made), anatomy_of(shuffled)
+
+        def told(anatomy, skeleton):
+            ends = [[skeleton.names[limb.chain[-1]] for limb in pair] for pair in anatomy.pairs]
+            return ends, named(skeleton, anatomy.trunk), [pair[0].grounded for pair in anatomy.pairs]
+
+        assert told(before, made) == told(after, shuffled)
+
+
+def test_turning_level_is_about_the_upright():
+    np.testing.assert_allclose(turned_level(np.array([0.0, 2.0, 1.0]), np.pi / 2), [1, 2, 0], atol=1e-12)
+
+
+def test_a_single_bone_is_a_head():
+    made = Skeleton(("foot", "top"), np.array([-1, 0]), np.array([[0, 0, 0], [0, 1, 0.0]]))
+    assert named(made, anatomy_of(made).head.chain) == ["foot", "top"]

@@ -1,0 +1,94 @@
+"""Who drives whom: legs to legs, arms to forelegs, left to left; and joints to the joints they stand for."""
+
+from itertools import pairwise
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_bodies import horse, man, snake, spider
+
+from enliven.mapping.anatomy import anatomy_of
+from enliven.mapping.assignment import Drive, assigned, split
+
+
+def told(source, target):
+    """For each role the last joints of both chains."""
+    drives = assigned(anatomy_of(source), anatomy_of(target))
+    return {d.role: (source.names[d.source[-1]], target.names[d.target[-1]]) for d in drives}
+
+
+def test_a_man_on_himself():
+    pairs = told(man(), man())
+    assert all(a == b for a, b in pairs.values())
+    assert set(pairs) >= {"left leg", "right leg", "left arm", "right arm", "trunk", "head"}
+
+
+def test_a_man_on_a_horse():
+    pairs = told(man(), horse())
+    assert pairs["left leg"] == ("Left toe", "Left hind hoof")
+    assert pairs["right foreleg"] == ("Right finger", "Right fore hoof")
+    assert pairs["trunk"] == ("chest", "withers")
+    assert pairs["head"][0] == "top"
+    assert pairs["tail"] == ("top", "tail end")
+
+
+def test_a_horse_on_a_man_lends_its_forelegs_to_the_arms():
+    pairs = told(horse(), man())
+    assert pairs["left leg"] == ("Left hind hoof", "Left toe")
+    assert pairs["left arm"] == ("Left fore hoof", "Left finger")
+
+
+def test_a_man_on_a_spider_steps_in_turn():
+    pairs = told(man(), spider())
+    assert pairs["left leg"] == ("Left toe", "Left foot 3")
+    assert pairs["left foreleg"] == ("Left finger", "Left foot 0")
+    assert pairs["left leg 2"] == ("Right toe", "Left foot 2")
+    assert pairs["left leg 3"] == ("Left toe", "Left foot 1")
+
+
+def test_a_snake_gets_a_leg_at_its_tail():
+    pairs = told(man(), snake())
+    assert pairs["head"] == ("top", "fore 3")
+    assert pairs["tail"] == ("Left toe", "hind 3")
+
+
+def test_a_horse_on_itself_takes_all():
+    pairs = told(horse(), horse())
+    assert all(a == b for a, b in pairs.values())
+    assert {"left leg 1", "left leg 2", "trunk", "head", "tail"} <= set(pairs)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000))
+def test_a_split_is_in_order_and_covers_both(seed):
+    random = np.random.default_rng(seed)
+    one, other = ([0.0, *np.sort(random.uniform(0, 1, random.integers(0, 5))).tolist(), 1.0] for _ in "ab")
+    drive = Drive(tuple(range(len(one))), tuple(range(100, 100 + len(other))), "limb", (77,))
+    pieces = split(drive, one, other, 0.15)
+    assert pieces[0].source[:2] == (77, 0)
+    rebuilt = list(pieces[0].source[1:])
+    for piece in pieces[1:]:
+        assert piece.source[0] == rebuilt[-1]
+        rebuilt += piece.source[1:]
+    assert tuple(rebuilt) == drive.source
+    for a, b in pairwise(pieces):
+        assert a.target[-1] == b.target[0]
+        assert abs(one[b.source[0]] - other[b.target[0] - 100]) <= 0.15
+    assert (pieces[0].target[0], pieces[-1].target[-1]) == (drive.target[0], drive.target[-1])
+    assert len(pieces) - 1 == most(one[1:-1], other[1:-1], 0.15)
+
+
+def most(one, other, near):
+    """The most pairs in order, tried one by one."""
+    if not one or not other:
+        return 0
+    best = max(most(one[1:], other, near), most(one, other[1:], near))
+    if abs(one[0] - other[0]) <= near:
+        best = max(best, 1 + most(one[1:], other[1:], near))
+    return best
+
+
+def test_elbow_to_elbow_and_where_none_corresponds_arc_length():
+    drive = Drive((0, 1, 2), (5, 6, 7), "arm")
+    assert [d.target for d in split(drive, [0, 0.45, 1], [0, 0.55, 1], 0.17)] == [(5, 6), (6, 7)]
+    assert [d.target for d in split(drive, [0, 0.2, 1], [0, 0.8, 1], 0.17)] == [(5, 6, 7)]

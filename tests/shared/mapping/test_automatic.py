@@ -1,0 +1,182 @@
+"""Laws of whole bodies: on oneself the identity, from any heading the same, from rest nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_bodies import horse, man, meshed, random_motion, snake, spider, turned_clip
+
+from enliven.errors import InputError
+from enliven.mapping.applying import apply_plan, source_anatomy
+from enliven.mapping.automatic import automatic, retargeted
+from enliven.mapping.plan import ChainPlan, Plan
+from enliven.mapping.resting import about_itself, at_moment, heading_of, mean_turn, posed, rebased
+from enliven.motion.evaluate import Player
+from enliven.project import Project
+from enliven.rotation import from_rotation_vector, multiply, normalized, rotate
+
+SEEDS = st.integers(0, 10_000)
+
+
+def joints_of(clip, frame):
+    """(N, 3) where a clip's joints are, its root at rest."""
+    return posed(clip.skeleton, clip.turns[frame]).positions
+
+
+def made_joints(made, time):
+    return Player(made.project, made.shape_id).sample(np.array([time]))[1][0]
+
+
+@settings(max_examples=6, deadline=None)
+@given(SEEDS)
+def test_on_oneself_it_is_the_identity(seed):
+    random = np.random.default_rng(seed)
+    for skeleton in (man(), horse()):
+        clip = random_motion(random, skeleton)
+        heading = heading_of(clip.turns[0, 0])
+        made = retargeted(meshed("self", skeleton), clip)
+        assert {chain.mode for chain in made.plan.chains} == {"pose"}
+        back = heading * [1, -1, -1, -1]
+        for frame in (0, 3, 7):
+            expected = joints_of(clip, frame)
+            # Whoever begins looking aside is turned to look ahead.
+            expected = expected[0] + rotate(back, expected - expected[0])
+            driven = [j for j, name in enumerate(skeleton.names) if "thumb" not in name and "ear" not in name]
+            driven = [j for j in driven if skeleton.names[j] != "nose"]
+            got = made_joints(made, frame * clip.step)
+            np.testing.assert_allclose(got[driven], expected[driven], atol=1e-6)
+
+
+@settings(max_examples=4, deadline=None)
+@given(SEEDS, st.floats(-3, 3))
+def test_the_heading_of_the_performer_does_not_matter(seed, angle):
+    random = np.random.default_rng(seed)
+    clip = random_motion(random, man())
+    for target in (man(), horse(), spider()):
+        shape = meshed("target", target)
+        one, other = retargeted(shape, clip), retargeted(shape, turned_clip(clip, angle))
+        for time in (0.0, 0.35, 0.7):
+            np.testing.assert_allclose(made_joints(one, time), made_joints(other, time), atol=1e-6)
+
+
+@settings(max_examples=4, deadline=None)
+@given(SEEDS)
+def test_who_stands_still_moves_nobody(seed):
+    random = np.random.default_rng(seed)
+    clip = random_motion(random, man(), frames=1)
+    clip = replace(clip, turns=np.repeat(clip.turns, 4, 0), root=np.repeat(clip.root, 4, 0))
+    for target in (horse(), spider(), snake()):
+        made = retargeted(meshed("target", target), clip)
+        np.testing.assert_allclose(made_joints(made, 0.2), target.positions, atol=1e-9)
+
+
+@settings(max_examples=5, deadline=None)
+@given(SEEDS)
+def test_travel_goes_where_the_performer_goes(seed):
+    random = np.random.default_rng(seed)
+    clip = random_motion(random, man())
+    shape = meshed("self", man())
+    plan = replace(automatic(clip, shape), travel=True)
+    made = retargeted(shape, clip, plan)
+    way = made_joints(made, 0.7)[0] - made_joints(made, 0.0)[0]
+    back = heading_of(clip.turns[0, 0]) * [1, -1, -1, -1]
+    np.testing.assert_allclose(way, rotate(back, clip.root[-1] - clip.root[0]), atol=1e-6)
+    still = retargeted(shape, clip)
+    np.testing.assert_allclose(made_joints(still, 0.7)[0], made_joints(still, 0.0)[0], atol=1e-12)
+
+
+@settings(max_examples=20, deadline=None)
+@given(SEEDS)
+def test_another_rest_pose_changes_nothing_of_where_joints_are(seed):
+    random = np.random.default_rng(seed)
+    clip = random_motion(random, horse(), size=1.0)
+    for since in (
+        about_itself(clip),
+        at_moment(clip, 0.3),
+        normalized(random.normal(size=(len(horse()), 4))),
+    ):
+        other = rebased(clip, since)
+        for frame in (0, 4):
+            np.testing.assert_allclose(joints_of(other, frame), joints_of(clip, frame), atol=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(SEEDS)
+def test_the_mean_of_turns_is_among_them_and_turns_with_them(seed):
+    random = np.random.default_rng(seed)
+    turns = from_rotation_vector(0.5 * random.normal(size=(9, 3))) * random.choice([-1, 1], (9, 1))
+    q = normalized(random.normal(size=4))
+    assert abs(mean_turn(multiply(q, turns)) @ multiply(q, mean_turn(turns))) == pytest.approx(1, abs=1e-9)
+    same = np.tile(turns[0], (4, 1))
+    assert abs(mean_turn(same) @ turns[0]) == pytest.approx(1, abs=1e-12)
+
+
+def test_modes_by_build():
+    clip = random_motion(np.random.default_rng(1), man())
+
+    def modes(target):
+        return {chain.mode for chain in automatic(clip, meshed("x", target)).chains}
+
+    assert modes(man()) == {"pose"}
+    assert modes(horse()) == modes(spider()) == modes(snake()) == {"move"}
+
+
+def test_the_anatomy_of_a_take_that_rests_in_a_bad_pose():
+    """Walkers whose file rests in mid-stride are known by how they are built."""
+    clip = random_motion(np.random.default_rng(4), man())
+    strange = rebased(clip, at_moment(clip, 0.3))
+    assert len(source_anatomy(strange).pairs) == 2
+
+
+def test_a_joint_that_is_not_there_is_named_with_those_that_are():
+    clip, shape = random_motion(np.random.default_rng(1), man()), meshed("h", horse())
+    good = ChainPlan(("Left hip", "Left toe"), ("Left hip", "Left hind hoof"))
+    apply_plan(Project(), shape, clip, Plan(chains=(good,)))
+    with pytest.raises(InputError, match="the take has no joint 'Left hoof'") as caught:
+        apply_plan(Project(), shape, clip, Plan(chains=(replace(good, source=("Left hip", "Left hoof")),)))
+    assert "Left knee, " in caught.value.mend and "Right toe" in caught.value.mend
+    with pytest.raises(InputError, match="the model has no joint 'wing'") as caught:
+        apply_plan(Project(), shape, clip, Plan(chains=(replace(good, target=("wing",)),)))
+    assert "Left hock" in caught.value.mend
+    with pytest.raises(InputError, match="goes up the tree"):
+        up = replace(good, target=("Left hind hoof", "Left hip"))
+        apply_plan(Project(), shape, clip, Plan(chains=(up,)))
+
+
+def test_weight_offset_speed_and_extend_do_what_they_say():
+    clip, shape = random_motion(np.random.default_rng(2), man()), meshed("h", horse())
+    chain = ChainPlan(
+        ("Left hip", "Left toe"), ("Left hip", "Left stifle"), weight=0.5, offset=0.2, speed=2.0
+    )
+    made = retargeted(shape, clip, Plan(chains=(replace(chain, extend=True),)))
+    layer = next(layer for layer in made.project.layers.values() if layer.weight == 0.5)
+    assert (layer.offset, layer.speed) == (0.2, 2.0)
+    hoof = horse().index("Left hind hoof")
+    moved = made.project.shape("h").spans[hoof][0].refs
+    assert [(ref.layer, ref.end) for ref in moved] == [(layer.id, 1.0)]
+    assert made.duration == pytest.approx(max(clip.duration, 0.2 + clip.duration / 2))
+    short = retargeted(shape, clip, Plan(chains=(chain,)))
+    assert short.project.shape("h").spans[hoof][0].refs == ()
+    none = retargeted(shape, clip, Plan(turn=False, chains=(replace(chain, weight=0.0),)))
+    np.testing.assert_allclose(made_joints(none, 0.4), horse().positions, atol=1e-12)
+
+
+def test_a_flip_turns_the_movement_half_round():
+    clip, shape = random_motion(np.random.default_rng(2), man()), meshed("h", horse())
+    chain = ChainPlan(("Left hip", "Left knee"), ("Left hip", "Left stifle"))
+    plain = retargeted(shape, clip, Plan(turn=False, chains=(chain,)))
+    flipped = retargeted(shape, clip, Plan(turn=False, chains=(replace(chain, flip=True),)))
+    bone = horse().index("Left stifle")
+    a, b = (Player(m.project, "h").sample([0.7])[0][0, bone] for m in (plain, flipped))
+    along = horse().vectors[bone] / np.linalg.norm(horse().vectors[bone])
+    half = np.concatenate([[0.0], along])
+    expected = multiply(multiply(half, a), half * [1, -1, -1, -1])
+    assert abs(expected @ b) == pytest.approx(1, abs=1e-9)
+
+
+def test_nothing_to_drive_is_an_error():
+    clip, shape = random_motion(np.random.default_rng(2), man()), meshed("h", horse())
+    with pytest.raises(InputError, match="no chain of the take suits"):
+        retargeted(shape, clip, Plan())

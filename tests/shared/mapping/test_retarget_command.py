@@ -1,0 +1,117 @@
+"""enliven retarget, end to end: files in, a strictly right GLB out, a mapping to change, errors that help."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_bodies import bvh_text, horse, man, meshed, random_motion
+
+from enliven.cli import run
+from enliven.formats.gltf import read_gltf
+from enliven.formats.gltf_write import performance_of, write_gltf
+from enliven.formats.rig import playing
+from enliven.project import Project
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "formats"))
+from strict_gltf import checked_glb
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A walk of a made man as BVH, and a made horse as GLB."""
+    frames = 8.0 * np.sin(np.arange(12)[:, None, None] + np.arange(len(man()))[None, :, None])
+    (tmp_path / "walk.bvh").write_text(bvh_text(man(), np.tile(frames, (1, 1, 3))))
+    clip = random_motion(np.random.default_rng(0), horse(), name="graze")
+    project, _ = playing(Project(), meshed("horse", horse()), clip)
+    write_gltf(tmp_path / "horse.glb", [performance_of(project, "horse")], "graze")
+    return tmp_path
+
+
+def retarget(folder, *options, take="walk.bvh", model="horse.glb"):
+    return run(["retarget", str(folder / take), str(folder / model), *map(str, options)])
+
+
+def test_a_horse_walks_as_the_man_does(files, capsys):
+    assert retarget(files, "-o", files / "new" / "out.glb") == 0
+    assert "moved from its own pose, 0.55 s are in" in capsys.readouterr().out
+    document = checked_glb((files / "new" / "out.glb").read_bytes())
+    assert document["animations"][0]["name"] == "walk on horse"
+    rig = read_gltf(files / "new" / "out.glb")
+    assert rig.shape.skeleton.names == read_gltf(files / "horse.glb").shape.skeleton.names
+    assert np.ptp(rig.clips[0].turns, axis=0).max() > 0.05
+    # The whole model stays where it is.
+    assert np.ptp(rig.clips[0].root, axis=0).max() < 1e-6
+
+
+def test_the_written_mapping_makes_the_same(files):
+    one, two, other = files / "one.glb", files / "two.glb", files / "other.glb"
+    assert retarget(files, "-o", one, "--write-map", files / "map.toml") == 0
+    assert retarget(files, "-o", two, "--map", files / "map.toml") == 0
+    assert one.read_bytes() == two.read_bytes()
+    text = (files / "map.toml").read_text()
+    assert 'source = "Left hip .. Left knee"' in text
+    (files / "map.toml").write_text(text.replace('mode = "move"', 'mode = "move"\nweight = 0.0'))
+    assert retarget(files, "-o", other, "--map", files / "map.toml", "--no-turn") == 0
+    assert "animations" not in checked_glb(other.read_bytes())
+
+
+def test_options_cut_scale_and_travel(files):
+    out = files / "out.glb"
+    assert (
+        retarget(files, "-o", out, "--start", 0.1, "--end", 0.3, "--height", 2, "--travel", "--rate", 10) == 0
+    )
+    rig = read_gltf(out)
+    assert rig.clips[0].duration == pytest.approx(0.2)
+    assert np.ptp(rig.shape.mesh.vertices[:, 1]) == pytest.approx(2)
+    assert np.linalg.norm(rig.clips[0].root[-1] - rig.clips[0].root[0]) > 0.1
+
+
+@pytest.mark.parametrize("rest", ["zero", "first", "mean", "0.2"])
+def test_another_rest_pose_is_another_movement(files, rest):
+    assert retarget(files, "-o", files / "a.glb", "--rest", rest, "--mode", "move") == 0
+    checked_glb((files / "a.glb").read_bytes())
+    first = read_gltf(files / "a.glb").clips[0].turns[0]
+    bone = horse().index("Left stifle")
+    # Counted from its own first frame, a movement begins with nothing.
+    assert (abs(first[bone, 0]) > 1 - 1e-9) == (rest == "first")
+
+
+def test_an_animation_of_a_model_is_a_take(files, capsys):
+    assert retarget(files, "-o", files / "a.glb", take="horse.glb") == 0
+    assert "posed as the performer" in capsys.readouterr().out
+    assert retarget(files, "-o", files / "a.glb", "--animation", "graze", take="horse.glb") == 0
+    assert retarget(files, "-o", files / "a.glb", "--animation", "fly", take="horse.glb") == 3
+    assert "Known: graze" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--start", "9"], "it lasts 0.55 s"),
+        (["--rest", "soon"], "--rest: rest is 'soon'"),
+        (["--map", "none.toml"], "none.toml: there is no such file"),
+        (["--height", "-1"], "cannot become -1.0 m"),
+    ],
+)
+def test_what_cannot_be_done_is_said(files, capsys, options, words):
+    assert retarget(files, "-o", files / "a.glb", *options) == 3
+    assert words in capsys.readouterr().err
+    assert not (files / "a.glb").exists()
+
+
+def test_a_mapping_with_a_joint_that_is_not_there_lists_those_that_are(files, capsys):
+    (files / "map.toml").write_text('[[chain]]\nsource = "Left hipp .. Left knee"\ntarget = "Left hip"\n')
+    assert retarget(files, "-o", files / "a.glb", "--map", files / "map.toml") == 3
+    told = capsys.readouterr().err
+    assert "the take has no joint 'Left hipp'" in told
+    assert "Left ankle" in told
+
+
+def test_files_of_the_wrong_kind(files, capsys):
+    assert retarget(files, "-o", files / "a.glb", take="horse.png") == 3
+    assert "Known: .bvh" in capsys.readouterr().err
+    assert retarget(files, "-o", files / "a.glb", model="walk.bvh") == 3
+    assert "it is no glTF file" in capsys.readouterr().err
+    assert retarget(files, "-o", files / "a.fbx") == 3
+    assert "written as .glb" in capsys.readouterr().err
