@@ -37,7 +37,7 @@ def compose(parents, vectors, modeling, own, root, turns, joints):  # type: igno
             q = mul(load(modeling, j), load(own[t], j))
             if parents[j] < 0:
                 store(turns[t], j, q)
-                joints[t, j] = root[t]
+                joints[t, j, 0], joints[t, j, 1], joints[t, j, 2] = root[t, 0], root[t, 1], root[t, 2]
                 continue
             q = mul(load(turns[t], parents[j]), q)
             store(turns[t], j, q)

@@ -127,21 +127,21 @@ def hold(times, starts, ends, places, blend, weights, goals):  # type: ignore[no
     two, the nearer draws by w / (1 - w): there is no jump, and none of the other where one holds wholly.
     """
     for t in range(len(times)):
-        goals[t] = 0.0
+        x, y, z, total = 0.0, 0.0, 0.0, 0.0
         weights[t] = 0.0
-        total = 0.0
         for c in range(len(starts)):
             away = max(starts[c] - times[t], times[t] - ends[c], 0.0)
             if away == 0.0:
-                goals[t], weights[t], total = places[c], 1.0, 1.0
+                x, y, z, total = places[c, 0], places[c, 1], places[c, 2], 1.0
+                weights[t] = 1.0
                 break
             if away >= blend:
                 continue
-            x = 1.0 - away / blend
-            w = x * x * (3.0 - 2.0 * x)
+            u = 1.0 - away / blend
+            w = u * u * (3.0 - 2.0 * u)
             draw = w / max(1.0 - w, 1e-12)
             total += draw
             weights[t] = max(weights[t], w)
-            goals[t] += draw * places[c]
-        if total > 0.0:
-            goals[t] /= total
+            x, y, z = x + draw * places[c, 0], y + draw * places[c, 1], z + draw * places[c, 2]
+        scale = 1.0 / total if total > 0.0 else 0.0
+        goals[t, 0], goals[t, 1], goals[t, 2] = x * scale, y * scale, z * scale

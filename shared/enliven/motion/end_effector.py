@@ -117,7 +117,9 @@ def _chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
 def lead_at(chain: LedChain, knots: Float, skeleton: Skeleton, turns: Float, joints: Float) -> None:
     """Leads one chain at the times of ``knots`` (T, S + 1, 4); changes turns and joints in place."""
     fixed = (chain.joints, chain.side, chain.links, chain.knots, chain.parts, chain.scale, chain.weight)
-    lead_end(skeleton.parents, skeleton.vectors, *fixed, knots, turns, joints)
+    # Laid out anew, so that compiled code is made once, for one time as for many.
+    apart = np.ascontiguousarray(knots)
+    lead_end(skeleton.parents, skeleton.vectors, *fixed, apart, turns, joints)
 
 
 @njit(cache=True, nogil=True)
@@ -147,7 +149,7 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weight, k
             at[2] + weight * (start[2] + way[2] - at[2]),
         )
         for i in range(count):
-            points[i] = joints[t, chain[i]]
+            points[i, 0], points[i, 1], points[i, 2] = row(joints[t], chain[i])
         bulge = turn(load(turns[t], chain[0]), side[0], side[1], side[2])
         reach(points, goal, bulge, made)
         local_turns(parents, turns[t], local)
