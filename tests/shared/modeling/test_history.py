@@ -52,7 +52,7 @@ def random_edit(project, random):
             return "weight", set_layer(project, layer, weight=float(random.uniform(0, 1)))
 
 
-@settings(deadline=None, max_examples=3)
+@settings(deadline=None, max_examples=2)
 @given(st.integers(0, 2**32 - 1))
 def test_undo_after_200_random_edits_restores_the_project_bit_for_bit(seed):
     project, random = random_project(seed)

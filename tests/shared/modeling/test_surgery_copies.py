@@ -20,7 +20,7 @@ from enliven.rotation import multiply
 SEEDS = st.integers(0, 2**32 - 1)
 TIMES = st.floats(-1.0, 3.0)
 MOMENTS = st.one_of(st.none(), TIMES)
-laws = settings(deadline=None, max_examples=40)
+laws = settings(deadline=None, max_examples=25)
 
 
 @laws

@@ -112,3 +112,29 @@ def test_figure_six():
     # Taking the nodes of (b) out again restores (a).
     back = remove_node(remove_node(b, "a", "p"), "a", "q")
     assert back.shape("a").spans == a.shape("a").spans
+
+
+def test_figure_thirteen():
+    """The grafting node has 0.6 of one motion and 0.3 of another; taken out, the one bone has both."""
+    project = one_bone()
+    other = Layer("other", "swing", (0, 1), from_rotation_vector(np.array([np.pi, 0, 0])))
+    a = straight_shape("a", [[0, 0, 0], [1.0, 0, 0]], [(Span(1.0, (Ref("swing", 0.2, 0.6),)),)])
+    b = straight_shape("b", [[0, 0, 0], [3.0, 0, 0]], [(Span(1.0, (Ref("other", 0.3, 0.9),)),)])
+    project = project.with_layers(other).with_shapes(a, b)
+    merged, _ = merge(project, "a", "a 1", "b", 0.0)
+    for time in TIMES:
+        # The other take is seen from behind: it turns the other way.
+        assert_degrees(degrees(merged, "a", time), {"a 1": 36 * time, "b 1": 36 * time - 54 * time})
+    one = remove_node(merged, "a", "a 1")
+    for time in TIMES:
+        pose = pose_of(one, "a", time)
+        np.testing.assert_allclose(pose.turns[1], pose_of(merged, "a", time).turns[2], atol=1e-12)
+    (first, second) = one.shape("a").spans[1]
+    assert (first.share, first.refs) == (0.25, (Ref("swing", 0.2, 0.6),))
+    assert (second.share, second.refs) == (0.75, (Ref("other", 0.3, 0.9),))
+    # A node put in elsewhere splits what falls on it, and no more.
+    again, _ = insert_node(one, "a", "b 1", 0.5)
+    upper, lower = again.shape("a").spans[1:]
+    assert upper[0].refs == (Ref("swing", 0.2, 0.6),)
+    assert [ref.layer for span in lower for ref in span.refs] == ["other"]
+    assert upper[1].refs[0].end == lower[0].refs[0].start == pytest.approx(0.5)

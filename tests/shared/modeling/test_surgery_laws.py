@@ -12,13 +12,13 @@ from enliven.modeling.merge import merge
 from enliven.modeling.nodes import insert_node, remove_node
 from enliven.modeling.posed import posed
 from enliven.motion.evaluate import pose_of
-from enliven.rotation import rotate
+from enliven.rotation import conjugate, multiply, rotate
 
 SEEDS = st.integers(0, 2**32 - 1)
 TIMES = st.floats(-1.0, 3.0)
 MOMENTS = st.one_of(st.none(), TIMES)
 PLACES = st.floats(0.02, 0.98)
-laws = settings(deadline=None, max_examples=40)
+laws = settings(deadline=None, max_examples=25)
 
 
 def at(project, shape_id, time):
@@ -170,6 +170,23 @@ def test_a_merge_turns_nothing_at_its_time(seed, time, place):
     node = both_node(project, edited, j, place)
     for old, new in names.items():
         np.testing.assert_allclose(both[1][new], two[1][old] + moved + both[1][node], atol=1e-8)
+
+
+@laws
+@given(SEEDS, MOMENTS)
+def test_a_grafted_bone_keeps_its_twist_too(seed, time):
+    """D' R = D with one R for all bones of the graft, which turns their rest into the host's."""
+    project, random = random_project(seed)
+    j = int(random.integers(0, len(project.shape("shape 0").skeleton)))
+    edited, names = merge(project, "shape 0", j, "shape 1", time)
+    graft, whole = project.shape("shape 1"), edited.shape("shape 0")
+    old, new = posed(project, graft, time)[0], posed(edited, whole, time)[0]
+    pairs = [(graft.skeleton.index(a), whole.skeleton.index(b)) for a, b in names.items()]
+    turns = np.array([multiply(conjugate(new[k]), old[i]) for i, k in pairs])
+    assert angle(turns, np.broadcast_to(turns[0], turns.shape)) < 1e-9
+    for i, k in pairs:
+        rest = rotate(turns[0], graft.skeleton.vectors[i])
+        np.testing.assert_allclose(rest, whole.skeleton.vectors[k], atol=1e-9)
 
 
 def both_node(project, edited, j, place):
