@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, diags
 from scipy.sparse.linalg import spsolve
 
 from enliven.arrays import Float, Int
 from enliven.modeling.cut_loops import area
 from enliven.modeling.planar import refined, triangulated
+
+_GROWTH = 1.25
+"""How much longer edges get with every ring towards the middle of a cap."""
 
 
 @dataclass(frozen=True)
@@ -43,17 +46,18 @@ def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
     numbers = [np.arange(end - len(loop), end) for loop, end in zip(loops, ends, strict=True)]
     triangles = triangulated(points, numbers)
     if fine:
-        points, triangles = refined(points, triangles, _sizes(points, numbers))
+        points, triangles = refined(points, triangles, _sizes(points, numbers), growth=_GROWTH)
     return Cap(rim, triangles, harmonic(points, triangles, len(rim)))
 
 
 def _sizes(points: Float, loops: list[Int]) -> Float:
-    """(R,) how long edges at each point of the rim should be: about as its own two."""
+    """(R,) how long edges at each point of the rim should be: a rim has two points for each edge of the
+    mesh that it crosses, so about twice as long as its own."""
     sizes = np.empty(len(points))
     for loop in loops:
         step = np.linalg.norm(points[np.roll(loop, -1)] - points[loop], axis=1)
         around = (step + np.roll(step, 1)) / 2
-        sizes[loop] = np.maximum(around, 0.7 * step.mean())
+        sizes[loop] = np.maximum(around, 1.6 * step.mean())
     return sizes
 
 
@@ -91,6 +95,5 @@ def harmonic(points: Float, triangles: Int, fixed: int) -> Float:
     web = web.tocsr()
     web.data = np.maximum(web.data, 1e-9)
     own = np.asarray(web.sum(1)).ravel()
-    inner = -web[fixed:, fixed:].tolil()
-    inner.setdiag(own[fixed:])
+    inner = diags(own[fixed:]) - web[fixed:, fixed:]
     return np.asarray(spsolve(inner.tocsc(), web[fixed:, :fixed].toarray())).reshape(count - fixed, fixed)

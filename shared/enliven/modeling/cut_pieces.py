@@ -136,6 +136,9 @@ class _Maker:
         old = np.unique(sources)
         few = np.searchsorted(old, sources)
         full = skins.dense(skins.taken(work.skin, old), skins.bone_count(work.skin))
+        there = np.flatnonzero(full.any(0))
+        full = full[:, there]
         made = full[few[:, 0]] * (1 - share) + full[few[:, 1]] * share
         new_skin = skins.sparse(grown(np.zeros((0, 0)), made))
+        new_skin = SkinWeights(there[new_skin.indices].astype(np.uint16), new_skin.weights)
         return vertices, colours, skins.stacked([skins.taken(work.skin, self.kept), new_skin])

@@ -13,12 +13,13 @@ import numpy as np
 from scipy.sparse import csc_matrix, diags
 from scipy.sparse.linalg import splu
 
-from enliven.arrays import Float, Int, Int32
+from enliven.arrays import Bool, Float, Int, Int32
 from enliven.mesh_kernels import split_long_edges
 from enliven.modeling.bone_heat import cotangents
 from enliven.modeling.even import flipped, slid
 from enliven.modeling.planar import refined
 
+_OPTIONS = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}, "diag_pivot_thresh": 0.0}
 _LONG = 1.5
 """Edges longer than so many steps of the outline are halved."""
 
@@ -59,14 +60,11 @@ def inflated(
 def _squared_heights(flat: Float, cells: Int, rim: int, axis: Float, radii: Float) -> Float:
     """(V,) square metres: z squared at depth 1; zero on the first ``rim`` points, the outline."""
     points = np.concatenate([flat, np.zeros((len(flat), 1))], 1)
-    laplacian, mass = cotangents(points, cells.astype(np.int32))
-    laplacian = csc_matrix(laplacian)
     inner = np.arange(rim, len(flat))
-    out = np.zeros(len(flat))
     if len(inner) == 0:
-        return out
-    options = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}, "diag_pivot_thresh": 0.0}
-    out[inner] = splu(csc_matrix(laplacian[inner][:, inner]), **options).solve(2.0 * mass[inner])
+        return np.zeros(len(flat))
+    out = poisson(points, cells.astype(np.int32), np.arange(len(flat)) >= rim)
+    laplacian, _ = cotangents(points, cells.astype(np.int32))
     # The lift: the axis asks for its circles, what is between is as smooth as can be.
     far = np.linalg.norm(flat[None, inner] - axis[:, None], axis=2)
     nearest = inner[np.argmin(far, axis=1)]
@@ -77,8 +75,19 @@ def _squared_heights(flat: Float, cells: Int, rim: int, axis: Float, radii: Floa
     np.add.at(right, nearest, 0.3 * np.clip(wanted, 0.7, 2.2))
     if not pull.any():
         return out
-    lift = splu(csc_matrix(laplacian + diags(pull)), **options).solve(right)
+    lift = splu(csc_matrix(laplacian + diags(pull)), **_OPTIONS).solve(right)
     return np.asarray(out * np.clip(lift, 0.7, 2.2))
+
+
+def poisson(points: Float, faces: Int32, inner: Bool) -> Float:
+    """(V,) square metres: laplace(u) = -2 where ``inner`` (V,) is true, u = 0 elsewhere."""
+    out = np.zeros(len(points))
+    rows = np.flatnonzero(inner)
+    if len(rows):
+        laplacian, mass = cotangents(points, faces)
+        matrix = csc_matrix(csc_matrix(laplacian)[rows][:, rows])
+        out[rows] = splu(matrix, **_OPTIONS).solve(2.0 * mass[rows])
+    return out
 
 
 def _both_halves(flat: Float, cells: Int, squared: Float, rim: int) -> tuple[Float, Int32, Float]:

@@ -11,18 +11,19 @@ order. Both sides of the cut share their caps' points, so that the volumes of th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.character import SkinWeights
 from enliven.errors import InputError
-from enliven.mesh import Mesh
+from enliven.mesh import Mesh, weld
 from enliven.modeling import skin_values as skins
 from enliven.modeling.cut_pieces import Piece, piece_of
 from enliven.modeling.cut_surfaces import CutSurface, PlaneCut
-from enliven.modeling.parting import CutSettings, Parting
+from enliven.modeling.inflate import poisson
+from enliven.modeling.parting import CutSettings, Parting, hang_together
 from enliven.skeleton import Skeleton
 
 __all__ = ["Cut", "CutSettings", "Piece", "cut_across_bone", "cut_by_stroke"]
@@ -135,5 +136,34 @@ def _parted(work: Parting) -> Cut:
     if not side.any() or side.all():
         raise InputError("it parts nothing off", where="cut", mend="Cut elsewhere.")
     caps = work.caps()
-    near, far = (piece_of(work, side == half, caps, half) for half in (False, True))
+    near, far = (
+        rounded(piece_of(work, side == half, caps, half), work.settings.rounding) for half in (False, True)
+    )
     return Cut(near, far, tuple(work.notes))
+
+
+def rounded(piece: Piece, share: float) -> Piece:
+    """The piece with its caps blown up as :mod:`enliven.modeling.inflate` does; 1 makes half balls."""
+    if share == 0.0 or piece.caps == 0:
+        return piece
+    mesh = piece.mesh
+    caps, of = weld(Mesh(mesh.vertices, mesh.faces[-piece.caps :]))
+    rim = np.zeros(len(caps.vertices), bool)
+    ends = np.sort(caps.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), 1)
+    edges, counts = np.unique(ends, axis=0, return_counts=True)
+    rim[edges[counts == 1]] = True
+    used = np.zeros(len(caps.vertices), bool)
+    used[caps.faces] = True
+    height = share * np.sqrt(2.0 * np.maximum(poisson(caps.vertices, caps.faces, used & ~rim), 0.0))
+    moved = mesh.vertices + (height[:, None] * outward_of(caps))[of]
+    return replace(
+        piece, mesh=replace(mesh, vertices=np.where((height > 0)[of][:, None], moved, mesh.vertices))
+    )
+
+
+def outward_of(caps: Mesh) -> Float:
+    """(V, 3) for each vertex the mean direction that the cap that it is on looks to."""
+    part = hang_together(caps.faces[:, [0, 1, 1, 2]].reshape(-1, 2).astype(np.int64), len(caps.vertices))
+    total = np.zeros((int(part.max()) + 1, 3))
+    np.add.at(total, part[caps.faces[:, 0]], caps.face_vectors())
+    return np.asarray((total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300))[part])

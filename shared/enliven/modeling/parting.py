@@ -43,6 +43,7 @@ class CutSettings:
         low=0.0,
         high=1.0,
     )
+    rounding: float = setting(0.0, "how round the caps are: 0 flat, 1 half balls", low=0.0, high=1.0)
     fine: bool = setting(True, "give the caps points inside, so that they can bend and be rounded")
 
 
@@ -104,7 +105,7 @@ class Parting:
         values = self.values[self.first]
         far = values > 0
         same = [self.faces[far[self.faces[:, a]] == far[self.faces[:, b]]][:, [a, b]] for a, b in _SIDES]
-        part = _hang_together(np.concatenate(same), len(values))
+        part = hang_together(np.concatenate(same), len(values))
         size = np.bincount(part)
         of_side = np.array([(~far).sum(), far.sum()])[far.astype(np.int64)]
         small = size[part] < _ISLAND * of_side
@@ -223,7 +224,7 @@ class Parting:
         for a, b in _SIDES:
             same = self.far[split[:, a]] == self.far[split[:, b]]
             links.append(split[same][:, [a, b]])
-        return _hang_together(np.concatenate(links), len(self.rest))
+        return hang_together(np.concatenate(links), len(self.rest))
 
     def _choose_another(self, part: Int, torn: Int) -> None:
         """Add the nearest loop through which the two sides still hang together."""
@@ -253,7 +254,7 @@ class Parting:
         """A cap for every shell that was cut, its rim as numbers of crossed edges."""
         cut = np.isin(self.found.loops, self.chosen)
         ends = self.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-        shell = _hang_together(ends, len(self.rest))[self.faces[self.found.faces, 0]]
+        shell = hang_together(ends, len(self.rest))[self.faces[self.found.faces, 0]]
         made = []
         for one in np.unique(shell[cut]):
             chains = chains_of(self.found.pairs[cut & (shell == one)])
@@ -281,7 +282,7 @@ class Parting:
             self.notes.append("some of it is open there and was left open")
 
 
-def _hang_together(links: Int, count: int) -> Int:
+def hang_together(links: Int, count: int) -> Int:
     """(count,) the number of the part that each hangs together with over (L, 2) links."""
     web = coo_matrix((np.ones(len(links), np.int8), (links[:, 0], links[:, 1])), (count, count))
     return np.asarray(connected_components(web, directed=False)[1], np.int64)

@@ -33,7 +33,9 @@ def triangulated(points: Float, loops: Sequence[Int]) -> Int:
     return triangles
 
 
-def refined(points: Float, triangles: Int, sizes: Float, smooth: int = 3) -> tuple[Float, Int]:
+def refined(
+    points: Float, triangles: Int, sizes: Float, smooth: int = 3, growth: float = 1.0
+) -> tuple[Float, Int]:
     """The same region in triangles about as large as asked for; the outline is left as it is.
 
     Args:
@@ -41,6 +43,7 @@ def refined(points: Float, triangles: Int, sizes: Float, smooth: int = 3) -> tup
         triangles: (T, 3) constrained Delaunay.
         sizes: (P,) how long edges should be around each point.
         smooth: how often each new point is moved to the middle of its neighbours.
+        growth: how much longer edges may be with every point that is added, away from the outline.
 
     Returns:
         (Q, 2) points, the first P as they were, and (U, 3) triangles.
@@ -51,7 +54,7 @@ def refined(points: Float, triangles: Int, sizes: Float, smooth: int = 3) -> tup
     cells, beside = np.zeros((2 * room, 3), np.int64), np.full((2 * room, 3), -1, np.int64)
     cells[: len(triangles)] = triangles
     beside[: len(triangles)] = _neighbours(triangles, len(points))
-    count, some = _refine(all_points, all_sizes, cells, beside, len(points), len(triangles))
+    count, some = _refine(all_points, all_sizes, cells, beside, len(points), len(triangles), growth)
     made, cells, beside = all_points[:count], cells[:some], beside[:some]
     for _ in range(smooth):
         _relax(made, cells, len(points))
@@ -134,7 +137,7 @@ def _legalise_all(points, cells, beside):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _refine(points, sizes, cells, beside, count, some):  # type: ignore[no-untyped-def]
+def _refine(points, sizes, cells, beside, count, some, growth):  # type: ignore[no-untyped-def]
     """Add the centre of each triangle that is too large, flip, and again; how many points and triangles."""
     for _ in range(60):
         before, first = count, some
@@ -151,7 +154,7 @@ def _refine(points, sizes, cells, beside, count, some):  # type: ignore[no-untyp
                     fits = False
             if not fits:
                 continue
-            points[count], sizes[count] = centre, size
+            points[count], sizes[count] = centre, growth * size
             _split(cells, beside, t, count, some)
             count, some = count + 1, some + 2
         if count == before:

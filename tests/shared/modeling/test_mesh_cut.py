@@ -239,6 +239,22 @@ def test_a_bone_within_a_body_takes_its_limb_and_does_not_halve_the_body():
         unchanged(piece, union.mesh, skin)
 
 
+@pytest.mark.parametrize("flat", [False, True])
+def test_caps_can_be_round(flat):
+    mesh = tube(around=32, step=0.05)
+    mesh = flat_shaded(mesh) if flat else mesh
+    skin, surface = random_skin(len(mesh.vertices), 3), PlaneCut([0, 0, 1.02], [0, 0, 1])
+    plain = cut_by_stroke(mesh, skin, surface)
+    half_balls = cut_by_stroke(mesh, skin, surface, settings=CutSettings(rounding=1.0))
+    for one, other in ((plain.near, half_balls.near), (plain.far, half_balls.far)):
+        assert watertight(other.mesh)
+        unchanged(other, mesh, skin)
+        added = volume(other.mesh) - volume(one.mesh)
+        assert added == pytest.approx(2 / 3 * np.pi * 0.2**3, rel=0.1)
+    assert half_balls.near.mesh.bounds[1, 2] == pytest.approx(1.02 + 0.2, abs=0.02)
+    assert half_balls.far.mesh.bounds[0, 2] == pytest.approx(1.02 - 0.2, abs=0.02)
+
+
 def test_what_cannot_be_cut_says_why():
     mesh, skeleton = tube(), line([[1.0, 0, 0], [1.0, 0, 1.0]])
     skin = on_bone(mesh, 0)
