@@ -25,8 +25,10 @@ from enliven.motion.quaternions import between, conj, load, mul, store
 from enliven.rotation import IDENTITY
 from enliven.skeleton import Skeleton
 
-SHORTEST = 1e-4
+SHORTEST = 1e-6
 """Share of a polyline that a bone without length still takes, so that its turn has a place of its own."""
+_NO_LENGTH = 1e-9
+"""Share of a polyline below which a bone has no length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +133,8 @@ def arc_of(skeleton: Skeleton, chain: Sequence[int]) -> Float:
     """(K,) arc length at the joints of a chain at rest, from 0 to 1; a bone without length takes a little."""
     lengths = np.linalg.norm(np.diff(skeleton.positions[list(chain)], axis=0), axis=1)
     total = lengths.sum()
-    lengths = np.maximum(lengths, SHORTEST * total) if total > 0 else np.ones(len(lengths))
+    none = lengths <= _NO_LENGTH * total
+    lengths = np.where(none, SHORTEST * total, lengths) if total > 0 else np.ones(len(lengths))
     arc = np.concatenate([[0.0], np.cumsum(lengths)])
     return np.asarray(arc / arc[-1] if arc[-1] > 0 else arc)
 
