@@ -26,6 +26,8 @@ from enliven.rotation import IDENTITY, conjugate, multiply, normalized
 from enliven.shape import Shape
 
 _SEAM = SeamSettings()
+_END = 1e-9
+"""Nearer than this share of a bone to its end, the node is the joint."""
 
 
 def merge(
@@ -62,8 +64,8 @@ def merge(
     Args:
         joint: a joint of the host, by number or name; or a bone of it, with ``at`` below one.
         time: seconds of the project's time; None merges in the rest pose, as modeled.
-        at: where on the host's bone to put a node first, in (0, 1); 1 is its end, the joint. The new node
-            leaves the bone in line at every time, so that the host moves as before.
+        at: where on the host's bone to put a node first; 1 is its end, the joint, and 0 its begin. The new
+            node leaves the bone in line at every time, so that the host moves as before.
         loose: where no union can be made (a mesh is no solid), put both shells into one mesh.
         seam: how the seam is healed.
         notes: takes what there is to say of how the meshes were united.
@@ -82,7 +84,9 @@ def merge(
         raise InputError("a shape cannot be merged with itself", where=f"shape {host_id!r}", mend=mend)
     graft = project.shape(graft_id)
     j = bone_number(project.shape(host_id), joint)
-    if inside(at, f"shape {host_id!r}") < 1.0:
+    if inside(at, f"shape {host_id!r}") <= _END:
+        j = max(int(project.shape(host_id).skeleton.parents[j]), 0)
+    elif at < 1.0 - _END:
         project, name = insert_node(project, host_id, j, at, rigid=True)
         j = project.shape(host_id).skeleton.index(name)
     host = project.shape(host_id)
