@@ -12,17 +12,13 @@ from enliven.character import Pose
 from enliven.deformation.observed import Seen
 from enliven.errors import InputError
 from enliven.matching.board import Board, Row
-from enliven.matching.picking import Pick, Picker
-from enliven.matching.ranking import Match, Matcher, Ranking
 from enliven.matching.views import View
 from enliven.shape import Shape, character_of
 from enliven_edge.actor import Mode
 from enliven_edge.cues import Cues, State, cues_of
-from enliven_edge.matching.limbs import BodySource, body_source
+from enliven_edge.matching.chooser import Chooser
 from enliven_edge.matching.puppet import Binding, Pair, Puppet
 from enliven_edge.matching.settings import MatchingSettings
-
-_MIRRORED, _TOWARDS = View(np.array([0.0, 0.0, 1.0])), View(np.array([0.0, 0.0, -1.0]))
 
 
 class RigActor:
@@ -39,15 +35,19 @@ class RigActor:
         self.settings = settings or MatchingSettings()
         self.character = character_of(shape)
         self.puppet = Puppet(shape, self.settings.fade)
-        self.matcher = Matcher(shape.skeleton, settings=self.settings.ranking)
-        self.view = _TOWARDS
-        self._picker = Picker(self.settings.picking)
+        self.chooser = Chooser(shape.skeleton, self.settings)
         self._would: tuple[int | None, str] = (None, "all")
-        self._chooser: tuple[int, str, BodySource] | None = None
-        self._ranking: Ranking | None = None
-        self._pick = Pick(None, -1)
         self._met = False
         self._time_ns = 0
+
+    @property
+    def view(self) -> View:
+        """From where it is seen: what a pose means is decided on the screen."""
+        return self.chooser.view
+
+    @view.setter
+    def view(self, view: View) -> None:
+        self.chooser.view = view
 
     @property
     def holds(self) -> list[Binding]:
@@ -69,7 +69,7 @@ class RigActor:
             self.puppet.hand_over(bodies, time_ns, self.settings.hand_over)
         pose = self.puppet.pose(bodies, time_ns)
         self._choose(bodies)
-        if self._pick.accepted:  # by holding still
+        if self.chooser.pick.accepted:  # by holding still
             self._bind(bodies, "join")
         return pose
 
@@ -89,8 +89,7 @@ class RigActor:
             where, mend = f"possessing {self.character.id!r}", "Step in front of the sensor again."
             raise InputError(f"the joints of performer {body.id} are not known", where=where, mend=mend)
         self._would = (body.id, parts)
-        self._choose([body], again=True)
-        self._picker.accept()
+        self._look(body)
         self._bind([body], mode)
 
     def release(self, body: int | None = None) -> None:
@@ -104,7 +103,7 @@ class RigActor:
             what, mend = f"performer {body} does not drive it", f"It is driven by: {who}."
             raise InputError(what, where=f"releasing {self.character.id!r}", mend=mend)
         self.puppet.release(body)
-        self._picker.reset()
+        self.chooser.again()
 
     def preview(self, body: int | None = None, parts: str = "all") -> None:
         """From now on this performer chooses, or whoever comes next, with these parts.
@@ -117,37 +116,30 @@ class RigActor:
 
     def browse(self, step: int) -> None:
         """Shows another match; 0 follows the pose again."""
-        if step == 0:
-            self._picker.reset()
-        else:
-            self._pick = self._picker.cycle(step)
+        self.chooser.browse(step)
 
     def cues(self, bodies: list[Body]) -> Cues:
         """The bones that are driven, and those that would be."""
         count = len(self.character.pivots)
         held = [(hold.body, _strengths(count, [t for _, t in hold.pairs])) for hold in self.holds]
-        preview = None
-        if self._chooser is not None and self._pick.match is not None:
-            preview = self._chooser[0], _strengths(count, self._targets(self._pick.match))
+        targets = self.chooser.targets()
+        preview = (self.chooser.body, _strengths(count, targets)) if targets else None
         return cues_of(held, preview)
 
     def board(self) -> Board:
         """What there is to choose from, for viewers."""
-        own = self.character.id
-        if self._chooser is None or self._ranking is None or self._pick.match is None:
-            rows = tuple(
-                Row("driven", 0, 0.0, tuple(self.puppet.joints[list(t)] for _, t in hold.pairs))
-                for hold in self.holds
-            )
-            state, body = ("playing", self.holds[0].body) if self.holds else ("off", -1)
-            return Board(own, state, body, self._time_ns, 0 if rows else -1, rows, len(rows))  # type: ignore[arg-type]
-        places = list(range(min(self.settings.listed, len(self._ranking))))
-        if self._pick.place not in places:
-            places.append(self._pick.place)
-        rows = tuple(self._row(place) for place in places)
-        shown = places.index(self._pick.place)
-        total, held = self._ranking.total, self._pick.held
-        return Board(own, "choosing", self._chooser[0], self._time_ns, shown, rows, total, held)
+        own, chooser = self.character.id, self.chooser
+        rows, shown = chooser.rows(self.puppet.joints)
+        if shown >= 0:
+            told = (chooser.body, self._time_ns, shown, rows, chooser.total, chooser.pick.held)
+            return Board(own, "choosing", *told)
+        if not self.holds:
+            return Board(own, "off", time_ns=self._time_ns)
+        rows = tuple(
+            Row("driven", 0, 0.0, tuple(self.puppet.joints[list(t)] for _, t in hold.pairs))
+            for hold in self.holds
+        )
+        return Board(own, "playing", self.holds[0].body, self._time_ns, 0, rows, len(rows))
 
     def warm_up(self) -> None:
         """Runs everything once, so that no frame waits for a compiler."""
@@ -168,61 +160,33 @@ class RigActor:
         across = body.joints[0, 0] + self.settings.beside - low[0]
         self.puppet.stand(np.array([across, 0.0, body.joints[0, 2] - (low[2] + high[2]) / 2]))
 
-    def _choose(self, bodies: Sequence[Body], again: bool = False) -> None:
-        """Ranks and picks, for whoever chooses."""
-        who, parts = self._would
-        body = next((b for b in bodies if b.id == who), None)
-        if not again and (body is None or body.id in {hold.body for hold in self.holds}):
-            body = self.next_performer(list(bodies))
-        if body is None:
-            self._chooser, self._ranking, self._pick = None, None, Pick(None, -1)
-            return
-        if self._chooser is None or self._chooser[:2] != (body.id, parts):
-            self._chooser = (body.id, parts, body_source(body, parts))
-            self._picker.reset()
-        points = self._chooser[2].source.points(body.joints)
-        source_view = _MIRRORED if self.settings.mirror else _TOWARDS
-        self._ranking = self.matcher.rank(points, self.view, source_view, self.puppet.joints)
-        self._pick = self._picker.update(self._ranking, points, self._time_ns * 1e-9)
+    def _choose(self, bodies: list[Body]) -> None:
+        """Ranks and picks, for whoever chooses: who was asked for, or the first who drives nothing."""
+        body = next((body for body in bodies if body.id == self._would[0]), None)
+        if body is None or body.id in {hold.body for hold in self.holds}:
+            body = self.next_performer(bodies)
+        self._look(body)
+
+    def _look(self, body: Body | None) -> None:
+        self.chooser.look(body, self._would[1], self.puppet.joints, self._time_ns * 1e-9)
 
     def _bind(self, bodies: Sequence[Body], mode: Mode) -> None:
-        """What is accepted becomes a binding."""
-        match, chooser = self._picker.accept(), self._chooser
-        body = next((b for b in bodies if chooser is not None and b.id == chooser[0]), None)
-        if match is None or chooser is None or body is None:
+        """What is meant becomes a binding."""
+        pairs = self.chooser.accept()
+        body = next((body for body in bodies if body.id == self.chooser.body), None)
+        if not pairs or body is None:
             where = f"possessing {self.character.id!r}"
             raise InputError("nothing of it is like the pose", where=where, mend="It needs a bone at least.")
-        pairs = [
-            (tuple(int(joint) for joint in chain), target)
-            for chain, target in zip(chooser[2].chains, self._chains(match), strict=True)
-            if target
-        ]
         if mode == "extend":
             pairs += self._kept(body.id, pairs)
         self.puppet.bind(body, pairs, self.view, mirrored=self.settings.mirror, alone=mode == "alone")
-        self._picker.reset()
-        self._chooser, self._ranking, self._pick = None, None, Pick(None, -1)
+        self.chooser.forget()
 
     def _kept(self, body: int, pairs: list[Pair]) -> list[Pair]:
         """What a performer drives already, but for the limbs that now drive something else."""
         anew = {source for source, _ in pairs}
         own = [pair for hold in self.holds if hold.body == body for pair in hold.pairs]
         return [pair for pair in own if pair[0] not in anew]
-
-    def _chains(self, match: Match) -> list[tuple[int, ...]]:
-        """The target chain of each branch of the source; empty for none."""
-        extend = self.settings.extend
-        return [() if b is None else b.extended if extend else b.chain for b in match.pairs]
-
-    def _targets(self, match: Match) -> list[tuple[int, ...]]:
-        return [chain for chain in self._chains(match) if chain]
-
-    def _row(self, place: int) -> Row:
-        assert self._ranking is not None
-        match = self._ranking[place]
-        lines = tuple(self.puppet.joints[list(chain)] for chain in self._chains(match))
-        root = self.puppet.shape.skeleton.names[match.candidate.root]
-        return Row(root, place, match.score, lines)
 
 
 def _strengths(count: int, chains: Sequence[Sequence[int]]) -> Float:

@@ -12,13 +12,13 @@ distance from the joint there is one circle); two limbs have the plane half-way 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.matching.limb_shapes import LimbShapes
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.settings import setting
 from enliven.skeleton import Skeleton
@@ -96,11 +96,10 @@ def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) ->
     be in two groups, a turned and a mirrored one: the legs of a table are both of one another.
     """
     settings = settings or SymmetrySettings()
-    body = _Body(skeleton)
-    turned = [group for joint, like in body.alike(settings) for group in _turned(body, joint, like, settings)]
-    mirrored = [
-        group for joint, like in body.alike(settings) for group in _mirrored(body, joint, like, settings)
-    ]
+    body = LimbShapes(skeleton)
+    alike = list(body.alike(settings.tolerance, settings.shortest))
+    turned = [group for joint, like in alike for group in _turned(body, joint, like, settings)]
+    mirrored = [group for joint, like in alike for group in _mirrored(body, joint, like, settings)]
     paired = {frozenset(limb.joints[0] for limb in group.limbs) for group in mirrored}
     turned = [
         g for g in turned if len(g.limbs) > 2 or frozenset(limb.joints[0] for limb in g.limbs) not in paired
@@ -108,73 +107,7 @@ def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) ->
     return tuple(sorted([*_by_plane(mirrored, body), *turned], key=lambda group: -len(group.limbs)))
 
 
-class _Body:
-    """A skeleton with what is asked of every limb: by its first joint."""
-
-    def __init__(self, skeleton: Skeleton) -> None:
-        self.skeleton, self.at = skeleton, skeleton.positions
-        count = len(skeleton)
-        self.reach, self.length = np.array(skeleton.lengths), np.array(skeleton.lengths)
-        self.size, weighted = np.ones(count, np.int64), skeleton.lengths[:, None] * self.at
-        weighted = weighted - 0.5 * skeleton.lengths[:, None] * skeleton.vectors
-        for joint in range(count - 1, 0, -1):
-            above = int(skeleton.parents[joint])
-            self.reach[above] = max(self.reach[above], skeleton.lengths[above] + self.reach[joint])
-            self.length[above] += self.length[joint]
-            self.size[above] += self.size[joint]
-            weighted[above] += weighted[joint]
-        self.middle = weighted / np.maximum(self.length, 1e-300)[:, None]
-
-    def alike(self, settings: SymmetrySettings) -> Iterable[tuple[int, list[int]]]:
-        """Joints with limbs that could be equal: as many joints, as long, the middle as far away."""
-        least = settings.shortest * float(self.reach[1:].max(initial=0.0))
-        for joint, children in enumerate(self.skeleton.children):
-            left = [child for child in children if self.reach[child] > least]
-            while left:
-                first = left[0]
-                like = [other for other in left if self._could_equal(joint, first, other, settings.tolerance)]
-                left = [other for other in left if other not in like]
-                if len(like) > 1:
-                    yield joint, like
-
-    def _could_equal(self, joint: int, a: int, b: int, tolerance: float) -> bool:
-        slack = tolerance * max(self.reach[a], self.reach[b])
-        far = [float(np.linalg.norm(self.middle[limb] - self.at[joint])) for limb in (a, b)]
-        return bool(
-            self.size[a] == self.size[b]
-            and abs(self.reach[a] - self.reach[b]) <= 2 * slack
-            and abs(far[0] - far[1]) <= 2 * slack
-        )
-
-    def matched(self, joint: int, a: int, b: int, linear: Float, tolerance: float) -> _Matched | None:
-        """Limb b joint by joint as limb a, if ``linear`` puts a's joints on b's."""
-        slack = tolerance * max(self.reach[a], self.reach[b])
-        centre = self.at[joint]
-        pairs, squares, waiting = [], 0.0, [(a, b)]
-        while waiting:
-            one, other = waiting.pop()
-            off = float(np.linalg.norm(centre + linear @ (self.at[one] - centre) - self.at[other]))
-            mine, theirs = self.skeleton.children[one], list(self.skeleton.children[other])
-            if off > 2 * slack or len(mine) != len(theirs):
-                return None
-            squares += off * off
-            pairs.append((one, other))
-            for child in mine:
-                goal = centre + linear @ (self.middle[child] - centre)
-                nearest = min(theirs, key=lambda k: float(np.linalg.norm(self.middle[k] - goal)))
-                theirs.remove(nearest)
-                waiting.append((child, nearest))
-        error = (squares / len(pairs)) ** 0.5
-        return None if error > slack else _Matched(pairs, error / max(float(self.reach[a]), 1e-300))
-
-
-@dataclass(frozen=True)
-class _Matched:
-    pairs: list[tuple[int, int]]
-    error: float
-
-
-def _turned(body: _Body, joint: int, like: list[int], settings: SymmetrySettings) -> list[EqualLimbs]:
+def _turned(body: LimbShapes, joint: int, like: list[int], settings: SymmetrySettings) -> list[EqualLimbs]:
     """The group that a rotation makes of most of the limbs that are alike."""
     found: EqualLimbs | None = None
     for axis in _axes(body, joint, like):
@@ -186,7 +119,7 @@ def _turned(body: _Body, joint: int, like: list[int], settings: SymmetrySettings
     return [found] if found is not None and len(found.limbs) >= _MOST * len(like) else []
 
 
-def _axes(body: _Body, joint: int, limbs: list[int]) -> list[Float]:
+def _axes(body: LimbShapes, joint: int, limbs: list[int]) -> list[Float]:
     """Axes about which limbs may turn into one another: of all of them, of each three, of each two."""
     middles = body.middle[limbs] - body.at[joint]
     if len(limbs) == 2:
@@ -202,7 +135,7 @@ def _axes(body: _Body, joint: int, limbs: list[int]) -> list[Float]:
 
 
 def _around(
-    body: _Body, joint: int, limbs: list[int], axis: Float, settings: SymmetrySettings
+    body: LimbShapes, joint: int, limbs: list[int], axis: Float, settings: SymmetrySettings
 ) -> EqualLimbs | None:
     """The limbs that are the first one turned about an axis, or None without any."""
     if axis[int(np.argmax(np.abs(axis)))] < 0.0:
@@ -233,7 +166,7 @@ def _angle(start: Float, end: Float, axis: Float) -> float:
     return float(np.arctan2(np.cross(a, b) @ axis, a @ b) % (2 * np.pi))
 
 
-def _mirrored(body: _Body, joint: int, like: list[int], settings: SymmetrySettings) -> list[EqualLimbs]:
+def _mirrored(body: LimbShapes, joint: int, like: list[int], settings: SymmetrySettings) -> list[EqualLimbs]:
     """Every pair that a plane through the joint makes equal."""
     groups = []
     for a, b in itertools.combinations(like, 2):
@@ -253,7 +186,7 @@ def _mirrored(body: _Body, joint: int, like: list[int], settings: SymmetrySettin
     return groups
 
 
-def _by_plane(groups: list[EqualLimbs], body: _Body) -> list[EqualLimbs]:
+def _by_plane(groups: list[EqualLimbs], body: LimbShapes) -> list[EqualLimbs]:
     """Mirrored pairs, each limb once: those of the plane that the most bone agrees on before the others."""
     axes = np.array([group.axis for group in groups]).reshape(-1, 3)
     weights = np.array([body.length[group.limbs[0].joints[0]] for group in groups])

@@ -47,7 +47,7 @@ class Show:
     @property
     def shown(self) -> list[str]:
         """The limbs that each limb of the performer means."""
-        return [self.names[b.chain[1]][:-2] for b in self.actor._pick.match.pairs if b is not None]
+        return [self.names[b.chain[1]][:-2] for b in self.actor.chooser.pick.match.pairs if b is not None]
 
     def limb(self, name: str) -> np.ndarray:
         """(3,) from the middle to the tip of a limb, as it is now."""

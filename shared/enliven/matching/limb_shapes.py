@@ -1,0 +1,81 @@
+"""Every limb of a skeleton as a shape: how long, how large, where its middle is, and which is like it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.skeleton import Skeleton
+
+
+class LimbShapes:
+    """A skeleton with what is asked of every limb: by its first joint."""
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self.skeleton, self.at = skeleton, skeleton.positions
+        count = len(skeleton)
+        self.reach, self.length = np.array(skeleton.lengths), np.array(skeleton.lengths)
+        self.size, weighted = np.ones(count, np.int64), skeleton.lengths[:, None] * self.at
+        weighted = weighted - 0.5 * skeleton.lengths[:, None] * skeleton.vectors
+        for joint in range(count - 1, 0, -1):
+            above = int(skeleton.parents[joint])
+            self.reach[above] = max(self.reach[above], skeleton.lengths[above] + self.reach[joint])
+            self.length[above] += self.length[joint]
+            self.size[above] += self.size[joint]
+            weighted[above] += weighted[joint]
+        self.middle = weighted / np.maximum(self.length, 1e-300)[:, None]
+
+    def alike(self, tolerance: float, shortest: float) -> Iterable[tuple[int, list[int]]]:
+        """Joints with limbs that could be equal: as many joints, as long, the middle as far away.
+
+        Args:
+            tolerance, shortest: of :class:`enliven.matching.symmetry.SymmetrySettings`.
+        """
+        least = shortest * float(self.reach[1:].max(initial=0.0))
+        for joint, children in enumerate(self.skeleton.children):
+            left = [child for child in children if self.reach[child] > least]
+            while left:
+                first = left[0]
+                like = [other for other in left if self._could_equal(joint, first, other, tolerance)]
+                left = [other for other in left if other not in like]
+                if len(like) > 1:
+                    yield joint, like
+
+    def _could_equal(self, joint: int, a: int, b: int, tolerance: float) -> bool:
+        slack = tolerance * max(self.reach[a], self.reach[b])
+        far = [float(np.linalg.norm(self.middle[limb] - self.at[joint])) for limb in (a, b)]
+        return bool(
+            self.size[a] == self.size[b]
+            and abs(self.reach[a] - self.reach[b]) <= 2 * slack
+            and abs(far[0] - far[1]) <= 2 * slack
+        )
+
+    def matched(self, joint: int, a: int, b: int, linear: Float, tolerance: float) -> Matched | None:
+        """Limb b joint by joint as limb a, if ``linear`` puts a's joints on b's."""
+        slack = tolerance * max(self.reach[a], self.reach[b])
+        centre = self.at[joint]
+        pairs, squares, waiting = [], 0.0, [(a, b)]
+        while waiting:
+            one, other = waiting.pop()
+            off = float(np.linalg.norm(centre + linear @ (self.at[one] - centre) - self.at[other]))
+            mine, theirs = self.skeleton.children[one], list(self.skeleton.children[other])
+            if off > 2 * slack or len(mine) != len(theirs):
+                return None
+            squares += off * off
+            pairs.append((one, other))
+            for child in mine:
+                goal = centre + linear @ (self.middle[child] - centre)
+                nearest = min(theirs, key=lambda k: float(np.linalg.norm(self.middle[k] - goal)))
+                theirs.remove(nearest)
+                waiting.append((child, nearest))
+        error = (squares / len(pairs)) ** 0.5
+        return None if error > slack else Matched(pairs, error / max(float(self.reach[a]), 1e-300))
+
+
+@dataclass(frozen=True)
+class Matched:
+    pairs: list[tuple[int, int]]
+    error: float

@@ -1,0 +1,76 @@
+"""A ranking, and the matches in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from enliven.arrays import Float, Int32
+from enliven.matching.subtrees import Branch, SubTree
+
+
+@dataclass(frozen=True)
+class Match:
+    """One way: which target branch each source branch drives.
+
+    Attributes:
+        candidate: the sub-tree of the target.
+        pairs: (m,) the target branch of each source branch, or None where the sub-tree has too few.
+        score: sum of cosines, at most m.
+    """
+
+    candidate: SubTree
+    pairs: tuple[Branch | None, ...]
+    score: float
+
+    @property
+    def key(self) -> tuple[tuple[int, ...], ...]:
+        """What is driven, whatever the order in the ranking: the joints of each source branch's chain."""
+        return tuple(() if branch is None else branch.chain for branch in self.pairs)
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """All joints of the chains, ascending: what a viewer lights up."""
+        return tuple(sorted({joint for chain in self.key for joint in chain}))
+
+
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """All matches, the best first.
+
+    Attributes:
+        candidates: of the target.
+        which: (R,) the candidate of each match.
+        columns: (R, m) the candidate's branch that each source branch drives, -1 for none.
+        scores: (R,) falling.
+        total: how many matches there are, those included that are not kept.
+    """
+
+    candidates: tuple[SubTree, ...]
+    which: Int32
+    columns: Int32
+    scores: Float
+    total: int
+
+    def __len__(self) -> int:
+        return len(self.scores)
+
+    def __getitem__(self, place: int) -> Match:
+        candidate = self.candidates[self.which[place]]
+        branches = candidate.branches
+        pairs = tuple(branches[j] if j >= 0 else None for j in self.columns[place])
+        return Match(candidate, pairs, float(self.scores[place]))
+
+    def __iter__(self) -> Iterator[Match]:
+        return (self[place] for place in range(len(self)))
+
+    def identity(self, place: int) -> tuple[int, ...]:
+        """What names a match in every ranking of the same matcher: its candidate, and its columns."""
+        return (int(self.which[place]), *(int(column) for column in self.columns[place]))
+
+    def find(self, identity: tuple[int, ...]) -> int:
+        """The place of a match, or -1 where it is not among those kept."""
+        if len(identity) != 1 + self.columns.shape[1]:
+            return -1
+        same = (self.which == identity[0]) & (self.columns == identity[1:]).all(1)
+        return int(same.argmax()) if same.any() else -1

@@ -1,0 +1,116 @@
+"""The steps of one iteration of AniMesh, section 4.1, on the tree that is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.matching.subtrees import Branch, Weights
+
+
+@dataclass(frozen=True)
+class _Leaf:
+    """What a leaf stands for: itself, or a sub-tree.
+
+    Attributes:
+        tail: the longest way from the leaf's joint to a real leaf.
+        reach: metres along it.
+    """
+
+    weights: Weights
+    length: float
+    tail: tuple[int, ...]
+    reach: float
+
+
+class Reduction:
+    """The tree that is left.
+
+    Attributes:
+        beside: the neighbours of each joint that are no leaves yet.
+        forks: the branch nodes that are left, and the root where one is given.
+    """
+
+    def __init__(self, positions: Float, beside: list[list[int]], root: int | None) -> None:
+        self._positions, self._root = positions, root
+        self.beside = beside
+        self.forks = {joint for joint, near in enumerate(beside) if len(near) > 2 or joint == root}
+        self._done: dict[int, list[Branch]] = {fork: [] for fork in self.forks}
+        self._leaf: dict[int, _Leaf] = {}
+
+    def leaves(self) -> list[int]:
+        """The leaves of the whole tree."""
+        ends = [j for j, near in enumerate(self.beside) if len(near) == 1 and j != self._root]
+        self._leaf = {end: _Leaf({end: 1.0}, 0.0, (end,), 0.0) for end in ends}
+        return ends
+
+    def attach(self, leaf: int) -> int:
+        """Steps 1 and 2: the leaf with its chain becomes a branch of the branch node that is returned."""
+        chain, node = [leaf], self.beside[leaf][0]
+        while node not in self.forks:
+            one, other = self.beside[node]
+            chain, node = [*chain, node], other if one == chain[-1] else one
+        self.beside[node].remove(chain[-1])
+        self._done[node].append(self._branch((node, *reversed(chain)), self._leaf[leaf]))
+        return node
+
+    def _branch(self, chain: tuple[int, ...], leaf: _Leaf) -> Branch:
+        at = self._positions[list(chain)]
+        lengths = np.linalg.norm(np.diff(at, axis=0), axis=1)
+        removed = dict(zip(chain[1:-1], lengths[1:], strict=True))
+        weights = _shared(removed) if removed else leaf.weights
+        whole = float(lengths.sum())
+        return Branch(chain, (*chain[:-1], *leaf.tail), weights, leaf.length + whole, leaf.reach + whole)
+
+    def is_ready(self, fork: int) -> bool:
+        """Step 3: whether a sub-tree is rooted here."""
+        return len(self.beside[fork]) <= (0 if fork == self._root else 1)
+
+    def branches(self, fork: int) -> tuple[Branch, ...]:
+        """Those of a branch node, by their first joint."""
+        return tuple(sorted(self._done[fork], key=lambda branch: branch.chain[1]))
+
+    def collapse(self, fork: int) -> None:
+        """Step 4: the sub-tree becomes a leaf."""
+        branches = self.branches(fork)
+        shares = _shared({i: branch.length for i, branch in enumerate(branches)})
+        weights: Weights = {}
+        for i, share in shares.items():
+            for joint, weight in branches[i].weights.items():
+                weights[joint] = weights.get(joint, 0.0) + share * weight
+        longest = max(branches, key=lambda branch: branch.reach)
+        length = sum(branch.length for branch in branches)
+        self._leaf[fork] = _Leaf(weights, length, longest.extended, longest.reach)
+        self.forks.discard(fork)
+
+    def nearest_to_mass(self, beside: list[list[int]], start: int) -> int:
+        """Of the chain that is left, the node nearest to the centre of mass of all bones."""
+        chain, before = [start], -1
+        while ahead := [j for j in self.beside[chain[-1]] if j != before]:
+            before = chain[-1]
+            chain.append(ahead[0])
+        distances = np.linalg.norm(self._positions[chain] - centre_of_mass(self._positions, beside), axis=1)
+        # Of two that are equally near, noise must not choose.
+        return chain[int(np.argmin(np.round(distances / (distances.max() or 1.0), 9)))]
+
+
+def centre_of_mass(positions: Float, beside: Sequence[Sequence[int]]) -> Float:
+    """(3,) of a tree whose bones are rods of equal mass a metre."""
+    links = [(a, b) for a, near in enumerate(beside) for b in near if a < b]
+    pairs = np.array(links, np.int64).reshape(-1, 2)
+    lengths = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
+    if lengths.sum() <= 0.0:
+        return np.asarray(positions.mean(0))
+    middles = positions[pairs].mean(1)
+    return np.asarray(lengths @ middles / lengths.sum())
+
+
+def _shared(weights: Weights) -> Weights:
+    """The weights scaled to add up to one; equal ones where all are zero."""
+    total = float(sum(weights.values()))
+    if total <= 0.0:
+        return dict.fromkeys(weights, 1.0 / len(weights))
+    return {key: float(weight) / total for key, weight in weights.items()}

@@ -1,0 +1,71 @@
+"""What the abstraction of a skeleton consists of: branches, sub-trees, and the root."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+
+Weights = dict[int, float]
+"""A point as an average of joints: their weights add up to one."""
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One branch of a sub-tree.
+
+    Attributes:
+        chain: real joints from the sub-tree's root to the next branch or leaf node, both included.
+        extended: the same, on along the longest way to a leaf (Figure 5).
+        weights: the abstract position as an average of joints.
+        length: metres of all bones of the branch, those that hang on it included.
+        reach: metres along ``extended``.
+    """
+
+    chain: tuple[int, ...]
+    extended: tuple[int, ...]
+    weights: Weights
+    length: float
+    reach: float
+
+    def position(self, positions: Float) -> Float:
+        """(3,) the abstract position, for (N, 3) joints at rest or in any pose."""
+        joints = list(self.weights)
+        return np.array(list(self.weights.values())) @ np.asarray(positions, np.float64)[joints]
+
+
+@dataclass(frozen=True)
+class SubTree:
+    """A candidate: a root joint and the branches around it.
+
+    Attributes:
+        level: the iteration that found it, from 1.
+        number: within its level, from 1, by the root joint's number.
+        root: the joint all branches begin at.
+        branches: by the number of their first joint.
+    """
+
+    level: int
+    number: int
+    root: int
+    branches: tuple[Branch, ...]
+
+    @property
+    def name(self) -> str:
+        """As the paper calls it: "2-1" is the first of the second iteration."""
+        return f"{self.level}-{self.number}"
+
+
+@dataclass(frozen=True)
+class Abstraction:
+    """What the iterations found.
+
+    Attributes:
+        root: the joint that was given, or found.
+        candidates: from the first iteration to the last.
+    """
+
+    root: int
+    candidates: tuple[SubTree, ...]
