@@ -5,15 +5,38 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix, diags
-from scipy.sparse.linalg import spsolve
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, diags
+from scipy.sparse.linalg import splu
 
 from enliven.arrays import Float, Int
 from enliven.modeling.cut_loops import area
 from enliven.modeling.planar import refined, triangulated
 
+_OPTIONS = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}, "diag_pivot_thresh": 0.0}
 _GROWTH = 1.25
 """How much longer edges get with every ring towards the middle of a cap."""
+
+
+class Spread:
+    """Harmonic interpolation from the first ``fixed`` points of a triangulation to the others.
+
+    With cotangent weights it is exact for linear functions; Delaunay triangles make the weights positive, so
+    it stays within the bounds of what it interpolates. Factored once, for any number of values.
+    """
+
+    def __init__(self, points: Float, triangles: Int, fixed: int) -> None:
+        self.count = len(points) - fixed
+        if self.count:
+            web = _web(points, triangles)
+            own = np.asarray(web.sum(1)).ravel()
+            self._rim = csr_matrix(web[fixed:, :fixed])
+            self._factor = splu(csc_matrix(diags(own[fixed:]) - web[fixed:, fixed:]), **_OPTIONS)
+
+    def __call__(self, values: Float) -> Float:
+        """(I, K) at the inner points, from (R, K) at the fixed ones."""
+        if not self.count:
+            return np.zeros((0, *values.shape[1:]))
+        return np.asarray(self._factor.solve(self._rim @ values))
 
 
 @dataclass(frozen=True)
@@ -23,12 +46,12 @@ class Cap:
     Attributes:
         rim: (R,) the numbers of the rim's points, as the caller counts them.
         faces: (T, 3) into the R points of the rim and then the I points inside; the border runs as the loops.
-        inside: (I, R) how much of each point of the rim each inner point takes; rows sum to one.
+        inside: what is inside, from what is on the rim: (I, K) of (R, K).
     """
 
     rim: Int
     faces: Int
-    inside: Float
+    inside: Spread
 
 
 def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
@@ -47,7 +70,7 @@ def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
     triangles = triangulated(points, numbers)
     if fine:
         points, triangles = refined(points, triangles, _sizes(points, numbers), growth=_GROWTH)
-    return Cap(rim, triangles, harmonic(points, triangles, len(rim)))
+    return Cap(rim, triangles, Spread(points, triangles, len(rim)))
 
 
 def _sizes(points: Float, loops: list[Int]) -> Float:
@@ -71,15 +94,9 @@ def flattened(points: Float) -> Float:
     return np.asarray(middle @ np.stack([across, np.cross(normal, across)]).T)
 
 
-def harmonic(points: Float, triangles: Int, fixed: int) -> Float:
-    """(P - fixed, fixed) weights of the harmonic interpolation of the first ``fixed`` points at the others.
-
-    With cotangent weights it is exact for linear functions; Delaunay triangles make the weights positive, so
-    it stays within the bounds of what it interpolates.
-    """
+def _web(points: Float, triangles: Int) -> csr_matrix:
+    """(P, P) the cotangent weights between points, none below zero."""
     count = len(points)
-    if count == fixed:
-        return np.zeros((0, fixed))
     a, b, c = (points[triangles[:, k]] for k in range(3))
     rows, columns, values = [], [], []
     for tip, left, right, i, j in ((a, b, c, 1, 2), (b, c, a, 2, 0), (c, a, b, 0, 1)):
@@ -94,6 +111,4 @@ def harmonic(points: Float, triangles: Int, fixed: int) -> Float:
     )
     web = web.tocsr()
     web.data = np.maximum(web.data, 1e-9)
-    own = np.asarray(web.sum(1)).ravel()
-    inner = diags(own[fixed:]) - web[fixed:, fixed:]
-    return np.asarray(spsolve(inner.tocsc(), web[fixed:, :fixed].toarray())).reshape(count - fixed, fixed)
+    return web

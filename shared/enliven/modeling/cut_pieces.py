@@ -10,7 +10,7 @@ from enliven.arrays import Bool, Float, Int, UInt8
 from enliven.character import SkinWeights
 from enliven.mesh import Mesh
 from enliven.modeling import skin_values as skins
-from enliven.modeling.caps import Cap
+from enliven.modeling.caps import Cap, Spread
 from enliven.modeling.parting import Parting
 
 
@@ -62,7 +62,8 @@ class _Maker:
         split, sources, edges = self._split_faces()
         base = len(self.kept)
         doubled = len(self.work.rest) < len(self.mesh.vertices)
-        cap_faces, rims, insides = [], [], []
+        cap_faces: list[Int] = []
+        insides: list[tuple[Int, Spread]] = []
         count = base + len(sources)
         rim_of = np.full(len(self.work.found.edges), -1, np.int64)
         rim_of[edges[::-1]] = base + np.arange(len(edges))[::-1]
@@ -70,20 +71,17 @@ class _Maker:
             if doubled:
                 # Flat-shaded meshes have a vertex for each side of an edge: so has the rim.
                 rim = count + np.arange(len(cap.rim))
-                rims.append(rim_of[cap.rim])
                 count += len(rim)
             else:
                 rim = rim_of[cap.rim]
-            inside = count + np.arange(len(cap.inside))
+            inside = count + np.arange(cap.inside.count)
             insides.append((rim_of[cap.rim], cap.inside))
             count += len(inside)
             faces = np.concatenate([rim, inside])[cap.faces]
             cap_faces.append(faces[:, ::-1] if self.far else faces)
-            if doubled:
-                insides[-1] = (rim_of[cap.rim], np.concatenate([np.eye(len(cap.rim)), cap.inside]))
         closing = np.concatenate([np.zeros((0, 3), np.int64), *cap_faces])
         faces = np.concatenate([self.number[self.mesh.faces[self.whole]], split, closing])
-        vertices, colours, skin = self._attributes(sources, edges, insides)
+        vertices, colours, skin = self._attributes(sources, edges, insides, doubled)
         kept = np.full(len(vertices), -1, np.int64)
         kept[:base] = self.kept
         mesh = Mesh(vertices, faces.astype(np.int32), self.mesh.name, colours)
@@ -112,7 +110,7 @@ class _Maker:
         return np.concatenate([tips, quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]]), unique, crossed[first]
 
     def _attributes(
-        self, sources: Int, edges: Int, insides: list[tuple[Int, Float]]
+        self, sources: Int, edges: Int, insides: list[tuple[Int, Spread]], doubled: bool
     ) -> tuple[Float, UInt8 | None, SkinWeights | None]:
         """Positions, colours and skin of all vertices."""
         work, mesh = self.work, self.mesh
@@ -122,8 +120,11 @@ class _Maker:
         def grown(old: Float, rim: Float | None = None) -> Float:
             """The values at the new vertices: along the edges, and inside of caps from their rims."""
             made = old[sources[:, 0]] * (1 - share) + old[sources[:, 1]] * share if rim is None else rim
-            inner = [weights @ made[around - base] for around, weights in insides]
-            return np.concatenate([made, *inner])
+            out = [made]
+            for around, spread in insides:
+                own = made[around - base]
+                out += [own, spread(own)] if doubled else [spread(own)]
+            return np.concatenate(out)
 
         between = work.between(work.rest, work.found.edges, work.share)[edges]
         vertices = np.concatenate([mesh.vertices[self.kept], grown(mesh.vertices, between)])

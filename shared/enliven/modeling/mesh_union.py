@@ -187,7 +187,8 @@ class _Fused:
         given = len(self.pair.meshes[k].vertices)
         if len(mesh.vertices) == given:
             return skins.taken(skin, kept)
-        made = self.sides[k].solid.closing @ skins.dense(skin, bones)
+        full = skins.dense(skin, bones)
+        made = np.concatenate([spread(full[around]) for around, spread in self.sides[k].solid.closing])
         old = skins.taken(skin, kept[kept < given])
         return skins.stacked([old, skins.sparse(made[kept[kept >= given] - given])])
 

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
-from scipy.sparse import csr_matrix, vstack
 
 from enliven.arrays import Bool, Int
 from enliven.mesh import Mesh, weld
-from enliven.modeling.caps import cap_of, flattened
+from enliven.modeling.caps import Spread, cap_of, flattened
 from enliven.modeling.cut_loops import chains_of
 
 _OPEN = 0.25
@@ -24,7 +23,7 @@ class Solid:
     Attributes:
         manifold: the library's own; each vertex has its number in ``mesh`` as a property.
         mesh: vertices as given, then those that close holes; faces that could not be used left out.
-        closing: (I, V) shares of the given vertices in each one that closes a hole.
+        closing: for each hole the vertices around it, and what spreads from them to those inside.
         faces: (F', ) for each face of ``mesh`` the given face, or -1 for one that closes a hole.
         id: the number under which the library's results name it.
         notes: what was mended.
@@ -32,7 +31,7 @@ class Solid:
 
     manifold: manifold3d.Manifold
     mesh: Mesh
-    closing: csr_matrix
+    closing: tuple[tuple[Int, Spread], ...]
     faces: Int
     id: int
     notes: tuple[str, ...]
@@ -83,23 +82,22 @@ def _usable(welded: Mesh) -> Bool:
     return np.asarray(whole & once)
 
 
-def _closed(mesh: Mesh, of: Int) -> tuple[Mesh, csr_matrix, int | str]:
+def _closed(mesh: Mesh, of: Int) -> tuple[Mesh, tuple[tuple[Int, Spread], ...], int | str]:
     """The mesh with its holes filled, what the new points are made of, and how many holes there were; or why
     they are not filled."""
-    given = len(mesh.vertices)
-    shares = [csr_matrix((0, given))]
+    spreads: list[tuple[Int, Spread]] = []
     faces = of[mesh.faces]
     starts, ends = faces.ravel(), np.roll(faces, -1, 1).ravel()
     count = len(of)
     key = starts * count + ends
     lonely = np.flatnonzero(~np.isin(ends * count + starts, key))
     if len(lonely) == 0:
-        return mesh, shares[0], 0
+        return mesh, (), 0
     own = mesh.faces.ravel()[lonely]
     # The border of a hole runs against the edges of the faces around it.
     chains = chains_of(np.stack([ends[lonely], starts[lonely]], 1))
     if not all(shut for _, shut in chains):
-        return mesh, shares[0], "the borders of its holes do not close"
+        return mesh, (), "the borders of its holes do not close"
     vertex_at = np.zeros(count, np.int64)
     vertex_at[starts[lonely]] = own
     vertices, closing, colours, added = [mesh.vertices], [mesh.faces], mesh.colours, 0.0
@@ -107,22 +105,22 @@ def _closed(mesh: Mesh, of: Int) -> tuple[Mesh, csr_matrix, int | str]:
     for order, _ in chains:
         rim = vertex_at[order]
         cap = cap_of([np.arange(len(rim))], flattened(mesh.vertices[rim]))
-        points = cap.inside @ mesh.vertices[rim][cap.rim]
+        points = cap.inside(mesh.vertices[rim][cap.rim])
         numbers = np.concatenate([rim[cap.rim], total + np.arange(len(points))])
         vertices.append(points)
-        columns = np.tile(rim[cap.rim], len(points))
-        rows = np.repeat(np.arange(len(points)), len(rim))
-        shares.append(csr_matrix((cap.inside.ravel(), (rows, columns)), (len(points), given)))
+        spreads.append((rim[cap.rim], cap.inside))
         closing.append(numbers[cap.faces].astype(np.int32))
         if colours is not None:
-            more = np.clip(np.rint(cap.inside @ colours[rim][cap.rim]), 0, 255).astype(np.uint8)
+            more = np.clip(np.rint(cap.inside(colours[rim][cap.rim].astype(np.float64))), 0, 255).astype(
+                np.uint8
+            )
             colours = np.concatenate([colours, more])
         total += len(points)
         added += Mesh(np.concatenate([mesh.vertices[rim][cap.rim], points]), cap.faces.astype(np.int32)).area
     if added > _OPEN * mesh.area:
-        return mesh, shares[0], "it is open: too much of its surface is missing to close it"
+        return mesh, (), "it is open: too much of its surface is missing to close it"
     whole = Mesh(np.concatenate(vertices), np.concatenate(closing), mesh.name, colours)
-    return whole, csr_matrix(vstack(shares)), len(chains)
+    return whole, tuple(spreads), len(chains)
 
 
 def _manifold(mesh: Mesh) -> tuple[manifold3d.Manifold, int]:

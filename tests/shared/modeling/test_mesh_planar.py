@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.modeling.caps import cap_of, harmonic
+from enliven.modeling.caps import Spread, cap_of
 from enliven.modeling.cut_loops import area
 from enliven.modeling.planar import refined, triangulated
 
@@ -71,7 +71,7 @@ def test_a_hole_stays_a_hole():
     outer, inner = flower([2.0] * 40), flower([1.0] * 20)[::-1]
     points = np.concatenate([outer, inner])
     cap = cap_of([np.arange(40), 40 + np.arange(20)], points)
-    made = np.concatenate([points[cap.rim], cap.inside @ points[cap.rim]])
+    made = np.concatenate([points[cap.rim], cap.inside(points[cap.rim])])
     assert areas(made, cap.faces).sum() == pytest.approx(area(outer) + area(inner))
     assert np.linalg.norm(made[cap.faces].mean(1), axis=1).min() > 0.9
 
@@ -82,8 +82,10 @@ def test_what_is_inside_a_cap_is_between_what_is_around_and_linear(radii, plane)
     points = flower(radii)
     triangles = triangulated(points, [np.arange(len(points))])
     made, cells = refined(points, triangles, np.full(len(points), 0.3))
-    inside = harmonic(made, cells, len(points))
+    spread = Spread(made, cells, len(points))
+    inside = spread(np.eye(len(points)))
+    assert len(inside) == spread.count == len(made) - len(points)
     assert inside.min(initial=0) >= -1e-9
     np.testing.assert_allclose(inside.sum(1), 1, atol=1e-6)
     height = made @ plane[:2] + plane[2]
-    np.testing.assert_allclose(inside @ height[: len(points)], height[len(points) :], atol=2e-3)
+    np.testing.assert_allclose(spread(height[: len(points)]), height[len(points) :], atol=2e-3)
