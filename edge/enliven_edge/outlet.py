@@ -26,7 +26,7 @@ from enliven.wire.convert import (
     props_to_message,
 )
 from enliven.wire.matches import board_to_message
-from enliven.wire.messages import Browse, Look, Possess, Smooth
+from enliven.wire.messages import Browse, Lock, Look, Possess, Smooth
 from enliven_edge.actor import Cues
 from enliven_edge.control import Command
 from enliven_edge.pace import Pace
@@ -39,7 +39,7 @@ _ENCODER = msgspec.msgpack.Encoder()
 
 def _unheard(*_: object) -> str:
     """Why what was asked is not done."""
-    return "there is no rigged character here"
+    return "nobody here can do that"
 
 
 class Outlet:
@@ -144,6 +144,7 @@ class Outlet:
         smooth: Callable[[int, float | None], str],
         look: Callable[[Look], str] = _unheard,
         browse: Callable[[str, int], str] = _unheard,
+        lock: Callable[[bool], str] = _unheard,
     ) -> None:
         """Answers what viewers asked, and keeps the heart beating.
 
@@ -153,6 +154,7 @@ class Outlet:
             smooth: (body, amount) likewise.
             look: from where a viewer looks, likewise.
             browse: (character, step) likewise.
+            lock: whether only who is followed now performs, likewise.
         """
         for command in self._publisher.poll():
             asked = command.request
@@ -162,6 +164,8 @@ class Outlet:
                 _reply(command, smooth(asked.body, asked.amount))
             elif isinstance(asked, Look):
                 _reply(command, look(asked))
+            elif isinstance(asked, Lock):
+                _reply(command, lock(asked.on))
             elif isinstance(asked, Browse):
                 _reply(command, browse(asked.character, asked.step))
             else:
@@ -172,7 +176,7 @@ class Outlet:
         self.report(pace, "ended", 0)
         for _ in range(_FAREWELLS):
             self._publisher.beat()
-            self.hear(*[lambda *_: "the stream has ended"] * 5)
+            self.hear(*[lambda *_: "the stream has ended"] * 6)
             time.sleep(0.05)
 
     def close(self) -> None:

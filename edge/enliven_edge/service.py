@@ -12,7 +12,7 @@ import numpy as np
 from enliven.body import Body
 from enliven.character import Pose
 from enliven.commands.processes import parent_is_gone
-from enliven.errors import EnlivenError
+from enliven.errors import EnlivenError, InputError
 from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.health import HealthState, worst_first
 from enliven.matching.views import View
@@ -69,6 +69,7 @@ class Edge:
         self._opening, self._stop_after = Opening(stage, possess_at, parts), stop_after
         self._first_ns: int | None = None
         self._stopped = False
+        self._by_depth = not isinstance(sensor, FusedSensors)
 
     def run(self) -> None:
         """Serves until the sensor's stream ends, :meth:`stop` is called, or the parent program is gone."""
@@ -140,6 +141,7 @@ class Edge:
                 bodies = tracker.track(frame)
                 self.health.judge(frame, bodies, tracker.world_from_camera, tracker.state)
             case BodyFrame():
+                self._by_depth = False
                 fused = isinstance(self.sensor, FusedSensors)
                 bodies = frame.bodies if fused else self._output(frame.bodies, frame.time_ns)
                 self.health.judge(frame, bodies)
@@ -170,7 +172,21 @@ class Edge:
             smooth=lambda body, amount: self._attempt(lambda: self._output.smooth(body, amount)),
             look=lambda asked: self._attempt(lambda: self._look(asked)),
             browse=lambda character, step: self._attempt(lambda: self.stage.browse(character, step)),
+            lock=lambda on: self._attempt(lambda: self._lock(on)),
         )
+
+    def _lock(self, on: bool) -> None:
+        """Only who is followed now performs from now on, or everybody who comes."""
+        if not self._by_depth:
+            raise InputError(
+                "only the performers of one depth sensor can be locked",
+                where="edge",
+                mend="Give the space a zone instead, zone under [tracker.scene] in the settings.",
+            )
+        if on:
+            self.tracker.lock()
+        else:
+            self.tracker.unlock()
 
     def _look(self, asked: Look) -> None:
         """From where a viewer looks."""

@@ -58,6 +58,7 @@ ASKS = [
     messages.Release("chair", 3),
     messages.Smooth(3, 0.0),
     messages.Smooth(3),
+    messages.Lock(True),
     messages.Look((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
     messages.Look((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (0.0, 1.0, 3.0)),
     messages.Browse("spider", -1),

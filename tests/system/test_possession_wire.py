@@ -128,6 +128,28 @@ def test_two_performers_take_hold_with_their_parts_from_the_keys(house: House) -
     house.until(lambda: house.holders == {})
 
 
+def test_smoothing_goes_to_the_edge_and_a_lock_that_cannot_be_is_not_shown(house: House) -> None:
+    house.app.choose_performer()
+    house.app.smoother(1)
+    house.until(lambda: house.edge.tracker.output.amount(1) == 2.0)
+    assert house.edge.tracker.output.amount(2) == 1.0
+    house.app.toggle_lock()
+    house.until(lambda: "only the performers of one depth sensor" in house.document.edge.message)
+    assert not house.app.grasp.locked
+
+
+def test_who_is_tracked_in_depth_is_locked_from_the_key_and_let_go(house: House) -> None:
+    """The sensor falls silent: only what was asked goes through, as between two depth frames."""
+    house.edge._by_depth = True
+    tracker, silent = house.edge.tracker, lambda: (house.edge._listen(), house.feed.poll(house.document))
+    for wanted, ids in ((True, frozenset()), (False, None)):
+        house.app.toggle_lock()
+        deadline = time.monotonic() + 20
+        while house.app.grasp.locked != wanted and time.monotonic() < deadline:
+            silent()
+        assert house.app.grasp.locked == wanted and tracker._crowd.lock.ids == ids
+
+
 def test_what_is_refused_is_said(house: House) -> None:
     house.app.grasp.body = 9
     house.app.possess()

@@ -29,6 +29,16 @@ def test_the_choice_goes_round_those_in_view() -> None:
     assert grasp.words == "P takes hold: the whole of performer 5"
 
 
+def test_smoothing_is_asked_for_whom_it_is_meant_and_ends_at_off() -> None:
+    grasp = Grasp()
+    assert grasp.smoother(1, [3, 7]) == {3: 2.0, 7: 2.0}
+    grasp.next_performer([3, 7])
+    assert [grasp.smoother(-1, [3, 7])[3] for _ in range(4)] == [1.0, 0.5, 0.0, 0.0]
+    assert "smoothed by 0" in grasp.words
+    grasp.locked = True
+    assert grasp.words.endswith("locked")
+
+
 def test_the_help_tells_the_keys_of_possession() -> None:
     told = " ".join(key for key, _ in KEYS)
     assert all(key in told for key in ("P / J", "E", "R", "1 ... 9", "B"))

@@ -110,6 +110,17 @@ class App:
         self.grasp.next_performer(body.id for body in self._scene.bodies)
         self.possess("preview")
 
+    def smoother(self, step: int) -> None:
+        """Ask the feed that the chosen performer, or everybody in view, be smoothed more (1) or less (-1)."""
+        present = [body.id for body in self._scene.bodies]
+        for body, amount in self.grasp.smoother(step, present).items():
+            self.feed.smooth(body, amount)
+
+    def toggle_lock(self) -> None:
+        """Ask the feed that only who is there now performs, or everybody who comes again."""
+        wanted = not self.grasp.locked
+        self.feed.lock(wanted, lambda: setattr(self.grasp, "locked", wanted))
+
     def frame_all(self) -> None:
         """Bring everything into the picture, seen from the front right."""
         if self._scene.box is not None:

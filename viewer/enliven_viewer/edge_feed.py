@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from enliven.wire.convert import messages_to_health
-from enliven.wire.messages import Look, Mode
+from enliven.wire.messages import Done, Look, Mode
 from enliven_viewer.document import Document, EdgeState
 from enliven_viewer.link import Link
 from enliven_viewer.received import ReceivedCues, ReceivedPose
@@ -60,6 +61,14 @@ class EdgeFeed:
     def release(self, character_id: str, body: int | None = None) -> None:
         """Ask that a performer, or whoever holds it, lets a character go."""
         self._link.release(character_id, body=body)
+
+    def smooth(self, body: int, amount: float | None = None) -> None:
+        """Ask that a performer be smoothed by so much: 0 not at all, None as the edge's settings say."""
+        self._link.smooth(body, amount)
+
+    def lock(self, on: bool, then: Callable[[], None]) -> None:
+        """Ask that only who is followed now performs; or, with False, everybody who comes."""
+        self._link.lock(on, lambda answer: then() if isinstance(answer, Done) else None)
 
     def look(self, look: Look) -> None:
         """Say from where the viewer looks: what a pose means is decided on the screen."""

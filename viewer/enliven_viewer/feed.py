@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from enliven.wire.messages import Look, Mode
@@ -34,6 +35,18 @@ class Feed(Protocol):
 
     def release(self, character_id: str, body: int | None = None) -> None:
         """Ask that a performer, or whoever holds it, lets a character go."""
+        ...
+
+    def smooth(self, body: int, amount: float | None = None) -> None:
+        """Ask that a performer be smoothed by so much: 0 not at all, None as the edge's settings say."""
+        ...
+
+    def lock(self, on: bool, then: Callable[[], None]) -> None:
+        """Ask that only who is followed now performs; or, with False, everybody who comes.
+
+        Args:
+            then: called from a later :meth:`poll` once it is so.
+        """
         ...
 
     def look(self, look: Look) -> None:

@@ -22,6 +22,8 @@ KEYS = (
     ("R", "release"),
     ("1 ... 9", "with all, upper body, legs, ..."),
     ("B", "of whom: anybody, 1, 2, ..."),
+    (", / .", "less smoothed, more"),
+    ("K", "only who is here now performs"),
     ("N / M", "next, previous match with the pose"),
     ("V", "see more of the bones"),
     ("F", "frame everything"),

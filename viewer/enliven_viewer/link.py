@@ -13,7 +13,18 @@ from enliven.character import Character
 from enliven.errors import InputError
 from enliven.matching.board import Board
 from enliven.props import Props
-from enliven.wire.messages import Answer, Browse, Look, Mode, Possess, Refused, Release, Smooth, StatusMessage
+from enliven.wire.messages import (
+    Answer,
+    Browse,
+    Lock,
+    Look,
+    Mode,
+    Possess,
+    Refused,
+    Release,
+    Smooth,
+    StatusMessage,
+)
 from enliven.wire.posecode import warm_up
 from enliven.wire.sockets import Endpoint, parse_endpoint
 from enliven_viewer.edge_link import EdgeLink
@@ -172,6 +183,11 @@ class Link:
         """Ask that a performer be smoothed by another amount: 0 not at all, None as the settings say."""
         for edge in self.edges:
             edge.command(Smooth(body, amount), on_reply)
+
+    def lock(self, on: bool, on_reply: Callable[[Answer], None] | None = None) -> None:
+        """Ask that only who is followed now performs; or, with False, everybody who comes."""
+        for edge in self.edges:
+            edge.command(Lock(on), on_reply)
 
     def close(self) -> None:
         """Let the sockets go."""

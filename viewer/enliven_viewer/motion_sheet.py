@@ -28,6 +28,8 @@ STICK = (120, 190, 255)
 """sRGB of the performer."""
 _SIDE = math.radians(38)
 """How far the camera stands from the front towards the left."""
+_ABOVE, _FLAT = (math.radians(12), math.radians(38)), 0.5
+"""How far the camera looks down on what is tall, and on what lies flat: below this share of its extent."""
 _TALL = 1.75
 """Metres of the largest extent of what is drawn: light and floor are made for people."""
 
@@ -128,7 +130,8 @@ def _pictures(renderer: Renderer, film: _Film) -> list[UInt8]:
         pivots=((film.character.pivots - foot) * scale).astype(np.float32),
     )
     camera, aspect = OrbitCamera(math.radians(26)), renderer.size[0] / renderer.size[1]
-    camera.face(film.azimuth, math.radians(12))
+    flat = 1.0 - min(float(box[1][1] - box[0][1]) / (_FLAT * _TALL), 1.0)
+    camera.face(film.azimuth, _ABOVE[0] + flat * (_ABOVE[1] - _ABOVE[0]))
     camera.frame(box, aspect, at_once=True, room=1.04)
     pictures = []
     for pose in film.poses:

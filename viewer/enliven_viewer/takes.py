@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import msgspec
@@ -88,6 +88,12 @@ class Take:
         """A take is what was performed and never changes."""
 
     def release(self, character_id: str, body: int | None = None) -> None:
+        """A take is what was performed and never changes."""
+
+    def smooth(self, body: int, amount: float | None = None) -> None:
+        """A take is what was performed and never changes."""
+
+    def lock(self, on: bool, then: Callable[[], None]) -> None:
         """A take is what was performed and never changes."""
 
     def look(self, look: Look) -> None:

@@ -356,6 +356,12 @@ class Smooth(Struct, tag=True, frozen=True):
     amount: Annotated[float, Meta(ge=0.0, le=20.0)] | None = None
 
 
+class Lock(Struct, tag=True, frozen=True):
+    """Only who is followed now is a performer from now on, newcomers are bystanders; or everybody again."""
+
+    on: bool
+
+
 class Look(Struct, tag=True, frozen=True):
     """From where the viewer looks, world frame: what a pose means is decided on the screen.
 
@@ -419,7 +425,7 @@ class Pong(Struct, tag=True, frozen=True):
     edge_ns: Nanoseconds
 
 
-Order = Possess | Release | Smooth | Look | Browse
+Order = Possess | Release | Smooth | Lock | Look | Browse
 """What only the edge's loop can carry out."""
 Ask = Hello | GetState | Order | Ping
 Answer = Welcome | CharacterMessage | Done | Refused | Pong

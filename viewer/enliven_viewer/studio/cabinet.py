@@ -90,10 +90,15 @@ class Cabinet:
     def keep(self, now: float | None = None) -> None:
         """Write the recovery file where it is time and something has changed."""
         now = time.monotonic() if now is None else now
+        if now - self._since >= self.editor.settings.autosave:
+            self._since = now
+            self.keep_now()
+
+    def keep_now(self) -> None:
+        """Write the recovery file where something has changed since the last."""
         project = self.editor.history.project
-        if now - self._since < self.editor.settings.autosave or project is self._kept or not self.dirty:
+        if project is self._kept or not self.dirty:
             return
-        self._since = now
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             write_project(self._own(), project)

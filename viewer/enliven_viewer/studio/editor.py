@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -19,6 +21,7 @@ from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.stance import Stance
 from enliven_viewer.studio.toasts import Toasts
 
+log = logging.getLogger(__name__)
 Edit = Callable[[Project], Project]
 _ROOM = 1.25
 
@@ -102,10 +105,8 @@ class Editor:
     def edit(self, name: str, change: Edit) -> bool:
         """Do an edit and remember it; where it cannot be done, say why and change nothing."""
         self.draft = None
-        try:
-            after = change(self.history.project)
-        except EnlivenError as error:
-            self.toasts.complain(error)
+        after = self._tried(change)
+        if after is None:
             return False
         if after is not self.history.project:
             self.history.do(name, after)
@@ -114,11 +115,26 @@ class Editor:
 
     def sketch(self, change: Edit) -> None:
         """Show what an edit would make, while something is dragged; nothing is remembered."""
+        self.draft = self._tried(change)
+
+    def _tried(self, change: Edit) -> Project | None:
+        """The project after an edit; None, and a message, where it cannot be done.
+
+        A fault of our own is told as well, not raised: an artist's window must not go down with it.
+        """
         try:
-            self.draft = change(self.history.project)
+            return change(self.history.project)
         except EnlivenError as error:
-            self.draft = None
             self.toasts.complain(error)
+        except Exception as error:
+            if os.environ.get("ENLIVEN_DEBUG"):
+                raise
+            log.exception("an edit failed")
+            what = f"a fault of enliven itself: {type(error).__name__}: {error}"
+            self.toasts.complain(
+                EnlivenError(what, mend="Nothing was changed. Save your work, and report it.")
+            )
+        return None
 
     def undo(self) -> None:
         """Go back to what was before the last edit."""

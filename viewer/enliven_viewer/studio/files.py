@@ -14,6 +14,8 @@ from enliven_viewer.studio.editor import Editor
 
 MODELS = (".glb", ".gltf")
 TAKES = (".bvh",)
+_LONGEST = 130
+"""Letters of a file's note that are shown."""
 _BESIDE = 0.3
 """Metres between a model that is opened and what is there."""
 
@@ -80,5 +82,6 @@ def _tell(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None
     """What was opened, and what was odd about it, in one message."""
     if notes:
         more = f" (and {len(notes) - 1} more)" if len(notes) > 1 else ""
-        editor.toasts.say(f"{path.name}: {notes[0]}{more}")
+        first = notes[0] if len(notes[0]) <= _LONGEST else f"{notes[0][:_LONGEST].rsplit(' ', 1)[0]} ..."
+        editor.toasts.say(f"{path.name}: {first}{more}")
     editor.toasts.say(f"Opened {path.name}", mend)

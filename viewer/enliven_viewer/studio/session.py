@@ -9,6 +9,7 @@ Places are looked up when they are needed: a joint is clicked where it then is o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -393,7 +394,7 @@ class DeskStage:
         self._in = ""
 
     def move(self, at: Point) -> None:
-        self.at = at
+        self.at = at = float(math.floor(at[0])), float(math.floor(at[1]))  # whole pixels, as a mouse has
         area = self._in or self._area()
         if area == "source":
             source_of(self.desk).move((at[0] - _AREA, at[1]))

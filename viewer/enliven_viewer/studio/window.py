@@ -112,7 +112,11 @@ class StudioWindow:
                 after(self)
 
         calls.pre_new_frame, calls.before_swap = first, last
-        hello_imgui.run(runner)
+        try:
+            hello_imgui.run(runner)
+        except BaseException:
+            self.desk.cabinet.keep_now()
+            raise
 
     def close(self) -> None:
         """Close the window after this picture."""
@@ -138,6 +142,8 @@ class StudioWindow:
         return places_in(size.x, size.y)
 
     def _start(self) -> None:
+        # Keys are the tools': Space must not press the button that was clicked last.
+        imgui.get_io().config_flags &= ~imgui.ConfigFlags_.nav_enable_keyboard
         settings = self.desk.editor.settings
         context = window_context()
         self._screen = context.detect_framebuffer()  # now, while the window's own is bound

@@ -94,12 +94,12 @@ def _unsaved(desk: Desk) -> None:
     name = desk.cabinet.name
     imgui.text_wrapped(f"{name} has changes that are not saved. They are lost unless you save them.")
     imgui.dummy(ImVec2(0, 6))
+    if _choice(desk, "Save", "Cancel"):
+        desk.go_on(discard=False)
+    imgui.same_line(0.0, 40.0)
     if imgui.button("Discard", ImVec2(110, 0)):
         desk.go_on(discard=True)
     desk.remember("dialog Discard")
-    imgui.same_line()
-    if _choice(desk, "Save", "Cancel"):
-        desk.go_on(discard=False)
     imgui.end_popup()
 
 
@@ -134,28 +134,28 @@ def _when(path: Path) -> str:
 
 
 def _help(desk: Desk) -> None:
-    if not _begin("Keys", 660, 520):
+    if not _begin("Keys", 930, 560):
         return
-    imgui.columns(2, "##keys", False)
     rows = [("Tools", [(kind.key.upper(), kind.label) for kind in TOOLS])]
     for menu in dict.fromkeys(deed.menu for deed in DEEDS):
         rows.append((menu, [(spoken(d.keys[0]), d.label) for d in DEEDS if d.menu == menu and d.keys]))
-    rows.append(
-        ("View", [("Right drag", "turn"), ("Middle drag", "move"), ("Wheel", "closer"), ("Esc", "drop")])
-    )
-    half = sum(len(lines) + 1 for _, lines in rows) / 2
+    rows.append(("Mouse", [("Right drag", "turn the view"), ("Middle drag", "move it"), ("Wheel", "closer")]))
+    rows.append(("Anywhere", [("Esc", "drop what was begun")]))
+    imgui.columns(3, "##keys", False)
+    each = -(-sum(len(lines) + 1 for _, lines in rows) // 3)
     done = 0
     for title, lines in rows:
-        if done >= half:
+        if done and done + len(lines) > each + 2:
             imgui.next_column()
-            done = -10_000
+            done = 0
         quiet(title.upper())
         for key, label in lines:
             imgui.text_unformatted(key)
-            imgui.same_line(120)
+            imgui.same_line(118)
             imgui.text_disabled(label)
         done += len(lines) + 1
     imgui.columns(1)
+    imgui.set_cursor_pos_y(560 - 42)
     if imgui.button("Close", ImVec2(110, 0)) or imgui.is_key_pressed(imgui.Key.escape):
         desk.asking = ""
     imgui.end_popup()

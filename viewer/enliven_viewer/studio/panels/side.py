@@ -20,6 +20,11 @@ from enliven_viewer.studio.tools.map import Map
 from enliven_viewer.studio.viewport import clay_of
 
 _HALF = ImVec2(126, 0)
+_MEANT = {
+    "To equal limbs": "Give the motion of the chosen limb to all limbs that are equal to it",
+    "Clear motion": "Take all motion off the chosen chain, or off the shape",
+    "Mirror": "Left to right, as you look at it",
+}
 
 
 def draw_side(desk: Desk, area: Area) -> None:
@@ -73,13 +78,15 @@ def _chosen_shape(desk: Desk, name: str) -> None:
         ("Smaller", lambda: deeds.scale(1 / 1.1)),
         ("Turn left", lambda: deeds.turn(15.0)),
         ("Turn right", lambda: deeds.turn(-15.0)),
-        ("Same on equal limbs", deeds.spread),
+        ("To equal limbs", deeds.spread),
         ("Clear motion", deeds.clear_motion),
     ):
         if imgui.button(label, _HALF):
             deed()
         desk.remember(f"do {label}")
-        if label in ("Duplicate", "Larger", "Turn left", "Same on equal limbs"):
+        if label in _MEANT and imgui.is_item_hovered():
+            imgui.set_tooltip(_MEANT[label])
+        if label in ("Duplicate", "Larger", "Turn left", "To equal limbs"):
             imgui.same_line()
 
 

@@ -100,7 +100,7 @@ def _offers(desk: Desk, tool: Map, viewport: Area) -> None:
     """Thumbnails along the top of the viewport, the best first; the pointer lights one, a click takes it."""
     wide = len(tool.offered) * (_THUMB.x + 8) + 24
     imgui.set_next_window_pos(ImVec2(viewport.x + 14, viewport.y + 56))
-    imgui.set_next_window_size(ImVec2(wide, _THUMB.y + 52))
+    imgui.set_next_window_size(ImVec2(wide, _THUMB.y + 46))
     imgui.begin("matches", None, FIXED | imgui.WindowFlags_.no_scrollbar)
     quiet("Matches, the best first. Click one to accept it.")
     tool.lit = tool.offered[0]

@@ -57,12 +57,12 @@ def _transport(desk: Desk) -> None:
     imgui.align_text_to_frame_padding()
     imgui.text(f"{clock(editor.time)}  /  {clock(editor.length)}")
     imgui.same_line(0.0, 18.0)
-    imgui.set_next_item_width(120)
-    changed, speed = imgui.slider_float("##speed", editor.speed, 0.1, 2.0, "%.2f x")
+    imgui.set_next_item_width(76)
+    changed, speed = imgui.drag_float("##speed", editor.speed, 0.01, 0.1, 4.0, "%.2f x")
     if changed:
         editor.speed = speed
     if imgui.is_item_hovered():
-        imgui.set_tooltip("How fast it plays here; nothing is changed by it")
+        imgui.set_tooltip("Drag: how fast it plays here; nothing is changed by it")
 
 
 def _listen(desk: Desk, origin: ImVec2, size: ImVec2) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from enliven.errors import EnlivenError, InputError
-from enliven.mapping.automatic import apply_plan, automatic
+from enliven.mapping.applying import apply_plan
+from enliven.mapping.automatic import automatic
 from enliven.motion.polyline import goes_down
 from enliven.motion.retarget import bind_chain
 from enliven.project import Project
