@@ -85,6 +85,9 @@ class GraphPart:
         axes: (4,) how the rest pose was turned since the recording: linear becomes linear axes^-1.
         turn: (4,) and
         place: (3,) metres, how the whole motion was moved in the world: x becomes turn x + place.
+        size: how many times as large it is as recorded: x becomes size x, before it is moved.
+        mirrored: whether it was reflected in the plane x = 0 before that: x becomes S x, linear S linear S,
+            S = diag(-1, 1, 1); so is the rest pose.
         ride: what carries it, or None for the world.
         offset: seconds of the project's time at which the stream begins.
         speed: 1 as recorded; below 0 backwards from the end.
@@ -96,6 +99,8 @@ class GraphPart:
     axes: Float = field(default_factory=lambda: IDENTITY)
     turn: Float = field(default_factory=lambda: IDENTITY)
     place: Float = field(default_factory=lambda: np.zeros(3))
+    size: float = 1.0
+    mirrored: bool = False
     ride: Ride | None = None
     offset: float = 0.0
     speed: float = 1.0
@@ -106,10 +111,9 @@ class GraphPart:
         nodes.setflags(write=False)
         object.__setattr__(self, "nodes", nodes)
         _freeze(self, "axes", "turn", "place")
-        if self.speed == 0.0 or not np.isfinite([self.speed, self.offset]).all():
-            raise InputError(
-                f"offset {self.offset}, speed {self.speed} cannot be played", where=f"part {self.stream!r}"
-            )
+        if self.speed == 0.0 or not np.isfinite([self.speed, self.offset]).all() or not self.size > 0.0:
+            what = f"offset {self.offset}, speed {self.speed}, size {self.size} cannot be played"
+            raise InputError(what, where=f"part {self.stream!r}")
 
 
 @dataclass(frozen=True, eq=False)

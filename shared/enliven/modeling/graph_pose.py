@@ -11,6 +11,9 @@ from enliven.graph_shape import GraphPart, GraphShape, PoseStream
 from enliven.project import Project
 from enliven.rotation import conjugate, from_matrix, multiply, rotate, to_matrix
 
+_MIRRORED = np.array([-1.0, 1.0, 1.0])
+"""The diagonal of the reflection in the plane x = 0."""
+
 
 def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float, Float]:
     """(N, 3, 3) the linear maps and (N, 3) the positions in metres of the nodes of a shape.
@@ -26,6 +29,9 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
     linear, positions = np.empty((len(shape.positions), 3, 3)), np.empty((len(shape.positions), 3))
     for part, start in zip(shape.parts, shape.starts, strict=False):
         maps, places = _played(project.streams[part.stream], part, time)
+        if part.mirrored:
+            maps, places = maps * _MIRRORED * _MIRRORED[:, None], places * _MIRRORED
+        places = part.size * places
         turn, move = part.turn, part.place
         if part.ride is not None:
             now = from_matrix(linear[part.ride.node])

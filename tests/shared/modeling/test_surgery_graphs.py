@@ -9,11 +9,19 @@ from enliven.character import Pose
 from enliven.deformation.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_vertices
 from enliven.errors import InputError
+from enliven.formats.project_file import read_project, write_project
 from enliven.graph_shape import GraphPart, PoseStream, character_of_graph, graph_shape_of
 from enliven.mesh import Mesh
 from enliven.modeling.cut_surfaces import PlaneCut
 from enliven.modeling.graph_pose import graph_pose, graph_vertices, pose_of_graph
-from enliven.modeling.graph_surgery import copy_graph, cut_graph, merge_graphs, move_graph
+from enliven.modeling.graph_surgery import (
+    copy_graph,
+    cut_graph,
+    merge_graphs,
+    mirror_graph,
+    move_graph,
+    scale_graph,
+)
 from enliven.modeling.history import History
 from enliven.project import Project, same
 from enliven.rotation import from_rotation_vector, to_matrix
@@ -200,6 +208,38 @@ def test_a_cut_off_half_is_put_on_elsewhere_and_cut_off_again(walking):
                 np.testing.assert_allclose(place, places[k], atol=1e-12)
 
 
+@laws
+@given(TIMES, st.integers(0, 2**32 - 1))
+def test_a_scaled_and_mirrored_mesh_moves_so(walking, time, seed):
+    project, _, _ = walking
+    random = np.random.default_rng(seed)
+    turn = from_rotation_vector(random.normal(size=3))
+    project = move_graph(project, "block", random.normal(size=3), turn)
+    centre = project.graph("block").positions[0]
+    before = vertices_at(project, "block", time)
+    factor, normal = float(random.uniform(0.2, 4)), random.normal(size=3)
+    larger = scale_graph(project, "block", factor)
+    np.testing.assert_allclose(
+        vertices_at(larger, "block", time), centre + factor * (before - centre), atol=1e-6
+    )
+    other = mirror_graph(larger, "block", normal)
+    unit = normal / np.linalg.norm(normal)
+    seen = centre + factor * (before - centre)
+    expected = seen - 2 * ((seen - centre) @ unit)[:, None] * unit
+    np.testing.assert_allclose(vertices_at(other, "block", time), expected, atol=1e-6)
+    assert volume(other.graph("block").mesh) == pytest.approx(factor**3 * volume(project.graph("block").mesh))
+    back = mirror_graph(other, "block", normal)
+    np.testing.assert_allclose(vertices_at(back, "block", time), seen, atol=1e-6)
+
+
+def test_possessed_meshes_are_saved(walking, tmp_path):
+    project, _, _ = walking
+    edited, (near, far) = cut_graph(project, "block", PlaneCut([0.2, 0, 0], [1.0, 0, 0]), 0.0)
+    edited = merge_graphs(mirror_graph(edited, far, [0, 1.0, 0]), near, far, 1.0, loose=True)
+    write_project(tmp_path / "block.enliven", edited)
+    assert same(read_project(tmp_path / "block.enliven"), edited)
+
+
 def test_undo_knows_possessed_meshes_too(walking):
     project, _, _ = walking
     history = History(project)
@@ -214,10 +254,16 @@ def test_what_cannot_be_done_is_said(walking):
     project, character, poses = walking
     shape = project.graph("block")
     unplayed = shape.with_changes(parts=(GraphPart("nothing", shape.parts[0].nodes),))
+    two, copy = copy_graph(project, "block")
+    ridden = merge_graphs(move_graph(two, copy, [5.0, 0, 0]), "block", copy, 0.0)
     refused = [
         (lambda: cut_graph(project, "block", PlaneCut([9, 0, 0], [1.0, 0, 0]), 0.0), "no part of the mesh"),
         (lambda: cut_graph(project, "chair", PlaneCut([0, 0, 0], [1.0, 0, 0]), 0.0), "no graph shape"),
         (lambda: merge_graphs(project, "block", "block", 0.0), "itself"),
+        (lambda: scale_graph(project, "block", 0.0), "times as large"),
+        (lambda: mirror_graph(project, "block", [0, 0, 0]), "direction"),
+        (lambda: scale_graph(ridden, "block", 2.0), "rides"),
+        (lambda: mirror_graph(ridden, "block", [0, 1.0, 0]), "rides"),
         (lambda: move_graph(project, "block", [np.nan, 0, 0]), "moved"),
         (lambda: graph_pose(project, project.graph("block"), np.inf), "time"),
         (lambda: graph_shape_of(character, poses[:1], "one"), "cannot be played"),
