@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -42,6 +42,7 @@ class Binding:
         joints: (20, 3) metres, where the performer's joints were last.
         turns: (20, 4) what they were turned by then, or None.
         seen_ns: when that was, the sensor's clock.
+        trust: (20,) how far each joint is followed, 0..1.
     """
 
     body: int
@@ -53,20 +54,32 @@ class Binding:
     joints: Float
     turns: Float | None = None
     seen_ns: int = 0
+    trust: Float = field(default_factory=lambda: np.ones(len(PARENTS)))
 
-    def see(self, body: Body) -> None:
-        """Turns bones as far as the body's are turned since the binding began; what is not seen stays."""
+    def see(self, body: Body, time_ns: int, ease: float) -> None:
+        """Turns bones as far as the body's are turned since the binding began.
+
+        A joint that is not seen is a guess and must not pull: its bone keeps its direction. When it is seen
+        again, the bone eases to where it is.
+
+        Args:
+            ease: seconds that this takes.
+        """
+        seconds = max(time_ns - self.seen_ns, 0) * 1e-9
+        gain = seconds / ease if ease > 0.0 else 1.0
+        self.trust = np.where(body.confidence > 0, np.minimum(self.trust + gain, 1.0), 0.0)
         before = self.joints.copy()
         for joint, parent in enumerate(PARENTS):
-            if body.confidence[joint] > 0:
-                self.joints[joint] = body.joints[joint]
-            elif parent >= 0:
-                # A guess must not pull: the bone keeps its direction and goes with its parent.
-                self.joints[joint] = self.joints[parent] + before[joint] - before[parent]
+            if parent < 0:
+                self.joints[joint] += self.trust[joint] * (body.joints[joint] - before[joint])
+                continue
+            kept, seen = before[joint] - before[parent], body.joints[joint] - body.joints[parent]
+            self.joints[joint] = self.joints[parent] + kept + self.trust[joint] * (seen - kept)
         known: Float | None = None
         if self.still.orientations is not None and body.orientations is not None:
             known = multiply(body.orientations, conjugate(self.still.orientations))[None]
         self.turns = turns_of(self.take.skeleton, self.joints[None], known)[0]
+        self.seen_ns = time_ns
 
 
 class Puppet:
@@ -79,7 +92,8 @@ class Puppet:
 
     def __init__(self, shape: Shape, fade: float) -> None:
         self.shape, self.bindings = shape, list[Binding]()
-        self._fading, self._count, self._time_ns = Fading(fade), 0, 0
+        self._fading, self._fade = Fading(fade), fade
+        self._count, self._time_ns = 0, 0
         self._rebuild()
         self.joints: Float = self._player.at(0.0).joints
 
@@ -127,8 +141,7 @@ class Puppet:
         for binding in self.bindings:
             body = present.get(binding.body)
             if body is not None:
-                binding.see(body)
-                binding.seen_ns = time_ns
+                binding.see(body, time_ns, self._fade)
             if binding.turns is not None:
                 self._player.feed(binding.take.id, binding.turns, binding.joints[0])
         self._time_ns = time_ns

@@ -259,6 +259,27 @@ def test_a_joint_that_is_not_seen_pulls_nothing() -> None:
     assert np.linalg.norm(show.limb("left") - rest * [-1, 1, 1]) > 0.3
 
 
+def test_a_joint_that_is_seen_again_eases_back() -> None:
+    show = Show()
+    show.actor.puppet._fade = 0.5
+    show.play(person())
+    show.stage.possess("star", parts="arms")
+    unsure = np.ones(20)
+    unsure[[Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT, Joint.HAND_RIGHT]] = 0.0
+    body = moved(60, (0, 0, 1))
+    before = show.limb("right")
+    show.play(replace(body, confidence=unsure), frames=10)
+    for _ in range(20):
+        show.play(body)
+        assert np.linalg.norm(show.limb("right") - before) < 0.2, "of a way of 0.8"
+        before = show.limb("right")
+    fresh = Show()
+    fresh.play(person())
+    fresh.stage.possess("star", parts="arms")
+    fresh.play(body)
+    np.testing.assert_allclose(before, fresh.limb("right"), atol=1e-6)
+
+
 def test_the_limbs_of_a_body() -> None:
     body = person()
     arms = body_source(body, "arms")
