@@ -16,7 +16,7 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
 from enliven.mapping.plan import ChainPlan, Plan, Rest
-from enliven.mapping.resting import about_itself, at_moment, heading_of, posed, rebased
+from enliven.mapping.resting import about_itself, at_moment, first_heading, posed, rebased
 from enliven.motion.clip import Clip
 from enliven.motion.layers import Layer
 from enliven.motion.polyline import arc_of
@@ -32,7 +32,7 @@ _MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
 def source_anatomy(clip: Clip) -> Anatomy:
-    """The parts of the performer, looking where they look in the first frame.
+    """The parts of the performer, looking where they head at first.
 
     At rest, or in the pose that the take moves about, whichever says more.
     """
@@ -40,7 +40,7 @@ def source_anatomy(clip: Clip) -> Anatomy:
     amid = anatomy_of(posed(clip.skeleton, about_itself(clip)))
     if len(amid.pairs) > len(at_rest.pairs):
         return amid
-    heading = heading_of(clip.turns[0, 0])
+    heading = first_heading(clip)
     return replace(at_rest, facing=at_rest.facing + 2.0 * float(np.arctan2(heading[2], heading[0])))
 
 
@@ -103,8 +103,11 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
             _pose_like(since, clip, line, target, turns)
     based = replace(rebased(clip, since), id=unused(clip.id, project.takes))
     project = project.with_takes(based).with_shapes(shape)
-    project = _bound_root(project, shape.id, based, plan, turns.plain)
+    if plan.travel:
+        project = _travelling(project, shape.id, based, turns)
     for line in lines:
+        if not plan.turn and line.theirs == (0,):
+            continue
         project = _bound(project, shape, based, line, _basis(lines, line, based.skeleton, target, turns))
     return project, based
 
@@ -144,7 +147,7 @@ def _pose_like(since: Float, clip: Clip, line: _Line, target: Skeleton, turns: _
     The take's own zero pose, turned to its heading, is bent by the least there is to point the same way, so
     twist about a bone stays as the performer has it.
     """
-    heading = heading_of(clip.turns[0, 0])
+    heading = first_heading(clip)
     if len(line.mine) == 1:
         since[line.mine[0]] = heading
         return
@@ -219,17 +222,11 @@ def _level(angle: float) -> Float:
     return from_rotation_vector(np.array([0.0, angle, 0.0]))
 
 
-def _bound_root(project: Project, shape_id: str, clip: Clip, plan: Plan, turn: Float) -> Project:
-    """The turn and the way of the whole, as far as they are wanted."""
-    driven = {chain.target[-1] for chain in plan.chains if len(set(chain.target)) == 1}
-    if not (plan.turn or plan.travel) or project.shape(shape_id).skeleton.names[0] in driven:
-        return project
-    name = unused(f"{clip.id}: whole", project.layers)
-    if plan.turn:
-        project = bind_chain(project, shape_id, (0,), clip.id, (0,), basis=turn, layer_id=name)
-    else:
-        project = project.with_layers(Layer(name, clip.id, (0,), turn))
-    return set_travel(project, shape_id, name) if plan.travel else project
+def _travelling(project: Project, shape_id: str, take: Clip, turns: _Turns) -> Project:
+    """The project with the shape's root going where the take's goes."""
+    name = unused(f"{take.id}: way", project.layers)
+    project = project.with_layers(Layer(name, take.id, (0,), turns.plain))
+    return set_travel(project, shape_id, name)
 
 
 def _way(skeleton: Skeleton, names: tuple[str, ...], what: str) -> tuple[int, ...]:

@@ -56,7 +56,7 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     """
     source, target = source_anatomy(clip), anatomy_of(shape.skeleton)
     mode = _mode(clip.skeleton, source, shape.skeleton, target)
-    chains = []
+    chains = _whole(clip.skeleton, source, shape.skeleton, mode)
     for drive in assigned(source, target):
         for piece in _pieces(drive, clip.skeleton, shape.skeleton):
             chains.append(
@@ -69,6 +69,20 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
                 )
             )
     return Plan(chains=tuple(chains))
+
+
+def _whole(source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode) -> list[ChainPlan]:
+    """What turns the whole: the performer's pelvis.
+
+    A walker's pelvis and chest turn to and fro against one another; between them is where the body goes. What
+    is of another build, with its trunk level, would swing it about with the pelvis alone: it takes half of
+    the turn from pelvis to chest as well.
+    """
+    root, hips = (target.names[0],), (source.names[0],)
+    chains = [ChainPlan(hips, root, "whole", mode)]
+    if mode == "move" and len(theirs.trunk) > 1:
+        chains.append(ChainPlan(_named(source, theirs.trunk), root, "whole, towards the chest", weight=0.5))
+    return chains
 
 
 def _mode(source: Skeleton, theirs: Anatomy, target: Skeleton, ours: Anatomy) -> Mode:

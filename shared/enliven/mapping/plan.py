@@ -48,7 +48,7 @@ class Plan:
         'The pose of the take that movement is counted from: "mean", "first", "zero" (the file\'s own), '
         'seconds into it, or "auto", which is the mean.',
     )
-    turn: bool = setting(True, "Turn the whole model as the performer turns.")
+    turn: bool = setting(True, "Turn the whole model as the performer turns: chains onto its root alone.")
     travel: bool = setting(False, "Move the whole model as the performer moves.")
     take_facing: float | None = setting(
         None, "Where the performer looks at first, from +Z to the left; found where not given.", unit="deg"

@@ -1,6 +1,6 @@
 """Rest poses of a take: the one it is said against. Any pose will do, since turns are relative to it.
 
-about_itself(clip)         # (N, 4) the mean pose of the take, its heading that of the first frame
+about_itself(clip)         # (N, 4) the mean pose of the take, its heading the first
 rebased(clip, since)       # the take against another rest pose
 """
 
@@ -14,6 +14,9 @@ from enliven.arrays import Float
 from enliven.motion.clip import Clip
 from enliven.rotation import conjugate, multiply, normalized, rotate
 from enliven.skeleton import Skeleton
+
+_STRIDE = 1.0
+"""Seconds."""
 
 
 def heading_of(turns: Float) -> Float:
@@ -30,15 +33,21 @@ def mean_turn(turns: Float) -> Float:
     return np.asarray(mean if mean[0] >= 0 else -mean)
 
 
+def first_heading(clip: Clip) -> Float:
+    """(4,) about +Y: where the performer heads at first, the mean of a second, which is a stride."""
+    frames = max(round(_STRIDE / clip.step), 1)
+    return heading_of(mean_turn(heading_of(clip.turns[: frames + 1, 0])))
+
+
 def about_itself(clip: Clip) -> Float:
     """(N, 4) world turns of the pose that a take moves about: of each bone the mean turn in the one before.
 
-    The heading is that of the first frame: whoever turns round in a take has no mean of it.
+    The heading is the first one: whoever turns round in a take has no mean of it.
     """
     parents = clip.skeleton.parents
     heading = heading_of(clip.turns[:, 0])
     since = np.empty((len(parents), 4))
-    since[0] = multiply(heading[0], mean_turn(multiply(conjugate(heading), clip.turns[:, 0])))
+    since[0] = multiply(first_heading(clip), mean_turn(multiply(conjugate(heading), clip.turns[:, 0])))
     for j in range(1, len(parents)):
         local = multiply(conjugate(clip.turns[:, parents[j]]), clip.turns[:, j])
         since[j] = multiply(since[parents[j]], mean_turn(local))

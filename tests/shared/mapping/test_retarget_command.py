@@ -51,6 +51,7 @@ def test_the_written_mapping_makes_the_same(files):
     assert one.read_bytes() == two.read_bytes()
     text = (files / "map.toml").read_text()
     assert 'source = "Left hip .. Left knee"' in text
+    text = text.replace("weight = 0.5\n", "")
     (files / "map.toml").write_text(text.replace('mode = "move"', 'mode = "move"\nweight = 0.0'))
     assert retarget(files, "-o", other, "--map", files / "map.toml", "--no-turn") == 0
     assert "animations" not in checked_glb(other.read_bytes())
