@@ -28,6 +28,9 @@ def run(
     ),
     seconds: float | None = typer.Option(None, help="Stop after this many seconds of the recording."),
     physics: str | None = typer.Option(None, help="Loose things to knock about: boxes or dodgeball."),
+    drive: str | None = typer.Option(
+        None, help="What moves it: graph, or skeleton (of a rigged glTF)."
+    ),
     settings: Path | None = typer.Option(None, help="A TOML file of settings for the edge."),
     record: Path | None = typer.Option(None, help="Keep the take (character, bodies, poses) in this file."),
 ) -> None:
@@ -42,6 +45,7 @@ def run(
       enliven run --sensor synthetic --window
       enliven run --physics boxes
       enliven run --mesh horse.obj --settings edge.toml
+      enliven run --mesh spider.glb --drive skeleton --parts arms
     """
     _need_both_programs()
     for what, path in (("recording", recording), ("file of settings", settings)):
@@ -59,6 +63,7 @@ def run(
     edge = _edge_arguments(recording, sensor, mesh, possess_at, parts, seconds, ports, as_film)
     edge += ["--record", str(record)] if record else []
     edge += ["--physics", physics] if physics else []
+    edge += ["--drive", drive] if drive else []
     edge += ["--settings", str(settings)] if settings else []
     view = _view_arguments(out, ports, as_film)
     # The edge compiles and prepares the mesh before it listens, a minute the very first time.

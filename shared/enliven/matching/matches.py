@@ -28,11 +28,6 @@ class Match:
         """What is driven, whatever the order in the ranking: the joints of each source branch's chain."""
         return tuple(() if branch is None else branch.chain for branch in self.pairs)
 
-    @property
-    def joints(self) -> tuple[int, ...]:
-        """All joints of the chains, ascending: what a viewer lights up."""
-        return tuple(sorted({joint for chain in self.key for joint in chain}))
-
 
 @dataclass(frozen=True, eq=False)
 class Ranking:

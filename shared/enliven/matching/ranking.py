@@ -14,7 +14,6 @@ from enliven.arrays import Float, Int
 from enliven.matching.abstraction import Abstraction, SubTree, abstract_skeleton
 from enliven.matching.kernels import rank_rows, seen_branches
 from enliven.matching.matches import Match, Ranking
-from enliven.matching.source import Source
 from enliven.matching.views import View
 from enliven.settings import setting
 from enliven.skeleton import Skeleton
@@ -114,12 +113,6 @@ class Matcher:
         order = _best(scores, settings.most, settings.tie)
         trees = self.abstraction.candidates
         return Ranking(trees, which[order], columns[order], scores[order], plan.total)
-
-    def rank_pose(
-        self, source: Source, joints: Float, view: View, source_view: View | None = None
-    ) -> Ranking:
-        """Every match of a source in a pose of (N, 3) joints."""
-        return self.rank(source.points(joints), view, source_view)
 
     def _seen(self, points: Float, first: Int, view: View) -> Float:
         """(B, 2) branches on the screen, comparable."""
