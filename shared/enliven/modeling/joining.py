@@ -52,6 +52,7 @@ def joined(
         first.skin,
         replace(second.mesh, vertices=second.seen),
         second.skin,
+        tidy=True,
     )
     if whole.failed and not loose:
         mend = "Repair the mesh, or merge loosely: both shells in one mesh."

@@ -11,17 +11,17 @@ from enliven.character import SkinWeights
 from enliven.errors import InputError
 from enliven.mesh import Mesh
 from enliven.modeling.axes import Axes, layers_in
-from enliven.modeling.bones import Bone, bone_number, bones_of, inside, rebuilt
+from enliven.modeling.bones import bone_number, bones_of, inside, rebuilt
+from enliven.modeling.graft import grafted, root_has_skin
 from enliven.modeling.joining import Surface, joined
 from enliven.modeling.meshes import bone_maps, moved_mesh, no_maps, posed_vertices
-from enliven.modeling.nodes import insert_node, without_before
+from enliven.modeling.nodes import insert_node
 from enliven.modeling.posed import as_far, posed
 from enliven.modeling.seam import SeamSettings, healed
-from enliven.modeling.skins import follows, renumbered
-from enliven.modeling.spans import before, joined_spans, moves
+from enliven.modeling.skins import renumbered
 from enliven.motion.contacts import Pin
 from enliven.motion.retarget import without_idle_layers
-from enliven.project import Project, unused
+from enliven.project import Project
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized
 from enliven.shape import Shape
 
@@ -94,7 +94,7 @@ def merge(
     world = ours[j]
     axes = Axes(_exact(multiply(conjugate(world), theirs[_first_bone(graft, time)])))
     edited, layers = layers_in(project, graft, axes)
-    bones, names = _grafted(host, j, graft, world, axes, layers)
+    bones, names = grafted(host, j, graft, world, axes, layers)
     pins = (*host.pins, *_pins(graft, names))
     merged = rebuilt(host, [*bones_of(host), *bones], mesh=None, skin=None, pins=pins)
     merged = as_far(edited, host, merged)
@@ -164,59 +164,4 @@ def _exact(turn: Float) -> Float:
 def _first_bone(graft: Shape, time: float | None) -> int:
     """The bone that the mesh at the root is rigid with; in the rest pose the root, which turns the whole."""
     only = graft.skeleton.children[0]
-    return only[0] if time is not None and len(only) == 1 and not _root_has_skin(graft) else 0
-
-
-def _root_has_skin(shape: Shape) -> bool:
-    return shape.skin is not None and bool(follows(shape.skin, 0).any())
-
-
-def _grafted(
-    host: Shape, j: int, graft: Shape, world: Float, axes: Axes, layers: dict[str, str]
-) -> tuple[list[Bone], dict[str, str]]:
-    """The graft's bones in the host's rest axes on its joint j, and the new names of all the graft's joints.
-
-    The root is called like the node, or has a name of its own where it stays as a bone without length.
-    """
-    bones = bones_of(graft)
-    names = _names(host, [bone.name for bone in bones])
-    root = bones[0]
-    # W^-1 m_0 R^-1: the bone before turns by W at the time of the merge, and R belongs to the new axes.
-    first = multiply(multiply(conjugate(world), root.modeling), conjugate(axes.turn))
-    turn = root._replace(modeling=first, spans=axes.spans(root.spans, layers))
-    node = host.skeleton.names[j]
-    if moves(root.spans) and _root_has_skin(graft):
-        names[root.name] = unused(root.name, dict.fromkeys([*host.skeleton.names, *names.values()]))
-    else:
-        names[root.name] = node
-    made = []
-    for bone in bones[1:]:
-        rest = host.skeleton.positions[j] + axes.vectors(bone.rest - root.rest)
-        spans = axes.spans(bone.spans, layers)
-        modeling = normalized(axes.rotations(bone.modeling))
-        new = Bone(names[bone.name], names[bone.parent], rest, modeling, spans)
-        made.append(_after(turn, new) if bone.parent == root.name and names[root.name] == node else new)
-    if names[root.name] != node:
-        at_node = host.skeleton.positions[j]
-        made.insert(0, Bone(names[root.name], node, at_node, normalized(first), turn.spans))
-    return made, names
-
-
-def _after(root: Bone, bone: Bone) -> Bone:
-    """A bone that leaves a root, with the root's turn before its own: D_b = m_0 a_0 m_b a_b in one bone."""
-    if not moves(root.spans):
-        fixed = multiply(root.modeling, before(root.spans))
-        return bone._replace(modeling=normalized(multiply(fixed, bone.modeling)))
-    spans = joined_spans(root.spans, bone.spans, 0.0, bone.modeling)
-    modeling, spans = without_before(root.modeling, spans)
-    return bone._replace(modeling=normalized(modeling), spans=spans)
-
-
-def _names(host: Shape, names: list[str]) -> dict[str, str]:
-    """A name that the host does not have for each joint of the graft but the root, which is the node."""
-    taken: dict[str, object] = dict.fromkeys(host.skeleton.names)
-    made = {}
-    for name in names[1:]:
-        made[name] = unused(name, taken)
-        taken[made[name]] = None
-    return made
+    return only[0] if time is not None and len(only) == 1 and not root_has_skin(graft) else 0

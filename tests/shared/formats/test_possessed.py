@@ -8,8 +8,9 @@ from enliven.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
 from enliven.formats.possessed import read_possessed
 from enliven.modeling.cut_surfaces import PlaneCut
+from enliven.modeling.graph_copying import paste_graph
 from enliven.modeling.graph_pose import graph_pose
-from enliven.modeling.graph_surgery import cut_graph, paste_graph
+from enliven.modeling.graph_surgery import cut_graph
 from enliven.recording import Recorder
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.wire.convert import character_to_message, pose_to_message

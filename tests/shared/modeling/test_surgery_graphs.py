@@ -13,15 +13,9 @@ from enliven.formats.project_file import read_project, write_project
 from enliven.graph_shape import GraphPart, PoseStream, character_of_graph, graph_shape_of
 from enliven.mesh import Mesh
 from enliven.modeling.cut_surfaces import PlaneCut
+from enliven.modeling.graph_copying import copy_graph, mirror_graph, move_graph, scale_graph
 from enliven.modeling.graph_pose import graph_pose, graph_vertices, pose_of_graph
-from enliven.modeling.graph_surgery import (
-    copy_graph,
-    cut_graph,
-    merge_graphs,
-    mirror_graph,
-    move_graph,
-    scale_graph,
-)
+from enliven.modeling.graph_surgery import cut_graph, merge_graphs
 from enliven.modeling.history import History
 from enliven.project import Project, same
 from enliven.rotation import from_rotation_vector, to_matrix
