@@ -28,12 +28,17 @@ class SlowGltf:
             blob = data[28 + length :]
         else:
             self.json, blob = json.loads(data), b""
-        self.buffers = []
+        self.buffers, self.known = [], {}
         for buffer in self.json.get("buffers", []):
             uri = buffer.get("uri")
             self.buffers.append(blob if uri is None else base64.b64decode(uri.split(",", 1)[1]))
 
     def accessor(self, index: int) -> np.ndarray:
+        if index not in self.known:
+            self.known[index] = self._accessor(index)
+        return self.known[index]
+
+    def _accessor(self, index: int) -> np.ndarray:
         a = self.json["accessors"][index]
         kind, width = KINDS[a["componentType"]], WIDTHS[a["type"]]
         rows = [[0.0] * width for _ in range(a["count"])]
