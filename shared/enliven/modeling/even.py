@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from enliven.arrays import Float, Int32
+from enliven.arrays import Bool, Float, Int, Int32
 
 _PASS, _BACK = 0.5, -0.53
 """Taubin's two factors ("A signal processing approach to fair surface design", 1995): no shrinking."""
@@ -16,6 +16,16 @@ def flipped(vertices: Float, faces: Int32) -> Int32:
     out = faces.astype(np.int64)
     _flip_all(np.ascontiguousarray(vertices), out, _beside(out, len(vertices)))
     return out.astype(np.int32)
+
+
+def flip_within(vertices: Float, faces: Int, seam: Bool) -> Int:
+    """(F, 3) faces of a patch flipped to Delaunay, edges between two vertices of a seam (V,) left alone."""
+    out = faces.copy()
+    beside = _beside(out, len(vertices))
+    ends = out[:, [[1, 2], [2, 0], [0, 1]]]
+    beside[seam[ends].all(2)] = -1
+    _flip_all(np.ascontiguousarray(vertices), out, beside)
+    return out
 
 
 def _beside(faces, count):  # type: ignore[no-untyped-def]

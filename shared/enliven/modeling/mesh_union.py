@@ -11,7 +11,7 @@ be made the two become one mesh of separate shells, nothing is lost, and ``Union
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import manifold3d
 import numpy as np
@@ -21,7 +21,9 @@ from enliven.character import SkinWeights
 from enliven.mesh import Mesh, weld
 from enliven.mesh_kernels import first_of_position
 from enliven.modeling import skin_values as skins
+from enliven.modeling.seam import creased
 from enliven.modeling.solids import Solid, solid_of
+from enliven.modeling.tidy import tidied
 
 _BLANK = 204
 """sRGB of the vertices of a mesh without colours that is united with one that has some."""
@@ -53,9 +55,20 @@ class Union:
 
 
 def united(
-    first: Mesh, first_skin: SkinWeights, second: Mesh, second_skin: SkinWeights, offset: int = 0
+    first: Mesh,
+    first_skin: SkinWeights,
+    second: Mesh,
+    second_skin: SkinWeights,
+    offset: int = 0,
+    tidy: bool = False,
 ) -> Union:
-    """The union of two meshes; see the module for what it keeps."""
+    """The union of two meshes; see the module for what it keeps.
+
+    Args:
+        offset: added to the bone numbers of the second skin.
+        tidy: contract the short edges that a union leaves along a creased seam, so that it can be healed. The
+            seam is then where both surfaces were but for less than an edge; only new vertices move.
+    """
     moved = SkinWeights((second_skin.indices + np.uint16(offset)).astype(np.uint16), second_skin.weights)
     pair = _Pair((first, second), (first_skin, moved))
     solids = [solid_of(mesh) for mesh in pair.meshes]
@@ -67,7 +80,8 @@ def united(
     if both.status() != manifold3d.Error.NoError:
         return pair.side_by_side(f"the union failed ({both.status()}): joined as separate shells", True)
     notes = tuple(f"{s.mesh.name!r}: {note}" for s in (one, other) for note in s.notes)
-    return pair.traced((one, other), both.to_mesh64(), notes)
+    union = pair.traced((one, other), both.to_mesh64(), notes)
+    return _tidy(union) if tidy and union.fused else union
 
 
 @dataclass
@@ -266,6 +280,25 @@ def _without_membranes(faces: Int) -> Int:
     same = same.reshape(-1)
     both = (count == 2) & (np.bincount(same, ahead, len(count)) == 1)
     return np.asarray(faces[~both[same]])
+
+
+def _tidy(union: Union) -> Union:
+    """The union with the slivers at its new vertices taken out, where the seam creases."""
+    new = creased(union.mesh, union.seam) & (union.first < 0) & (union.second < 0)
+    if not new.any():
+        return union
+    vertices, faces, kept = tidied(union.mesh.vertices, union.mesh.faces, new)
+    number = np.cumsum(kept) - 1
+    colours = None if union.mesh.colours is None else union.mesh.colours[kept]
+    mesh = Mesh(vertices[kept], number[faces].astype(np.int32), union.mesh.name, colours)
+    return replace(
+        union,
+        mesh=mesh,
+        skin=skins.taken(union.skin, kept),
+        first=union.first[kept],
+        second=union.second[kept],
+        seam=union.seam[kept],
+    )
 
 
 def _colours(mesh: Mesh) -> UInt8:

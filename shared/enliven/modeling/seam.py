@@ -71,7 +71,7 @@ def smoothed(mesh: Mesh, seam: Bool, settings: SeamSettings | None = None) -> Me
     settings = settings or SeamSettings()
     if settings.strength == 0.0 or not seam.any():
         return mesh
-    free = _around(mesh, _creased(mesh, seam, settings.crease), settings.smooth_rings, settings.smooth_reach)
+    free = _around(mesh, creased(mesh, seam, settings.crease), settings.smooth_rings, settings.smooth_reach)
     if not free.any() or free.all():
         return mesh
     vertices = fair(mesh, free)
@@ -156,7 +156,7 @@ def _web(welded: Mesh) -> tuple[csr_matrix, Float]:
     return web, np.sqrt(np.where(many > 0, square / np.where(total > 0, total, 1.0), 1.0))
 
 
-def _creased(mesh: Mesh, seam: Bool, degrees: float) -> Bool:
+def creased(mesh: Mesh, seam: Bool, degrees: float = 15.0) -> Bool:
     """(V,) the seam's vertices at edges of the seam across which the surface bends by more."""
     welded, of = weld(mesh)
     on = np.zeros(len(welded.vertices), bool)

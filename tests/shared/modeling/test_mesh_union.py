@@ -73,6 +73,32 @@ def test_faces_away_from_the_seam_stay_in_their_order():
     assert (np.diff(numbers) > 0).all()
 
 
+def needles(mesh, near):
+    """How many faces at ``near`` vertices are less than a tenth as well shaped as an even triangle."""
+    corners = mesh.vertices[mesh.faces[near[mesh.faces].any(1)]]
+    sides = np.linalg.norm(corners - np.roll(corners, -1, 1), axis=2)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return int((2 * np.sqrt(3) * area / (sides**2).sum(1) < 0.1).sum())
+
+
+@settings(max_examples=20, deadline=None)
+@given(way=st.tuples(*[st.floats(-1, 1)] * 3), far=st.floats(0.06, 0.14))
+def test_a_tidy_seam_has_better_triangles_and_the_same_shape(way, far):
+    way = np.array(way) + np.array([0, 0, 1e-3])
+    first, second = ball(0.1), ball(0.06, far * way / np.linalg.norm(way), name="other")
+    skins = random_skin(len(first.vertices), 5, 1), random_skin(len(second.vertices), 3, 2)
+    plain = united(first, skins[0], second, skins[1], offset=5)
+    tidy = united(first, skins[0], second, skins[1], offset=5, tidy=True)
+    assert watertight(tidy.mesh) and partition_of_unity(tidy.skin)
+    assert volume(tidy.mesh) == pytest.approx(volume(plain.mesh), rel=5e-3)
+    traced(tidy, first, skins[0], second, skins[1], 5)
+    assert needles(tidy.mesh, tidy.seam) <= needles(plain.mesh, plain.seam)
+    for old in ("first", "second"):
+        rows = getattr(tidy, old)
+        assert set(rows[rows >= 0]) == set(getattr(plain, old)[getattr(plain, old) >= 0])
+    assert len(tidy.mesh.vertices) <= len(plain.mesh.vertices)
+
+
 def test_what_was_cut_is_made_whole_again():
     mesh, skeleton = tube(), line([[0, 0, 0], [0, 0, 2.0]])
     skin = random_skin(len(mesh.vertices), 2)
