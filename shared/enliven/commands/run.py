@@ -28,9 +28,7 @@ def run(
     ),
     seconds: float | None = typer.Option(None, help="Stop after this many seconds of the recording."),
     physics: str | None = typer.Option(None, help="Loose things to knock about: boxes or dodgeball."),
-    drive: str | None = typer.Option(
-        None, help="What moves it: graph, or skeleton (of a rigged glTF)."
-    ),
+    drive: str | None = typer.Option(None, help="What moves it: graph, or skeleton (of a rigged glTF)."),
     settings: Path | None = typer.Option(None, help="A TOML file of settings for the edge."),
     record: Path | None = typer.Option(None, help="Keep the take (character, bodies, poses) in this file."),
 ) -> None:
