@@ -10,11 +10,13 @@ from hypothesis import strategies as st
 
 from enliven.errors import InputError
 from enliven.modeling.spans import joined_spans, split_spans
+from enliven.motion.clip import Clip
 from enliven.motion.copying import copy_motion
 from enliven.motion.evaluate import Player
 from enliven.motion.layers import Ref, Span
 from enliven.motion.retarget import bind_chain, branch, clear_chain, extended, set_layer, set_travel
-from enliven.rotation import canonical, conjugate, from_rotation_vector, multiply, rotate
+from enliven.project import Project
+from enliven.rotation import canonical, conjugate, from_rotation_vector, multiply, rotate, to_rotation_vector
 from enliven.shape import Shape, still_shape
 from enliven.skeleton import Skeleton
 
@@ -283,3 +285,25 @@ def test_a_bend_is_seen_the_same_in_the_view():
     seen = bind_chain(project, "leg", range(3), "take", range(3), mirrored=True)
     assert Player(mirrored, "leg").at(0.1).joints[2, 1] == pytest.approx(0.5 * np.sin(0.6))
     assert angle(canonical(seen.layers["take"].basis), EYE) < 1e-9
+
+
+def test_turns_are_spread_along_the_target_as_in_the_papers_figure_4():
+    # Two bones that bend by 30 and by 40 degrees give four of half their length 15, 15, 20 and 20.
+    def line(joints):
+        at = np.stack([np.linspace(0, 1, joints), np.zeros(joints), np.zeros(joints)], 1)
+        names = tuple(f"j{i}" for i in range(joints))
+        return Skeleton(names, np.arange(-1, joints - 1, dtype=np.int32), at)
+
+    turns = from_rotation_vector(np.radians([[0, 0, 0], [0, 0, 30], [0, 0, 70]]))
+    clip = Clip("take", line(3), turns[None], np.zeros((1, 3)), 0.1)
+    project = Project().with_takes(clip).with_shapes(still_shape("line", line(5)))
+    project = bind_chain(project, "line", range(5), "take", range(3))
+    own = np.degrees(to_rotation_vector(Player(project, "line").own([0.0])[0]))
+    np.testing.assert_allclose(own[:, 2], [0, 15, 15, 20, 20], atol=1e-9)
+    assert not own[:, :2].any()
+    # Half of each bone's turn at half the weight; and from the other side, half of the target has it all.
+    half = Player(set_layer(project, "take", weight=0.5), "line").own([0.0])[0]
+    np.testing.assert_allclose(np.degrees(to_rotation_vector(half))[:, 2], [0, 7.5, 7.5, 10, 10], atol=1e-9)
+    short = bind_chain(clear_chain(project, "line", range(5)), "line", (2, 3, 4), "take", range(3))
+    own = np.degrees(to_rotation_vector(Player(short, "line").own([0.0])[0]))
+    np.testing.assert_allclose(own[:, 2], [0, 0, 0, 30, 40], atol=1e-9)
