@@ -45,9 +45,11 @@ from enliven_viewer.studio.session import (
     Widget,
     play,
 )
+from enliven_viewer.studio.settings import StudioSettings
 
 OUT = Path(__file__).parents[2] / "out" / "sessions"
 Actions = Iterator[Action]
+SIZE = StudioSettings(width=1200, height=740)
 
 
 def outline(points: Float, at: tuple[float, float] = (0.0, 0.0), turned: float = 0.0) -> tuple[Place, ...]:
@@ -163,9 +165,7 @@ def squid() -> Actions:
     yield Say("Sketch a mantle")
     mantle = limb(np.array([[0.0, 0.0], [0.0, 0.3], [0.0, 0.85]]), np.array([0.12, 0.24, 0.04]))
     yield from sketch("mantle", outline(mantle, (-0.45, 1.1)), 2.2)
-    yield Key("f")
-    yield Key("1")
-    yield Wait(0.6)
+    yield from framed()
     yield Say("Copy the tentacle with its motion, turn it, merge it to the mantle")
     for number in range(1, 6):
         yield Key("q")
@@ -216,9 +216,10 @@ def mantis() -> Actions:
     yield from pair("leg", Joint("mantis", "a1"), Joint("mantis", "a1"), 60)
     yield Say("Cut a copy: what is cut off makes the back legs")
     yield Key("ctrl+v")
+    yield from framed()
     yield Key("c")
     middle = OnBone("leg", "a2", 0.25)
-    yield Drag((Near(middle, -24, -4), Near(middle, 30, 4)), 0.8)
+    yield Drag((Near(middle, -13, -2), Near(middle, 22, 3)), 0.8)
     yield Key("q")
     yield Click(Joint("leg", 0))
     yield Key("delete")
@@ -239,6 +240,13 @@ def mantis() -> Actions:
     yield Wait(3.0)
 
 
+def framed() -> Actions:
+    """Everything in the picture, from the front."""
+    yield Key("f")
+    yield Key("1")
+    yield Wait(0.6)
+
+
 def turned(part: str, degrees: float) -> Actions:
     """Turn a part about the upright: Shift-drag its root."""
     yield Key("r")
@@ -251,6 +259,7 @@ def pair(part: str, place: OnBone | Joint, node: Joint, degrees: float) -> Actio
     yield Key("q")
     yield Click(Joint(part, 0))
     yield Key("ctrl+d")
+    yield from framed()
     yield from turned(f"{part} 2", degrees)
     yield from merged(f"{part} 2", place)
     yield from turned(part, -degrees)
@@ -272,7 +281,7 @@ def main(arguments: list[str]) -> int:
         return _under_xvfb(arguments)
     for name in names:
         with tempfile.TemporaryDirectory() as folder:
-            desk = Desk.new(Editor(), Path(folder))
+            desk = Desk.new(Editor(SIZE), Path(folder))
             actions = list(SESSIONS[name]())
             if check:
                 play(actions, DeskStage(desk))

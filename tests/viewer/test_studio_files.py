@@ -197,3 +197,13 @@ def test_a_shape_is_renamed_in_its_place(make_limb) -> None:
     assert list(made.shapes) == ["mantle", "b"] and made.shapes["mantle"].id == "mantle"
     with pytest.raises(InputError, match="already"):
         renamed(project, "a", "b")
+
+
+def test_a_fault_of_our_own_is_told_and_changes_nothing(desk: Desk, monkeypatch) -> None:
+    monkeypatch.delenv("ENLIVEN_DEBUG", raising=False)
+    before = desk.editor.project
+    assert not desk.editor.edit("break", lambda project: [project][1])
+    assert desk.editor.project is before and "fault of enliven" in said(desk) and "IndexError" in said(desk)
+    monkeypatch.setenv("ENLIVEN_DEBUG", "1")
+    with pytest.raises(IndexError):
+        desk.editor.edit("break", lambda project: [project][1])

@@ -20,7 +20,7 @@ _BIT_RATE = 6.0
 class WindowStage:
     """A stage that gives its input to ImGui, as a mouse and a keyboard do; places are the window's pixels."""
 
-    pace = 0.45
+    pace = 0.35
 
     def __init__(self, window: StudioWindow) -> None:
         self._window, self.desk = window, window.desk

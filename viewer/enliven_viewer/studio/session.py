@@ -25,7 +25,7 @@ from enliven_viewer.studio.places import places_in
 from enliven_viewer.studio.source_view import SourceView
 from enliven_viewer.studio.tools.map import Map
 
-STEP = 1 / 30
+STEP = 1 / 24
 """Seconds from one picture to the next."""
 
 
@@ -224,7 +224,7 @@ def _steps_of(action: Action, stage: Stage) -> Iterator[None]:
     elif isinstance(action, Key):
         desk.pressed = action.key
         stage.key(action.key)
-        yield from _pause(0.35, stage)
+        yield from _pause(0.25, stage)
         desk.pressed = ""
     elif isinstance(action, Click) and isinstance(action.place, Widget) and isinstance(stage, DeskStage):
         stage.activate(action.place.name)
@@ -337,7 +337,10 @@ def where(place: Place, stage: Stage) -> Point:
         return _shifted(stage.source(), pixel)
     if isinstance(place, Pixel):
         return _shifted(stage.viewport(), np.array([place.across, place.down]) * editor.size)
-    return _shifted(stage.viewport(), editor.lens.project(_in_world(place, stage.desk)[None])[0][0])
+    pixel = editor.lens.project(_in_world(place, stage.desk)[None])[0][0]
+    if not ((pixel >= 0) & (pixel < editor.size)).all():
+        raise InputError(f"{place} is outside the picture", where="session", mend='Frame it: Key("f").')
+    return _shifted(stage.viewport(), pixel)
 
 
 def source_of(desk: Desk) -> SourceView:

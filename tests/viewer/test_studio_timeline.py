@@ -1,0 +1,103 @@
+"""The timeline's places: what is drawn at a pixel is found there; lanes, ticks, messages."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.errors import InputError
+from enliven.motion.layers import Layer, Ref, Span
+from enliven.motion.retarget import bind_chain
+from enliven.project import Project
+from enliven.shape import still_shape
+from enliven.skeleton import Skeleton
+from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.performance import length_of
+from enliven_viewer.studio.timeline_layout import LABELS, LANE, RULER, TimelineLayout
+from enliven_viewer.studio.toasts import Toasts
+
+
+def project_of(offsets: list[float], speeds: list[float], take: str = "wave") -> Project:
+    """A shape of a bone a layer, each with its own time."""
+    count = len(offsets) + 1
+    names = tuple(f"j{k}" for k in range(count))
+    joints = np.stack([np.zeros(count), np.arange(count, dtype=float), np.zeros(count)], 1)
+    shape = still_shape("s", Skeleton(names, np.arange(-1, count - 1, dtype=np.int32), joints))
+    project = Project().with_takes(*library()).with_shapes(shape)
+    for k, (offset, speed) in enumerate(zip(offsets, speeds, strict=True)):
+        project = bind_chain(project, "s", (k, k + 1), take, (0, 1, 2), offset=offset, speed=speed)
+    return project
+
+
+times = st.lists(st.floats(0.0, 4.0), min_size=1, max_size=6)
+speeds = st.floats(0.25, 4.0) | st.floats(-4.0, -0.25)
+
+
+@given(times, st.data(), st.floats(400, 2000))
+@settings(max_examples=40, deadline=None)
+def test_what_is_drawn_at_a_pixel_is_found_there(offsets, data, width) -> None:
+    project = project_of(offsets, [data.draw(speeds) for _ in offsets])
+    layout = TimelineLayout(project, length_of(project, 2.0), width)
+    bars = layout.bars()
+    assert len(bars) == len(offsets)
+    for bar, offset in zip(bars, offsets, strict=True):
+        y = bar.top + LANE / 2
+        assert bar.left == pytest.approx(layout.x(offset))
+        assert bar.right <= width
+        assert layout.grip(bar.right - 0.5, y) == layout.grip(bar.right + 0.5, y)
+        assert layout.grip(bar.right, y).kind == "edge" and layout.grip(bar.right, y).layers == bar.ids
+        if bar.right - bar.left > 20:
+            assert layout.grip((bar.left + bar.right) / 2, y).kind == "bar"
+        assert layout.grip(5.0, y).kind == "mute" and layout.grip(60.0, y).kind == "label"
+    assert layout.grip(LABELS + 30, RULER / 2).kind == "ruler"
+
+
+@given(st.floats(-2, 10), st.floats(2, 60), st.floats(300, 3000))
+def test_pixels_and_times_are_inverse(time: float, length: float, width: float) -> None:
+    layout = TimelineLayout(Project(), length, width)
+    assert layout.time(layout.x(time)) == pytest.approx(time, abs=1e-9)
+
+
+@given(st.floats(0.2, 4000), st.floats(420, 3000))
+def test_numbers_on_the_ruler_do_not_touch(length: float, width: float) -> None:
+    layout = TimelineLayout(Project(), length, width)
+    numbered = [layout.x(time) for time, number in layout.ticks() if number]
+    assert numbered[0] == LABELS and numbered[-1] <= LABELS + layout.track + 1e-6
+    if length / layout.track * 60 <= 300:
+        assert all(b - a >= 60 - 1e-6 for a, b in pairwise(numbered))
+
+
+def test_many_layers_of_one_take_share_a_lane_until_one_is_moved() -> None:
+    project = project_of([0.0] * 20, [1.0] * 20)
+    layout = TimelineLayout(project, 4.0, 1000.0)
+    assert len(layout.bars()) == 1 and layout.bars()[0].label == "wave  (20 bones)"
+    name = layout.bars()[0].ids[7]
+    moved = project.with_layers(replace(project.layers[name], offset=0.5))
+    assert [len(bar.layers) for bar in TimelineLayout(moved, 4.0, 1000.0).bars()] == [19, 1]
+
+
+def test_layers_that_no_shape_uses_have_no_lane() -> None:
+    project = project_of([0.0], [1.0]).with_layers(Layer("idle", "wave", (0, 1)))
+    assert [bar.layer.id for bar in TimelineLayout(project, 2.0, 900.0).bars()] == ["wave"]
+    shape = project.shapes["s"]
+    both = shape.with_changes(spans=(shape.spans[0], (Span(1.0, (Ref("idle", 0.0, 1.0),)),)))
+    named = [bar.layer.id for bar in TimelineLayout(project.with_shapes(both), 2.0, 900.0).bars()]
+    assert named == ["idle"]
+
+
+def test_messages_stay_their_time_and_bad_ones_longer() -> None:
+    toasts = Toasts(2.0)
+    toasts.say("done")
+    toasts.complain(InputError("it is flat", where="stroke", mend="Draw a circle."))
+    toasts.say("done")
+    assert [toast.text for toast in toasts.shown] == ["stroke: it is flat", "done"], "once each"
+    assert toasts.shown[0].mend == "Draw a circle." and toasts.shown[0].bad
+    toasts.advance(3.0)
+    assert [toast.bad for toast in toasts.shown] == [True]
+    toasts.advance(1.5)
+    assert toasts.shown == ()
