@@ -136,6 +136,17 @@ def test_boards_come_to_the_scene_at_their_time_and_stay_while_the_next_is_under
     assert scene_of(document, document.timeline.at(6), Look()).boards == {}
 
 
+def test_between_two_moments_the_lines_are_between() -> None:
+    moved = replace(ROWS[0], lines=(RIGHT + np.array([0.0, 0.1, 0.0]), LEFT))
+    document = Document(characters={"cross": CHARACTER})
+    for time_ns, rows in ((0, ROWS), (10_000_000, (moved, replace(ROWS[1], lines=(UP + 5.0, LEFT))))):
+        document.add_bodies(time_ns, ())
+        document.add_board(replace(BOARD, time_ns=time_ns, rows=rows))
+    between = document.timeline.at(5_000_000).boards["cross"]
+    np.testing.assert_allclose(between.rows[0].lines[0], RIGHT + np.array([0.0, 0.05, 0.0]))
+    np.testing.assert_array_equal(between.rows[1].lines[0], UP, err_msg="that is another limb by now")
+
+
 def test_the_edge_is_told_when_the_camera_moves_and_not_otherwise() -> None:
     gaze, camera = Gaze(), front()
     first = gaze.changed(camera.view(1.5), 0.0)

@@ -13,6 +13,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.body import Body
 from enliven.character import Pose
+from enliven.matching.board import Board, Row
 from enliven.props import Props
 from enliven.rotation import slerp
 
@@ -112,3 +113,25 @@ def blend_props(before: Props | None, after: Props | None, share: float, time_ns
     positions[mine] += part * step
     turns[mine] = slerp(nearer.turns[mine], other.turns[theirs], np.full(len(mine), part))
     return replace(nearer, time_ns=time_ns, positions=positions, turns=turns)
+
+
+def blend_boards(before: dict[str, Board], after: dict[str, Board], share: float) -> dict[str, Board]:
+    """Boards between two moments: the earlier's, with lines that go with the poses where both have them."""
+    made = dict(before)
+    for name, first in before.items():
+        last = after.get(name)
+        if last is None or (first.state, len(first.rows)) != (last.state, len(last.rows)):
+            continue
+        rows = tuple(_blend_row(a, b, share) for a, b in zip(first.rows, last.rows, strict=True))
+        made[name] = replace(first, rows=rows)
+    return made
+
+
+def _blend_row(first: Row, last: Row, share: float) -> Row:
+    """The same limbs a little later; other limbs are no later place of these."""
+    if [len(line) for line in first.lines] != [len(line) for line in last.lines]:
+        return first
+    pairs = list(zip(first.lines, last.lines, strict=True))
+    if any(np.abs(a - b).max(initial=0.0) > _LEAP for a, b in pairs):
+        return first
+    return replace(first, lines=tuple(a + share * (b - a) for a, b in pairs))

@@ -13,7 +13,7 @@ from enliven.body import Body
 from enliven.character import Pose
 from enliven.matching.board import Board
 from enliven.props import Props
-from enliven_viewer.interpolation import blend_bodies, blend_poses, blend_props
+from enliven_viewer.interpolation import blend_boards, blend_bodies, blend_poses, blend_props
 from enliven_viewer.settings import PlaybackSettings
 
 NS = 1_000_000_000
@@ -172,7 +172,8 @@ class Timeline:
                 poses[name] = first or last  # type: ignore[assignment]
         bodies = blend_bodies(before.bodies, after.bodies, share)
         props = blend_props(before.props, after.props, share, time_ns)
-        return Moment(time_ns, poses, bodies, before.cues, props, before.boards)
+        boards = blend_boards(before.boards, after.boards, share)
+        return Moment(time_ns, poses, bodies, before.cues, props, boards)
 
     def _hold(self, cues: dict[str, Cues]) -> None:
         """Cues of the newest moment and all that follow."""
