@@ -19,8 +19,12 @@ _ROUND = 1.2
 """A branch is a bump where it keeps within so many radii of the middle of its chord."""
 _TIP = 0.4
 """How far before the tip an axis ends, in radii."""
-_SPUR = 2.4
-"""A branch shorter than so many of its radii is no limb."""
+_SPUR, _STUB = 2.4, 1.3
+"""A branch shorter than so many of its radii is no limb: in the outer corner of a bend, and elsewhere."""
+_SHARP = 0.9
+"""A bend is sharp where the two directions from it add up to more than this: 127 degrees or less."""
+_AS_LONG = 0.8
+"""Of the second moments of an outline without limbs; above, no direction is its length."""
 _CLOSE = 0.9
 """Junctions nearer to each other than so many of their radii are one."""
 
@@ -145,7 +149,9 @@ class _Tracer:
         """An outline without a limb: one bone along its longest extent."""
         middle = self.outline.mean(0)
         spread = (self.outline - middle).T @ (self.outline - middle)
-        along = np.linalg.eigh(spread)[1][:, 1]
+        sizes, axes = np.linalg.eigh(spread)
+        # What is as long as wide stands upright.
+        along = axes[:, 1] if sizes[0] < _AS_LONG * sizes[1] else np.array([0.0, 1.0])
         reach = 0.35 * float(np.ptp((self.outline - middle) @ along))
         points = np.stack([middle - reach * along, middle, middle + reach * along])
         return Axis(points, np.array([self._inscribed(p) for p in points]), [[0, 1, 2]])
@@ -168,6 +174,8 @@ class _Tracer:
                     chain.append(b if a == chain[-2] else a)
                 used |= {(chain[0], chain[1]), (chain[-1], chain[-2])}
                 chains.append(self._to_tip(self._to_tip(chain[::-1])[::-1]))
+        if not chains:
+            return self._blob()
         axis = Axis(np.array(self.points), np.array(self.radii), chains)
         for chain in chains:
             axis.points[chain] = _smooth(axis.points[chain])
@@ -201,29 +209,63 @@ def _smooth(points: Float, times: int = 3) -> Float:
 
 
 def _without_spurs(axis: Axis) -> Axis:
-    """Without branches into the outer corner of a sharp bend: the bend's joint goes there instead."""
+    """Without branches that are no limbs; one into the outer corner of a bend draws its joint there."""
     while True:
         ends = [end for chain in axis.chains for end in (chain[0], chain[-1])]
         degree = np.bincount(ends, minlength=len(axis.points))
-        spur = next((c for c in map(_outward(degree), axis.chains) if c and _is_spur(axis, c)), None)
-        if spur is None:
+        for spur in map(_outward(degree), axis.chains):
+            if not spur:
+                continue
+            others = [c for c in axis.chains if spur[0] in (c[0], c[-1]) and set(c) != set(spur)]
+            others = [c if c[0] == spur[0] else c[::-1] for c in others]
+            bend = len(others) == 2 and _in_corner(axis, spur, others[0], others[1])
+            if _length(axis, spur) < (_SPUR if bend else _STUB) * _width(axis, spur):
+                break
+        else:
             return axis
-        fork = spur[0]
-        others = [c for c in axis.chains if fork in (c[0], c[-1]) and set(c) != set(spur)]
-        rest = [c for c in axis.chains if fork not in (c[0], c[-1])]
-        if len(others) != 2:
-            axis.chains = rest + others
-            continue
-        width = float(np.median(axis.radii[spur[1:]]))
-        back = axis.points[spur[-1]] - axis.points[spur[-2]]
-        back /= max(float(np.linalg.norm(back)), 1e-300)
-        # The end lies 0.4 radii before the tip; the two limbs meet a radius before it.
-        corner = axis.points[spur[-1]] - (1.0 - _TIP) * width * back
-        one, two = (c if c[0] == fork else c[::-1] for c in others)
-        near = float(np.linalg.norm(axis.points[fork] - corner)) + 0.5 * width
-        one, two = ([i for i in c if np.linalg.norm(axis.points[i] - corner) > near] for c in (one, two))
-        axis.points[fork] = corner
-        axis.chains = [*rest, [*one[::-1], fork, *two]]
+        rest = [c for c in axis.chains if spur[0] not in (c[0], c[-1])]
+        if bend:
+            others = _to_corner(axis, spur, others)
+        if len(others) == 2:
+            others = [[*others[0][:0:-1], *others[1]]]
+        axis.chains = rest + others
+
+
+def _length(axis: Axis, chain: list[int]) -> float:
+    return float(np.linalg.norm(np.diff(axis.points[chain], axis=0), axis=1).sum())
+
+
+def _width(axis: Axis, chain: list[int]) -> float:
+    return float(np.median(axis.radii[chain[1:]]))
+
+
+def _in_corner(axis: Axis, spur: list[int], one: list[int], two: list[int]) -> bool:
+    """Whether a branch leaves a fork away from two others that bend sharply there; all begin at the fork."""
+    ways = []
+    for chain in (spur, one, two):
+        away = axis.points[chain[1:]] - axis.points[spur[0]]
+        far = np.linalg.norm(away, axis=1)
+        at = int(np.argmax(far > 2 * _width(axis, spur))) if (far > 2 * _width(axis, spur)).any() else -1
+        ways.append(away[at] / max(float(far[at]), 1e-300))
+    bisector = ways[1] + ways[2]
+    size = float(np.linalg.norm(bisector))
+    return bool(size > _SHARP and ways[0] @ bisector < -0.5 * size)
+
+
+def _to_corner(axis: Axis, spur: list[int], others: list[list[int]]) -> list[list[int]]:
+    """The fork moved to where its two limbs meet, and the limbs without what is near to it."""
+    fork, width = spur[0], _width(axis, spur)
+    back = axis.points[spur[-1]] - axis.points[spur[-2]]
+    back /= max(float(np.linalg.norm(back)), 1e-300)
+    # The end lies 0.4 radii before the tip; the two limbs meet a radius before it.
+    corner = axis.points[spur[-1]] - (1.0 - _TIP) * width * back
+    near = float(np.linalg.norm(axis.points[fork] - corner)) + 0.5 * width
+    out = []
+    for chain in others:
+        inner = [i for i in chain[1:-1] if np.linalg.norm(axis.points[i] - corner) > near]
+        out.append([fork, *inner, chain[-1]])
+    axis.points[fork] = corner
+    return out
 
 
 def _outward(degree: Int):  # type: ignore[no-untyped-def]
@@ -235,11 +277,6 @@ def _outward(degree: Int):  # type: ignore[no-untyped-def]
         return chain[::-1] if degree[chain[-1]] >= 3 and degree[chain[0]] == 1 else []
 
     return turned
-
-
-def _is_spur(axis: Axis, chain: list[int]) -> bool:
-    length = float(np.linalg.norm(np.diff(axis.points[chain], axis=0), axis=1).sum())
-    return length < _SPUR * float(np.median(axis.radii[chain[1:]]))
 
 
 def _merged(axis: Axis) -> Axis:

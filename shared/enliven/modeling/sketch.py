@@ -32,7 +32,7 @@ from enliven.skeleton import Skeleton, skeleton_of
 class SketchSettings:
     """How strokes become parts."""
 
-    points: int = setting(160, "points along the outline at most", low=24, high=2000)
+    points: int = setting(200, "points along the outline at most", low=24, high=2000)
     vertices: int = setting(4000, "about how many vertices the mesh has at most", low=100, high=100_000)
     tolerance: float = setting(
         0.45, "how far the axis may leave its bone, of the radius; less makes more bones", low=0.02, high=10.0

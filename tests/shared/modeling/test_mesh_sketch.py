@@ -62,6 +62,39 @@ def test_bones_run_where_the_limbs_are():
     assert len(made["hand"].skeleton.children) - sum(map(bool, made["hand"].skeleton.children)) == 5
 
 
+DOG = np.array(
+    [[-0.6, 0.1], [-0.55, -0.5], [-0.42, -0.5], [-0.4, -0.1], [0.2, -0.1], [0.22, -0.5], [0.36, -0.5],
+     [0.4, 0.05], [0.5, 0.35], [0.75, 0.3], [0.78, 0.45], [0.55, 0.6], [0.5, 0.75], [0.42, 0.6],
+     [0.3, 0.3], [-0.45, 0.25], [-0.75, 0.5], [-0.8, 0.45]]
+)  # fmt: skip
+
+
+def test_a_dog_has_legs_a_tail_and_a_head():
+    skeleton = shape_from_stroke(DOG).skeleton
+    ends = [j for j, below in enumerate(skeleton.children) if not below or (j == 0 and len(below) == 1)]
+    tips = np.array([[-0.49, -0.5], [0.29, -0.5], [-0.77, 0.47], [0.76, 0.37], [0.5, 0.74]])
+    far = np.linalg.norm(skeleton.positions[ends][:, None, :2] - tips[None], axis=2)
+    assert len(ends) == 5 and far.min(0).max() < 0.12
+
+
+@pytest.mark.parametrize("turns", [0.8, 1.8])
+def test_a_curl_is_followed_by_its_bones(turns):
+    t = np.linspace(0.25, 1, 90)
+    path = np.stack([t * np.cos(2 * np.pi * turns * t), t * np.sin(2 * np.pi * turns * t)], 1)
+    skeleton = shape_from_stroke(strokes.ribbon(path, np.full(90, 0.06))).skeleton
+    assert len(skeleton) >= 6 and all(len(below) <= 2 for below in skeleton.children)
+    far = np.linalg.norm(skeleton.positions[:, None, :2] - path[None], axis=2).min(1)
+    assert far.max() < 0.05
+
+
+def test_a_square_stands_upright():
+    square = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
+    shape = shape_from_stroke(square)
+    assert len(shape.skeleton) == 2 and watertight(shape.mesh)
+    vector = np.abs(shape.skeleton.vectors[1])
+    assert vector[1] > 0.5 and vector[0] < 0.05
+
+
 def test_a_disc_becomes_a_ball_and_a_strip_a_round_rod():
     turn = np.linspace(0, 2 * np.pi, 100, endpoint=False)
     disc = shape_from_stroke(np.stack([np.cos(turn), np.sin(turn)], 1))
