@@ -121,6 +121,8 @@ def retargeted(shape: Shape, clip: Clip, plan: Plan | None = None) -> Retargeted
         mend = "Write a mapping: --write-map gives one to begin with."
         raise InputError("no chain of the take suits a chain of the model", where="mapping", mend=mend)
     project, based = apply_plan(Project(), shape, clip, plan)
-    ends = [layer.offset + based.duration / abs(layer.speed) for layer in project.layers.values()]
+    # What begins again at its end has none of its own: it plays as long as the take.
+    speeds = {key: 1.0 if layer.loop else abs(layer.speed) for key, layer in project.layers.items()}
+    ends = [layer.offset + based.duration / speeds[key] for key, layer in project.layers.items()]
     theirs, ours = facings(clip, shape, plan)
     return Retargeted(project, shape.id, clip, plan, max(ends), ours, theirs)
