@@ -307,3 +307,22 @@ def test_turns_are_spread_along_the_target_as_in_the_papers_figure_4():
     short = bind_chain(clear_chain(project, "line", range(5)), "line", (2, 3, 4), "take", range(3))
     own = np.degrees(to_rotation_vector(Player(short, "line").own([0.0])[0]))
     np.testing.assert_allclose(own[:, 2], [0, 0, 0, 30, 40], atol=1e-9)
+
+
+@laws
+@given(seeds, st.sampled_from(["turns", "end"]))
+def test_a_mirrored_layer_is_a_layer_of_the_mirrored_take(seed, mode):
+    rng = np.random.default_rng(seed)
+    project, clip, _ = scene(rng)
+    shape, source = polyline(rng, 5), chain_to(clip.skeleton, 7)
+    old, view = clip.skeleton, rng.normal(size=3)
+    seen = Skeleton(old.names, old.parents, old.positions * [-1, 1, 1])
+    glass = Clip("glass", seen, clip.turns * [1, 1, -1, -1], clip.root * [-1, 1, 1], clip.step)
+    project = project.with_takes(glass).with_shapes(shape)
+    how = {"mode": mode, "layer_id": "layer", "view": view}
+    one = bind_chain(project, "line", range(5), "take", source, mirrored=True, **how)
+    other = bind_chain(project, "line", range(5), "glass", source, **how)
+    times = times_of(clip)
+    (a, x), (b, y) = (Player(set_travel(p, "line", "layer"), "line").sample(times) for p in (one, other))
+    np.testing.assert_allclose(x, y, atol=1e-7)
+    assert angle(a, b) < 1e-6
