@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.modeling.chordal import Axis
+from enliven.modeling.axis import Axis
 
 _APART = 1.6
 """Radii between two joints of a chain at least."""

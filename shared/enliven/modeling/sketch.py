@@ -16,9 +16,10 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.errors import InputError
 from enliven.mesh import Mesh
+from enliven.modeling.axis import Axis
 from enliven.modeling.axis_bones import bones_of_axis, root_of
 from enliven.modeling.bone_heat import bone_heat
-from enliven.modeling.chordal import Axis, axis_of
+from enliven.modeling.chordal import axis_of
 from enliven.modeling.cut_loops import area
 from enliven.modeling.inflate import inflated
 from enliven.modeling.outline import outline_of

@@ -1,0 +1,134 @@
+"""The axis of an outline as a tree of chains, and what is trimmed from it: zigzag, spurs, double forks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+
+TIP = 0.4
+"""How far before the tip an axis ends, in radii."""
+_SPUR, _STUB = 2.4, 1.3
+"""A branch shorter than so many of its radii is no limb: in the outer corner of a bend, and elsewhere."""
+_SHARP = 0.9
+"""A bend is sharp where the two directions from it add up to more than this: 127 degrees or less."""
+_CLOSE = 0.9
+"""Junctions nearer to each other than so many of their radii are one."""
+
+
+@dataclass
+class Axis:
+    """A tree of points in the plane.
+
+    Attributes:
+        points: (A, 2) metres.
+        radii: (A,) metres, half the width there.
+        chains: paths of points between ends and junctions, each with both of its ends.
+    """
+
+    points: Float
+    radii: Float
+    chains: list[list[int]]
+
+
+def smooth(points: Float, times: int = 3) -> Float:
+    """The middles of chords zigzag between the two sides of the outline; their mean does not."""
+    for _ in range(times):
+        inner = 0.5 * points[1:-1] + 0.25 * (points[:-2] + points[2:])
+        points = np.concatenate([points[:1], inner, points[-1:]])
+    return points
+
+
+def without_spurs(axis: Axis) -> Axis:
+    """Without branches that are no limbs; one into the outer corner of a bend draws its joint there."""
+    while True:
+        ends = [end for chain in axis.chains for end in (chain[0], chain[-1])]
+        degree = np.bincount(ends, minlength=len(axis.points))
+        for spur in map(_outward(degree), axis.chains):
+            if not spur:
+                continue
+            others = [c for c in axis.chains if spur[0] in (c[0], c[-1]) and set(c) != set(spur)]
+            others = [c if c[0] == spur[0] else c[::-1] for c in others]
+            bend = len(others) == 2 and _in_corner(axis, spur, others[0], others[1])
+            if _length(axis, spur) < (_SPUR if bend else _STUB) * _width(axis, spur):
+                break
+        else:
+            return axis
+        rest = [c for c in axis.chains if spur[0] not in (c[0], c[-1])]
+        if bend:
+            others = _to_corner(axis, spur, others)
+        if len(others) == 2:
+            others = [[*others[0][:0:-1], *others[1]]]
+        axis.chains = rest + others
+
+
+def _length(axis: Axis, chain: list[int]) -> float:
+    return float(np.linalg.norm(np.diff(axis.points[chain], axis=0), axis=1).sum())
+
+
+def _width(axis: Axis, chain: list[int]) -> float:
+    return float(np.median(axis.radii[chain[1:]]))
+
+
+def _in_corner(axis: Axis, spur: list[int], one: list[int], two: list[int]) -> bool:
+    """Whether a branch leaves a fork away from two others that bend sharply there; all begin at the fork."""
+    ways = []
+    for chain in (spur, one, two):
+        away = axis.points[chain[1:]] - axis.points[spur[0]]
+        far = np.linalg.norm(away, axis=1)
+        at = int(np.argmax(far > 2 * _width(axis, spur))) if (far > 2 * _width(axis, spur)).any() else -1
+        ways.append(away[at] / max(float(far[at]), 1e-300))
+    bisector = ways[1] + ways[2]
+    size = float(np.linalg.norm(bisector))
+    return bool(size > _SHARP and ways[0] @ bisector < -0.5 * size)
+
+
+def _to_corner(axis: Axis, spur: list[int], others: list[list[int]]) -> list[list[int]]:
+    """The fork moved to where its two limbs meet, and the limbs without what is near to it."""
+    fork, width = spur[0], _width(axis, spur)
+    back = axis.points[spur[-1]] - axis.points[spur[-2]]
+    back /= max(float(np.linalg.norm(back)), 1e-300)
+    # The end lies 0.4 radii before the tip; the two limbs meet a radius before it.
+    corner = axis.points[spur[-1]] - (1.0 - TIP) * width * back
+    near = float(np.linalg.norm(axis.points[fork] - corner)) + 0.5 * width
+    out = []
+    for chain in others:
+        inner = [i for i in chain[1:-1] if np.linalg.norm(axis.points[i] - corner) > near]
+        out.append([fork, *inner, chain[-1]])
+    axis.points[fork] = corner
+    return out
+
+
+def _outward(degree: Int):  # type: ignore[no-untyped-def]
+    """Of a chain from a fork to an end, the chain in that direction; of another, nothing."""
+
+    def turned(chain: list[int]) -> list[int]:
+        if degree[chain[0]] >= 3 and degree[chain[-1]] == 1:
+            return chain
+        return chain[::-1] if degree[chain[-1]] >= 3 and degree[chain[0]] == 1 else []
+
+    return turned
+
+
+def merged(axis: Axis) -> Axis:
+    """Chains between two junctions that lie in each other's circles are contracted."""
+    while True:
+        ends = [end for chain in axis.chains for end in (chain[0], chain[-1])]
+        degree = np.bincount(ends, minlength=len(axis.points))
+        short = None
+        for chain in axis.chains:
+            a, b = chain[0], chain[-1]
+            if a == b or degree[a] < 3 or degree[b] < 3:
+                continue
+            length = np.linalg.norm(np.diff(axis.points[chain], axis=0), axis=1).sum()
+            if length < _CLOSE * max(axis.radii[a], axis.radii[b]) and (short is None or length < short[0]):
+                short = (length, chain)
+        if short is None:
+            return axis
+        a, b = short[1][0], short[1][-1]
+        share = axis.radii[a] / (axis.radii[a] + axis.radii[b])
+        axis.points[a] = share * axis.points[a] + (1 - share) * axis.points[b]
+        axis.radii[a] = max(axis.radii[a], axis.radii[b])
+        axis.chains = [[a if i == b else i for i in chain] for chain in axis.chains if chain is not short[1]]
