@@ -44,7 +44,10 @@ def retarget(
         bool, typer.Option("--travel", help="Let the model go where the performer goes.")
     ] = False,
     turn: Annotated[bool, typer.Option(help="Let the model turn as the performer turns.")] = True,
-    rate: Annotated[float, typer.Option(min=1, max=240, help="Frames a second of what is made.")] = 30.0,
+    rate: Annotated[
+        float | None,
+        typer.Option(min=1, max=240, help="Frames a second of what is made; the take's own, at most 60."),
+    ] = None,
     height: Annotated[
         float | None, typer.Option(help="Metres to scale the model to; as modelled if not given.")
     ] = None,
@@ -73,6 +76,7 @@ def retarget(
     for note in (*notes, *rig.notes):
         typer.echo(f"enliven: {note}", err=True)
     made = retargeted(rig.shape, clip, plan)
+    rate = min(1.0 / clip.step, _FAST_ENOUGH) if rate is None else rate
     performance = performance_of(made.project, made.shape_id, 0.0, made.duration, rate)
     write_gltf(output, [performance], f"{take.stem} on {model.stem}")
     if write_map:
@@ -85,6 +89,10 @@ def retarget(
         f"enliven: {len(made.plan.chains)} chains, {how.get(frozenset(modes), 'posed and moved')}, "
         f"{made.duration:.2f} s are in {output}"
     )
+
+
+_FAST_ENOUGH = 60.0
+"""Frames a second."""
 
 
 def read_take(

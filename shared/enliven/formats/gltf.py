@@ -7,6 +7,7 @@ root, which travels) is not kept, and is noted with its size.
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +15,9 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.character import SkinWeights
+from enliven.errors import EnlivenError
 from enliven.formats.gltf_bind import Bind
+from enliven.formats.gltf_bodies import bodies_of
 from enliven.formats.gltf_file import GltfFile
 from enliven.formats.gltf_motion import animated_locals, frame_times, world_matrices
 from enliven.formats.gltf_parts import Part, parts_of, shown_nodes
@@ -23,7 +26,6 @@ from enliven.formats.rig_links import Body
 from enliven.formats.rig_tree import Tree, strays, tree_of
 from enliven.mesh import Mesh
 from enliven.motion.clip import Clip
-from enliven.rotation import from_matrix
 from enliven.shape import still_shape
 from enliven.skeleton import Skeleton
 
@@ -56,21 +58,32 @@ def read_gltf(
     Raises:
         InputError: where the file cannot be read, or has nothing to draw.
     """
-    file, notes = GltfFile(path), list[str]()
+    file = GltfFile(path)
+    try:
+        rig = _read(file, name or file.path.stem)
+    except EnlivenError:
+        raise
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, MemoryError) as error:
+        # Numbers of a damaged file point anywhere; a check for each of them would be most of the reader.
+        logging.getLogger(__name__).debug("glTF", exc_info=True)
+        raise file.wrong(f"it is damaged ({type(error).__name__}: {str(error)[:80]})") from None
+    rig = resized(rig, height) if height is not None else rig
+    rig = on_floor(rig) if floor else rig
+    return Rig(welded(rig.shape), rig.clips, rig.notes) if weld else rig
+
+
+def _read(file: GltfFile, name: str) -> Rig:
+    """The model as the file has it."""
+    notes = list[str]()
     parts = parts_of(file, notes)
     if not parts:
         raise file.wrong("there is no triangle in its scene")
-    name = name or file.path.stem
     bind = Bind(file, parts)
     rest = [bind.vertices(part) for part in parts]
     mesh = _mesh(name, parts, rest, bind)
     if all(part.skin < 0 for part in parts) and not file.document.animations:
-        rig = _unrigged(name, mesh, notes)
-    else:
-        rig = _rigged(file, name, parts, rest, mesh, bind, notes)
-    rig = resized(rig, height) if height is not None else rig
-    rig = on_floor(rig) if floor else rig
-    return Rig(welded(rig.shape), rig.clips, rig.notes) if weld else rig
+        return _unrigged(name, mesh, notes)
+    return _rigged(file, name, parts, rest, mesh, bind, notes)
 
 
 def _mesh(name: str, parts: list[Part], rest: list[Float], bind: Bind) -> Mesh:
@@ -109,7 +122,7 @@ def _rigged(
     animations, world = _played(file)
     chosen = _chosen(file, parts)
     size = float(np.ptp(mesh.vertices, axis=0).max())
-    bodies, skewed = _bodies(file, chosen, parts, rest, bind, world)
+    bodies, skewed = bodies_of(file, chosen, parts, rest, bind, world)
     tree = tree_of(bodies, size)
     body_of = {node: number for number, node in enumerate(chosen)}
     skin = _skin(parts, tree, body_of)
@@ -151,71 +164,6 @@ def _chosen(file: GltfFile, parts: list[Part]) -> list[int]:
                 break
             at = file.parents[at]
     return [n for n in shown_nodes(file) if n in named or (n in between and n in animated)]
-
-
-def _bodies(
-    file: GltfFile, chosen: list[int], parts: list[Part], rest: list[Float], bind: Bind, world: Float
-) -> tuple[list[Body], Float]:
-    """What each joint is and does, and (J,) by how much its motion is more than a turn."""
-    number = {node: k for k, node in enumerate(chosen)}
-    bodies, skewed = list[Body](), np.zeros(len(chosen))
-    for k, node in enumerate(chosen):
-        away = world[:, node] @ np.linalg.inv(bind.world[node])
-        turns = from_matrix(away[:, :3, :3]) if len(away) else np.zeros((0, 4))
-        skewed[k] = _skew(away[:, :3, :3])
-        above = file.parents[node]
-        while above >= 0 and above not in number:
-            above = file.parents[above]
-        leaves = [
-            (file.name(child), bind.world[child][:3, 3])
-            for child in file.document.nodes[node].children or []
-            if child not in number and file.document.nodes[child].mesh is None
-        ]
-        body = Body(
-            file.name(node), number.get(above, -1), bind.world[node][:3, 3], turns, world[:, node, :3, 3]
-        )
-        body.leaves = leaves
-        bodies.append(body)
-    _weigh(bodies, number, parts, rest)
-    return bodies, skewed
-
-
-def _skew(linear: Float) -> float:
-    """The largest stretch of (F, 3, 3) linear maps: 0 for rotations."""
-    if not len(linear):
-        return 0.0
-    return float(np.abs(np.linalg.svd(linear, compute_uv=False) - 1.0).max())
-
-
-def _weigh(bodies: list[Body], number: dict[int, int], parts: list[Part], rest: list[Float]) -> None:
-    """Give every body how much it moves, and the far end of that."""
-    vertices = np.concatenate(rest)
-    nodes = np.concatenate([part.nodes for part in parts])
-    weights = np.concatenate([part.weights for part in parts])
-    area = np.concatenate([_area(part, at) for part, at in zip(parts, rest, strict=True)])
-    for node, k in number.items():
-        share = np.where(nodes == node, weights, 0.0).sum(1)
-        bodies[k].mass = float(share @ area)
-        mine = vertices[share > 0.5] if (share > 0.5).any() else vertices[share > 0]
-        if len(mine):
-            bodies[k].reach = _far_end(bodies[k].rest, mine)
-
-
-def _area(part: Part, vertices: Float) -> Float:
-    """(V,) m2 of the faces around each vertex, a third of each; never nothing."""
-    a, b, c = (vertices[part.faces[:, k]] for k in range(3))
-    third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
-    return np.asarray(np.bincount(part.faces.ravel(), np.repeat(third, 3), len(vertices)) + 1e-12)
-
-
-def _far_end(start: Float, vertices: Float) -> Float:
-    """(3,) the end of a bone from ``start`` through the middle of its vertices to the farthest of them."""
-    middle = (vertices.min(0) + vertices.max(0)) / 2 - start
-    length = float(np.linalg.norm(middle))
-    if length < 1e-9:
-        return start
-    along = middle / length
-    return np.asarray(start + along * max(float(((vertices - start) @ along).max()), 0.0))
 
 
 def _skin(parts: list[Part], tree: Tree, body_of: dict[int, int]) -> SkinWeights:

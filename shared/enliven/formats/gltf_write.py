@@ -21,14 +21,24 @@ import numpy as np
 import pygltflib
 
 from enliven import __version__
-from enliven.arrays import Float, Float32, UInt8, UInt16
+from enliven.arrays import Float
 from enliven.errors import InputError, ResourceError
 from enliven.formats.gltf_blob import Blob
+from enliven.formats.gltf_shape import (
+    bone_names,
+    clean_skin,
+    linear16,
+    listed,
+    local_offsets,
+    local_turns,
+    pivots_of,
+    unit32,
+    unit_normals,
+)
 from enliven.motion.evaluate import Player
 from enliven.project import Project
-from enliven.rotation import IDENTITY, conjugate, multiply, normalized
+from enliven.rotation import IDENTITY
 from enliven.shape import Shape
-from enliven.skeleton import Skeleton
 
 _STILL = 1e-7
 """How far a quaternion or a place (metres) may stray in all its frames and count as still."""
@@ -140,7 +150,7 @@ class _Writer:
         document, skeleton = self._document, shape.skeleton
         ends = [j for j in range(1, len(skeleton)) if not skeleton.children[j]]
         inverse = np.tile(np.eye(4, dtype=np.float32), (len(bones), 1, 1))
-        pivots = np.concatenate([_pivots(skeleton), skeleton.positions[ends]])
+        pivots = np.concatenate([pivots_of(skeleton), skeleton.positions[ends]])
         # Column after column, as the format has matrices: the translation is the last row here.
         inverse[:, 3, :3] = -pivots
         skin = pygltflib.Skin(
@@ -166,7 +176,7 @@ class _Writer:
         bones: list[int] = []
         for j, parent in enumerate(skeleton.parents):
             offset = skeleton.positions[0] if j == 0 else offsets[j]
-            node = self._node(pygltflib.Node(name=names[j], translation=_listed(offset), children=[]))
+            node = self._node(pygltflib.Node(name=names[j], translation=listed(offset), children=[]))
             bones.append(node)
             if j:
                 self._document.nodes[bones[parent]].children.append(node)
@@ -174,7 +184,7 @@ class _Writer:
         self._animate(performance.times, bones[0], "translation", performance.root)
         for j in range(1, len(skeleton)):
             if not skeleton.children[j]:
-                end = pygltflib.Node(name=skeleton.names[j], translation=_listed(skeleton.vectors[j]))
+                end = pygltflib.Node(name=skeleton.names[j], translation=listed(skeleton.vectors[j]))
                 bones.append(self._node(end))
                 self._document.nodes[bones[j]].children.append(bones[-1])
         return bones
@@ -184,12 +194,12 @@ class _Writer:
         still = np.abs(values - values[0]).max() <= _STILL
         if still and (len(times) == 1 or _is_rest(self._document.nodes[node], path, values[0])):
             if path == "rotation":
-                self._document.nodes[node].rotation = _listed(_unit32(values[:1])[0])
+                self._document.nodes[node].rotation = listed(unit32(values[:1])[0])
             else:
-                self._document.nodes[node].translation = _listed(values[0])
+                self._document.nodes[node].translation = listed(values[0])
             return
         kept = np.array([0, len(times) - 1]) if still else np.arange(len(times))
-        stored = _unit32(values[kept]) if path == "rotation" else values[kept].astype(np.float32)
+        stored = unit32(values[kept]) if path == "rotation" else values[kept].astype(np.float32)
         sampler = pygltflib.AnimationSampler(
             input=self._times(times[kept]), output=self._blob.add(stored), interpolation="LINEAR"
         )
@@ -216,12 +226,12 @@ class _Writer:
         small = joints.astype(np.uint8) if len(shape.skeleton) <= 256 else joints
         attributes = pygltflib.Attributes(
             POSITION=blob.add(mesh.vertices.astype(np.float32), array),
-            NORMAL=blob.add(_normals(mesh.vertex_normals()), array),
+            NORMAL=blob.add(unit_normals(mesh.vertex_normals()), array),
             JOINTS_0=blob.add(small, array),
             WEIGHTS_0=blob.add(weights, array),
         )
         if mesh.colours is not None:
-            attributes.COLOR_0 = blob.add(_linear16(mesh.colours), array, normalised=True)
+            attributes.COLOR_0 = blob.add(linear16(mesh.colours), array, normalised=True)
         plain = pygltflib.PbrMetallicRoughness(metallicFactor=0.0, roughnessFactor=0.9)
         self._document.materials.append(
             pygltflib.Material(name=shape.id, pbrMetallicRoughness=plain, doubleSided=True)
@@ -234,96 +244,6 @@ class _Writer:
         )
 
 
-def bone_names(skeleton: Skeleton) -> list[str]:
-    """What each bone is called as a joint: where it begins; of several, all but one also where they lead."""
-    named = []
-    for j, parent in enumerate(skeleton.parents):
-        if j == 0:
-            named.append(skeleton.names[0])
-            continue
-        onward = parent > 0 and j == _onward(skeleton, int(parent))
-        begin, end = skeleton.names[parent], skeleton.names[j]
-        named.append(begin if onward else f"{begin} to {end}")
-    return named
-
-
-def _onward(skeleton: Skeleton, joint: int) -> int:
-    """The child that goes on straightest."""
-    into = skeleton.vectors[joint]
-
-    def straight(child: int) -> float:
-        out = skeleton.vectors[child]
-        return float(into @ out / max(float(np.linalg.norm(into) * np.linalg.norm(out)), 1e-12))
-
-    return max(skeleton.children[joint], key=straight)
-
-
-def local_turns(skeleton: Skeleton, turns: Float) -> Float:
-    """(T, N, 4) the turn of each bone in the bone before it, D_parent^-1 D, with no jump of sign in time."""
-    local = turns.copy()
-    for j in range(1, len(skeleton)):
-        local[:, j] = multiply(conjugate(turns[:, skeleton.parents[j]]), turns[:, j])
-    local = normalized(local)
-    flips = np.sign(np.einsum("tnc,tnc->tn", local[1:], local[:-1]))
-    flips[flips == 0] = 1.0
-    start = np.where(local[:1, :, 0] < 0, -1.0, 1.0)
-    signs = np.concatenate([start, start * np.cumprod(flips, 0)])
-    return np.asarray(local * signs[..., None])
-
-
-def local_offsets(skeleton: Skeleton) -> Float:
-    """(N, 3) where the joint of each bone is in that of the bone before: along that bone, at rest."""
-    offsets = np.zeros((len(skeleton), 3))
-    offsets[1:] = skeleton.vectors[skeleton.parents[1:]]
-    return offsets
-
-
-def clean_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
-    """(V, 4) of each as the format wants them: a bone once a vertex, 0 where the weight is, sums of one."""
-    indices, exact = indices.copy(), np.maximum(weights.astype(np.float64), 0.0)
-    for b in range(1, 4):
-        for a in range(b):
-            same = indices[:, a] == indices[:, b]
-            exact[same, a] += exact[same, b]
-            exact[same, b] = 0.0
-    total = exact.sum(1, keepdims=True)
-    exact = np.where(total > 0, exact / np.where(total > 0, total, 1.0), [[1.0, 0.0, 0.0, 0.0]])
-    made = exact.astype(np.float32)
-    indices[made == 0] = 0
-    return indices, made
-
-
-def _pivots(skeleton: Skeleton) -> Float:
-    return np.asarray(skeleton.positions[np.maximum(skeleton.parents, 0)])
-
-
 def _is_rest(node: pygltflib.Node, path: str, value: Float) -> bool:
     rest = np.roll(IDENTITY, -1) if path == "rotation" else np.array(node.translation)
     return bool(np.abs(value - rest).max() <= _STILL)
-
-
-def _listed(values: Float | Float32) -> list[float]:
-    """As JSON: rounded to float32, which every reader will do."""
-    return [float(v) for v in np.asarray(values, np.float32)]
-
-
-def _unit32(quaternions: Float) -> Float32:
-    """Unit in float32 too."""
-    made = quaternions.astype(np.float32)
-    length = np.linalg.norm(made.astype(np.float64), axis=-1, keepdims=True)
-    return np.asarray(made / length, np.float32)
-
-
-def _normals(normals: Float) -> Float32:
-    """Unit, also where no face has any area."""
-    missing = np.linalg.norm(normals, axis=1) < 0.5
-    normals = np.where(missing[:, None], [0.0, 1.0, 0.0], normals).astype(np.float32)
-    return np.asarray(normals / np.linalg.norm(normals.astype(np.float64), axis=1, keepdims=True), np.float32)
-
-
-def _linear16(colours: UInt8) -> UInt16:
-    """(V, 4) linear, opaque, 16 bits: eight would not do for dark colours."""
-    srgb = colours / 255.0
-    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-    opaque = np.concatenate([linear, np.ones((len(linear), 1))], 1)
-    return np.round(opaque * 65535).astype(np.uint16)

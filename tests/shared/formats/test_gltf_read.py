@@ -253,3 +253,21 @@ def test_files_that_are_no_models(tmp_path):
     (tmp_path / "cut.glb").write_bytes(b"glTF" + struct.pack("<II", 2, 1000) + b"\0" * 20)
     with pytest.raises(InputError, match="cannot be read as glTF 2"):
         read_gltf(tmp_path / "cut.glb")
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000))
+def test_a_damaged_file_is_read_or_refused_and_never_worse(tmp_path_factory, seed):
+    random, folder = np.random.default_rng(seed), tmp_path_factory.mktemp("damaged")
+    data = bytearray(random_rig(seed % 3, folder / "whole.gltf", joints=4).read_bytes())
+    end = data.index(b'"buffers"') if seed % 2 else len(data)
+    for at in random.integers(0, end, 3):
+        digit = chr(data[at]).isdigit()
+        data[at] = ord(str(random.integers(10))) if digit else data[at] ^ (1 << int(random.integers(8)))
+    (folder / "damaged.gltf").write_bytes(bytes(data))
+    try:
+        rig = read_gltf(folder / "damaged.gltf")
+    except InputError as error:
+        assert "damaged.gltf" in error.where or "shape" in error.where or "clip" in error.where
+        return
+    assert np.isfinite(rig.shape.skeleton.positions).all()

@@ -13,7 +13,8 @@ from enliven.character import SkinWeights
 from enliven.deformation.skinning import skin_vertices
 from enliven.errors import InputError, ResourceError
 from enliven.formats.gltf import read_gltf
-from enliven.formats.gltf_write import Performance, clean_skin, glb_of, performance_of, write_gltf
+from enliven.formats.gltf_shape import clean_skin
+from enliven.formats.gltf_write import Performance, glb_of, performance_of, write_gltf
 from enliven.formats.rig import playing
 from enliven.mesh import Mesh
 from enliven.motion.clip import Clip
