@@ -1,10 +1,12 @@
 """Clips of motion captures and of tracked people, at another rate, and cut out of longer ones.
 
-clip_of_capture(capture, id, *, rest="auto", unit=None) -> Clip
-clip_of_bodies(bodies, seconds, id, *, rest=0, step=1/30, names=None) -> Clip      # enliven.body.Body
-clip_of_positions(skeleton, positions (F, N, 3), id, step) -> Clip                 # any tree of points
-resampled(clip, step) -> Clip
-between_times(clip, start, stop) -> Clip
+    clip_of_capture(capture, id, *, rest="auto", unit=None) -> Clip
+    clip_of_bodies(bodies, seconds, id, *, rest=0, step=1/30, names=None) -> Clip      # enliven.body.Body
+    clip_of_positions(skeleton, positions (F, N, 3), id, step) -> Clip                 # any tree of points
+    resampled(clip, step) -> Clip
+    between_times(clip, start, stop) -> Clip
+
+Clips are in metres, +Y up; their quaternions change no sign from frame to frame.
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.body import PARENTS, Body, Joint
 from enliven.errors import InputError
-from enliven.formats.capture import UNITS, Capture, guess_unit
+from enliven.formats.capture import Capture
+from enliven.motion.capture_rest import links, metres, rooted, stiff_pose, zero_pose, zero_stands
 from enliven.motion.clip import Clip
 from enliven.motion.positions import filled, rest_of, turns_of
 from enliven.rotation import conjugate, from_matrix, multiply, slerp
@@ -25,13 +28,6 @@ from enliven.skeleton import Skeleton
 
 BODY_NAMES: tuple[str, ...] = tuple(joint.name.lower().replace("_", " ") for joint in Joint)
 """Names of the 20 joints of a tracked person in a clip: "hip center", "spine", ..."""
-
-_STANDS = 0.9
-"""A zero pose stands when it is at least this much as tall as the frames are."""
-_MOVES = 0.002
-"""Share of the extent by which a joint must move against its parent to be a root of its own."""
-_HIP_TO_ANKLE = 0.9
-"""Share of a root's height over the lowest joint that is leg, for the guess of the unit."""
 
 
 def clip_of_capture(
@@ -51,21 +47,21 @@ def clip_of_capture(
     Raises:
         InputError: for a tree with two roots, a frame or a unit that is not there.
     """
-    names, parents, positions, rotations = _rooted(capture, id)
-    offsets = _offsets(parents, positions, rotations)
+    names, parents, positions, rotations = rooted(capture, id)
+    offsets = links(parents, positions, rotations)
     turns = from_matrix(rotations)
     if rest == "auto":
-        rest = "zero" if _zero_stands(parents, offsets, positions) else "first"
+        rest = "zero" if zero_stands(parents, offsets, positions) else "first"
     if rest == "zero":
-        at_rest, before = _zero_pose(parents, offsets, positions), np.tile([1.0, 0, 0, 0], (len(names), 1))
+        at_rest, before = zero_pose(parents, offsets, positions), np.tile([1.0, 0, 0, 0], (len(names), 1))
     else:
         frame = 0 if rest == "first" else rest
         if not isinstance(frame, int) or not 0 <= frame < len(positions):
             mend = f'Say "auto", "zero", "first" or 0..{len(positions) - 1}.'
             raise InputError(f"there is no rest pose {rest!r}", where=f"clip {id!r}", mend=mend)
-        at_rest = _stiff_pose(parents, offsets, positions[frame], rotations[frame])
+        at_rest = stiff_pose(parents, offsets, positions[frame], rotations[frame])
         before = turns[frame]
-    scale = _metres(unit, at_rest, f"clip {id!r}")
+    scale = metres(unit, at_rest, f"clip {id!r}")
     # Bone j turns with the joint that it hangs on; the root's children and the root turn as one.
     holds = np.array([0, *parents[1:]])
     world = multiply(turns[:, holds], conjugate(before[holds]))
@@ -157,69 +153,6 @@ def _known(bodies: Sequence[Body], still: Body) -> Float | None:
         return None
     world = np.stack([np.asarray(body.orientations) for body in bodies])
     return multiply(world, conjugate(still.orientations))
-
-
-def _rooted(capture: Capture, id: str) -> tuple[tuple[str, ...], list[int], Float, Float]:
-    """The capture's names, parents, positions and rotations from the joint on that moves as the root."""
-    if sum(parent < 0 for parent in capture.parents) != 1 or capture.parents[0] != -1:
-        raise InputError("it has more than one root", where=f"clip {id!r}", mend="Keep one of its skeletons.")
-    names, parents = capture.names, list(capture.parents)
-    positions, rotations = capture.positions, capture.rotations
-    extent = float(np.median(np.ptp(positions, axis=1).max(1)))
-    while parents.count(0) == 1 and len(names) > 2:
-        local = np.einsum("fji,fj->fi", rotations[:, 0], positions[:, 1] - positions[:, 0])
-        if np.ptp(local, axis=0).max() < _MOVES * extent:
-            break
-        names, parents = names[1:], [max(parent - 1, -1) for parent in parents[1:]]
-        positions, rotations = positions[:, 1:], rotations[:, 1:]
-    return names, parents, positions, rotations
-
-
-def _offsets(parents: list[int], positions: Float, rotations: Float) -> Float:
-    """(N, 3) each joint in its parent's frame, the middle of what the frames say; zero at the root."""
-    above = np.maximum(parents, 0)
-    links = positions - positions[:, above]
-    return np.asarray(np.median(np.einsum("fnji,fnj->fni", rotations[:, above], links), axis=0))
-
-
-def _stiff_pose(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
-    """(N, 3) the joints of a frame with the bones' own lengths."""
-    at = positions.copy()
-    for j, parent in enumerate(parents[1:], 1):
-        at[j] = at[parent] + rotations[parent] @ offsets[j]
-    return at
-
-
-def _zero_pose(parents: list[int], offsets: Float, positions: Float) -> Float:
-    """(N, 3) the joints with all rotations zero, on the floor that the frames stand on, where they begin."""
-    count = len(parents)
-    at = _stiff_pose(parents, offsets, np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
-    floor = np.percentile(positions[:, :, 1].min(1), 10)
-    moved = np.array([positions[0, 0, 0], floor - at[:, 1].min(), positions[0, 0, 2]])
-    return np.asarray(at + moved)
-
-
-def _zero_stands(parents: list[int], offsets: Float, positions: Float) -> bool:
-    """Whether the zero pose is about as tall, and its root as high, as those of the frames."""
-    zero = _zero_pose(parents, offsets, positions)
-    lowest = positions[:, :, 1].min(1)
-    tall, high = np.median(positions[:, :, 1].max(1) - lowest), np.median(positions[:, 0, 1] - lowest)
-    legs = zero[0, 1] - zero[:, 1].min()
-    return bool(np.ptp(zero[:, 1]) > _STANDS * tall and _STANDS * high < legs < high / _STANDS**2)
-
-
-def _metres(unit: str | float | None, at_rest: Float, where: str) -> float:
-    """Metres in a unit of the file."""
-    if unit is None:
-        legs = at_rest[0, 1] - at_rest[:, 1].min()
-        return UNITS[guess_unit(float(legs) * _HIP_TO_ANKLE)]
-    if isinstance(unit, str):
-        if unit not in UNITS:
-            raise InputError(f"there is no unit {unit!r}", where=where, mend=f"Known: {', '.join(UNITS)}.")
-        return UNITS[unit]
-    if not 0.0 < unit < 1e6:
-        raise InputError(f"a unit of {unit} m cannot be", where=where, mend="Give metres a unit.")
-    return float(unit)
 
 
 def _continuous(turns: Float) -> Float:

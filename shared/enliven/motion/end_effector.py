@@ -20,11 +20,12 @@ import numpy as np
 from numba import njit
 
 from enliven.arrays import Float, Int32
-from enliven.motion.ik import reach, row
 from enliven.motion.layers import Layer
 from enliven.motion.pin import bend_of, local_turns, rebuild
 from enliven.motion.polyline import Polyline, place_of
 from enliven.motion.quaternions import between, conj, load, mul, store, turn
+from enliven.motion.reaching import reach
+from enliven.motion.vectors import row
 from enliven.rotation import rotate
 from enliven.shape import Shape
 from enliven.skeleton import Skeleton

@@ -21,8 +21,9 @@ from numba import njit
 from enliven.arrays import Bool, Float, Int32
 from enliven.errors import InputError
 from enliven.motion.contacts import ContactSettings, Pin
-from enliven.motion.ik import row, two_bone
+from enliven.motion.ik import two_bone
 from enliven.motion.quaternions import conj, load, mul, store, turn
+from enliven.motion.vectors import row
 from enliven.project import Project
 from enliven.shape import Shape
 from enliven.skeleton import Skeleton

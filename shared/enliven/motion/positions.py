@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 
 from enliven.arrays import AnyArray, Bool, Float
-from enliven.motion.ik import about, cross, dot, length, minus, row, swing_to
 from enliven.motion.quaternions import load, mul, store, turn
+from enliven.motion.vectors import about, cross, dot, length, minus, row, swing_to
 from enliven.rotation import nearest_quaternion
 from enliven.skeleton import Skeleton
 

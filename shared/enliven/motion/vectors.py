@@ -1,0 +1,76 @@
+"""Compiled vectors for the loops of this package: triples (x, y, z) in and out, nothing allocated."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def minus(a, b):  # type: ignore[no-untyped-def]
+    """Kernel: a - b of triples."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@njit(cache=True, nogil=True)
+def cross(a, b):  # type: ignore[no-untyped-def]
+    """Kernel: a x b of triples."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True, nogil=True)
+def dot(a, b):  # type: ignore[no-untyped-def]
+    """Kernel: a . b of triples."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True, nogil=True)
+def length(a):  # type: ignore[no-untyped-def]
+    """Kernel: |a| of a triple."""
+    return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+
+
+@njit(cache=True, nogil=True)
+def row(points, i):  # type: ignore[no-untyped-def]
+    """Kernel: row ``i`` of (K, 3) as a triple."""
+    return points[i, 0], points[i, 1], points[i, 2]
+
+
+@njit(cache=True, nogil=True)
+def at_right_angles(a):  # type: ignore[no-untyped-def]
+    """Kernel: some unit vector at right angles to ``a``, that depends on ``a`` alone."""
+    x, y, z = abs(a[0]), abs(a[1]), abs(a[2])
+    axis = (1.0, 0.0, 0.0)
+    if y <= x and y <= z:
+        axis = (0.0, 1.0, 0.0)
+    elif z <= x and z <= y:
+        axis = (0.0, 0.0, 1.0)
+    n = cross(a, axis)
+    size = length(n)
+    if size == 0.0:
+        return 1.0, 0.0, 0.0
+    return n[0] / size, n[1] / size, n[2] / size
+
+
+@njit(cache=True, nogil=True)
+def about(n, angle):  # type: ignore[no-untyped-def]
+    """Kernel: the quaternion of a turn about the unit ``n`` by ``angle``."""
+    s = math.sin(angle / 2)
+    return math.cos(angle / 2), n[0] * s, n[1] * s, n[2] * s
+
+
+@njit(cache=True, nogil=True)
+def swing_to(a, b):  # type: ignore[no-untyped-def]
+    """Kernel: the shortest turn from the direction of ``a`` to that of ``b``; none if one has no length."""
+    size, other = length(a), length(b)
+    if size < 1e-12 or other < 1e-12:
+        return 1.0, 0.0, 0.0, 0.0
+    n = cross(a, b)
+    sine = length(n)
+    if sine < 1e-14 * size * other:
+        if dot(a, b) > 0.0:
+            return 1.0, 0.0, 0.0, 0.0
+        n = at_right_angles(a)
+        return 0.0, n[0], n[1], n[2]
+    return about((n[0] / sine, n[1] / sine, n[2] / sine), math.atan2(sine, dot(a, b)))
