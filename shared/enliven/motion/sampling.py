@@ -1,9 +1,11 @@
 """All the layers of a shape sampled at once: what the player of :mod:`enliven.motion.evaluate` works with.
 
-sampler = Sampler(project, shape)
-sampler.knots(times) -> (T, K, 4)        # the turns at the joints of every layer's chain, target's basis
-sampler.own(knots) -> (T, N, 4)          # a_j: the animation rotation of every bone
-sampler.feed(take, turns)                # a live moment in the place of a take
+    sampler = Sampler(project, shape)
+    sampler.knots(times) -> (T, K, 4)        # the turns at the joints of every layer's chain, target's basis
+    sampler.own(knots) -> (T, N, 4)          # a_j: the animation rotation of every bone
+    sampler.feed(take, turns)                # a live moment in the place of a take
+
+What does not change with time is worked out once: which knots a place on a bone lies between, and how far.
 """
 
 from __future__ import annotations

@@ -1,7 +1,9 @@
 """When: the frame of its take that a layer plays at a time of the project.
 
-frames_of(layer, clip, seconds) -> (T,)
-Clocks.of(layers, clips).frames(seconds) -> (T, L)
+    frames_of(layer, clip, seconds) -> (T,)
+    Clocks.of(layers, clips).frames(seconds) -> (T, L)
+
+Frame numbers may be between two frames, and never beyond the first or the last.
 """
 
 from __future__ import annotations

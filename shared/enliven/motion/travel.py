@@ -1,9 +1,10 @@
 """Root motion: where a take's root went since rest, in the size of the shape that goes along.
 
-A looped take goes on from where it ended, over the ground: a walk of two steps walks on, at its height.
+    height_of(skeleton)                  # metres: what two skeletons' strides are compared by
+    travel_scale(shape, clip)            # the shape's own, or the ratio of the heights
+    Travel(project, shape).at(times)     # (T, 3) where the root joint is
 
-height_of(skeleton)                  # metres: what two skeletons' strides are compared by
-travel_scale(shape, clip)            # the shape's own, or the ratio of the heights
+A looped take goes on from where it ended, over the ground: a walk of two steps walks on, at its height.
 """
 
 from __future__ import annotations
