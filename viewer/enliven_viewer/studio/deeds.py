@@ -10,6 +10,7 @@ import numpy as np
 from enliven.matching.symmetry import equal_limbs
 from enliven.matching.views import best_view
 from enliven.modeling.copying import copy_shape, mirror_shape, paste_shape, scale_shape
+from enliven.modeling.graph_copying import copy_graph, move_graph
 from enliven.modeling.posing import turn_bone
 from enliven.modeling.spread import spread_motion
 from enliven.motion.copying import copy_motion
@@ -54,7 +55,10 @@ class Deeds:
     def delete(self) -> None:
         """Take the chosen node out, or else the chosen shape away."""
         chosen = self.editor.selection
-        if chosen.shape is None:
+        if chosen.graph is not None:
+            graph = chosen.graph
+            self.editor.edit(f"delete {graph}", lambda project: project.without_graph(graph))
+        elif chosen.shape is None:
             self.editor.toasts.say("Nothing is chosen", "Click a node or a shape first.")
         elif chosen.joint:
             remove(self.editor, chosen.shape, chosen.joint)
@@ -96,6 +100,10 @@ class Deeds:
 
     def duplicate(self) -> None:
         """A copy of the chosen shape beside it, the clipboard untouched."""
+        graph = self.editor.selection.graph
+        if graph is not None:
+            self.editor.edit(f"duplicate {graph}", lambda project: self._copied_graph(project, graph))
+            return
         shape = self._chosen()
         if shape is None:
             return
@@ -218,6 +226,12 @@ class Deeds:
             return project
 
         self.editor.edit("clear motion", change)
+
+    def _copied_graph(self, project: Project, graph: str) -> Project:
+        project, copy = copy_graph(project, graph)
+        right = self.editor.lens.view.camera_from_world[0, :3]
+        wide = float(np.ptp(project.graphs[graph].mesh.vertices @ right))
+        return move_graph(project, copy, right * (wide + _ASIDE))
 
     def _chosen(self) -> str | None:
         if self.editor.selection.shape is None:

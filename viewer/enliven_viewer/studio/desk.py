@@ -11,7 +11,7 @@ from enliven_viewer.studio.browser import Browser
 from enliven_viewer.studio.cabinet import PROJECT, Cabinet
 from enliven_viewer.studio.deeds import Deeds
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.files import MODELS, TAKES, add_file, export
+from enliven_viewer.studio.files import MODELS, PERFORMANCES, TAKES, add_file, export
 from enliven_viewer.studio.hand import Hand
 from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.timeline_hand import TimelineHand
@@ -141,7 +141,11 @@ class Desk:
 
     def _browse(self, dialogue: str) -> None:
         folder = self.cabinet.path.parent if self.cabinet.path else Path.cwd()
-        endings = {"open": (PROJECT, *MODELS, *TAKES), "save as": (PROJECT,), "export": (".glb",)}[dialogue]
+        endings = {
+            "open": (PROJECT, *MODELS, *TAKES, *PERFORMANCES),
+            "save as": (PROJECT,),
+            "export": (".glb",),
+        }[dialogue]
         name = "" if dialogue == "open" else self.cabinet.name + endings[0]
         self.browser = Browser(folder, endings, name, dialogue != "open")
         self.asking = dialogue

@@ -17,6 +17,7 @@ from enliven_viewer.document import bounds_of
 from enliven_viewer.render.renderer import EMPTY_BOX
 from enliven_viewer.studio.performance import Company, length_of
 from enliven_viewer.studio.picking import Lens
+from enliven_viewer.studio.possessed import Possessed, end_of_streams, possessed_of
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.stance import Stance
 from enliven_viewer.studio.toasts import Toasts
@@ -35,12 +36,14 @@ class Selection:
         joint: a joint of it, or None.
         chain: joints of it from one end to the other; empty without a chain.
         layer: the id of a layer, or None.
+        graph: the id of a possessed mesh, or None; then no shape is chosen.
     """
 
     shape: str | None = None
     joint: int | None = None
     chain: tuple[int, ...] = ()
     layer: str | None = None
+    graph: str | None = None
 
 
 class Editor:
@@ -61,6 +64,7 @@ class Editor:
         self.time, self.playing, self.loop, self.speed = 0.0, False, True, 1.0
         self.show_bones, self.show_meshes = True, True
         self._company = Company()
+        self._possessed: tuple[Project, float, tuple[Possessed, ...]] | None = None
         self._stances: tuple[Project, float, tuple[Stance, ...]] | None = None
 
     @property
@@ -71,7 +75,7 @@ class Editor:
     @property
     def length(self) -> float:
         """Seconds that the project plays."""
-        return length_of(self.project, self.settings.shortest)
+        return max(length_of(self.project, self.settings.shortest), end_of_streams(self.project))
 
     @property
     def lens(self) -> Lens:
@@ -85,6 +89,14 @@ class Editor:
         if known is None or known[0] is not self.project or known[1] != self.time:
             made = self._company.stances(self.project, self.time)
             self._stances = known = (self.project, self.time, made)
+        return known[2]
+
+    @property
+    def possessed(self) -> tuple[Possessed, ...]:
+        """Every possessed mesh as it is shown now."""
+        known = self._possessed
+        if known is None or known[0] is not self.project or known[1] != self.time:
+            self._possessed = known = (self.project, self.time, possessed_of(self.project, self.time))
         return known[2]
 
     def stance(self, shape_id: str) -> Stance:
@@ -148,6 +160,8 @@ class Editor:
         """Change parts of the selection; another shape forgets joint and chain."""
         if "shape" in changes and changes["shape"] != self.selection.shape:
             self.selection = Selection(layer=self.selection.layer)
+        if changes.get("graph") is not None:
+            self.selection = Selection()
         self.selection = replace(self.selection, **changes)  # type: ignore[arg-type]
 
     def advance(self, seconds: float) -> None:
@@ -172,7 +186,8 @@ class Editor:
 
     def box(self) -> Box | None:
         """What every shape fills now."""
-        bounds = bounds_of([points for s in self.stances for points in (s.joints, s.surface())])
+        filled = [points for s in self.stances for points in (s.joints, s.surface())]
+        bounds = bounds_of(filled + [mesh.vertices for mesh in self.possessed])
         if bounds is None:
             return None
         return bounds[0] - 0.05, bounds[1] + 0.05
@@ -191,6 +206,8 @@ class Editor:
         chosen, project = self.selection, self.project
         if chosen.layer is not None and chosen.layer not in project.layers:
             chosen = replace(chosen, layer=None)
+        if chosen.graph is not None and chosen.graph not in project.graphs:
+            chosen = replace(chosen, graph=None)
         if chosen.shape is not None and chosen.shape not in project.shapes:
             chosen = Selection(layer=chosen.layer)
         count = len(project.shapes[chosen.shape].skeleton) if chosen.shape else 0

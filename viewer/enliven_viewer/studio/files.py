@@ -11,9 +11,11 @@ from enliven.formats.gltf_write import performance_of, write_gltf
 from enliven.motion.capture_clip import clip_of_capture
 from enliven.project import Project, unused
 from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.possessed import with_performance
 
 MODELS = (".glb", ".gltf")
 TAKES = (".bvh",)
+PERFORMANCES = (".mcap",)
 _LONGEST = 130
 """Letters of a file's note that are shown."""
 _BESIDE = 0.3
@@ -31,8 +33,10 @@ def add_file(editor: Editor, path: Path) -> None:
         _add_model(editor, path)
     elif ending in TAKES:
         _add_take(editor, path)
+    elif ending in PERFORMANCES:
+        _add_performance(editor, path)
     else:
-        known = ", ".join((*MODELS, *TAKES))
+        known = ", ".join((*MODELS, *TAKES, *PERFORMANCES))
         what = f"{ending} is of no known kind" if ending else "its name has no ending"
         raise InputError(what, where=str(path), mend=f"Known: {known}.")
 
@@ -76,6 +80,21 @@ def _add_take(editor: Editor, path: Path) -> None:
 
     if editor.edit(f"open {path.name}", add):
         _tell(editor, path, capture.notes, "Map it onto a shape with M.")
+
+
+def _add_performance(editor: Editor, path: Path) -> None:
+    added: list[str] = []
+
+    def add(project: Project) -> Project:
+        project, names = with_performance(project, path)
+        added.extend(names)
+        return project
+
+    if editor.edit(f"open {path.name}", add):
+        editor.toasts.say(
+            f"{path.name} brought {', '.join(added)}", "What was possessed can be cut and merged."
+        )
+        editor.frame_all()
 
 
 def _tell(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None:

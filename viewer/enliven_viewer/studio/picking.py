@@ -110,7 +110,7 @@ def surface_at(stances: Iterable[Stance], lens: Lens, at: tuple[float, float]) -
         mesh, skin = stance.shape.mesh, stance.shape.skin
         if mesh is None or skin is None:
             continue
-        face, distance = _first_face(stance.surface(), mesh.faces, eye, way)
+        face, distance = first_face(stance.surface(), mesh.faces, eye, way)
         if face >= 0 and (best is None or distance < best.depth):
             vertex = mesh.faces[face, 0]
             bone = int(skin.indices[vertex, int(skin.weights[vertex].argmax())])
@@ -162,7 +162,7 @@ def _crossing(a: Float, b: Float, c: Float, d: Float) -> float | None:
     return float(share) if 0.0 <= share <= 1.0 and 0.0 <= other <= 1.0 else None
 
 
-def _first_face(vertices: Float, faces: Int32, eye: Float, way: Float) -> tuple[int, float]:
+def first_face(vertices: Float, faces: Int32, eye: Float, way: Float) -> tuple[int, float]:
     """The nearest face on a ray and how far it is (Moeller and Trumbore 1997); -1 for none."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     side, other = b - a, c - a

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Sequence
-from dataclasses import replace
 
 import moderngl
 import numpy as np
@@ -16,12 +14,13 @@ from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Actor, Look, Scene
 from enliven_viewer.render.tubes import Tubes
 from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.clay import coloured
 from enliven_viewer.studio.editor import Selection
 from enliven_viewer.studio.overlay import Overlay
 from enliven_viewer.studio.picking import Lens
+from enliven_viewer.studio.possessed import Characters, Possessed
 from enliven_viewer.studio.skeleton_picture import skeleton_rows
 from enliven_viewer.studio.stance import Stance
-from enliven_viewer.studio.theme import CLAYS
 
 _LOOK = Look(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
 _SEEN_THROUGH = 0.4
@@ -39,6 +38,7 @@ class Viewport:
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], settings: RenderSettings) -> None:
         self.renderer = Renderer(ctx, size, settings)
         self._tubes = Tubes(ctx)
+        self._graphs = Characters()
         self._characters: dict[str, tuple[tuple[object, ...], Character]] = {}
 
     def draw(
@@ -48,14 +48,25 @@ class Viewport:
         selection: Selection,
         overlay: Overlay,
         *,
+        possessed: Sequence[Possessed] = (),
         meshes: bool = True,
         bones: bool = True,
     ) -> None:
         """One picture, resolved."""
         solid = [s for s in stances if s.shape.mesh is not None and len(s.shape.mesh.faces)] if meshes else []
         actors = tuple(Actor(self._character(s.shape), s.pose()) for s in solid)
-        self._characters = {a.character.id: self._characters[a.character.id] for a in actors}
-        self.renderer.draw(Scene(actors, (), _LOOK, extent=bounds_of([s.joints for s in stances])), lens.view)
+        kept = {actor.character.id for actor in actors}
+        self._characters = {name: known for name, known in self._characters.items() if name in kept}
+        actors += tuple(Actor(self._graphs.of(mesh.shape), mesh.pose) for mesh in possessed)
+        self.renderer.draw(
+            Scene(
+                actors,
+                (),
+                _LOOK,
+                extent=bounds_of([s.joints for s in stances] + [mesh.vertices for mesh in possessed]),
+            ),
+            lens.view,
+        )
         if bones and stances:
             rows = np.concatenate([skeleton_rows(s, lens, selection, overlay) for s in stances])
             near = min(float(((s.joints - lens.view.eye) @ lens.forward).min()) for s in stances)
@@ -66,18 +77,6 @@ class Viewport:
         parts = (shape.mesh, shape.skin, shape.skeleton)
         known = self._characters.get(shape.id)
         if known is None or any(a is not b for a, b in zip(known[0], parts, strict=True)):
-            known = (parts, _coloured(character_of(shape)))
+            known = (parts, coloured(character_of(shape)))
             self._characters[shape.id] = known
         return known[1]
-
-
-def clay_of(shape_id: str) -> tuple[int, int, int]:
-    """The sRGB of a mesh that brings no colours: always the same for a name."""
-    return CLAYS[zlib.crc32(shape_id.encode()) % len(CLAYS)]
-
-
-def _coloured(character: Character) -> Character:
-    if character.colours is not None:
-        return character
-    clay = np.array(clay_of(character.id), np.uint8)
-    return replace(character, colours=np.tile(clay, (len(character.vertices), 1)))

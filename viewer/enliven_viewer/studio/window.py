@@ -177,6 +177,7 @@ class StudioWindow:
             editor.lens,
             editor.selection,
             self.desk.hand.tool.overlay(),
+            possessed=editor.possessed if editor.show_meshes else (),
             meshes=editor.show_meshes,
             bones=editor.show_bones,
         )

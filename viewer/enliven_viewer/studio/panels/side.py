@@ -10,6 +10,7 @@ from enliven.motion.layers import Layer
 from enliven.motion.retarget import set_travel
 from enliven.project import Project
 from enliven.shape import Shape
+from enliven_viewer.studio.clay import clay_of
 from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.editor import Edit
 from enliven_viewer.studio.naming import renamed
@@ -17,7 +18,6 @@ from enliven_viewer.studio.panels.style import heading, panel, quiet
 from enliven_viewer.studio.performance import layers_of, used_layers
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.tools.map import Map
-from enliven_viewer.studio.viewport import clay_of
 
 _HALF = ImVec2(126, 0)
 _MEANT = {
@@ -41,8 +41,12 @@ def draw_side(desk: Desk, area: Area) -> None:
 def _shapes(desk: Desk) -> None:
     heading("Shapes")
     editor = desk.editor
-    if not editor.project.shapes:
+    if not editor.project.shapes and not editor.project.graphs:
         quiet("Nothing yet. Sketch a part (S), or open a model (Ctrl+O).")
+    for name in editor.project.graphs:
+        if imgui.selectable(f"{name}   possessed##graph", editor.selection.graph == name)[0]:
+            editor.select(graph=name)
+        desk.remember(f"graph {name}")
     for shape in editor.project.shapes.values():
         clay = clay_of(shape.id)
         flags = imgui.ColorEditFlags_.no_tooltip | imgui.ColorEditFlags_.no_drag_drop

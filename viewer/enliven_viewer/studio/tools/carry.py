@@ -12,6 +12,7 @@ from enliven_viewer.studio.overlay import Disc, Line, Overlay, Words
 from enliven_viewer.studio.picking import Hit, bone_at, joint_at
 from enliven_viewer.studio.theme import GOOD, INK, STROKE
 from enliven_viewer.studio.tools.base import Pointer, Tool
+from enliven_viewer.studio.tools.handle_graph import GraphGrip
 
 
 class Carry(Tool):
@@ -23,11 +24,14 @@ class Carry(Tool):
         super().__init__(editor)
         self._held: tuple[str, Float, Pointer] | None = None
         self._graft: Hit | None = None
+        self._grip: GraphGrip | None = None
 
     @property
     def hint(self) -> str:
         if self._graft is not None:
             return "Let go to merge here; the motions of both are kept."
+        if self._grip is not None:
+            return "Let go anywhere; with Shift over another possessed mesh to make one of the two."
         if self._held is not None:
             return "Bring the red root onto a node of another shape to merge, or let go anywhere."
         return "Drag a shape to move it. Drop its red root on another shape's node to merge the two."
@@ -35,7 +39,8 @@ class Carry(Tool):
     def press(self, pointer: Pointer) -> bool:
         hit = self.shape_at(pointer)
         if hit is None:
-            return False
+            self._grip = GraphGrip.of(self.editor, pointer)
+            return self._grip is not None
         self.editor.select(shape=hit.shape)
         self.editor.select(joint=None, chain=())
         self.editor.playing = False
@@ -45,6 +50,9 @@ class Carry(Tool):
         return True
 
     def drag(self, pointer: Pointer) -> None:
+        if self._grip is not None:
+            grip = self._grip
+            self.editor.sketch(lambda project: grip.moved(project, pointer))
         if self._held is None:
             return
         shape_id = self._held[0]
@@ -57,6 +65,9 @@ class Carry(Tool):
         self._graft = joint_at(others, lens, at, snap) or bone_at(others, lens, at, snap / 2)
 
     def release(self, pointer: Pointer) -> None:
+        grip, self._grip = self._grip, None
+        if grip is not None and self.editor.draft is not None:
+            grip.drop(pointer)
         if self._held is None:
             return
         held, graft, dragged = self._held, self._graft, self.editor.draft is not None
@@ -69,7 +80,7 @@ class Carry(Tool):
 
     def cancel(self) -> None:
         super().cancel()
-        self._held = self._graft = None
+        self._held = self._graft = self._grip = None
 
     def overlay(self) -> Overlay:
         plain = super().overlay()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enliven_viewer.studio.possessed import possessed_at
 from enliven_viewer.studio.tools.base import Pointer, Tool
 
 
@@ -20,8 +21,12 @@ class Choose(Tool):
 
     def press(self, pointer: Pointer) -> bool:
         hit, editor = self.shape_at(pointer), self.editor
+        graph = possessed_at(editor.possessed, editor.lens, pointer.at)
+        if graph is not None and (hit is None or graph[1] < hit.depth) and self.handle_at(pointer) is None:
+            editor.select(graph=graph[0])
+            return False
         if hit is None:
-            editor.select(shape=None)
+            editor.select(shape=None, graph=None)
             return False
         on_handle = self.handle_at(pointer) is not None
         chosen = editor.selection

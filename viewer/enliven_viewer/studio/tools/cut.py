@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from enliven.errors import EnlivenError
 from enliven.modeling.cut_stroke import cut_stroke
 from enliven.modeling.cut_surfaces import StrokeCut
+from enliven.modeling.graph_surgery import cut_graph
 from enliven.project import Project
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.overlay import Disc, Line, Overlay, Point
@@ -58,6 +60,8 @@ class Cut(Tool):
         self._stroke, self._crossed = [], []
         if not stroke:
             return
+        if not crossed and self._cut_possessed(stroke):
+            return
         if not crossed:
             self.editor.toasts.say("The stroke crosses no bone", "Draw it across a limb, from side to side.")
             return
@@ -76,6 +80,33 @@ class Cut(Tool):
             named = ", ".join(parts)
             said = f"Cut off: {named}" + "".join(f". {note}" for note in notes[:1])
             self.editor.toasts.say(said, "Both sides keep their pose now, and their motion.")
+
+    def _cut_possessed(self, stroke: list[Point]) -> bool:
+        """Cut the possessed meshes that a stroke passes through; whether there is any."""
+        if not self.editor.project.graphs or len(stroke) < 2:
+            return False
+        time, surface, notes, parts = self.editor.time, self._surface(stroke), list[str](), list[str]()
+        chosen = self.editor.selection.graph
+        names = [chosen] if chosen is not None else list(self.editor.project.graphs)
+
+        def change(project: Project) -> Project:
+            refused: EnlivenError | None = None
+            for name in names:
+                try:
+                    project, made = cut_graph(project, name, surface, time, notes=notes)
+                    parts.append(made[1])
+                except EnlivenError as error:  # it does not pass through this one
+                    refused = error
+            if not parts and refused is not None:
+                raise refused
+            return project
+
+        if self.editor.edit("cut", change):
+            self.editor.select(graph=parts[-1])
+            self.editor.toasts.say(
+                f"Cut off: {', '.join(parts)}", "Both parts go on moving. Drag one with G."
+            )
+        return True
 
     def _surface(self, stroke: list[Point]) -> StrokeCut:
         """The stroke swept along the view; pixels, y up."""
