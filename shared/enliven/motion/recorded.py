@@ -1,7 +1,9 @@
 """Takes of recordings: what each person did in a file of tracked bodies.
 
-clips_of_recording(path, *, settings=TakeSettings()) -> list[Clip]
-clips_of_frames(frames, name, settings) -> list[Clip]          # enliven.frames.BodyFrame, as they come
+    clips_of_recording(path, *, settings=TakeSettings()) -> list[Clip]
+    clips_of_frames(frames, name, settings) -> list[Clip]          # enliven.frames.BodyFrame, as they come
+
+Only recordings of bodies have takes; depth has to be tracked first.
 """
 
 from __future__ import annotations
