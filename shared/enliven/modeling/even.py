@@ -82,11 +82,10 @@ def _normal(p, q, r):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _cotangent(tip, p, q):  # type: ignore[no-untyped-def]
-    dot = 0.0
-    for k in range(3):
-        dot += (p[k] - tip[k]) * (q[k] - tip[k])
-    n = _normal(tip, p, q)
-    return dot / max(np.sqrt((n * n).sum()), 1e-300)
+    ux, uy, uz = p[0] - tip[0], p[1] - tip[1], p[2] - tip[2]
+    vx, vy, vz = q[0] - tip[0], q[1] - tip[1], q[2] - tip[2]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return (ux * vx + uy * vy + uz * vz) / max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-300)
 
 
 @njit(cache=True, nogil=True)

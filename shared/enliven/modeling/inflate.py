@@ -40,7 +40,7 @@ def inflated(
     step = float(np.linalg.norm(np.roll(outline, -1, 0) - outline, axis=1).mean())
     flat, cells = refined(outline, triangles, np.full(len(outline), step))
     squared = _squared_heights(flat, cells, len(outline), axis, radii) * depth**2
-    vertices, faces, squared = _both_halves(flat, cells, squared, len(outline))
+    vertices, faces, squared = _both_halves(flat, cells, squared, len(outline), depth)
     while True:
         count = len(vertices)
         vertices, faces, parents, _ = split_long_edges(vertices, faces, _LONG * step)
@@ -90,7 +90,9 @@ def poisson(points: Float, faces: Int32, inner: Bool) -> Float:
     return out
 
 
-def _both_halves(flat: Float, cells: Int, squared: Float, rim: int) -> tuple[Float, Int32, Float]:
+def _both_halves(
+    flat: Float, cells: Int, squared: Float, rim: int, depth: float
+) -> tuple[Float, Int32, Float]:
     """The upper half, the lower half, one outline."""
     height = np.sqrt(np.maximum(squared, 0.0))
     upper = np.concatenate([flat, height[:, None]], 1)
@@ -98,40 +100,45 @@ def _both_halves(flat: Float, cells: Int, squared: Float, rim: int) -> tuple[Flo
     under = np.concatenate([np.arange(rim), len(flat) + np.arange(len(flat) - rim)])
     faces = np.concatenate([cells, under[cells][:, ::-1]])
     # A triangle with all corners on the outline would lie on its own double: both get a point inside.
-    return _opened(np.concatenate([upper, lower]), faces, np.concatenate([squared, squared[rim:]]), rim)
+    whole = np.concatenate([upper, lower])
+    return _opened(whole, faces, np.concatenate([squared, squared[rim:]]), rim, depth)
 
 
-def _opened(vertices: Float, faces: Int, squared: Float, rim: int) -> tuple[Float, Int32, Float]:
+def _opened(
+    vertices: Float, faces: Int, squared: Float, rim: int, depth: float
+) -> tuple[Float, Int32, Float]:
     """Edges within the outline from rim to rim are halved apart in the two halves."""
-    half = len(faces) // 2
-    ring = np.arange(rim)
-    outline = np.sort(np.stack([ring, np.roll(ring, -1)], 1), 1)
-    known = outline[:, 0] * rim + outline[:, 1]
+    ends = np.sort(np.stack([faces, np.roll(faces, -1, 1)], -1), -1).reshape(-1, 2)
+    step = ends[:, 1] - ends[:, 0]
+    across = (ends[:, 1] < rim) & (step != 1) & (step != rim - 1)
+    touched = across.reshape(-1, 3).any(1)
+    upper = (np.arange(len(faces)) < len(faces) // 2)[touched]
     made: list[Float] = []
     heights: list[float] = []
     out: list[list[int]] = []
     number: dict[tuple[int, int, bool], int] = {}
-    for f, face in enumerate(faces.tolist()):
+    for face, above in zip(faces[touched].tolist(), upper.tolist(), strict=True):
         corners: list[int] = []
         for a, b in zip(face, [*face[1:], face[0]], strict=True):
             corners.append(a)
             low, high = min(a, b), max(a, b)
-            if high < rim and not (known == low * rim + high).any():
-                key = (low, high, f < half)
+            if high < rim and high - low not in (1, rim - 1):
+                key = (low, high, above)
                 if key not in number:
                     number[key] = len(vertices) + len(made)
-                    width = float(np.linalg.norm(vertices[a] - vertices[b])) / 2
+                    width = depth * float(np.linalg.norm(vertices[a] - vertices[b])) / 2
                     middle = (vertices[a] + vertices[b]) / 2
-                    middle[2] = width if f < half else -width
+                    middle[2] = width if above else -width
                     made.append(middle)
                     heights.append(width**2)
                 corners.append(number[key])
-        out += _fanned(corners, rim, len(vertices))
+        out += _fanned(corners, len(vertices))
     whole = np.concatenate([vertices, *([np.array(made)] if made else [])])
-    return whole, np.array(out, np.int32), np.concatenate([squared, np.array(heights)])
+    parts = np.concatenate([faces[~touched], np.array(out, np.int64).reshape(-1, 3)])
+    return whole, parts.astype(np.int32), np.concatenate([squared, np.array(heights)])
 
 
-def _fanned(corners: list[int], rim: int, first_made: int) -> list[list[int]]:
+def _fanned(corners: list[int], first_made: int) -> list[list[int]]:
     """A polygon of three to six corners as triangles, cut at the made ones."""
     made = [k for k, v in enumerate(corners) if v >= first_made]
     if not made:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from enliven.arrays import Float
 from enliven.errors import InputError
@@ -82,21 +83,29 @@ def _crossings(points: Float, closed: bool) -> Float:
     """(K, 2) pairs of segments that cross, as ``segment + where along it``, the earlier first."""
     ends = np.roll(points, -1, 0) if closed else points[1:]
     starts = points if closed else points[:-1]
-    d = ends - starts
-    count = len(starts)
-    i, j = np.triu_indices(count, 2)
-    if closed:
-        i, j = i[~((i == 0) & (j == count - 1))], j[~((i == 0) & (j == count - 1))]
-    cross = d[i, 0] * d[j, 1] - d[i, 1] * d[j, 0]
-    gap = starts[j] - starts[i]
-    # Parallel ones do not cross; of those in one line rounding would say anything.
-    length = np.linalg.norm(d, axis=1)
-    slanted = np.abs(cross) > 1e-9 * length[i] * length[j]
-    safe = np.where(slanted, cross, 1.0)
-    s = (gap[:, 0] * d[j, 1] - gap[:, 1] * d[j, 0]) / safe
-    t = (gap[:, 0] * d[i, 1] - gap[:, 1] * d[i, 0]) / safe
-    hit = slanted & (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
-    return np.stack([i[hit] + s[hit], j[hit] + t[hit]], 1)
+    return np.array(_crossed(np.ascontiguousarray(starts), np.ascontiguousarray(ends), closed)).reshape(-1, 2)
+
+
+@njit(cache=True, nogil=True)
+def _crossed(starts, ends, closed):  # type: ignore[no-untyped-def]
+    """See :func:`_crossings`; segments that share an end do not cross."""
+    found = [(0.0, 0.0) for _ in range(0)]
+    count = starts.shape[0]
+    for i in range(count):
+        ax, ay = ends[i, 0] - starts[i, 0], ends[i, 1] - starts[i, 1]
+        for j in range(i + 2, count):
+            if closed and i == 0 and j == count - 1:
+                continue
+            bx, by = ends[j, 0] - starts[j, 0], ends[j, 1] - starts[j, 1]
+            cross = ax * by - ay * bx
+            # Parallel ones do not cross; of those in one line rounding would say anything.
+            if abs(cross) <= 1e-9 * np.sqrt((ax * ax + ay * ay) * (bx * bx + by * by)):
+                continue
+            x, y = starts[j, 0] - starts[i, 0], starts[j, 1] - starts[i, 1]
+            s, t = (x * by - y * bx) / cross, (x * ay - y * ax) / cross
+            if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
+                found.append((i + s, j + t))
+    return found
 
 
 def _without_ends(points: Float, crossings: Float) -> Float:

@@ -10,7 +10,7 @@ from enliven.errors import InputError
 from enliven.modeling import strokes
 from enliven.modeling.axis_bones import simplified
 from enliven.modeling.cut_loops import winding
-from enliven.modeling.outline import outline_of
+from enliven.modeling.outline import _crossings, outline_of
 from enliven.modeling.sketch import Plane, SketchSettings, shape_from_stroke
 
 ALL = {
@@ -105,6 +105,10 @@ def test_a_disc_becomes_a_ball_and_a_strip_a_round_rod():
     np.testing.assert_allclose(away, 0.2, rtol=0.06)
     flat = shape_from_stroke(np.stack([np.cos(turn), np.sin(turn)], 1), settings=SketchSettings(depth=0.5))
     assert volume(flat.mesh) == pytest.approx(volume(disc.mesh) / 2, rel=0.02)
+    # Also where a limb is so thin that no point lies inside of it.
+    thin = strokes.limb(np.array([[0.0, 0], [4.0, 0]]), np.array([0.02, 0.02]))
+    low, high = shape_from_stroke(thin, settings=SketchSettings(depth=0.5)).mesh.bounds
+    assert high[2] - low[2] == pytest.approx(0.02, rel=0.2)
 
 
 @settings(max_examples=12, deadline=None)
@@ -166,3 +170,21 @@ def test_simplification_keeps_corners_and_evens_out_the_rest():
     assert simplified(bent, np.full(41, 0.1), 0.4, 100) == [0, 20, 40]
     cone = 0.02 + 0.3 * along
     assert len(simplified(straight, cone, 0.3, 100)) > 2
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10_000), count=st.integers(3, 25), closed=st.booleans())
+def test_crossings_are_those_that_solving_finds(seed, count, closed):
+    points = np.random.default_rng(seed).random((count, 2))
+    starts, ends = (points, np.roll(points, -1, 0)) if closed else (points[:-1], points[1:])
+    slow = []
+    for i in range(len(starts)):
+        for j in range(i + 2, len(starts)):
+            if closed and i == 0 and j == len(starts) - 1:
+                continue
+            s, t = np.linalg.solve(
+                np.stack([ends[i] - starts[i], starts[j] - ends[j]], 1), starts[j] - starts[i]
+            )
+            if 0 <= s <= 1 and 0 <= t <= 1:
+                slow.append([i + s, j + t])
+    np.testing.assert_allclose(_crossings(points, closed), np.array(slow).reshape(-1, 2), atol=1e-6)
