@@ -2,7 +2,7 @@
 
     turns_of(skeleton, positions (F, N, 3), known=None) -> (F, N, 4)
     rest_of(parents, at_rest, positions) -> (N, 3)           # the bones' own lengths at rest
-    filled(parents, positions, seen) -> (F, N, 3)            # joints that were not seen, from before and after
+    filled(parents, positions, seen) -> (F, N, 3)            # what was not seen, from before and after
 
 Every bone points where its joints say; its twist is the least against the bone before.
 """
