@@ -95,6 +95,8 @@ class StrokeCut:
         return self._along(points)[1]
 
     def flat(self, points: Float) -> Float:
+        if len(points) == 0:
+            return np.zeros((0, 2))
         along, _, depth = self._along(points)
         # Metres that the picture's unit spans here, so that both coordinates are about metres.
         rows = self.picture_from_world

@@ -1,5 +1,7 @@
 """Cuts: both sides closed, their volumes the whole, and everything away from the cut the same to the bit."""
 
+import warnings
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -264,6 +266,10 @@ def test_what_cannot_be_cut_says_why():
         cut_across_bone(mesh, skin, skeleton, 0, 0.5)
     with pytest.raises(InputError, match="through no part"):
         cut_by_stroke(mesh, skin, PlaneCut([0, 0, 5.0], [0, 0, 1]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(InputError, match="through no part"):
+            cut_by_stroke(mesh, skin, StrokeCut([[5.0, 5.0], [6.0, 5.0]], FROM_Z))
     with pytest.raises(InputError, match="dot"):
         StrokeCut([[0, 0], [0, 0]], FROM_Z)
     with pytest.raises(InputError, match="direction"):
