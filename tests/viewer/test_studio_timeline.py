@@ -101,3 +101,15 @@ def test_messages_stay_their_time_and_bad_ones_longer() -> None:
     assert [toast.bad for toast in toasts.shown] == [True]
     toasts.advance(1.5)
     assert toasts.shown == ()
+
+
+def test_loops_play_on_until_they_begin_again_together() -> None:
+    def looped(*lengths: float) -> Project:
+        project = project_of([0.0] * len(lengths), [2.0 / seconds for seconds in lengths])
+        return project.with_layers(*(replace(layer, loop=True) for layer in project.layers.values()))
+
+    assert length_of(looped(1.8, 1.2), 2.0) == pytest.approx(3.6)
+    assert length_of(looped(2.0), 2.0) == pytest.approx(2.0)
+    assert length_of(looped(0.5, 0.75), 2.0) == pytest.approx(2.25 + 0.75)
+    assert length_of(looped(1.0, 1.618034), 2.0) <= 8.0 + 1.7, "it does not wait for ever"
+    assert length_of(project_of([1.0], [1.0]), 2.0) == pytest.approx(3.0), "what does not loop ends"

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 from enliven.motion.evaluate import Player
 from enliven.motion.layers import Layer
 from enliven.project import Project
 from enliven.shape import Shape
 from enliven_viewer.studio.stance import Stance
+
+_MOST, _ALMOST = 4.0, 0.02
+"""How much longer than needed a project may play so that loops meet, and what share of a round is no jump."""
 
 
 class Company:
@@ -52,8 +57,22 @@ def used_layers(project: Project) -> tuple[Layer, ...]:
 
 
 def length_of(project: Project, shortest: float) -> float:
-    """Seconds until the last layer in use has been played once, and no less than ``shortest``."""
-    return max([shortest, *(end_of(project, layer) for layer in used_layers(project))])
+    """Seconds that the project plays: until the last layer in use has been played once, and ``shortest``.
+
+    Where layers loop it is a little more, if that is a time at which all of them begin again together.
+    """
+    layers = used_layers(project)
+    least = max([shortest, *(end_of(project, layer) for layer in layers)])
+    rounds = [project.takes[layer.take].duration / abs(layer.speed) for layer in layers if layer.loop]
+    rounds = [seconds for seconds in rounds if seconds > 0.05]
+    if not rounds:
+        return least
+    longest = max(rounds)
+    for count in range(math.ceil(least / longest - _ALMOST), math.ceil(_MOST * least / longest) + 1):
+        length = count * longest
+        if all(abs(length / seconds - round(length / seconds)) < _ALMOST for seconds in rounds):
+            return length
+    return least
 
 
 def end_of(project: Project, layer: Layer) -> float:

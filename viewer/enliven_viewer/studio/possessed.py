@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-
 from enliven.arrays import Float
-from enliven.body import Body
 from enliven.character import Character, Pose
 from enliven.errors import InputError
-from enliven.graph_shape import GraphShape, character_of_graph, graph_shape_of
+from enliven.formats.possessed import read_possessed
+from enliven.graph_shape import GraphShape, character_of_graph
+from enliven.modeling.graph_copying import paste_graph
 from enliven.modeling.graph_pose import graph_vertices, pose_of_graph
-from enliven.motion.capture_clip import clip_of_bodies
+from enliven.motion.recorded import clips_of_recording
 from enliven.project import Project, unused
-from enliven_viewer.document import Document
 from enliven_viewer.studio.clay import coloured
 from enliven_viewer.studio.picking import Lens, first_face
-from enliven_viewer.takes import Take
-from enliven_viewer.timeline import NS
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,24 +76,6 @@ def end_of_streams(project: Project) -> float:
     return max(ends, default=0.0)
 
 
-class _Collector(Document):
-    """Takes everything that a take brings, and keeps it in order."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.poses: dict[str, list[Pose]] = defaultdict(list)
-        self.people: dict[int, list[tuple[float, Body]]] = defaultdict(list)
-
-    def add_pose(self, pose: Pose) -> None:
-        self.poses[pose.character].append(pose)
-
-    def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
-        for body in bodies:
-            seen = self.people[body.id]
-            if not seen or time_ns / NS > seen[-1][0]:
-                seen.append((time_ns / NS, body))
-
-
 def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, ...]]:
     """The project with what was possessed in a recorded take, and with its performers as takes to map.
 
@@ -106,30 +83,23 @@ def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, 
         The project, and the ids of all that was added.
 
     Raises:
-        InputError: where the file is no take, or nothing in it moves.
+        InputError: where the file is no recording, or nothing in it moves.
     """
-    take, found = Take(path), _Collector()
-    while take.poll(found):
-        pass
-    added: list[str] = []
-    for character in found.characters.values():
-        poses = found.poses[character.id]
-        if character.kind == "graph" and len(poses) > 1:
-            taken = {**project.shapes, **project.graphs, **project.streams}
-            stream_id = unused(character.id, taken)
-            shape, stream = graph_shape_of(character, poses, stream_id)
-            project = project.with_streams(stream).with_graphs(_named(shape, unused(character.id, taken)))
-            added.append(character.id)
-    for seen in found.people.values():
-        if len(seen) > 1:
-            name = unused(path.stem, project.takes)
-            times = np.array([time for time, _ in seen])
-            project = project.with_takes(clip_of_bodies([body for _, body in seen], times, name))
-            added.append(name)
+    added, refused = list[str](), list[InputError]()
+    try:
+        source = read_possessed(path)
+        for name in source.graphs:
+            project, made = paste_graph(project, source, name)
+            added.append(made)
+    except InputError as error:
+        refused.append(error)
+    try:
+        for clip in clips_of_recording(path):
+            named = replace(clip, id=unused(path.stem, project.takes))
+            project = project.with_takes(named)
+            added.append(named.id)
+    except InputError as error:
+        refused.append(error)
     if not added:
-        raise InputError("nothing in it moves", where=str(path), mend="Record while somebody performs.")
+        raise refused[0]
     return project, tuple(added)
-
-
-def _named(shape: GraphShape, name: str) -> GraphShape:
-    return shape if shape.id == name else replace(shape, id=name)
