@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def retarget(
-    take: Annotated[Path, typer.Argument(help="The motion: .bvh, CMU's exponential maps (.txt), or .glb.")],
+    take: Annotated[Path, typer.Argument(help="The motion: .bvh, .mcap, .glb, or CMU's tables (.txt).")],
     model: Annotated[Path, typer.Argument(help="The model: .glb or .gltf, rigged or not.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="The .glb to make.")],
     mapping: Annotated[
@@ -43,6 +43,9 @@ def retarget(
     travel: Annotated[
         bool, typer.Option("--travel", help="Let the model go where the performer goes.")
     ] = False,
+    pin: Annotated[
+        bool, typer.Option("--pin", help="With --travel: hold feet where they stand, against sliding.")
+    ] = False,
     turn: Annotated[bool, typer.Option(help="Let the model turn as the performer turns.")] = True,
     rate: Annotated[
         float | None,
@@ -52,16 +55,18 @@ def retarget(
         float | None, typer.Option(help="Metres to scale the model to; as modelled if not given.")
     ] = None,
     animation: Annotated[
-        str | None, typer.Option(help="Which animation of a .glb is the take; its first if not given.")
+        str | None,
+        typer.Option(help="Which animation of a .glb or person of an .mcap; else the first."),
     ] = None,
 ) -> None:
     """Move a model by a motion: whole body at once, or as a mapping file says.
 
-    \b
-      enliven retarget walk.bvh horse.glb -o out.glb
-      enliven retarget walk.bvh horse.glb -o out.glb --sheet out.png --write-map map.toml
-      enliven retarget walk.bvh horse.glb -o out.glb --map map.toml --start 1 --end 5
-      enliven retarget fox.glb deer.glb -o out.glb --animation Run
+      \b
+        enliven retarget walk.bvh horse.glb -o out.glb
+        enliven retarget walk.bvh horse.glb -o out.glb --sheet out.png --write-map map.toml
+        enliven retarget walk.bvh horse.glb -o out.glb --map map.toml --start 1 --end 5
+        enliven retarget fox.glb deer.glb -o out.glb --animation Run
+    enliven retarget take.mcap spider.glb -o out.glb --travel --pin
     """
     # Heavy modules are imported only here, so that the help is quick.
     from enliven.formats.gltf import read_gltf
@@ -72,7 +77,7 @@ def retarget(
     draw = _sheet_maker() if sheet else None
     clip, notes = read_take(take, animation, start, end)
     rig = read_gltf(model, height=height)
-    plan = _plan(read_plan(mapping) if mapping else None, rig, clip, rest, mode, travel, turn)
+    plan = _plan(read_plan(mapping) if mapping else None, rig, clip, rest, mode, travel, turn, pin)
     for note in (*notes, *rig.notes):
         typer.echo(f"enliven: {note}", err=True)
     made = retargeted(rig.shape, clip, plan)
@@ -107,11 +112,14 @@ def read_take(
     from enliven.formats.expmap import read_expmap
     from enliven.formats.gltf import read_gltf
     from enliven.motion.capture_clip import between_times, clip_of_capture
+    from enliven.motion.recorded import clips_of_recording
 
     kind = path.suffix.lower()
     if kind in (".glb", ".gltf"):
         rig = read_gltf(path)
-        clip, notes = _animation_of(rig, path, animation), rig.notes
+        clip, notes = _named(rig.clips, path, animation), rig.notes
+    elif kind == ".mcap":
+        clip, notes = _named(clips_of_recording(path), path, animation), ()
     elif kind in (".bvh", ".txt"):
         capture = read_bvh(path) if kind == ".bvh" else read_expmap(path)
         clip, notes = clip_of_capture(capture, path.stem), capture.notes
@@ -124,16 +132,17 @@ def read_take(
     return between_times(clip, start, stop), notes
 
 
-_TAKES = "Known: .bvh, .txt (CMU's exponential maps), .glb and .gltf with animations."
+_TAKES = "Known: .bvh, .txt (CMU's exponential maps), .mcap, .glb and .gltf with animations."
 
 
-def _animation_of(rig: Rig, path: Path, wanted: str | None) -> Clip:
-    if not rig.clips:
+def _named(clips: Sequence[Clip], path: Path, wanted: str | None) -> Clip:
+    """The clip of that name (a glTF name may end in it, after a bar), or the first."""
+    if not clips:
         raise InputError("it has no animation", where=str(path), mend=_TAKES)
-    for clip in rig.clips:
+    for clip in clips:
         if wanted is None or wanted in (clip.id, clip.id.rpartition("|")[2]):
             return clip
-    known = ", ".join(clip.id for clip in rig.clips)
+    known = ", ".join(clip.id for clip in clips)
     raise InputError(f"there is no animation {wanted!r}", where=str(path), mend=f"Known: {known}.")
 
 
@@ -145,6 +154,7 @@ def _plan(
     mode: Mode | Literal["auto"],
     travel: bool,
     turn: bool,
+    pin: bool,
 ) -> Plan:
     """The mapping of the file, or the one that is found, with what the command line says about it."""
     from dataclasses import replace
@@ -155,6 +165,7 @@ def _plan(
 
     plan = automatic(clip, rig.shape) if plan is None else plan
     changes: dict[str, Any] = {"travel": travel or plan.travel, "turn": turn and plan.turn}
+    changes["pin"] = pin or plan.pin
     if rest is not None:
         value = float(rest) if _is_number(rest) else rest
         changes["rest"] = load_settings(Plan, {"rest": value}, where="--rest").rest

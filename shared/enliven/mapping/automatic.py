@@ -14,6 +14,7 @@ from enliven.mapping.assignment import Drive, assigned, split
 from enliven.mapping.facing import turned_level
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.motion.clip import Clip
+from enliven.motion.pin import pin_feet
 from enliven.motion.polyline import arc_of
 from enliven.project import Project
 from enliven.shape import Shape
@@ -98,6 +99,16 @@ def _upright(skeleton: Skeleton, anatomy: Anatomy) -> Float:
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
 
 
+def _pinned(project: Project, shape: Shape) -> Project:
+    """The project with the last joint but one of every leg, where its foot begins, held while it stands."""
+    for pair in anatomy_of(shape.skeleton).legs:
+        for limb in pair:
+            leg = limb.proper[:-1] if len(limb.proper) > 3 else limb.proper
+            if len(leg) > 2:
+                project = pin_feet(project, shape.id, [leg[-1]], start=leg[0])
+    return project
+
+
 def _pieces(drive: Drive, source: Skeleton, target: Skeleton) -> list[Drive]:
     return split(drive, list(arc_of(source, drive.source)), list(arc_of(target, drive.target)), _NEAR)
 
@@ -121,6 +132,8 @@ def retargeted(shape: Shape, clip: Clip, plan: Plan | None = None) -> Retargeted
         mend = "Write a mapping: --write-map gives one to begin with."
         raise InputError("no chain of the take suits a chain of the model", where="mapping", mend=mend)
     project, based = apply_plan(Project(), shape, clip, plan)
+    if plan.pin:
+        project = _pinned(project, shape)
     # What begins again at its end has none of its own: it plays as long as the take.
     speeds = {key: 1.0 if layer.loop else abs(layer.speed) for key, layer in project.layers.items()}
     ends = [layer.offset + based.duration / speeds[key] for key, layer in project.layers.items()]

@@ -50,6 +50,7 @@ class Plan:
     )
     turn: bool = setting(True, "Turn the whole model as the performer turns: chains onto its root alone.")
     travel: bool = setting(False, "Move the whole model as the performer moves.")
+    pin: bool = setting(False, "Hold feet where they stand while they do not move (with travel).")
     take_facing: float | None = setting(
         None, "Where the performer looks at first, from +Z to the left; found where not given.", unit="deg"
     )

@@ -1,6 +1,7 @@
 """enliven retarget, end to end: files in, a strictly right GLB out, a mapping to change, errors that help."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,13 +9,17 @@ import pytest
 from made_bodies import bvh_text, horse, man, meshed, random_motion
 
 from enliven.cli import run
+from enliven.commands.retarget import read_take
 from enliven.formats.gltf import read_gltf
 from enliven.formats.gltf_write import performance_of, write_gltf
 from enliven.formats.rig import playing
+from enliven.mapping.automatic import automatic, retargeted
 from enliven.project import Project
+from enliven.recording import Recorder
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "formats"))
-from strict_gltf import checked_glb
+sys.path[:0] = [str(Path(__file__).parents[1] / "formats"), str(Path(__file__).parents[1] / "motion")]
+from strict_gltf import checked_glb  # noqa: E402
+from test_recorded import frame  # noqa: E402
 
 
 @pytest.fixture
@@ -25,6 +30,7 @@ def files(tmp_path):
     clip = random_motion(np.random.default_rng(0), horse(), name="graze")
     project, _ = playing(Project(), meshed("horse", horse()), clip)
     write_gltf(tmp_path / "horse.glb", [performance_of(project, "horse")], "graze")
+    write_gltf(tmp_path / "man.glb", [performance_of(Project().with_shapes(meshed("man", man())), "man")])
     return tmp_path
 
 
@@ -68,12 +74,34 @@ def test_options_cut_scale_and_travel(files):
     assert np.linalg.norm(rig.clips[0].root[-1] - rig.clips[0].root[0]) > 0.1
 
 
+def test_a_person_of_a_recording_is_a_take(files, capsys):
+    with Recorder(files / "wave.mcap") as recorder:
+        for i in range(30):
+            recorder.write_frame(frame(i / 30, 1))
+    assert retarget(files, "-o", files / "a.glb", "--end", 0.4, take="wave.mcap") == 0
+    checked_glb((files / "a.glb").read_bytes())
+    assert "moved from its own pose, 0.40 s are in" in capsys.readouterr().out
+    (clip,) = read_gltf(files / "a.glb").clips
+    left, right = (clip.skeleton.index(f"{side} elbow") for side in ("Left", "Right"))
+    assert np.ptp(clip.turns[:, left], axis=0).max() > 0.1 > np.ptp(clip.turns[:, right], axis=0).max()
+
+
+def test_feet_are_held_on_request(files):
+    assert retarget(files, "-o", files / "a.glb", "--travel", "--pin", model="man.glb") == 0
+    checked_glb((files / "a.glb").read_bytes())
+    shape = read_gltf(files / "man.glb").shape
+    clip, _ = read_take(files / "walk.bvh")
+    made = retargeted(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
+    pins = {(pin.start, pin.joint) for pin in made.project.shape(made.shape_id).pins}
+    assert pins == {("Left hip", "Left ankle"), ("Right hip", "Right ankle")}
+
+
 @pytest.mark.parametrize("rest", ["zero", "first", "mean", "0.2"])
 def test_another_rest_pose_is_another_movement(files, rest):
     assert retarget(files, "-o", files / "a.glb", "--rest", rest, "--mode", "move") == 0
     checked_glb((files / "a.glb").read_bytes())
-    first = read_gltf(files / "a.glb").clips[0].turns[0]
-    bone = horse().index("Left stifle")
+    (clip,) = read_gltf(files / "a.glb").clips
+    first, bone = clip.turns[0], clip.skeleton.index("Left stifle")
     # Counted from its own first frame, a movement begins with nothing.
     assert (abs(first[bone, 0]) > 1 - 1e-9) == (rest == "first")
 
