@@ -51,13 +51,18 @@ def facings(clip: Clip, shape: Shape, plan: Plan) -> tuple[float, float]:
     return theirs, anatomy_of(shape.skeleton).facing if ours is None else math.radians(ours)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Line:
     """A chain of the plan with its joints, in the take and in the model."""
 
     plan: ChainPlan
     mine: tuple[int, ...]
     theirs: tuple[int, ...]
+
+    @property
+    def bones(self) -> set[int]:
+        """Of the take: those whose turns it plays."""
+        return set(self.mine[1:] or self.mine)
 
 
 class _Turns:
@@ -97,19 +102,50 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
         for chain in plan.chains
     ]
     turns = _Turns(*facings(clip, shape, plan))
-    since = _rest(clip, plan.rest)
-    for line in lines:
-        if line.plan.mode == "pose":
-            _pose_like(since, clip, line, target, turns)
-    based = replace(rebased(clip, since), id=unused(clip.id, project.takes))
-    project = project.with_takes(based).with_shapes(shape)
+    lines = [line for line in lines if plan.turn or line.theirs != (0,)]
+    project = project.with_shapes(shape)
+    first: Clip | None = None
+    for since, group in _rests(lines, clip, plan.rest, target, turns):
+        take = replace(rebased(clip, since), id=unused(clip.id, project.takes))
+        first = first or take
+        project = project.with_takes(take)
+        for line in group:
+            basis = _basis(lines, line, take.skeleton, target, turns)
+            project = _bound(project, shape, take, line, basis)
+    assert first is not None
     if plan.travel:
-        project = _travelling(project, shape.id, based, turns)
-    for line in lines:
-        if not plan.turn and line.theirs == (0,):
+        project = _travelling(project, shape.id, first, turns)
+    return project, first
+
+
+def _rests(
+    lines: list[_Line], clip: Clip, rest: Rest | float, target: Skeleton, turns: _Turns
+) -> list[tuple[Float, list[_Line]]]:
+    """Rest poses (N, 4) of the take, and the chains that are counted from each.
+
+    One does for all, unless a bone of the performer is to rest in two ways at once: a leg that drives two
+    legs. Then the take is in the project again, against another rest pose.
+    """
+    plain = _rest(clip, rest)
+    since, claimed = plain.copy(), set[int]()
+    group, apart = list[_Line](), list[_Line]()
+    for line in sorted(lines, key=lambda line: line.plan.mode != "pose"):
+        if claimed & line.bones:
+            apart.append(line)
             continue
-        project = _bound(project, shape, based, line, _basis(lines, line, based.skeleton, target, turns))
-    return project, based
+        group.append(line)
+        if line.plan.mode == "pose":
+            claimed |= line.bones
+            _pose_like(since, clip, line, target, turns)
+    made = [(since, [line for line in lines if line in group])]
+    for line in apart:
+        other = since.copy()
+        if line.plan.mode == "pose":
+            _pose_like(other, clip, line, target, turns)
+        else:
+            other[list(line.bones)] = plain[list(line.bones)]
+        made.append((other, [line]))
+    return made
 
 
 def _bound(project: Project, shape: Shape, take: Clip, line: _Line, basis: Float) -> Project:

@@ -180,3 +180,25 @@ def test_nothing_to_drive_is_an_error():
     clip, shape = random_motion(np.random.default_rng(2), man()), meshed("h", horse())
     with pytest.raises(InputError, match="no chain of the take suits"):
         retargeted(shape, clip, Plan())
+
+
+@settings(max_examples=8, deadline=None)
+@given(SEEDS)
+def test_one_leg_poses_two(seed):
+    """Of the performer's one thigh two are to be alike: the take rests in two ways, and both are."""
+    clip = random_motion(np.random.default_rng(seed), man())
+    chain = ChainPlan(("hips", "Left knee"), ("Left hip", "Left stifle"), mode="pose")
+    other = replace(chain, target=("Right hip", "Right stifle"))
+    moved = replace(chain, target=("dock", "tail"), mode="move")
+    whole = ChainPlan(("hips",), ("croup",), mode="pose")
+    made = retargeted(meshed("h", horse()), clip, Plan(chains=(whole, chain, other, moved)))
+    assert len(made.project.takes) == 3
+    back = first_heading(clip) * [1, -1, -1, -1]
+    knee, hip = man().index("Left knee"), man().index("Left hip")
+    for frame in (0, 5):
+        at = joints_of(clip, frame)
+        thigh = rotate(back, at[knee] - at[hip])
+        got = made_joints(made, frame * clip.step)
+        for side in ("Left", "Right"):
+            bone = got[horse().index(f"{side} stifle")] - got[horse().index(f"{side} hip")]
+            assert bone @ thigh == pytest.approx(np.linalg.norm(bone) * np.linalg.norm(thigh), rel=1e-6)
