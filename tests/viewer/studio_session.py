@@ -40,6 +40,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.mouse_up(0)
     ctx.yield_()
     said["merged"] = sorted(editor.project.shapes)
+    said["told"] = [toast.text for toast in editor.toasts.shown]
     ctx.menu_click("##MainMenuBar/Edit/Undo")
     said["undone"] = sorted(editor.project.shapes)
     ctx.item_click("side/two##shape")

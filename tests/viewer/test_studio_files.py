@@ -207,3 +207,24 @@ def test_a_fault_of_our_own_is_told_and_changes_nothing(desk: Desk, monkeypatch)
     monkeypatch.setenv("ENLIVEN_DEBUG", "1")
     with pytest.raises(IndexError):
         desk.editor.edit("break", lambda project: [project][1])
+
+
+def test_a_file_is_replaced_only_when_it_is_said_twice(tmp_path) -> None:
+    (tmp_path / "old.enliven").write_text("precious")
+    browser = Browser(tmp_path, (".enliven",), "old", saving=True)
+    with pytest.raises(InputError, match="Save again"):
+        browser.chosen()
+    assert browser.chosen() == tmp_path / "old.enliven"
+    own = Browser(tmp_path, (".enliven",), "old", saving=True, own=tmp_path / "old.enliven")
+    assert own.chosen() == tmp_path / "old.enliven"
+
+
+def test_a_save_that_fails_does_not_quit_later(desk: Desk, tmp_path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    desk.ask("quit")
+    desk.go_on(discard=False)
+    with pytest.raises(ResourceError):
+        desk.chosen(tmp_path / "file" / "work.enliven")
+    desk.ask("save")
+    desk.chosen(tmp_path / "work.enliven")
+    assert not desk.over and not desk.cabinet.dirty

@@ -17,13 +17,19 @@ class Browser:
         endings: of files that can be chosen, with the dot; the first is added to a name without one.
         name: what is typed or clicked.
         saving: a name that is not there is allowed.
+        own: a file that may be replaced without asking: the project's own.
+        problem: why the folder cannot be listed, or empty.
+        said: what is wrong with what was chosen, or empty.
     """
 
     folder: Path
     endings: tuple[str, ...]
     name: str = ""
     saving: bool = False
+    own: Path | None = None
     problem: str = field(default="", init=False)
+    said: str = field(default="", init=False)
+    _warned: Path | None = field(default=None, init=False)
 
     def folders(self) -> list[Path]:
         """Folders in the folder, without hidden ones."""
@@ -41,7 +47,7 @@ class Browser:
         """The path that is chosen.
 
         Raises:
-            InputError: where nothing is, or it is not there.
+            InputError: where nothing is, or it is not there; once, where a file would be replaced.
         """
         name = self.name.strip()
         if not name:
@@ -52,6 +58,11 @@ class Browser:
             path = path.with_name(path.name + self.endings[0])
         if not self.saving and not path.is_file():
             raise InputError("there is no such file", where=str(path), mend="Choose another.")
+        if self.saving and path.exists() and path not in (self.own, self._warned):
+            self._warned = path
+            raise InputError(
+                f"{path.name} is there already", where="file", mend="Press Save again to replace it."
+            )
         return path
 
     def _listed(self) -> list[Path]:

@@ -92,7 +92,11 @@ class Desk:
             count = export(self.editor.project, path)
             self.editor.toasts.say(f"Wrote {count} shape{'s' * (count != 1)} to {path.name}")
         else:
-            self.cabinet.save(path)
+            try:
+                self.cabinet.save(path)
+            except EnlivenError:
+                self.cancel()  # what waited for the work to be saved must not go on later
+                raise
             self._go_on()
 
     def go_on(self, *, discard: bool) -> None:
@@ -147,7 +151,8 @@ class Desk:
             "export": (".glb",),
         }[dialogue]
         name = "" if dialogue == "open" else self.cabinet.name + endings[0]
-        self.browser = Browser(folder, endings, name, dialogue != "open")
+        own = self.cabinet.path if dialogue == "save as" else None
+        self.browser = Browser(folder, endings, name, dialogue != "open", own)
         self.asking = dialogue
 
     def _go_on(self) -> None:

@@ -11,7 +11,8 @@ from enliven_viewer.studio.browser import Browser
 from enliven_viewer.studio.deeds import DEEDS
 from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.panels.menu import spoken
-from enliven_viewer.studio.panels.style import quiet
+from enliven_viewer.studio.panels.style import quiet, tinted
+from enliven_viewer.studio.theme import WAIT
 from enliven_viewer.studio.tools.shelf import TOOLS
 
 _FOLDER = "\uf07b"
@@ -41,7 +42,7 @@ def _begin(title: str, wide: float, high: float = 0.0) -> bool:
 
 def _files(desk: Desk) -> None:
     browser = desk.browser
-    if browser is None or not _begin(_TITLES[desk.asking], 560, 430):
+    if browser is None or not _begin(_TITLES[desk.asking], 560, 440):
         return
     if imgui.button("Up"):
         browser.enter(browser.folder.parent)
@@ -63,17 +64,21 @@ def _files(desk: Desk) -> None:
     imgui.set_next_item_width(-1)
     typed, name = imgui.input_text("##name", browser.name, imgui.InputTextFlags_.enter_returns_true)
     browser.name = name
+    with tinted(WAIT, imgui.Col_.text):
+        imgui.text_unformatted(browser.said)
     if _choice(desk, "Save" if browser.saving else "Open", "Cancel") or typed or done:
         _finish(desk, browser)
     imgui.end_popup()
 
 
 def _finish(desk: Desk, browser: Browser) -> None:
-    """Do what the file dialogue was for."""
+    """Do what the file dialogue was for; what is wrong with the choice is said in it."""
     try:
-        desk.chosen(browser.chosen())
+        path = browser.chosen()
     except EnlivenError as error:
-        desk.editor.toasts.complain(error)
+        browser.said = f"{error.what}. {error.mend}"
+        return
+    desk.attempt(lambda: desk.chosen(path))
 
 
 def _choice(desk: Desk, yes: str, no: str) -> bool:
