@@ -15,6 +15,8 @@ from enliven.formats.gltf_file import GltfFile
 from enliven.formats.gltf_motion import rest_locals, world_matrices
 from enliven.formats.gltf_parts import Part, shown_nodes
 
+_GROWN = 1e-3
+"""How much a joint must differ in size from when it was bound."""
 _NEAR = 0.1
 """Share of the model's size within which the node of the mesh is believed."""
 
@@ -43,6 +45,7 @@ class Bind:
                     self.world[node] = placed @ np.linalg.inv(inverse)
                     known.add(node)
         self._follow(known)
+        self._resize(known)
 
     def vertices(self, part: Part) -> Float:
         """(V, 3) metres: a part in the bind pose, by its own skinning."""
@@ -105,6 +108,33 @@ class Bind:
             # A node above a joint has no say; one below keeps its place on it.
             self.world[node] = self.world[parent] @ np.linalg.solve(self.rest[parent], self.rest[node])
             known.add(node)
+
+    def _resize(self, known: set[int]) -> None:
+        """Joints that the file leaves at another size than they were bound in, and never animates it.
+
+        Such a size belongs to the rest pose, with all that hangs on it; bones cannot have it over time.
+        """
+        document = self._file.document
+        animated = {
+            channel.target.node
+            for animation in document.animations or []
+            for channel in animation.channels
+            if channel.target is not None and channel.target.path == "scale"
+        }
+        bound = self.world.copy()
+        sizes = {node: _size(self.rest[node]) / _size(bound[node]) for node in known}
+        for node in shown_nodes(self._file):
+            parent = self._file.parents[node]
+            if node not in known or parent not in known:
+                continue
+            self.world[node] = self.world[parent] @ np.linalg.solve(bound[parent], bound[node])
+            grown = sizes[node] / sizes[parent]
+            if node not in animated and abs(grown - 1.0) > _GROWN:
+                self.world[node][:3, :3] *= grown
+
+
+def _size(matrix: Float) -> float:
+    return float(np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
 
 
 def _solid(matrix: Float) -> bool:

@@ -94,6 +94,18 @@ def test_what_bones_cannot_say_is_told_with_its_size(tmp_path):
     assert note == "animations stretch joints; not kept: at most by 100.0%, child"
 
 
+def test_a_size_that_never_changes_belongs_to_the_rest_pose(tmp_path):
+    made = two_joints(scale=[0.5, 0.5, 0.5])
+    animated(made, 1, "rotation", [[0, 0, 0, 1], [0, 0, np.sin(0.4), np.cos(0.4)]])
+    rig, slow = read_gltf(made.write(tmp_path / "small.gltf")), SlowGltf(tmp_path / "small.gltf")
+    assert rig.notes == ()
+    np.testing.assert_allclose(rig.shape.mesh.vertices, slow.vertices_at(None, 0.0), atol=1e-6)
+    (clip,) = rig.clips
+    for frame in (0, 11, len(clip.turns) - 1):
+        expected = slow.vertices_at(0, frame * clip.step)
+        assert np.abs(vertices_of(rig, clip, frame) - expected).max() < 1e-5
+
+
 def test_a_foot_under_a_controller_hangs_on_the_shin(tmp_path):
     """As baked inverse kinematics leaves it: the foot hangs on the ground, moved to the shin's end."""
     made = Made()
