@@ -22,6 +22,7 @@ import pygltflib
 
 from enliven import __version__
 from enliven.arrays import Float
+from enliven.character import SkinWeights
 from enliven.errors import InputError, ResourceError
 from enliven.formats.gltf_blob import Blob
 from enliven.formats.gltf_shape import (
@@ -32,12 +33,16 @@ from enliven.formats.gltf_shape import (
     local_offsets,
     local_turns,
     pivots_of,
+    stretches_of,
     unit32,
     unit_normals,
 )
+from enliven.graph_shape import GraphShape
+from enliven.mesh import Mesh
+from enliven.modeling.graph_pose import graph_pose
 from enliven.motion.evaluate import Player
 from enliven.project import Project
-from enliven.rotation import IDENTITY
+from enliven.rotation import IDENTITY, to_matrix
 from enliven.shape import Shape
 
 _STILL = 1e-7
@@ -61,6 +66,41 @@ class Performance:
     root: Float
 
 
+@dataclass(frozen=True, eq=False)
+class GraphPerformance:
+    """What a possessed mesh does.
+
+    Attributes:
+        shape: the mesh and its nodes.
+        times: (T,) seconds, rising, from 0.
+        linear: (T, N, 3, 3) of its nodes, nearly rotations.
+        positions: (T, N, 3) metres, where they are.
+    """
+
+    shape: GraphShape
+    times: Float
+    linear: Float
+    positions: Float
+
+    @property
+    def lost(self) -> float:
+        """The largest part of a node's map that a joint cannot say: the shear that is left of its stretch."""
+        turns, scales = stretches_of(self.linear)
+        return float(np.abs(to_matrix(turns) * scales[..., None, :] - self.linear).max())
+
+
+def graph_performance_of(
+    project: Project, shape_id: str, start: float = 0.0, end: float | None = None, rate: float = 30.0
+) -> GraphPerformance:
+    """A possessed mesh of a project from ``start`` to ``end`` seconds; as :func:`performance_of`."""
+    shape = project.graph(shape_id)
+    ends = [p.offset + project.streams[p.stream].duration / abs(p.speed) for p in shape.parts]
+    times = _times(start, max(ends, default=0.0) if end is None else end, rate, shape_id)
+    poses = [graph_pose(project, shape, float(time)) for time in times]
+    linear, positions = np.stack([p[0] for p in poses]), np.stack([p[1] for p in poses])
+    return GraphPerformance(shape, times - start, linear, positions)
+
+
 def performance_of(
     project: Project, shape_id: str, start: float = 0.0, end: float | None = None, rate: float = 30.0
 ) -> Performance:
@@ -73,13 +113,17 @@ def performance_of(
         InputError: where there is no such shape, or the times make no sense.
     """
     shape = project.shape(shape_id)
-    end = end_of(project, shape) if end is None else end
+    times = _times(start, end_of(project, shape) if end is None else end, rate, shape_id)
+    turns, joints = Player(project, shape_id).sample(times)
+    return Performance(shape, times - start, turns, joints[:, 0])
+
+
+def _times(start: float, end: float, rate: float, shape_id: str) -> Float:
+    """(T,) seconds from start to end."""
     if not (np.isfinite([start, end, rate]).all() and end >= start and 0 < rate <= 1000):
         what = f"from {start} s to {end} s at {rate} frames a second is no time"
         raise InputError(what, where=f"shape {shape_id!r}", mend="Give an end after the start.")
-    times = start + np.arange(round((end - start) * rate) + 1) / rate
-    turns, joints = Player(project, shape_id).sample(times)
-    return Performance(shape, times - start, turns, joints[:, 0])
+    return np.asarray(start + np.arange(round((end - start) * rate) + 1) / rate)
 
 
 def end_of(project: Project, shape: Shape) -> float:
@@ -91,7 +135,9 @@ def end_of(project: Project, shape: Shape) -> float:
     return max(ends, default=0.0)
 
 
-def write_gltf(path: Path | str, performances: Sequence[Performance], name: str = "enliven") -> None:
+def write_gltf(
+    path: Path | str, performances: Sequence[Performance | GraphPerformance], name: str = "enliven"
+) -> None:
     """Write shapes, each moving as it does, into one GLB with one animation.
 
     Raises:
@@ -115,7 +161,7 @@ def write_gltf(path: Path | str, performances: Sequence[Performance], name: str 
         ) from None
 
 
-def glb_of(performances: Sequence[Performance], name: str = "enliven") -> bytes:
+def glb_of(performances: Sequence[Performance | GraphPerformance], name: str = "enliven") -> bytes:
     """The bytes of the file; see :func:`write_gltf`."""
     if not performances:
         raise InputError("there is nothing to write", where="glTF", mend="Give a shape.")
@@ -140,29 +186,57 @@ class _Writer:
     def __init__(self, document: pygltflib.GLTF2, blob: Blob, animation: pygltflib.Animation) -> None:
         self._document, self._blob, self._animation = document, blob, animation
 
-    def add(self, performance: Performance) -> None:
+    def add(self, performance: Performance | GraphPerformance) -> None:
+        """The shape with its mesh, its joints and their animation."""
+        if isinstance(performance, GraphPerformance):
+            graph = performance.shape
+            holder, nodes = self._nodes(performance)
+            self._skinned(graph.id, graph.mesh, graph.skin, [holder, *nodes], nodes, graph.positions)
+            return
         shape = performance.shape
         if shape.mesh is None or shape.skin is None or not len(shape.mesh.faces):
             raise InputError(
                 "it has no mesh", where=f"shape {shape.id!r}", mend="Give it one, or leave it out."
             )
-        bones = self._skeleton(performance)
-        document, skeleton = self._document, shape.skeleton
+        bones, skeleton = self._skeleton(performance), shape.skeleton
         ends = [j for j in range(1, len(skeleton)) if not skeleton.children[j]]
-        inverse = np.tile(np.eye(4, dtype=np.float32), (len(bones), 1, 1))
         pivots = np.concatenate([pivots_of(skeleton), skeleton.positions[ends]])
+        self._skinned(shape.id, shape.mesh, shape.skin, bones, bones, pivots)
+
+    def _skinned(
+        self, name: str, mesh: Mesh, skin: SkinWeights, tree: list[int], joints: list[int], pivots: Float
+    ) -> None:
+        """A mesh that follows joints; ``tree`` begins with the node that all of them hang on."""
+        document = self._document
+        inverse = np.tile(np.eye(4, dtype=np.float32), (len(joints), 1, 1))
         # Column after column, as the format has matrices: the translation is the last row here.
         inverse[:, 3, :3] = -pivots
-        skin = pygltflib.Skin(
-            name=shape.id,
-            joints=bones,
-            skeleton=bones[0],
+        made = pygltflib.Skin(
+            name=name,
+            joints=joints,
+            skeleton=tree[0],
             inverseBindMatrices=self._blob.add(inverse.reshape(-1, 16)),
         )
-        document.skins.append(skin)
-        document.meshes.append(pygltflib.Mesh(name=shape.id, primitives=[self._primitive(shape)]))
-        node = pygltflib.Node(name=shape.id, mesh=len(document.meshes) - 1, skin=len(document.skins) - 1)
-        document.scenes[0].nodes += [bones[0], self._node(node)]
+        document.skins.append(made)
+        primitive = self._primitive(name, mesh, skin, len(joints))
+        document.meshes.append(pygltflib.Mesh(name=name, primitives=[primitive]))
+        node = pygltflib.Node(name=name, mesh=len(document.meshes) - 1, skin=len(document.skins) - 1)
+        document.scenes[0].nodes += [tree[0], self._node(node)]
+
+    def _nodes(self, performance: GraphPerformance) -> tuple[int, list[int]]:
+        """A joint for each node of a deformation graph, side by side under one that holds them."""
+        rest = performance.shape.positions
+        holder = self._node(pygltflib.Node(name=f"{performance.shape.id} nodes", children=[]))
+        turns, scales = stretches_of(performance.linear)
+        made = []
+        for k, at in enumerate(rest):
+            node = self._node(pygltflib.Node(name=f"node {k}", translation=listed(at)))
+            self._document.nodes[holder].children.append(node)
+            self._animate(performance.times, node, "translation", performance.positions[:, k])
+            self._animate(performance.times, node, "rotation", np.roll(turns[:, k], -1, -1))
+            self._animate(performance.times, node, "scale", scales[:, k])
+            made.append(node)
+        return holder, made
 
     def _node(self, node: pygltflib.Node) -> int:
         self._document.nodes.append(node)
@@ -193,10 +267,8 @@ class _Writer:
         """A channel for what moves; what is still is written at the node, or with two keys if it must be."""
         still = np.abs(values - values[0]).max() <= _STILL
         if still and (len(times) == 1 or _is_rest(self._document.nodes[node], path, values[0])):
-            if path == "rotation":
-                self._document.nodes[node].rotation = listed(unit32(values[:1])[0])
-            else:
-                self._document.nodes[node].translation = listed(values[0])
+            stored = unit32(values[:1])[0] if path == "rotation" else values[0]
+            setattr(self._document.nodes[node], path, listed(stored))
             return
         kept = np.array([0, len(times) - 1]) if still else np.arange(len(times))
         stored = unit32(values[kept]) if path == "rotation" else values[kept].astype(np.float32)
@@ -217,13 +289,12 @@ class _Writer:
             known[key] = self._blob.add(stored)
         return int(known[key])
 
-    def _primitive(self, shape: Shape) -> pygltflib.Primitive:
-        assert shape.mesh is not None and shape.skin is not None
-        blob, mesh = self._blob, shape.mesh
-        joints, weights = clean_skin(shape.skin.indices, shape.skin.weights)
+    def _primitive(self, name: str, mesh: Mesh, skin: SkinWeights, count: int) -> pygltflib.Primitive:
+        blob = self._blob
+        joints, weights = clean_skin(skin.indices, skin.weights)
         faces = mesh.faces.astype(np.uint16 if len(mesh.vertices) < 65535 else np.uint32)
         array, elements = pygltflib.ARRAY_BUFFER, pygltflib.ELEMENT_ARRAY_BUFFER
-        small = joints.astype(np.uint8) if len(shape.skeleton) <= 256 else joints
+        small = joints.astype(np.uint8) if count <= 256 else joints
         attributes = pygltflib.Attributes(
             POSITION=blob.add(mesh.vertices.astype(np.float32), array),
             NORMAL=blob.add(unit_normals(mesh.vertex_normals()), array),
@@ -234,7 +305,7 @@ class _Writer:
             attributes.COLOR_0 = blob.add(linear16(mesh.colours), array, normalised=True)
         plain = pygltflib.PbrMetallicRoughness(metallicFactor=0.0, roughnessFactor=0.9)
         self._document.materials.append(
-            pygltflib.Material(name=shape.id, pbrMetallicRoughness=plain, doubleSided=True)
+            pygltflib.Material(name=name, pbrMetallicRoughness=plain, doubleSided=True)
         )
         return pygltflib.Primitive(
             attributes=attributes,
@@ -245,5 +316,8 @@ class _Writer:
 
 
 def _is_rest(node: pygltflib.Node, path: str, value: Float) -> bool:
-    rest = np.roll(IDENTITY, -1) if path == "rotation" else np.array(node.translation)
+    if path == "translation":
+        rest = np.array(node.translation)
+    else:
+        rest = np.roll(IDENTITY, -1) if path == "rotation" else np.ones(3)
     return bool(np.abs(value - rest).max() <= _STILL)

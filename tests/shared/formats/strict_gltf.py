@@ -136,7 +136,7 @@ def _animations(document: dict, arrays: list[np.ndarray]) -> set[int]:
                 assert values.shape[1] == 4 and np.abs(np.linalg.norm(values, axis=1) - 1).max() < 1e-6
                 assert ((values[1:] * values[:-1]).sum(1) > 0).all(), "the long way round"
             else:
-                assert channel["target"]["path"] == "translation" and values.shape[1] == 3
+                assert channel["target"]["path"] in ("translation", "scale") and values.shape[1] == 3
     return used
 
 

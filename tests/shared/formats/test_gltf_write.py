@@ -9,18 +9,25 @@ from hypothesis import strategies as st
 from slow_gltf import SlowGltf
 from strict_gltf import checked_glb
 
-from enliven.character import SkinWeights
+from enliven.character import Character, Pose, SkinWeights
 from enliven.deformation.skinning import skin_vertices
 from enliven.errors import InputError, ResourceError
 from enliven.formats.gltf import read_gltf
 from enliven.formats.gltf_shape import clean_skin
-from enliven.formats.gltf_write import Performance, glb_of, performance_of, write_gltf
+from enliven.formats.gltf_write import (
+    Performance,
+    glb_of,
+    graph_performance_of,
+    performance_of,
+    write_gltf,
+)
 from enliven.formats.rig import playing
+from enliven.graph_shape import graph_shape_of
 from enliven.mesh import Mesh
 from enliven.motion.clip import Clip
 from enliven.motion.evaluate import Player
 from enliven.project import Project
-from enliven.rotation import multiply, normalized
+from enliven.rotation import multiply, normalized, to_matrix
 from enliven.shape import character_of, still_shape
 from enliven.skeleton import Skeleton
 
@@ -179,3 +186,32 @@ def test_what_cannot_be_written_is_said(tmp_path):
     with pytest.raises(ResourceError, match="cannot be written"):
         write_gltf(tmp_path / "file" / "a.glb", [performance_of(project, "squid")])
     assert isinstance(performance_of(project, "squid"), Performance)
+
+
+def test_a_possessed_mesh_moves_as_its_nodes_do(tmp_path):
+    random = np.random.default_rng(2)
+    pivots = random.normal(size=(5, 3)).astype(np.float32)
+    vertices = (np.repeat(pivots, 3, 0) + 0.2 * random.normal(size=(15, 3))).astype(np.float32)
+    indices = random.integers(0, 5, (15, 4)).astype(np.uint16)
+    weights = random.uniform(0, 1, (15, 4))
+    skin = SkinWeights(indices, (weights / weights.sum(1, keepdims=True)).astype(np.float32))
+    faces = np.arange(15, dtype=np.int32).reshape(-1, 3)
+    edges = np.array([[0, 1], [1, 2], [2, 3], [3, 4]], np.int32)
+    character = Character("chair", vertices, faces, skin, pivots, edges)
+    poses = []
+    for k in range(6):
+        turns = to_matrix(normalized([1, 0, 0, 0] + 0.1 * k * random.normal(size=(5, 4))))
+        linear = turns * (1.0 + 0.05 * k * random.random((5, 1, 3)))
+        places = pivots + 0.1 * k * random.normal(size=(5, 3))
+        poses.append(Pose("chair", 100_000_000 * k, linear.astype(np.float32), places.astype(np.float32)))
+    shape, stream = graph_shape_of(character, poses, "dance")
+    project = Project().with_streams(stream).with_graphs(shape)
+    performance = graph_performance_of(project, "chair", rate=10.0)
+    assert performance.lost < 1e-6 and len(performance.times) == 6
+    path = tmp_path / "chair.glb"
+    write_gltf(path, [performance])
+    checked_glb(path.read_bytes())
+    for k in (0, 3, 5):
+        expected = skin_vertices(character, poses[k])
+        seen = SlowGltf(path).vertices_at(0, float(np.float32(performance.times[k])))
+        np.testing.assert_allclose(seen, expected, atol=1e-5)
