@@ -55,6 +55,14 @@ class WindowStage:
     def write(self, text: str) -> None:
         imgui.get_io().add_input_characters_utf8(text)
 
+    def activate(self, name: str) -> bool:
+        """It is there to be clicked."""
+        return False
+
+    def rename(self, name: str) -> bool:
+        """There is a field to type into."""
+        return False
+
     def viewport(self) -> Point:
         area = self._window.places.viewport
         return area.x, area.y

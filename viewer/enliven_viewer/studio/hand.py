@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from enliven_viewer.studio.deeds import DEEDS, Deeds
+from enliven_viewer.studio.deed_table import DEEDS
+from enliven_viewer.studio.deeds import Deeds
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.overlay import Point
 from enliven_viewer.studio.tools.base import Pointer, Tool

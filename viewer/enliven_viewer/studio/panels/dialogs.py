@@ -8,7 +8,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.browser import Browser
-from enliven_viewer.studio.deeds import DEEDS
+from enliven_viewer.studio.deed_table import DEEDS
 from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.panels.menu import spoken
 from enliven_viewer.studio.panels.style import quiet, tinted

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from enliven_viewer.studio.deeds import DEEDS
+from enliven_viewer.studio.deed_table import DEEDS
 from enliven_viewer.studio.desk import Desk
 
 _SAID = {

@@ -1,0 +1,120 @@
+"""A stage without a window: a session's input goes straight to the tools."""
+
+from __future__ import annotations
+
+import math
+
+from enliven.errors import InputError
+from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.naming import renamed
+from enliven_viewer.studio.overlay import Point
+from enliven_viewer.studio.places import places_in
+from enliven_viewer.studio.session.actions import STEP
+from enliven_viewer.studio.session.places import source_of
+from enliven_viewer.studio.tools.map import Map
+
+_AREA = 100_000.0
+"""Pixels between the areas of a stage without a window: each is far from the others."""
+
+
+class DeskStage:
+    """A stage without a window: the viewport, the view of sources and the timeline, each far from the others.
+
+    Args:
+        pace: seconds that the pointer takes to a place.
+    """
+
+    pace = STEP
+
+    def __init__(self, desk: Desk) -> None:
+        self.desk, self.at = desk, (0.0, 0.0)
+        area = places_in(desk.editor.settings.width, desk.editor.settings.height).viewport
+        desk.editor.size = (area.width, area.height)
+        desk.editor.frame_all(at_once=True)
+        self._shift = False
+        self._in = ""
+
+    def move(self, at: Point) -> None:
+        self.at = at = float(math.floor(at[0])), float(math.floor(at[1]))  # whole pixels, as a mouse has
+        area = self._in or self._area()
+        if area == "source":
+            source_of(self.desk).move((at[0] - _AREA, at[1]))
+        elif area == "timeline":
+            self.desk.timeline.drag(at[0] - 2 * _AREA)
+        else:
+            self.desk.hand.move(at, shift=self._shift)
+
+    def button(self, button: int, down: bool) -> None:
+        area, x = self._in or self._area(), self.at[0]
+        self._in = area if down else ""
+        if area == "source":
+            source = source_of(self.desk)
+            source.press((x - _AREA, self.at[1])) if down else source.release()
+        elif area == "timeline":
+            hand = self.desk.timeline
+            hand.press(x - 2 * _AREA, self.at[1]) if down else hand.release(x - 2 * _AREA)
+        elif down:
+            self.desk.hand.press(self.at, button, shift=self._shift)
+        else:
+            self.desk.hand.release(self.at, button, shift=self._shift)
+
+    def shift(self, down: bool) -> None:
+        self._shift = down
+
+    def key(self, key: str) -> None:
+        self.desk.hand.key(key)
+
+    def write(self, text: str) -> None:
+        """There is no field without a window."""
+
+    def viewport(self) -> Point:
+        return 0.0, 0.0
+
+    def source(self) -> Point:
+        return _AREA, 0.0
+
+    def timeline(self) -> Point:
+        return 2 * _AREA, 0.0
+
+    def widget(self, name: str) -> Point:
+        raise InputError(f"there is no window, so {name!r} has no place", where="session", mend="Use a key.")
+
+    def rename(self, name: str) -> bool:
+        """Rename the chosen shape, since there is no field."""
+        editor = self.desk.editor
+        before = editor.selection.shape or ""
+        if editor.edit("rename", lambda project: renamed(project, before, name)):
+            editor.select(shape=name)
+        return True
+
+    def activate(self, name: str) -> bool:
+        """What a click on a widget does, for those that a session needs.
+
+        Raises:
+            InputError: for one that it does not know.
+        """
+        kind, _, rest = name.partition(" ")
+        mapping = self.desk.hand.tools["map"]
+        assert isinstance(mapping, Map)
+        if kind == "tool":
+            self.desk.hand.take(rest)
+        elif kind == "takes":
+            pass  # a list that opens
+        elif kind in ("take", "pick"):
+            self.desk.hand.take("map")
+            mapping.source.show(rest)
+        elif kind == "loop":
+            mapping.loop = not mapping.loop
+        elif kind == "find":
+            mapping.rank()
+        elif kind == "whole":
+            mapping.map_whole()
+        elif kind == "match":
+            mapping.accept(mapping.offered[int(rest)])
+            mapping.offered = []
+        else:
+            raise InputError(f"there is no window, so {name!r} cannot be clicked", where="session")
+        return True
+
+    def _area(self) -> str:
+        return ("viewport", "source", "timeline")[min(int(self.at[0] // (_AREA / 2) + 1) // 2, 2)]

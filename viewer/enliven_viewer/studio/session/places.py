@@ -1,0 +1,186 @@
+"""Places that a session names, and where they are on the screen as things stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from enliven.errors import InputError
+from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.overlay import Point
+from enliven_viewer.studio.source_view import SourceView
+from enliven_viewer.studio.tools.map import Map
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint of a shape, by number or name."""
+
+    shape: str
+    joint: int | str = 0
+
+
+@dataclass(frozen=True)
+class OnBone:
+    """A place on the bone that ends at a joint: 0 at its parent, 1 at the joint."""
+
+    shape: str
+    joint: int | str
+    along: float
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A place in the world, metres."""
+
+    x: float
+    y: float
+    z: float = 0.0
+
+
+@dataclass(frozen=True)
+class Near:
+    """Pixels to the right of and below another place."""
+
+    place: Place
+    right: float = 0.0
+    down: float = 0.0
+
+
+@dataclass(frozen=True)
+class Pixel:
+    """A place in the viewport, as shares of its width and height from the top left."""
+
+    across: float
+    down: float
+
+
+@dataclass(frozen=True)
+class SourceJoint:
+    """A joint of the take in the view of sources."""
+
+    joint: int
+
+
+@dataclass(frozen=True)
+class Widget:
+    """A widget by the name that its panel gives it; needs a window."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class OnTimeline:
+    """A time on the ruler, seconds; or with ``lane`` at that time in a lane, counted from the top."""
+
+    time: float
+    lane: int | None = None
+
+
+Place = Joint | OnBone | Spot | Near | Pixel | SourceJoint | Widget | OnTimeline
+
+
+class Stage(Protocol):
+    """Where a session's input goes; places are pixels of its own."""
+
+    desk: Desk
+    at: Point
+    pace: float
+
+    def move(self, at: Point) -> None:
+        """Move the pointer."""
+
+    def button(self, button: int, down: bool) -> None:
+        """Press or let go of a button."""
+
+    def shift(self, down: bool) -> None:
+        """Press or let go of Shift."""
+
+    def key(self, key: str) -> None:
+        """Press a key and let go of it."""
+
+    def write(self, text: str) -> None:
+        """Type text into the field that has the focus."""
+
+    def activate(self, name: str) -> bool:
+        """Do what a click on a widget does; False where it is there to be clicked."""
+        ...
+
+    def rename(self, name: str) -> bool:
+        """Give the chosen shape a name; False where there is a field to type it into."""
+        ...
+
+    def viewport(self) -> Point:
+        """Where the viewport's top left is."""
+
+    def source(self) -> Point:
+        """Where the view of sources' top left is."""
+
+    def timeline(self) -> Point:
+        """Where the timeline's top left is."""
+
+    def widget(self, name: str) -> Point:
+        """Where the middle of a widget is."""
+
+
+def where(place: Place, stage: Stage) -> Point:
+    """The pixel of a place on a stage, as things stand.
+
+    Raises:
+        InputError: where it is not on the screen.
+    """
+    editor = stage.desk.editor
+    if isinstance(place, Near):
+        x, y = where(place.place, stage)
+        return x + place.right, y + place.down
+    if isinstance(place, Widget):
+        return stage.widget(place.name)
+    if isinstance(place, OnTimeline):
+        return _on_timeline(place, stage)
+    if isinstance(place, SourceJoint):
+        source = source_of(stage.desk)
+        stance = source.stance()
+        if stance is None:
+            raise InputError("no take is shown", where="session")
+        pixel = source.lens.project(stance.joints)[0][place.joint]
+        return _shifted(stage.source(), pixel)
+    if isinstance(place, Pixel):
+        return _shifted(stage.viewport(), np.array([place.across, place.down]) * editor.size)
+    pixel = editor.lens.project(_in_world(place, stage.desk)[None])[0][0]
+    if not ((pixel >= 0) & (pixel < editor.size)).all():
+        raise InputError(f"{place} is outside the picture", where="session", mend='Frame it: Key("f").')
+    return _shifted(stage.viewport(), pixel)
+
+
+def source_of(desk: Desk) -> SourceView:
+    """The view of sources."""
+    tool = desk.hand.tools["map"]
+    assert isinstance(tool, Map)
+    return tool.source
+
+
+def _in_world(place: Joint | OnBone | Spot, desk: Desk) -> np.ndarray:
+    """(3,) metres."""
+    if isinstance(place, Spot):
+        return np.array([place.x, place.y, place.z])
+    stance = desk.editor.stance(place.shape)
+    skeleton = stance.shape.skeleton
+    joint = skeleton.index(place.joint) if isinstance(place.joint, str) else place.joint
+    if isinstance(place, Joint):
+        return stance.joints[joint]
+    start = stance.joints[skeleton.parents[joint]]
+    return np.asarray(start + place.along * (stance.joints[joint] - start))
+
+
+def _on_timeline(place: OnTimeline, stage: Stage) -> Point:
+    layout = stage.desk.timeline.layout
+    y = 8.0 if place.lane is None else layout.bars()[place.lane].top + 10.0
+    return _shifted(stage.timeline(), np.array([layout.x(place.time), y]))
+
+
+def _shifted(corner: Point, at: np.ndarray) -> Point:
+    if not np.isfinite(at).all():
+        raise InputError("a place is behind the camera", where="session")
+    return corner[0] + float(at[0]), corner[1] + float(at[1])
