@@ -61,12 +61,12 @@ def retarget(
 ) -> None:
     """Move a model by a motion: whole body at once, or as a mapping file says.
 
-      \b
-        enliven retarget walk.bvh horse.glb -o out.glb
-        enliven retarget walk.bvh horse.glb -o out.glb --sheet out.png --write-map map.toml
-        enliven retarget walk.bvh horse.glb -o out.glb --map map.toml --start 1 --end 5
-        enliven retarget fox.glb deer.glb -o out.glb --animation Run
-    enliven retarget take.mcap spider.glb -o out.glb --travel --pin
+    \b
+      enliven retarget walk.bvh horse.glb -o out.glb
+      enliven retarget walk.bvh horse.glb -o out.glb --sheet out.png --write-map map.toml
+      enliven retarget walk.bvh horse.glb -o out.glb --map map.toml --start 1 --end 5
+      enliven retarget fox.glb deer.glb -o out.glb --animation Run
+      enliven retarget take.mcap spider.glb -o out.glb --travel --pin
     """
     # Heavy modules are imported only here, so that the help is quick.
     from enliven.formats.gltf import read_gltf
