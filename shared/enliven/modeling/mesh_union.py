@@ -17,7 +17,7 @@ import manifold3d
 import numpy as np
 
 from enliven.character import SkinWeights
-from enliven.mesh import Mesh
+from enliven.mesh import Mesh, weld
 from enliven.modeling import skin_values as skins
 from enliven.modeling.fusing import Pair, Union, barycentric
 from enliven.modeling.seam import creased
@@ -40,7 +40,8 @@ def united(
     Args:
         offset: added to the bone numbers of the second skin.
         tidy: contract the short edges that a union leaves along a creased seam, so that it can be healed. The
-            seam is then where both surfaces were but for less than an edge; only new vertices move.
+            seam is then where both surfaces were but for less than an edge; only new vertices move. Meshes
+            with doubled vertices are left as they are.
     """
     moved = SkinWeights((second_skin.indices + np.uint16(offset)).astype(np.uint16), second_skin.weights)
     pair = Pair((first, second), (first_skin, moved))
@@ -60,9 +61,10 @@ def united(
 def _tidy(union: Union) -> Union:
     """The union with the slivers at its new vertices taken out, where the seam creases."""
     new = creased(union.mesh, union.seam) & (union.first < 0) & (union.second < 0)
-    if not new.any():
+    # Where positions are there twice (flat-shaded meshes), moving one of them would open a crack.
+    if not new.any() or len(weld(union.mesh)[0].vertices) < len(union.mesh.vertices):
         return union
-    vertices, faces, kept = tidied(union.mesh.vertices, union.mesh.faces, new)
+    vertices, faces, kept, drawn = tidied(union.mesh.vertices, union.mesh.faces, new)
     number = np.cumsum(kept) - 1
     colours = None if union.mesh.colours is None else union.mesh.colours[kept]
     mesh = Mesh(vertices[kept], number[faces].astype(np.int32), union.mesh.name, colours)
@@ -72,5 +74,5 @@ def _tidy(union: Union) -> Union:
         skin=skins.taken(union.skin, kept),
         first=union.first[kept],
         second=union.second[kept],
-        seam=union.seam[kept],
+        seam=(union.seam | drawn)[kept],
     )

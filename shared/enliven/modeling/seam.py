@@ -28,16 +28,25 @@ from enliven.modeling.skin_values import bone_count, dense, sparse
 from enliven.settings import setting
 from enliven.skeleton import Skeleton
 
+_HOLD = 1e-6
+"""How strongly vertices are held where they were, beside the smoothness of the surface."""
+_FAR = 1.5
+"""Edges' lengths that a vertex is moved by at most."""
+
 
 @dataclass(frozen=True)
 class SeamSettings:
     """How far a seam is healed."""
 
-    smooth_rings: int = setting(
-        2, "rings of vertices around a seam that are smoothed at least", low=0, high=20
-    )
+    smooth_rings: int = setting(3, "rings of vertices around a seam that are smoothed", low=0, high=20)
     smooth_reach: float = setting(
-        0.15, "how far around a seam the surface is smoothed", unit="radii of the seam", low=0.0, high=5.0
+        0.15, "how far around a seam it is smoothed at least", unit="radii of the seam", low=0.0, high=5.0
+    )
+    smooth_most: float = setting(
+        0.9, "how far at most, where rings are wide", unit="radii of the seam", low=0.0, high=10.0
+    )
+    farthest: float = setting(
+        0.3, "how far a vertex may be moved", unit="radii of the seam", low=0.0, high=10.0
     )
     strength: float = setting(
         1.0, "how far vertices move to where they are smoothest", unit="share", low=0.0, high=1.0
@@ -71,11 +80,14 @@ def smoothed(mesh: Mesh, seam: Bool, settings: SeamSettings | None = None) -> Me
     settings = settings or SeamSettings()
     if settings.strength == 0.0 or not seam.any():
         return mesh
-    free = _around(mesh, creased(mesh, seam, settings.crease), settings.smooth_rings, settings.smooth_reach)
+    sharp = creased(mesh, seam, settings.crease)
+    free = _around(mesh, seam, sharp, settings.smooth_rings, settings.smooth_reach, settings.smooth_most)
     if not free.any() or free.all():
         return mesh
-    vertices = fair(mesh, free)
-    moved = mesh.vertices + settings.strength * (vertices - mesh.vertices)
+    move = settings.strength * (fair(mesh, free) - mesh.vertices)
+    length = np.linalg.norm(move, axis=1, keepdims=True)
+    most = settings.farthest * _radius(mesh.vertices[seam])
+    moved = mesh.vertices + move * np.minimum(1.0, most / np.maximum(length, 1e-300))
     return Mesh(np.where(free[:, None], moved, mesh.vertices), mesh.faces, mesh.name, mesh.colours)
 
 
@@ -84,7 +96,7 @@ def reweighted(
 ) -> SkinWeights:
     """The skin with the rings around the seam computed by bone heat, the rest held and unchanged."""
     settings = settings or SeamSettings()
-    free = _around(mesh, seam, settings.weight_rings, settings.weight_reach)
+    free = _around(mesh, seam, seam, settings.weight_rings, settings.weight_reach)
     if not free.any():
         return skin
     bones = max(len(skeleton), bone_count(skin))
@@ -99,8 +111,9 @@ def fair(mesh: Mesh, free: Bool) -> Float:
     """(V, 3) positions that are smooth where ``free`` (V,), the others as they are.
 
     The mean curvature and the normals run harmonically from what is around into what is free, and the free
-    vertices take the positions whose Laplacians come nearest to them (R. Schneider and L. Kobbelt, "Geometric
-    fairing of irregular meshes", 2001, in one linear step): a tube goes on as a tube, a plane as a plane.
+    vertices take the positions whose Laplacians come nearest to them, none moved far (R. Schneider and L.
+    Kobbelt, "Geometric fairing of irregular meshes", 2001, in one linear step): a tube goes on as a tube, a
+    plane as a plane.
     """
     welded, of = weld(mesh)
     loose = np.zeros(len(welded.vertices), bool)
@@ -119,9 +132,14 @@ def fair(mesh: Mesh, free: Bool) -> Float:
     wanted = (carried[:, 0] * lengths**2)[:, None] * ahead
     own, rest = laplacian[rows][:, inner], laplacian[rows][:, np.flatnonzero(~loose)]
     right = own.T @ (wanted[rows] - rest @ welded.vertices[~loose])
-    square = (own.T @ own + 1e-12 * diags(np.ones(len(inner)))).tocsc()
+    # A little of where it was holds what nothing else holds: a small shell that is free as a whole.
+    right = right + _HOLD * welded.vertices[inner]
+    square = (own.T @ own + _HOLD * diags(np.ones(len(inner)))).tocsc()
     vertices = welded.vertices.copy()
-    vertices[inner] = np.asarray(spsolve(square, right)).reshape(len(inner), 3)
+    move = np.asarray(spsolve(square, right)).reshape(len(inner), 3) - vertices[inner]
+    limit = _FAR * np.maximum(lengths[inner], np.median(lengths[inner]))
+    most = np.minimum(1.0, limit / np.maximum(np.linalg.norm(move, axis=1), 1e-300))
+    vertices[inner] += most[:, None] * move
     return np.asarray(vertices[of])
 
 
@@ -136,6 +154,11 @@ def _carried(web: csr_matrix, values: Float, unknown: Bool) -> Float:
         len(inner), -1
     )
     return out
+
+
+def _radius(points: Float) -> float:
+    """Metres, the mean distance of a loop's points from their middle."""
+    return float(np.sqrt(((points - points.mean(0)) ** 2).sum(1).mean()))
 
 
 def _web(welded: Mesh) -> tuple[csr_matrix, Float]:
@@ -175,26 +198,35 @@ def creased(mesh: Mesh, seam: Bool, degrees: float = 15.0) -> Bool:
     return np.asarray(out[of])
 
 
-def _around(mesh: Mesh, seam: Bool, rings: int, reach: float) -> Bool:
-    """(V,) the vertices within so many edges of the seam, or of its own radii, also across doubles."""
+def _around(mesh: Mesh, seam: Bool, from_: Bool, rings: int, reach: float, most: float = np.inf) -> Bool:
+    """(V,) the vertices around a seam, across doubled vertices too: so many edges away, or of its own radii.
+
+    Args:
+        from_: (V,) the part of the seam to count from.
+        reach: radii that count in any case.
+        most: radii beyond which no ring counts.
+    """
     welded, of = weld(mesh)
     seeds = np.zeros(len(welded.vertices), bool)
-    seeds[of[seam]] = True
-    near = seeds.copy()
+    seeds[of[from_]] = True
+    if not seeds.any():
+        return np.asarray(seeds[of])
+    ringed = seeds.copy()
     for _ in range(rings):
-        near[welded.faces[near[welded.faces].any(1)]] = True
-    if not reach or not seeds.any():
-        return np.asarray(near[of])
+        ringed[welded.faces[ringed[welded.faces].any(1)]] = True
+    away = np.full(len(seeds), np.inf)
     starts, ends = welded.faces.ravel(), np.roll(welded.faces, -1, 1).ravel()
     length = np.linalg.norm(welded.vertices[starts] - welded.vertices[ends], axis=1)
     web = coo_matrix((length, (starts, ends)), (len(seeds), len(seeds))).tocsr()
-    own = np.flatnonzero(seeds)
+    own = np.unique(of[seam])
     parts = connected_components(web[own][:, own], directed=False)[1]
+    limit = max(reach, most) if np.isfinite(most) else reach
     for part in range(parts.max() + 1):
         members = own[parts == part]
         points = welded.vertices[members]
-        radius = float(np.sqrt(((points - points.mean(0)) ** 2).sum(1).mean()))
-        if radius > 0:
-            far = dijkstra(web, directed=False, indices=members, limit=reach * radius, min_only=True)
-            near |= np.isfinite(far)
-    return np.asarray(near[of])
+        radius = _radius(points)
+        members = members[seeds[members]]
+        if radius > 0 and len(members):
+            far = dijkstra(web, directed=False, indices=members, limit=limit * radius, min_only=True)
+            away = np.minimum(away, far / radius)
+    return np.asarray((seeds | (ringed & ((away <= most) | np.isinf(most))) | (away <= reach))[of])

@@ -13,7 +13,7 @@ _OLD = 0.5
 """The same for an edge to a vertex that must stay, of the above: the seam is drawn to it."""
 
 
-def tidied(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool]:
+def tidied(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool, Bool]:
     """The surface with fewer and better triangles at its new vertices.
 
     Args:
@@ -23,7 +23,7 @@ def tidied(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool
 
     Returns:
         (V, 3) vertices of which only new ones have moved, (G, 3) faces, those without a new vertex first and
-        as they were, and (V,) which vertices are still there.
+        as they were, (V,) which vertices are still there, and (V,) which new ones were drawn into.
     """
     touching: Bool = np.asarray(new[faces].any(1))
     near = faces[touching]
@@ -37,7 +37,9 @@ def tidied(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool
     kept = np.ones(len(vertices), bool)
     kept[list(patch.gone)] = False
     whole = np.concatenate([faces[~touching], inner.astype(np.int32)])
-    return patch.vertices, whole, kept
+    drawn = np.zeros(len(vertices), bool)
+    drawn[list(patch.drawn)] = True
+    return patch.vertices, whole, kept, drawn
 
 
 def _usual(vertices: Float, faces: Int32, new: Bool) -> float:
@@ -56,6 +58,7 @@ class _Patch:
         self.vertices, self.new = vertices, new
         self.faces: list[list[int] | None] = [list(face) for face in faces.tolist()]
         self.gone: set[int] = set()
+        self.drawn: set[int] = set()
         self.of: dict[int, set[int]] = {}
         for number, face in enumerate(faces.tolist()):
             for v in face:
@@ -94,6 +97,8 @@ class _Patch:
         if len(both) != 2 or len(self._ring(a) & self._ring(b)) != 2:
             return False
         moved = (self.of[a] | self.of[b]) - both
+        if not moved:
+            return False
         before = np.array([self.vertices[self.faces[f]] for f in moved])
         after = np.array(
             [[place if v in (a, b) else self.vertices[v] for v in self.faces[f] or ()] for f in moved]
@@ -116,3 +121,4 @@ class _Patch:
                 self.of[b].add(f)
         self.vertices[b] = place
         self.gone.add(a)
+        self.drawn.add(b)

@@ -99,6 +99,13 @@ def test_a_tidy_seam_has_better_triangles_and_the_same_shape(way, far):
     assert len(tidy.mesh.vertices) <= len(plain.mesh.vertices)
 
 
+def test_a_flat_shaded_seam_is_not_torn_by_tidying():
+    first, second = flat_shaded(ball(0.1)), flat_shaded(ball(0.06, (0.1, 0.01, 0.02)))
+    skins = on_bone(first, 0), on_bone(second, 1)
+    union = united(first, skins[0], second, skins[1], tidy=True)
+    assert union.fused and watertight(union.mesh)
+
+
 def test_what_was_cut_is_made_whole_again():
     mesh, skeleton = tube(), line([[0, 0, 0], [0, 0, 2.0]])
     skin = random_skin(len(mesh.vertices), 2)
