@@ -133,6 +133,7 @@ def figure_6() -> Actions:
     yield from watch(1.5)
     yield Say("(g)  The part goes to another node...")
     yield Do(lambda desk: desk.editor.scrub(0.7))
+    yield from (Key("ctrl+left") for _ in range(5))
     yield from merged("chain 2", Joint("chain", 2))
     yield Say("(h)  ...as it is posed at this time")
     yield Wait(1.2)

@@ -50,7 +50,8 @@ def test_figure_6_keeps_every_motion(films, tmp_path) -> None:
     desk = played(films, "figure6", tmp_path)
     names = desk.editor.history.names
     assert [name.split()[0] for name in names].count("add") == 2
-    assert names[-3:] == ("merge chain 2", "cut", "merge chain 2")
+    surgery = [name for name in names if name.split()[0] in ("merge", "cut")]
+    assert surgery == ["merge chain 2", "cut", "merge chain 2"]
     project = desk.editor.project
     assert list(project.shapes) == ["chain"] and closed(project.shapes["chain"].mesh.faces)
     turns, _ = Player(project, "chain").sample(np.array([0.0, 1.0]))
