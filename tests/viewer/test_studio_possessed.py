@@ -120,3 +120,9 @@ def test_a_recorded_take_brings_what_was_possessed(tmp_path, box) -> None:
     first = vertices(desk)["box"]
     desk.editor.scrub(desk.editor.length)
     assert np.abs(vertices(desk)["box"] - first).max() > 1e-4
+
+
+def test_possessed_meshes_go_out_as_glb(desk: Desk, tmp_path) -> None:
+    desk.asking = "export"
+    desk.chosen(tmp_path / "posts.glb")
+    assert (tmp_path / "posts.glb").stat().st_size > 1000 and "2 shapes" in desk.editor.toasts.shown[-1].text

@@ -7,7 +7,13 @@ from pathlib import Path
 from enliven.errors import InputError
 from enliven.formats.bvh import read_bvh
 from enliven.formats.gltf import read_gltf
-from enliven.formats.gltf_write import performance_of, write_gltf
+from enliven.formats.gltf_write import (
+    GraphPerformance,
+    Performance,
+    graph_performance_of,
+    performance_of,
+    write_gltf,
+)
 from enliven.motion.capture_clip import clip_of_capture
 from enliven.project import Project, unused
 from enliven_viewer.studio.editor import Editor
@@ -42,17 +48,22 @@ def add_file(editor: Editor, path: Path) -> None:
 
 
 def export(project: Project, path: Path) -> int:
-    """Write every shape that has a surface, with its motion, into one GLB; how many there are.
+    """Write every shape that has a surface and every possessed mesh, with its motion, into one GLB.
+
+    Returns:
+        How many were written.
 
     Raises:
         InputError: where there is none.
         ResourceError: where the file cannot be written.
     """
     solid = [shape.id for shape in project.shapes.values() if shape.mesh is not None]
-    if not solid:
+    if not solid and not project.graphs:
         raise InputError("no shape has a surface", where="export", mend="Sketch one, or open a model.")
-    write_gltf(path, [performance_of(project, name) for name in solid], path.stem)
-    return len(solid)
+    moving: list[Performance | GraphPerformance] = [performance_of(project, name) for name in solid]
+    moving += [graph_performance_of(project, name) for name in project.graphs]
+    write_gltf(path, moving, path.stem)
+    return len(moving)
 
 
 def _add_model(editor: Editor, path: Path) -> None:
