@@ -1,0 +1,4 @@
+"""Motion from a few example poses: trajectories of control points.
+
+After "Example-based retargeting of human motion to arbitrary mesh models" (2014), section 5.
+"""

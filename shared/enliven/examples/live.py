@@ -1,0 +1,76 @@
+"""The mapping as somebody performs: frame by frame, with a fixed small lag.
+
+Each new pose is solved with the frames that are not out yet; those that are out are held where they were, so
+what is seen never jumps back. The place of a frame is given `lag` frames after its pose: by then what comes
+later hardly matters. Frames that are all within the lag when the motion ends are exactly those of the batch.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.examples.constraints import Conditions
+from enliven.examples.mapping import ExampleMap
+
+_OUT = 2
+"""Frames already out that an acceleration can still feel."""
+
+
+class LiveExamples:
+    """Control points while the performer moves.
+
+    Args:
+        mapping: what the examples say.
+        step: seconds between frames.
+        lag: frames from a pose to its places; 0 answers at once.
+    """
+
+    def __init__(self, mapping: ExampleMap, step: float, lag: int = 3) -> None:
+        if lag < 0:
+            raise InputError(f"a lag of {lag} frames cannot be", where="live examples")
+        self.mapping, self.lag = mapping, lag
+        self._step = step
+        pairs = len(mapping.examples.points)
+        self._poses = np.empty((0, pairs, 3))
+        self._out = np.empty((pairs, 0, 3))
+
+    def push(self, pose: Float) -> Float | None:
+        """Takes a pose (P, 3) in the body frame; gives the places (P, 3) metres of the pose `lag` before.
+
+        None while fewer have come.
+
+        Raises:
+            InputError: for a pose that does not fit or is not finite; it is as if it had not come.
+        """
+        poses = np.concatenate([self._poses, self.mapping.checked(np.asarray(pose, np.float64)[None])])
+        held = self._out.shape[1]
+        if len(poses) - held <= self.lag:
+            self._poses = poses
+            return None
+        places = self._solved(poses)
+        self._keep(poses, np.concatenate([self._out, places[:, held : held + 1]], axis=1))
+        return np.asarray(self.mapping.in_metres(places[:, held : held + 1])[0])
+
+    def finish(self) -> Float:
+        """(L, P, 3) metres: the places that are still due. Then it begins anew."""
+        held = self._out.shape[1]
+        due = self.mapping.in_metres(self._solved(self._poses)[:, held:]) if len(self._poses) else self._poses
+        self._poses, self._out = self._poses[:0], self._out[:, :0]
+        return due
+
+    def _solved(self, poses: Float) -> Float:
+        """(P, F, 3) places in sizes of the mesh of the frames that an answer still depends on."""
+        held = np.zeros((poses.shape[1], len(poses), 3), np.bool_)
+        values = np.zeros(held.shape)
+        held[:, : self._out.shape[1]] = True
+        values[:, : self._out.shape[1]] = self._out
+        none = np.zeros((0, 3), np.int64)
+        conditions = Conditions(held, values, none, none, np.zeros(0))
+        return self.mapping.solution(self.mapping.nodes(poses), conditions, self._step).places
+
+    def _keep(self, poses: Float, out: Float) -> None:
+        """Forgets the frames that are out and that no acceleration feels any more."""
+        old = max(out.shape[1] - _OUT, 0)
+        self._poses, self._out = poses[old:], out[:, old:]

@@ -1,0 +1,93 @@
+"""The mapping from a performer's poses to trajectories of control points (section 5).
+
+mapping = ExampleMap(examples)
+places = mapping.solve(performed(clip, examples.joints).poses, clip.step)                # (F, P, 3)
+places = mapping.solve(poses, step, [Coupling("left foot", "right foot", frame=40)])
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.examples.bounded import Nodes
+from enliven.examples.constraints import Conditions, Constraint, conditions_of
+from enliven.examples.nearest import Nearest
+from enliven.examples.poses import Examples
+from enliven.examples.settings import ExampleSettings
+from enliven.examples.spacetime import Solution, hold, solve
+
+_WHERE = "poses"
+
+
+class ExampleMap:
+    """Examples, ready to map motions of that kind."""
+
+    def __init__(self, examples: Examples, settings: ExampleSettings | None = None) -> None:
+        self.examples, self.settings = examples, settings or ExampleSettings()
+
+    def solve(
+        self,
+        poses: Float,
+        step: float,
+        constraints: Sequence[Constraint] = (),
+        *,
+        workers: Executor | None = None,
+    ) -> Float:
+        """Trajectories of the control points.
+
+        Args:
+            poses: (F, P, 3) metres, the paired joints in the body frame.
+            step: seconds between frames.
+            constraints: that must hold.
+            workers: threads to share the control points among.
+
+        Returns:
+            (F, P, 3) metres in the mesh's own frame.
+
+        Raises:
+            InputError: for poses that do not fit or are not finite, with the frame, and for constraints that
+                contradict one another.
+        """
+        poses = self.checked(poses)
+        conditions = conditions_of(constraints, self.examples, len(poses), step)
+        return self.in_metres(self.solution(self.nodes(poses), conditions, step, workers).places)
+
+    def checked(self, poses: Float) -> Float:
+        """Poses (F, P, 3) that can be used."""
+        poses = np.asarray(poses, np.float64)
+        pairs = len(self.examples.points)
+        if poses.ndim != 3 or poses.shape[1:] != (pairs, 3) or len(poses) == 0:
+            raise InputError(
+                f"there are {poses.shape} for {pairs} pairs", where=_WHERE, mend="Give (F, P, 3)."
+            )
+        bad = ~np.isfinite(poses).all((1, 2))
+        if bad.any():
+            which = ", ".join(map(str, np.flatnonzero(bad)[:8])) + (", ..." if bad.sum() > 8 else "")
+            mend = "Leave these frames out, or fill them."
+            raise InputError(f"{int(bad.sum())} frames are not finite: {which}", where=_WHERE, mend=mend)
+        return poses
+
+    def nodes(self, poses: Float) -> Nodes:
+        """What poses (F, P, 3) say of each control point at each frame."""
+        near = Nearest(self.examples, self.settings, poses)
+        return Nodes.of(near.matrix, near.right, near.reach, self.settings.slack)
+
+    def solution(
+        self, nodes: Nodes, conditions: Conditions, step: float, workers: Executor | None = None
+    ) -> Solution:
+        """Solves in sizes of the mesh; nodes are changed."""
+        hold(nodes, conditions)
+        # The same cost for the same acceleration in a second, whatever the rate.
+        weight = self.settings.acceleration / (step * self.settings.rate) ** 2
+        bounds = -self.settings.margin, 1.0 + self.settings.margin
+        return solve(nodes, conditions, weight, bounds, workers)
+
+    def in_metres(self, places: Float) -> Float:
+        """(F, P, 3) metres in the mesh's frame of places (P, F, 3) in sizes of the mesh."""
+        middle = self.examples.targets.mean(0)
+        return np.asarray(np.swapaxes(places, 0, 1) * self.examples.target_size + middle)

@@ -1,0 +1,74 @@
+"""The performer's body frame: joints seen from the root, without its yaw (section 5, law 1).
+
+Whoever walks elsewhere or turns around makes the same poses; leaning and tumbling are part of the pose.
+
+    performed(clip, joints) -> Performance
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.motion.clip import Clip
+from enliven.rotation import rotate
+
+
+@dataclass(frozen=True, eq=False)
+class Performance:
+    """What some joints of a performer did.
+
+    Attributes:
+        poses: (F, P, 3) metres in the body frame.
+        world: (F, P, 3) metres in the world.
+        root: (F, 3) metres, where the root is.
+        yaw: (F,) radians about +Y since rest, continuous.
+        step: seconds between frames.
+    """
+
+    poses: Float
+    world: Float
+    root: Float
+    yaw: Float
+    step: float
+
+
+def performed(clip: Clip, joints: Sequence[str]) -> Performance:
+    """What the named joints of a clip do.
+
+    Raises:
+        InputError: for a joint that is not there.
+    """
+    numbers = [clip.skeleton.index(name) for name in joints]
+    world = joint_places(clip)[:, numbers]
+    yaw = np.unwrap(yaw_of(clip.turns[:, 0]))
+    return Performance(in_body(world, clip.root, yaw), world, clip.root, yaw, clip.step)
+
+
+def joint_places(clip: Clip) -> Float:
+    """(F, N, 3) metres, the joints of a clip in the world."""
+    places = np.empty((len(clip.turns), len(clip.skeleton), 3))
+    places[:, 0] = clip.root
+    for j, parent in enumerate(clip.skeleton.parents[1:], 1):
+        places[:, j] = places[:, parent] + rotate(clip.turns[:, j], clip.skeleton.vectors[j])
+    return places
+
+
+def yaw_of(turns: Float) -> Float:
+    """(...,) radians: the part of turns (..., 4) that is about +Y (swing and twist)."""
+    return np.asarray(2.0 * np.arctan2(turns[..., 2], turns[..., 0]))
+
+
+def in_body(places: Float, root: Float, yaw: Float) -> Float:
+    """(F, P, 3) places of the world seen from the root (F, 3), with the yaw (F,) taken back."""
+    return turned_about_y(places - root[:, None], -np.asarray(yaw)[:, None])
+
+
+def turned_about_y(vectors: Float, angles: Float) -> Float:
+    """Vectors (..., 3) turned about +Y by angles (...,) that broadcast to them."""
+    cos, sin = np.cos(angles), np.sin(angles)
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    return np.stack(np.broadcast_arrays(cos * x + sin * z, y, cos * z - sin * x), axis=-1)

@@ -1,0 +1,106 @@
+"""Example poses: where joints of a performer were, and where control points of a mesh are to be then.
+
+Examples(joints, points, sources (n, P, 3), targets (n, P, 3))
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+
+_EQUAL = 1e-6
+"""Poses nearer than this share of their size are the same."""
+_WHERE = "examples"
+
+
+@dataclass(frozen=True, eq=False)
+class Examples:
+    """Pairs of a joint and a control point, and what is known of them: n examples of P pairs.
+
+    Attributes:
+        joints: (P,) names of the performer's joints.
+        points: (P,) names of the mesh's control points, each once.
+        sources: (n, P, 3) metres, joints in the performer's body frame (:mod:`enliven.examples.performer`).
+        targets: (n, P, 3) metres, control points in the mesh's own frame.
+
+    Raises:
+        InputError: for fewer than two examples, for two that are equal, or for numbers that are not finite;
+            it says which.
+    """
+
+    joints: tuple[str, ...]
+    points: tuple[str, ...]
+    sources: Float
+    targets: Float
+
+    def __post_init__(self) -> None:
+        for name in ("joints", "points"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        for name in ("sources", "targets"):
+            array = np.array(getattr(self, name), np.float64)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        self._check_shapes()
+        self._check_values()
+
+    def __len__(self) -> int:
+        return len(self.sources)
+
+    @cached_property
+    def source_size(self) -> float:
+        """Metres: how far joints are from the root, as a root mean square."""
+        return _size(self.sources)
+
+    @cached_property
+    def target_size(self) -> float:
+        """Metres: how far control points are from their middle, as a root mean square."""
+        return _size(self.targets - self.targets.mean((0, 1)))
+
+    def point(self, name: str) -> int:
+        """The number of a control point.
+
+        Raises:
+            InputError: where there is none of that name, with those that are.
+        """
+        if name not in self.points:
+            mend = f"Known: {', '.join(self.points)}."
+            raise InputError(f"there is no control point {name!r}", where=_WHERE, mend=mend)
+        return self.points.index(name)
+
+    def _check_shapes(self) -> None:
+        pairs, count = len(self.points), len(self.sources)
+        shape = (count, pairs, 3)
+        if pairs == 0 or len(self.joints) != pairs:
+            what = f"{len(self.joints)} joints are paired with {pairs} control points"
+            raise InputError(what, where=_WHERE, mend="Pair each control point with one joint.")
+        if len(set(self.points)) != pairs:
+            twice = sorted({name for name in self.points if self.points.count(name) > 1})
+            raise InputError(f"control points are there twice: {', '.join(twice)}", where=_WHERE)
+        if self.sources.shape != shape or self.targets.shape != shape:
+            what = f"poses {self.sources.shape} and {self.targets.shape} of {pairs} pairs"
+            raise InputError(what, where=_WHERE, mend="Give (n, P, 3) of both.")
+        if count < 2:
+            raise InputError(f"there is {count} example, two are needed", where=_WHERE, mend="Pose one more.")
+
+    def _check_values(self) -> None:
+        bad = ~(np.isfinite(self.sources) & np.isfinite(self.targets)).all(2)
+        if bad.any():
+            example, pair = np.argwhere(bad)[0]
+            what = f"example {example} is not finite at {self.points[pair]!r}"
+            raise InputError(what, where=_WHERE, mend="Pose it again.")
+        for a in range(len(self)):
+            apart = np.sqrt(((self.sources[a + 1 :] - self.sources[a]) ** 2).mean((1, 2)))
+            same = np.flatnonzero(apart <= _EQUAL * max(self.source_size, 1e-12))
+            if len(same):
+                what = f"examples {a} and {a + 1 + int(same[0])} have the same pose of the performer"
+                raise InputError(what, where=_WHERE, mend="Remove one, or choose another frame for it.")
+
+
+def _size(poses: Float) -> float:
+    """Root mean square length of (n, P, 3); 1 where all is zero."""
+    return float(np.sqrt((poses**2).sum(2).mean())) or 1.0

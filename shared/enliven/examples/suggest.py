@@ -1,0 +1,72 @@
+"""Which frames of a motion to pose for: those that are farthest from one another, and how many are enough.
+
+suggested = suggest_poses(performed(clip, joints).poses)      # frames, and how far all others are then
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.settings import setting
+
+
+@dataclass(frozen=True)
+class SuggestSettings:
+    """When examples are enough."""
+
+    most: int = setting(12, "How many key poses are suggested at most.", low=2, high=1000)
+    enough: float = setting(
+        0.4,
+        "Examples are enough when no pose is farther from all of them than this share of the first gap.",
+        low=0.0,
+        high=1.0,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Suggested:
+    """Key poses, the most needed first.
+
+    Attributes:
+        frames: (K,) of the motion; the first is the pose nearest to all others.
+        gaps: (K,) metres: how far the farthest pose is from the first k + 1 of them, as a root mean square.
+        count: how many of them are enough.
+    """
+
+    frames: tuple[int, ...]
+    gaps: tuple[float, ...]
+    count: int
+
+
+def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Suggested:
+    """Key poses of a motion (F, P, 3) in the body frame: each is the farthest from those before.
+
+    Raises:
+        InputError: for a motion that never moves, or is not finite.
+    """
+    settings = settings or SuggestSettings()
+    poses = np.asarray(poses, np.float64)
+    if len(poses) < 2 or not np.isfinite(poses).all():
+        raise InputError(f"{len(poses)} poses, all of which must be finite", where="key poses")
+    frames = [int(_distance(poses, np.median(poses, axis=0)).argmin())]
+    away, gaps = _distance(poses, poses[frames[0]]), list[float]()
+    while True:
+        farthest = int(away.argmax())
+        gaps.append(float(away[farthest]))
+        if gaps[-1] <= 1e-6 * gaps[0] or len(frames) == settings.most:
+            break
+        frames.append(farthest)
+        away = np.minimum(away, _distance(poses, poses[farthest]))
+    if len(frames) < 2:
+        raise InputError("the performer never moves", where="key poses", mend="Choose another part of it.")
+    few = [k + 1 for k, gap in enumerate(gaps) if gap <= settings.enough * gaps[0]]
+    return Suggested(tuple(frames), tuple(gaps), max(2, few[0] if few else len(frames)))
+
+
+def _distance(poses: Float, pose: Float) -> Float:
+    """(F,) metres, as a root mean square over the joints."""
+    return np.asarray(np.sqrt(((poses - pose) ** 2).sum(2).mean(1)))

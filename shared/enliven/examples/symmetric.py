@@ -1,0 +1,84 @@
+"""Symmetric control points: what is shown for the left is shown for the right (section 6.1).
+
+partners = partners_of(rest (P, 3), point, normal)         # who is whose mirror image on the mesh
+more = doubled(examples, partners, point, normal)          # each example, and its mirror image
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.errors import InputError
+from enliven.examples.poses import Examples
+
+_SAME = 1e-3
+"""A pose is its own mirror image where it differs by less than this share of its size."""
+
+
+def partners_of(rest: Float, point: Float, normal: Float, tolerance: float = 0.1) -> tuple[int, ...]:
+    """For each control point (P, 3) at rest the number of its mirror image; its own where it is on the plane.
+
+    Args:
+        point, normal: (3,) of the mesh's plane of symmetry.
+        tolerance: how far a mirror image may be off, as a share of the points' extent.
+
+    Raises:
+        InputError: for a control point that has no mirror image, with its number.
+    """
+    rest = np.asarray(rest, np.float64)
+    away = np.linalg.norm(reflected(rest, point, normal)[:, None] - rest[None], axis=2)
+    nearest = away.argmin(1)
+    extent = float(np.linalg.norm(np.ptp(rest, axis=0)))
+    for p, other in enumerate(nearest):
+        if away[p, other] > tolerance * extent or nearest[other] != p:
+            mend = "Add one there, or leave symmetry out."
+            raise InputError(f"control point {p} has no mirror image", where="symmetry", mend=mend)
+    return tuple(int(other) for other in nearest)
+
+
+def reflected(places: Float, point: Float, normal: Float) -> Float:
+    """Places (..., 3) mirrored in a plane."""
+    across = np.asarray(normal, np.float64) / np.linalg.norm(normal)
+    return np.asarray(places - 2.0 * ((places - point) @ across)[..., None] * across)
+
+
+def doubled(
+    examples: Examples, partners: Sequence[int], point: Float, normal: Float, across: Float | None = None
+) -> Examples:
+    """The examples and their mirror images, without those that are their own.
+
+    Args:
+        partners: (P,) of the control points; the paired joints are taken to be partners likewise.
+        point, normal: (3,) of the mesh's plane of symmetry.
+        across: (3,) the performer's left-right axis in the body frame; None to take it from the joints.
+
+    Raises:
+        InputError: for partners that are not each other's.
+    """
+    order = np.asarray(partners)
+    if sorted(order) != list(range(len(examples.points))) or (order[order] != np.arange(len(order))).any():
+        raise InputError(f"partners {tuple(partners)} are not each other's", where="symmetry")
+    axis = _left_right(examples, order) if across is None else np.asarray(across, np.float64)
+    sources = reflected(examples.sources[:, order], np.zeros(3), axis)
+    targets = reflected(examples.targets[:, order], point, normal)
+    known, goals = list(examples.sources), list(examples.targets)
+    for source, target in zip(sources, targets, strict=True):
+        apart = [np.sqrt(((source - other) ** 2).sum(1).mean()) for other in known]
+        if min(apart) > _SAME * examples.source_size:
+            known.append(source)
+            goals.append(target)
+    return Examples(examples.joints, examples.points, np.array(known), np.array(goals))
+
+
+def _left_right(examples: Examples, order: Int) -> Float:
+    """(3,) level unit vector from right joints to left ones, over all examples."""
+    between = examples.sources - examples.sources[:, order]
+    left = np.arange(len(order)) < order
+    apart = between[:, left].reshape(-1, 3) * [1.0, 0.0, 1.0]
+    if len(apart) == 0 or not apart.any():
+        mend = "Say which axis goes across."
+        raise InputError("no joint has a partner at the other side", where="symmetry", mend=mend)
+    return np.asarray(np.linalg.eigh(apart.T @ apart)[1][:, -1])
