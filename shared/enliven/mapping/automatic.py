@@ -47,13 +47,17 @@ _NEAR = 0.17
 """Arc length within which two joints of chains count as the same."""
 _ALIKE = np.radians(50.0)
 """How far the trunks of two bodies may point apart and the bodies still be posed alike."""
+_TWINS = 0.02
+"""Share of the size by which joints of twins are apart at most."""
+_STANDS = np.radians(45.0)
+"""From the vertical to the way from the root to the head, of whoever stands."""
 
 
 def automatic(clip: Clip, shape: Shape) -> Plan:
     """The mapping of a whole body.
 
-    Bodies of one build (as many pairs of legs and of arms, trunks that point one way) are posed alike; others
-    keep their own rest pose and are moved from it.
+    Upright bodies of one build (as many pairs of legs and of arms) are posed alike; others keep their own
+    rest pose and are moved from it.
     """
     source, target = source_anatomy(clip), anatomy_of(shape.skeleton)
     mode = _mode(clip.skeleton, source, shape.skeleton, target)
@@ -89,7 +93,19 @@ def _whole(source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode) -> l
 def _mode(source: Skeleton, theirs: Anatomy, target: Skeleton, ours: Anatomy) -> Mode:
     same = len(theirs.legs) == len(ours.legs) and len(theirs.arms) == len(ours.arms) and bool(ours.pairs)
     a, b = _upright(source, theirs), _upright(target, ours)
-    return "pose" if same and float(a @ b) > np.cos(_ALIKE) else "move"
+    # People stand alike. Two that go on all fours differ in where their spines begin and how they slope: to
+    # point one's bones as the other's do would crush it, unless they are twins.
+    alike = min(a[1], b[1]) > np.cos(_STANDS) or _twins(source, target)
+    return "pose" if same and alike and float(a @ b) > np.cos(_ALIKE) else "move"
+
+
+def _twins(source: Skeleton, target: Skeleton) -> bool:
+    """Whether two skeletons are one but for their size and place."""
+    if source.names != target.names or (source.parents != target.parents).any():
+        return False
+    a, b = (s.positions - s.positions.mean(0) for s in (source, target))
+    a, b = (p / max(float(np.linalg.norm(p)), 1e-9) for p in (a, b))
+    return bool(np.abs(a - b).max() < _TWINS)
 
 
 def _upright(skeleton: Skeleton, anatomy: Anatomy) -> Float:
