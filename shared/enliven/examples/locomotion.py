@@ -4,8 +4,8 @@
     placed = locate(places (F, P, 3), yaw (F,), step, switches, feet)       # placed.world, .root, .anchors
 
 In contact the lowest foot is on the floor and the anchor does not move over it; the anchor is the lowest
-foot, and remains it until another is clearly lower. In flight the mesh keeps the velocity it left the floor with,
-and rises so fast that it lands when the performer does; or, freely, as the anchor threw it.
+foot, and remains it until another is clearly lower. In flight the mesh keeps the velocity it left with, and
+rises so fast that it lands when the performer does; or, freely, as it was thrown.
 """
 
 from __future__ import annotations

@@ -133,7 +133,7 @@ class _System:
         return places
 
     def _answer(self, y: Float, nu: Float, places: Float) -> tuple[int, float]:
-        """The nodes' answer to y and nu, into ``places``: how many changed, and the dual, which is to fall."""
+        """The nodes' answer to y and nu, into ``places``: how many changed, and the dual."""
         changed, energy = self._nodes.respond(self._pull(y, nu), *self._bounds, places)
         return changed, 0.5 * float((y * y).sum()) + float(nu @ self._difference) - energy
 

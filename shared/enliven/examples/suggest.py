@@ -20,7 +20,7 @@ class SuggestSettings:
 
     most: int = setting(12, "How many key poses are suggested at most.", low=2, high=1000)
     enough: float = setting(
-        0.4,
+        0.7,
         "Examples are enough when no pose is farther from all of them than this share of the first gap.",
         low=0.0,
         high=1.0,

@@ -1,0 +1,99 @@
+"""Feet stand, what falls falls, and the timeline may say when."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.errors import InputError
+from enliven.examples.locomotion import LocomotionSettings, Switch, find_switches, locate
+
+STEP = 1 / 60
+FREE = LocomotionSettings(landing="free")
+
+
+def walker(frames, seed=0):
+    """Two feet that step in turn and a head, in the mesh's frame, and a yaw."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(frames) * STEP
+    phase = 2 * np.pi * rng.uniform(0.7, 1.4) * t
+    left = np.stack([0 * t + 0.1, -1 + 0.1 * np.maximum(np.sin(phase), 0), 0.3 * np.cos(phase)], 1)
+    right = np.stack([0 * t - 0.1, -1 + 0.1 * np.maximum(-np.sin(phase), 0), -0.3 * np.cos(phase)], 1)
+    head = np.stack([0.02 * np.sin(phase), 0 * t + 0.7, 0 * t], 1)
+    return np.stack([left, right, head], 1), rng.uniform(-1, 1) * t
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=20, deadline=None)
+def test_the_anchor_does_not_slide_and_nothing_goes_under(seed):
+    places, yaw = walker(120, seed)
+    placed = locate(places, yaw, STEP, [Switch(0, "contact")], [0, 1])
+    assert placed.world[:, :2, 1].min() > -1e-9
+    assert np.abs(placed.world[:, :2, 1].min(1)).max() < 1e-9
+    for f in range(1, 120):
+        anchor = placed.anchors[f]
+        np.testing.assert_allclose(placed.world[f, anchor, ::2], placed.world[f - 1, anchor, ::2], atol=1e-9)
+    assert len(set(placed.anchors)) == 2
+    assert np.linalg.norm(np.ptp(placed.root[:, ::2], axis=0)) > 0.5
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=20, deadline=None)
+def test_what_flies_falls_and_lands_when_the_performer_does(seed):
+    places, yaw = walker(120, seed)
+    switches = [Switch(0, "contact"), Switch(40, "flight"), Switch(70, "contact")]
+    placed = locate(places, 0 * yaw, STEP, switches, [0, 1])
+    flying = placed.anchors < 0
+    assert np.array_equal(np.flatnonzero(flying), np.arange(40, 70))
+    high = placed.world[39:71, :2, 1].min(1)
+    airborne = np.flatnonzero(high[1:-1] > 1e-9) + 40
+    way = placed.root[39:71, 1]
+    inside = [f for f in airborne if f - 1 in airborne and f + 1 in airborne]
+    falls = [(way[f - 40] - 2 * way[f - 39] + way[f - 38]) / STEP**2 for f in inside]
+    np.testing.assert_allclose(falls, -9.81, rtol=1e-6)
+    assert len(inside) > 20
+    np.testing.assert_allclose(
+        np.diff(placed.root[40:70, ::2], axis=0),
+        np.tile(placed.root[41] - placed.root[40], (29, 1))[:, ::2],
+        atol=1e-9,
+    )
+
+
+def test_free_flight_ends_where_gravity_says():
+    places, yaw = walker(120)
+    # It stretches its legs by 2 m/s before it leaves the floor.
+    places[:, :2, 1] = -1.0 - np.interp(np.arange(120), [0, 30, 39], [0, 0, 9 * STEP * 2.0])[:, None]
+    placed = locate(places, 0 * yaw, STEP, [Switch(0, "contact"), Switch(40, "flight")], [0, 1], FREE)
+    airborne = int((placed.anchors < 0).sum())
+    assert abs(airborne * STEP - 2 * 2.0 / 9.81) < 0.15
+    assert placed.switches[-1].kind == "contact"
+    assert placed.world[:, :2, 1].min() > -1e-9
+
+
+def test_contact_and_flight_are_found():
+    frames = 240
+    feet = np.zeros((frames, 2, 3))
+    feet[:, 1, 0] = 0.2
+    feet[100:130, :, 1] = (0.4 * np.sin(np.linspace(0, np.pi, 32)[1:-1]))[:, None]
+    feet[180:210, 0, 1] = 0.3
+    switches = find_switches(feet, STEP, 0.9)
+    assert [s.kind for s in switches] == ["contact", "flight", "contact"]
+    assert abs(switches[1].frame - 100) <= 3
+    assert abs(switches[2].frame - 130) <= 3
+
+
+def test_couplings_make_the_change_of_anchors_level():
+    places, yaw = walker(120, 3)
+    placed = locate(places, yaw, STEP, [Switch(0, "contact")], [0, 1])
+    couplings = placed.couplings(("left", "right", "head"))
+    assert couplings
+    for one in couplings:
+        assert {one.point, one.other} == {"left", "right"}
+        assert one.point == ("left", "right")[placed.anchors[one.frame]]
+
+
+@pytest.mark.parametrize("frames", [[], [3], [0, 50, 40], [0, 500]])
+def test_switches_must_be_in_order(frames):
+    places, yaw = walker(120)
+    with pytest.raises(InputError, match="switches at frames"):
+        locate(places, yaw, STEP, [Switch(f, "contact") for f in frames], [0, 1])

@@ -1,0 +1,69 @@
+"""Which poses to show, and the same for the other side."""
+
+import numpy as np
+import pytest
+
+from enliven.errors import InputError
+from enliven.examples.poses import Examples
+from enliven.examples.suggest import SuggestSettings, suggest_poses
+from enliven.examples.symmetric import doubled, partners_of, reflected
+
+NAMES = ("left", "right", "middle")
+ORDER = (1, 0, 2)
+
+
+def test_the_suggested_are_the_farthest():
+    rng = np.random.default_rng(1)
+    poses = rng.normal(size=(200, 4, 3))
+    found = suggest_poses(poses, SuggestSettings(most=8))
+    away = np.sqrt(((poses[:, None] - poses[list(found.frames)]) ** 2).sum(3).mean(2))
+    for k in range(1, 8):
+        assert away[:, :k].min(1).argmax() == found.frames[k]
+    np.testing.assert_allclose(found.gaps, [away[:, : k + 1].min(1).max() for k in range(8)])
+    assert list(found.gaps) == sorted(found.gaps, reverse=True)
+
+
+def test_as_many_are_suggested_as_there_are_poses():
+    poses = np.random.default_rng(2).normal(size=(4, 5, 3))[np.arange(300) // 80]
+    found = suggest_poses(poses, SuggestSettings(enough=0.1))
+    assert found.count == len(found.frames) == 4
+    assert len({f // 80 for f in found.frames}) == 4
+
+
+def test_who_never_moves_is_refused():
+    with pytest.raises(InputError, match="never moves"):
+        suggest_poses(np.ones((50, 3, 3)))
+
+
+def one_sided():
+    rng = np.random.default_rng(3)
+    sources = rng.normal(size=(3, 3, 3)) * 0.2 + [[1, 0, 0], [-1, 0, 0], [0, 1, 0]]
+    targets = rng.normal(size=(3, 3, 3)) * 0.2 + [[2, 0, 1], [0, 0, 1], [1, 1, 1]]
+    sources[0] = 0.5 * (sources[0] + reflected(sources[0][list(ORDER)], np.zeros(3), np.array([1.0, 0, 0])))
+    return Examples(NAMES, NAMES, sources, targets)
+
+
+def test_doubled_examples_are_their_own_mirror_image():
+    examples, plane = one_sided(), (np.array([1.0, 0, 0]), np.array([2.0, 0, 0]))
+    more = doubled(examples, ORDER, *plane, across=np.array([1.0, 0, 0]))
+    # The first is its own mirror image.
+    assert len(more) == 5
+    mirrored = reflected(more.sources[:, ORDER], np.zeros(3), np.array([1.0, 0, 0]))
+    for source, target in zip(mirrored, reflected(more.targets[:, ORDER], *plane), strict=True):
+        away = np.abs(more.sources - source).max((1, 2))
+        assert away.min() < 1e-9
+        if away.argmin() > 0:
+            np.testing.assert_allclose(more.targets[away.argmin()], target, atol=1e-9)
+    again = doubled(more, ORDER, *plane, across=np.array([1.0, 0, 0]))
+    assert len(again) == 5
+
+
+def test_partners_are_found_on_the_mesh():
+    rest = np.array([[2, 0, 1], [0.02, 0, 1], [1, 1, 1.0]])
+    assert partners_of(rest, np.array([1.0, 0, 0]), np.array([1.0, 0, 0])) == ORDER
+    with pytest.raises(InputError, match="control point 0 has no mirror image"):
+        partners_of(
+            rest + np.array([[0.9, 0, 0], [0, 0, 0], [0, 0, 0]]), np.array([1.0, 0, 0]), np.array([1.0, 0, 0])
+        )
+    with pytest.raises(InputError, match="not each other's"):
+        doubled(one_sided(), (1, 2, 0), np.zeros(3), np.array([1.0, 0, 0]))
