@@ -1,0 +1,312 @@
+"""Squash-and-stretch deformation of a surface by handles: factor once, drag in real time.
+
+U. Celikcan, I. O. Yaz and T. Capin, "Example-based retargeting of human motion to arbitrary mesh models",
+2015, section 4, upon O. Sorkine and M. Alexa, "As-rigid-as-possible surface modeling", 2007:
+
+    solver = ArapSolver(mesh)
+    solver.add_handle(Handle("hand", (4711,)))
+    solver.add_handle(Handle("feet", (12, 980)))
+    vertices = solver.solve({"hand": [[0.3, 1.2, 0.1]]})      # the feet stay
+
+A frame takes a few iterations from the last frame's shape. In the shape state each cell takes its best
+rotation and uniform scale (eq. 4 to 9), which never raises the energy; the last iteration is the pose
+state's (eq. 10 to 13), whose volume-preserving V_i R_i make what is shown. The pose is never fed back.
+
+Solved are corrections: what is left of eq. 9 at the positions as they are, in float64, through a factor in
+float32. Handles are put upon the factor exactly (arap_handles); adding one costs less than a frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Int, Int32
+from enliven.deformation.arap_cells import energy, residual, turn_and_scale, turn_and_squash
+from enliven.deformation.arap_factor import backward, forward
+from enliven.deformation.arap_handles import Held, follow, hold, pull
+from enliven.deformation.arap_step import give, moved, plain
+from enliven.deformation.arap_surface import surface_of
+from enliven.errors import InputError
+from enliven.mesh import Mesh
+from enliven.settings import setting
+
+_WHERE = "deformation"
+_FAR = 1e3
+"""Times the mesh's own size; no handle goes farther from it."""
+_SAME = 1e-6
+"""Part of the mesh's size within which two hard handles on one vertex agree."""
+_MOST_HELD = 2000
+
+
+@dataclass(frozen=True)
+class ArapSettings:
+    """How a surface follows its handles."""
+
+    iterations: int = setting(
+        3, "Iterations a frame; with squash and stretch the last makes the pose.", low=1
+    )
+    squash_and_stretch: bool = setting(True, "Cells may scale, volume is kept; false is plain ARAP.")
+    hold: float = setting(
+        4.0, "How much cells resist a change of size in the shape state; 0 is the paper's eq. 4.", low=0.0
+    )
+    exaggeration: float = setting(
+        1.0, "How far the volume follows squash and stretch: 0 not at all, 1 as it is.", low=0.0, high=5.0
+    )
+    most_stretch: float = setting(4.0, "No cell gets longer than this, or shorter than its inverse.", low=1.0)
+    follow: float = setting(
+        0.01,
+        "A rigid motion of the handles that leaves at most this part moves the whole.",
+        low=0.0,
+        high=1.0,
+    )
+    most_vertices: int = setting(500_000, "Larger meshes are refused.", low=3)
+
+
+@dataclass(frozen=True)
+class Handle:
+    """Vertices that are put somewhere.
+
+    Attributes:
+        name: unique among the solver's handles.
+        vertices: of the mesh.
+        weight: how hard a soft handle pulls, beside the surface's cotangent weights of about 1; None is hard.
+    """
+
+    name: str
+    vertices: tuple[int, ...]
+    weight: float | None = None
+
+
+class ArapSolver:
+    """Deforms one mesh by its handles, warm from frame to frame.
+
+    Args:
+        mesh: any triangle mesh, in metres; soups, several shells, open borders, needles.
+        settings: may be replaced between frames (all but ``most_vertices``).
+
+    Attributes:
+        notes: sentences about what had to be mended in the mesh.
+        pose: (V, 3) the last good answer.
+        handles: by name.
+    """
+
+    def __init__(self, mesh: Mesh, settings: ArapSettings | None = None) -> None:
+        self.mesh, self.settings = mesh, settings or ArapSettings()
+        self._surface = surface_of(mesh, self.settings.most_vertices)
+        self.notes = self._surface.notes
+        count = len(self._surface.rest)
+        self._frames = np.zeros((count, 16))
+        self._z = np.zeros(4 * (count + 4), np.float32)
+        self._room = np.zeros(4 * (self._surface.factor.tallest + 4), np.float32)
+        self._columns: dict[int, tuple[Int32, Float]] = {}
+        self.handles: dict[str, Handle] = {}
+        self._held: Held | None = None
+        self._wanted: dict[str, Float] = {}
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to rest, every handle to where it was in the mesh."""
+        self._frames[:] = 0.0
+        self._frames[:, [0, 5, 10]] = 1.0
+        self._frames[:, 12:15] = self._surface.rest
+        self.pose = self.mesh.vertices.copy()
+        self._wanted = {name: self.mesh.vertices[list(h.vertices)] for name, h in self.handles.items()}
+
+    def add_handle(self, handle: Handle) -> None:
+        """One handle more; until it is moved it wants its vertices where they are.
+
+        Raises:
+            InputError: for a name that is taken, or a vertex that is not there or belongs to no face.
+        """
+        if handle.name in self.handles:
+            raise InputError(f"there is already a handle {handle.name!r}", where=_WHERE)
+        self.set_handles([*self.handles.values(), handle])
+
+    def remove_handle(self, name: str) -> None:
+        """One handle less."""
+        if name not in self.handles:
+            known = ", ".join(self.handles) or "none"
+            raise InputError(f"there is no handle {name!r}", where=_WHERE, mend=f"Known: {known}.")
+        self.set_handles([handle for handle in self.handles.values() if handle.name != name])
+
+    def set_handles(self, handles: Sequence[Handle]) -> None:
+        """Exactly these handles; those that were there before keep their targets."""
+        for handle in handles:
+            self._check(handle)
+        names = [handle.name for handle in handles]
+        if len(set(names)) < len(names):
+            raise InputError(f"two handles have one name: {', '.join(names)}", where=_WHERE)
+        places = np.array([self._surface.place_of[v] for h in handles for v in h.vertices], np.int64)
+        soft = np.array([0.0 if h.weight is None else 2.0 / h.weight for h in handles for _ in h.vertices])
+        # A vertex that several hard handles hold is held once; solve() checks that they agree.
+        chosen = np.ones(len(places), bool)
+        hard = np.flatnonzero(soft == 0.0)
+        chosen[np.setdiff1d(hard, hard[np.unique(places[hard], return_index=True)[1]])] = False
+        if chosen.sum() > _MOST_HELD:
+            raise InputError(
+                f"the handles hold {chosen.sum()} vertices, more than {_MOST_HELD}",
+                where=_WHERE,
+                mend="Give fewer vertices a handle; a few dozen hold as well.",
+            )
+        held = None
+        if chosen.any():
+            held = hold(self._surface.factor, places[chosen], soft[chosen], self._columns)
+        kept = {h.name: self._wanted[h.name] for h in handles if self.handles.get(h.name) == h}
+        self._held, self._chosen, self._places = held, np.flatnonzero(chosen), places
+        self._exact = self._hard_vertices(places, np.flatnonzero(chosen & (soft == 0.0)))
+        self.handles = {handle.name: handle for handle in handles}
+        self._wanted = {h.name: kept.get(h.name, self.pose[list(h.vertices)]) for h in handles}
+
+    def solve(self, targets: Mapping[str, Float] | None = None) -> Float:
+        """The next frame.
+
+        Args:
+            targets: for the handles that move, (K, 3) metres, a row a vertex of the handle; the others stay.
+
+        Returns:
+            (V, 3) the mesh's vertices; hard handles are exactly where they are wanted.
+
+        Raises:
+            InputError: for targets that cannot be meant. The last good pose stays.
+        """
+        wanted = self._wanted | {name: self._target(name, value) for name, value in (targets or {}).items()}
+        held, rows = self._together(wanted)
+        settings, surface = self.settings, self._surface
+        frames = self._frames.reshape(-1)
+        follow(held, frames, rows, settings.follow)
+        shaping = settings.iterations - (1 if settings.squash_and_stretch else 0)
+        for _ in range(shaping):
+            self._fit()
+            shift = self._global(held, rows)
+            moved(frames, self._z, shift)
+        shift = (0.0, 0.0, 0.0)
+        if settings.squash_and_stretch:
+            turn_and_squash(
+                surface.cells, frames, settings.exaggeration, settings.most_stretch, 0, len(surface.rest)
+            )
+            shift = self._global(held, rows)
+        else:
+            plain(self._z)
+        pose = np.empty_like(self.pose)
+        give(frames, self._z, shift, surface.place_of, surface.centre, pose)
+        if not np.isfinite(pose).all():
+            self._restart()
+            raise InputError("the handles leave no finite shape", where=_WHERE, mend="Move them less far.")
+        vertices, of = self._exact
+        pose[vertices] = np.concatenate([wanted[name] for name in self.handles])[of]
+        self._wanted, self.pose = wanted, pose
+        return pose
+
+    def _fit(self) -> None:
+        """Each cell's best turn and scale at the positions as they are."""
+        most = self.settings.most_stretch if self.settings.squash_and_stretch else 1.0
+        count = len(self._surface.rest)
+        turn_and_scale(
+            self._surface.cells, self._frames.reshape(-1), self.settings.hold, 1 / most, most, 0, count
+        )
+
+    def _global(self, held: Held, rows: Float) -> tuple[float, float, float]:
+        """The correction of eq. 9 (or 13) into ``_z``, and the shift of the whole."""
+        surface, frames = self._surface, self._frames.reshape(-1)
+        residual(surface.cells, frames, self._z, 0, len(surface.rest))
+        forward(surface.factor, self._z, self._room)
+        shift: tuple[float, float, float] = pull(held, frames, rows, self._z)
+        backward(surface.factor, self._z, self._room)
+        return shift
+
+    def energy(self) -> float:
+        """Eq. 4 of the shape state, each cell at its best turn and scale, with what soft handles add."""
+        self._fit()
+        total = float(energy(self._surface.cells, self._frames.reshape(-1), self.settings.hold))
+        for name, handle in self.handles.items():
+            if handle.weight is not None:
+                now = self._frames[self._surface.place_of[list(handle.vertices)], 12:15]
+                total += handle.weight * float(((now + self._surface.centre - self._wanted[name]) ** 2).sum())
+        return total
+
+    def shape(self) -> Float:
+        """(V, 3) the surface of the shape state, which the next frame starts from."""
+        return self._frames[self._surface.place_of, 12:15] + self._surface.centre
+
+    def _restart(self) -> None:
+        """The last good pose as the shape, after something that was not finite."""
+        self._frames[:] = 0.0
+        self._frames[:, [0, 5, 10]] = 1.0
+        self._frames[self._surface.place_of, 12:15] = self.pose - self._surface.centre
+
+    def _hard_vertices(self, places: Int, hard: Int) -> tuple[Int, Int]:
+        """(X,) the mesh's vertices that hard handles hold, welded ones too, and (X,) the rows of each."""
+        row_at = np.full(len(self._surface.rest), -1)
+        row_at[places[hard]] = hard
+        rows = row_at[self._surface.place_of]
+        vertices = np.flatnonzero(rows >= 0)
+        return vertices, rows[vertices]
+
+    def _check(self, handle: Handle) -> None:
+        """That the handle's vertices can be held."""
+        who, count = f"handle {handle.name!r}", len(self.mesh.vertices)
+        if not handle.vertices:
+            raise InputError("it holds no vertex", where=who, mend="Choose a vertex of the mesh.")
+        if handle.weight is not None and not (np.isfinite(handle.weight) and handle.weight > 0):
+            raise InputError(f"its weight is {handle.weight}", where=who, mend="Give a number above 0.")
+        for vertex in handle.vertices:
+            if not 0 <= vertex < count:
+                raise InputError(f"there is no vertex {vertex}; the mesh has {count}", where=who)
+            if self._surface.loose[vertex]:
+                raise InputError(
+                    f"vertex {vertex} is loose: no face uses it, so that nothing would follow it",
+                    where=who,
+                    mend="Choose a vertex of the surface.",
+                )
+
+    def _target(self, name: str, value: Float) -> Float:
+        """(K, 3) the checked target of a handle."""
+        if name not in self.handles:
+            known = ", ".join(self.handles) or "none"
+            raise InputError(f"there is no handle {name!r}", where=_WHERE, mend=f"Known: {known}.")
+        handle = self.handles[name]
+        target = np.array(value, np.float64)
+        if target.shape == (3,) and len(handle.vertices) == 1:
+            target = target[None]
+        who = f"handle {name!r}"
+        if target.shape != (len(handle.vertices), 3):
+            raise InputError(f"targets {target.shape} for {len(handle.vertices)} vertices", where=who)
+        if not np.isfinite(target).all():
+            raise InputError("its target is not finite", where=who, mend="The last good pose stays.")
+        farthest = float(np.abs(target - self._surface.centre).max())
+        if farthest > _FAR * self._surface.extent:
+            raise InputError(
+                f"its target is {farthest:.3g} m away from a mesh of {self._surface.extent:.3g} m",
+                where=who,
+                mend="Check the units.",
+            )
+        return target
+
+    def _together(self, wanted: Mapping[str, Float]) -> tuple[Held, Float]:
+        """(H, 3) the targets about the centre, or an InputError where hard handles contradict each other."""
+        if self._held is None:
+            raise InputError("there is no handle", where=_WHERE, mend="Add one, or the mesh stays at rest.")
+        everything = np.concatenate([wanted[name] for name in self.handles]) - self._surface.centre
+        if len(self._chosen) < len(everything):
+            self._check_agreement(everything)
+        return self._held, np.ascontiguousarray(everything[self._chosen])
+
+    def _check_agreement(self, everything: Float) -> None:
+        """That hard handles on one (welded) vertex want the same."""
+        names = [name for name, handle in self.handles.items() for _ in handle.vertices]
+        hard = [handle.weight is None for handle in self.handles.values() for _ in handle.vertices]
+        first: dict[int, int] = {}
+        for k, place in enumerate(self._places.tolist()):
+            if not hard[k]:
+                continue
+            other = first.setdefault(place, k)
+            gap = float(np.linalg.norm(everything[k] - everything[other]))
+            if gap > _SAME * self._surface.extent:
+                raise InputError(
+                    f"handles {names[other]!r} and {names[k]!r} hold the same vertex, {gap:.3g} m apart",
+                    where=_WHERE,
+                    mend="Remove one, or give it a weight.",
+                )

@@ -1,0 +1,136 @@
+"""Nearest rotations of many 3x3 matrices, several at a time in the processor's registers.
+
+trace(RᵀS) is largest for the rotation whose quaternion is the top eigenvector of Horn's traceless symmetric
+4x4 matrix K of S ("Closed-form solution of absolute orientation using unit quaternions", 1987). With
+|S| = 1 its characteristic polynomial is x⁴ - 2x² - 8 det(S) x + 1 - 4 |cof S|²; Laguerre's steps from
+the square root of 3, which is above every eigenvalue, fall to the top one (Newton's took three times as many
+where the next is near). The eigenvector is a column of the
+adjugate of K - x. No branch, no loop of unknown length: the compiler makes vector instructions of it. Where
+the top eigenvalue is nearly double (cells on a line, inverted cells) the slow sure way is taken.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from enliven.rotation import nearest_quaternion
+
+N = 64
+"""Cells of a block; a block is one array, row k of it is ``block[k * N : (k + 1) * N]``."""
+# Rows of a block: the matrix by columns, the rotation by columns, trace(RᵀS), how clear the answer is.
+S, R, TRACE, CLEAR, ROWS = 0, 9, 18, 19, 20
+_UNCLEAR = 0.05
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _polar_fast(block):  # type: ignore[no-untyped-def]
+    """Rows R, TRACE and CLEAR from rows S."""
+    for n in range(64):
+        a, b, c = block[n], block[n + 3 * 64], block[n + 6 * 64]
+        d, e, f = block[n + 64], block[n + 4 * 64], block[n + 7 * 64]
+        g, h, i = block[n + 2 * 64], block[n + 5 * 64], block[n + 8 * 64]
+        norm = math.sqrt(a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i)
+        inverse = 1.0 / (norm + 1e-300)
+        a, b, c = a * inverse, b * inverse, c * inverse
+        d, e, f = d * inverse, e * inverse, f * inverse
+        g, h, i = g * inverse, h * inverse, i * inverse
+        c00, c01, c02 = e * i - f * h, f * g - d * i, d * h - e * g
+        c10, c11, c12 = c * h - b * i, a * i - c * g, b * g - a * h
+        c20, c21, c22 = b * f - c * e, c * d - a * f, a * e - b * d
+        p1 = -8.0 * (a * c00 + b * c01 + c * c02)
+        p0 = c00 * c00 + c01 * c01 + c02 * c02 + c10 * c10 + c11 * c11 + c12 * c12
+        p0 = 1.0 - 4.0 * (p0 + c20 * c20 + c21 * c21 + c22 * c22)
+        x = 1.7320508075688774
+        for _ in range(6):
+            square = x * x
+            slope = (4.0 * square - 4.0) * x + p1
+            value = ((square - 2.0) * x + p1) * x + p0
+            root = 9.0 * slope * slope - value * (144.0 * square - 48.0)
+            x = x - 4.0 * value / (slope + math.sqrt(root if root > 0.0 else 0.0) + 1e-30)
+        slope = (4.0 * x * x - 4.0) * x + p1
+        k00, k11, k22, k33 = a + e + i - x, a - e - i - x, e - a - i - x, i - a - e - x
+        k01, k02, k03 = h - f, c - g, d - b
+        k12, k13, k23 = b + d, c + g, f + h
+        # The adjugate's upper half, from 2x2 minors of the lower two rows and of the upper two.
+        m01, m02, m03 = k02 * k13 - k03 * k12, k02 * k23 - k03 * k22, k02 * k33 - k03 * k23
+        m12, m13, m23 = k12 * k23 - k13 * k22, k12 * k33 - k13 * k23, k22 * k33 - k23 * k23
+        u01, u02, u03 = k00 * k11 - k01 * k01, k00 * k12 - k02 * k01, k00 * k13 - k03 * k01
+        u12, u13 = k01 * k12 - k02 * k11, k01 * k13 - k03 * k11
+        a00 = k11 * m23 - k12 * m13 + k13 * m12
+        a01 = -k01 * m23 + k12 * m03 - k13 * m02
+        a02 = k01 * m13 - k11 * m03 + k13 * m01
+        a03 = -k01 * m12 + k11 * m02 - k12 * m01
+        a11 = k00 * m23 - k02 * m03 + k03 * m02
+        a12 = -k00 * m13 + k01 * m03 - k03 * m01
+        a13 = k00 * m12 - k01 * m02 + k02 * m01
+        a22 = k33 * u01 - k13 * u03 + k03 * u13
+        a23 = -k23 * u01 + k13 * u02 - k03 * u12
+        a33 = k22 * u01 - k12 * u02 + k02 * u12
+        best, q0, q1, q2, q3 = abs(a00), a00, a01, a02, a03
+        other = abs(a11)
+        q0 = a01 if other > best else q0
+        q1 = a11 if other > best else q1
+        q2 = a12 if other > best else q2
+        q3 = a13 if other > best else q3
+        best = other if other > best else best
+        other = abs(a22)
+        q0 = a02 if other > best else q0
+        q1 = a12 if other > best else q1
+        q2 = a22 if other > best else q2
+        q3 = a23 if other > best else q3
+        best = other if other > best else best
+        other = abs(a33)
+        q0 = a03 if other > best else q0
+        q1 = a13 if other > best else q1
+        q2 = a23 if other > best else q2
+        q3 = a33 if other > best else q3
+        length = 2.0 / (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3 + 1e-300)
+        block[n + 9 * 64] = 1.0 - length * (q2 * q2 + q3 * q3)
+        block[n + 10 * 64] = length * (q1 * q2 + q0 * q3)
+        block[n + 11 * 64] = length * (q1 * q3 - q0 * q2)
+        block[n + 12 * 64] = length * (q1 * q2 - q0 * q3)
+        block[n + 13 * 64] = 1.0 - length * (q1 * q1 + q3 * q3)
+        block[n + 14 * 64] = length * (q2 * q3 + q0 * q1)
+        block[n + 15 * 64] = length * (q1 * q3 + q0 * q2)
+        block[n + 16 * 64] = length * (q2 * q3 - q0 * q1)
+        block[n + 17 * 64] = 1.0 - length * (q1 * q1 + q2 * q2)
+        block[n + 18 * 64] = x * norm
+        block[n + 19 * 64] = slope if norm > 1e-200 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def polar(block, count, frames, at):  # type: ignore[no-untyped-def]
+    """Rows R and TRACE of the first ``count`` cells of a block from its rows S.
+
+    Where several rotations are as good, the one nearest to the last is taken: a push towards it that is too
+    weak to matter elsewhere, so that trace(RᵀS) never gets smaller.
+
+    Args:
+        frames: (16 V,) the solver's; its first three columns of a cell are the last (scaled) rotation.
+        at: the first cell's number.
+    """
+    _polar_fast(block)
+    for n in range(count):
+        if block[CLEAR * N + n] > _UNCLEAR:
+            continue
+        m, norm, size = np.empty((3, 3)), 0.0, 0.0
+        for k in range(9):
+            norm += block[(S + k) * N + n] ** 2
+            size += frames[16 * (at + n) + 4 * (k // 3) + k % 3] ** 2
+        push = 1e-6 * math.sqrt(norm / size) if size > 0.0 and norm > 0.0 else 1.0
+        for k in range(9):
+            last = frames[16 * (at + n) + 4 * (k // 3) + k % 3]
+            m[k % 3, k // 3] = block[(S + k) * N + n] + push * last
+        w, x, y, z = nearest_quaternion(m)
+        block[9 * N + n], block[13 * N + n] = 1 - 2 * (y * y + z * z), 1 - 2 * (x * x + z * z)
+        block[10 * N + n], block[12 * N + n] = 2 * (x * y + w * z), 2 * (x * y - w * z)
+        block[11 * N + n], block[15 * N + n] = 2 * (x * z - w * y), 2 * (x * z + w * y)
+        block[14 * N + n], block[16 * N + n] = 2 * (y * z + w * x), 2 * (y * z - w * x)
+        block[17 * N + n] = 1 - 2 * (x * x + y * y)
+        trace = 0.0
+        for k in range(9):
+            trace += block[(S + k) * N + n] * block[(R + k) * N + n]
+        block[TRACE * N + n] = trace

@@ -1,0 +1,91 @@
+"""A mesh made ready for deformation: welded, joined to one piece, in elimination order, factorised."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int
+from enliven.deformation.arap_cells import Cells, cells_of
+from enliven.deformation.arap_factor import Factor, factorise
+from enliven.deformation.arap_weights import shells_of, surface_edges, virtual_edges
+from enliven.errors import InputError
+from enliven.mesh import Mesh, weld
+
+
+class Surface(NamedTuple):
+    """What the solver needs of a mesh.
+
+    Attributes:
+        place_of: (V,) the place in elimination order of each vertex of the mesh; welded ones share it.
+        rest: (P, 3) metres about ``centre``, in elimination order.
+        centre: (3,) the middle of the mesh's box, so that a mesh far from the origin loses no digits.
+        extent: metres, the box's diagonal.
+        loose: (V,) vertices that no face uses.
+        edges: (E, 2) places; virtual ones last.
+        weights: (E,) above 0.
+        notes: sentences for the user about what was mended.
+    """
+
+    place_of: Int
+    rest: Float
+    centre: Float
+    extent: float
+    loose: Bool
+    edges: Int
+    weights: Float
+    cells: Cells
+    factor: Factor
+    notes: tuple[str, ...]
+
+
+def surface_of(mesh: Mesh, most_vertices: int) -> Surface:
+    """The surface of any mesh that has a face.
+
+    Raises:
+        InputError: without faces, with positions that are not finite, or with too many vertices.
+    """
+    _check(mesh, most_vertices)
+    welded, of = weld(mesh)
+    points, notes = welded.vertices, []
+    if len(points) < len(of):
+        notes.append(f"{len(of) - len(points)} vertices were welded to others at the same position.")
+    low, high = points.min(0), points.max(0)
+    centre, extent = (low + high) / 2, float(np.linalg.norm(high - low))
+    if not extent > 0:
+        raise InputError(
+            "all vertices are at one position", where=mesh.name, mend="Export the mesh again, in any unit."
+        )
+    used = np.zeros(len(points), bool)
+    used[welded.faces] = True
+    if not used.all():
+        notes.append(f"{(~used).sum()} vertices belong to no face; they follow the nearest surface.")
+    edges, weights = surface_edges(points, welded.faces)
+    shells, _ = shells_of(len(points), edges)
+    links, held = virtual_edges(points, edges)
+    if shells > 1:
+        notes.append(f"{shells} separate shells were joined by {len(links)} virtual edges.")
+    edges, weights = np.concatenate([edges, links]), np.concatenate([weights, held])
+    factor = factorise(len(points), edges, weights)
+    place = np.empty(len(points), np.int64)
+    place[factor.order] = np.arange(len(points))
+    edges, rest = place[edges], np.ascontiguousarray((points - centre)[factor.order])
+    cells = cells_of(rest, edges, weights)
+    return Surface(place[of], rest, centre, extent, ~used[of], edges, weights, cells, factor, tuple(notes))
+
+
+def _check(mesh: Mesh, most_vertices: int) -> None:
+    if not len(mesh.faces):
+        raise InputError("it has no faces", where=mesh.name, mend="Give a triangle mesh.")
+    if len(mesh.vertices) > most_vertices:
+        raise InputError(
+            f"{len(mesh.vertices):,} vertices are too many to drag; at most {most_vertices:,} are allowed",
+            where=mesh.name,
+            mend="Give a mesh with fewer vertices, or raise most_vertices and wait.",
+        )
+    broken = np.flatnonzero(~np.isfinite(mesh.vertices).all(1))
+    if len(broken):
+        raise InputError(
+            f"vertex {broken[0]} (and {len(broken) - 1} more) is not at a finite position", where=mesh.name
+        )

@@ -1,0 +1,131 @@
+"""The edges that hold a surface together, and how strongly: cotangent weights that are never negative.
+
+Sorkine and Alexa 2007, section 2.1: w_ij is half the sum of the cotangents of the two angles that face the
+edge. Taken as they are they make trouble on real meshes: two obtuse angles give a negative weight (the energy
+then falls without end as the cell folds over), a needle gives one without bound. Here no angle counts as
+smaller than one degree, and no edge as weaker than a hundredth. An open border has one angle an edge, which
+is right for it. Non-manifold edges add up all their angles.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Float, Int, Int32
+
+_SINE = np.sin(np.radians(1.0))
+LEAST = 0.01
+"""The least weight of an edge; an edge of the equilateral triangle has 0.58."""
+_VIRTUAL = 0.5
+"""The weight of an edge that is not in the mesh."""
+_LINKS = 4
+"""Vertices on each side by which a shell holds on to the next: three are enough to stop it from turning."""
+_EXACT = 64
+"""At most so many shells are joined by their truly nearest vertices."""
+
+
+def surface_edges(vertices: Float, faces: Int32) -> tuple[Int, Float]:
+    """(E, 2) the mesh's edges, lower vertex first, each once, and (E,) their weights, at least ``LEAST``."""
+    count = len(vertices)
+    ends, halves = [], []
+    for k in range(3):
+        tip, left, right = (faces[:, (k + m) % 3].astype(np.int64) for m in range(3))
+        u, v = vertices[left] - vertices[tip], vertices[right] - vertices[tip]
+        lengths = np.sqrt((u * u).sum(1) * (v * v).sum(1))
+        sine = np.maximum(np.linalg.norm(np.cross(u, v), axis=1), _SINE * lengths)
+        cotangent = (u * v).sum(1) / np.where(sine > 0, sine, 1.0)
+        ends.append(np.stack([np.minimum(left, right), np.maximum(left, right)], 1))
+        halves.append(np.clip(cotangent, -1 / _SINE, 1 / _SINE) / 2)
+    pairs, values = np.concatenate(ends), np.concatenate(halves)
+    proper = pairs[:, 0] != pairs[:, 1]
+    keys, where = np.unique(pairs[proper, 0] * count + pairs[proper, 1], return_inverse=True)
+    weights = np.bincount(where.ravel(), values[proper], len(keys))
+    return np.stack([keys // count, keys % count], 1), np.maximum(weights, LEAST)
+
+
+def shells_of(count: int, edges: Int) -> tuple[int, Int]:
+    """How many pieces the edges leave, and (V,) the number of each vertex's."""
+    ones = np.ones(len(edges), bool)
+    found, label = connected_components(
+        coo_matrix((ones, (edges[:, 0], edges[:, 1])), (count, count)), directed=False
+    )
+    return int(found), np.asarray(label, np.int64)
+
+
+def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
+    """(J, 2) edges that join all shells to one, where they are nearest, and (J,) their weights.
+
+    Each joint is several edges between the vertices around the nearest pair, so that it holds the shell's
+    turn as well as its place. Soups (more shells than 64) are joined to near neighbours first.
+    """
+    count = len(vertices)
+    made: list[Int] = []
+    shells, label = shells_of(count, edges)
+    if shells > _EXACT:
+        made.append(_near_neighbours(vertices, label))
+        shells, label = shells_of(count, np.concatenate([edges, *made]))
+    while shells > 1:
+        sizes = np.bincount(label)
+        for shell in np.argsort(sizes)[: min(shells - 1, _EXACT)]:
+            inside = np.flatnonzero(label == shell)
+            outside = np.flatnonzero(label != shell)
+            if len(inside) and len(outside):
+                made.append(_joint(vertices, inside, outside, label))
+                label[inside] = label[made[-1][0, 1]]
+        shells, label = shells_of(count, np.concatenate([edges, *made]))
+    links = np.concatenate([np.empty((0, 2), np.int64), *made])
+    links = np.unique(np.sort(links, 1), axis=0)
+    return links, np.full(len(links), _VIRTUAL)
+
+
+def _joint(vertices: Float, inside: Int, outside: Int, label: Int) -> Int:
+    """(L, 2) edges between the shell ``inside`` and the one nearest to it; the nearest pair first."""
+    distance, nearest = cKDTree(vertices[outside]).query(vertices[inside])
+    first = int(np.argmin(distance))
+    here, there = int(inside[first]), int(outside[nearest[first]])
+    other = np.flatnonzero(label == label[there])
+    middle = (vertices[here] + vertices[there]) / 2
+    ours, theirs = (_around(vertices, group, middle) for group in (inside, other))
+    links = [(here, there)]
+    links += [(int(a), int(theirs[cKDTree(vertices[theirs]).query(vertices[a])[1]])) for a in ours]
+    links += [(int(ours[cKDTree(vertices[ours]).query(vertices[b])[1]]), int(b)) for b in theirs]
+    return np.array(links, np.int64)
+
+
+def _around(vertices: Float, group: Int, middle: Float) -> Int:
+    """The few vertices of ``group`` nearest to ``middle``."""
+    distance = np.linalg.norm(vertices[group] - middle, axis=1)
+    return group[np.argsort(distance, kind="stable")[:_LINKS]]
+
+
+def _near_neighbours(vertices: Float, label: Int) -> Int:
+    """(L, 2) the shortest edges that join shells, among each vertex's sixteen nearest."""
+    count = len(vertices)
+    distance, nearest = cKDTree(vertices).query(vertices, k=min(16, count))
+    rows = np.repeat(np.arange(count), nearest.shape[1])
+    columns, lengths = nearest.ravel(), distance.ravel()
+    between = label[rows] != label[columns]
+    rows, columns, lengths = rows[between], columns[between], lengths[between]
+    shells = int(label.max()) + 1
+    order = np.argsort(lengths, kind="stable")
+    a, b = np.minimum(label[rows], label[columns]), np.maximum(label[rows], label[columns])
+    # The first of each pair of shells is the shortest.
+    keys, first = np.unique(a[order] * shells + b[order], return_index=True)
+    # A length of exactly 0 would be no edge to scipy.
+    tree = minimum_spanning_tree(
+        coo_matrix((lengths[order][first] + 1e-12, (keys // shells, keys % shells)), (shells, shells)).tocsr()
+    ).tocoo()
+    chosen = set(
+        (np.minimum(tree.row, tree.col).astype(np.int64) * shells + np.maximum(tree.row, tree.col)).tolist()
+    )
+    # Of every joined pair of shells, up to four edges.
+    pair = a[order] * shells + b[order]
+    kept, seen = [], dict.fromkeys(chosen, 0)
+    for k, key in zip(order.tolist(), pair.tolist(), strict=True):
+        if key in seen and seen[key] < 2 * _LINKS:
+            seen[key] += 1
+            kept.append((rows[k], columns[k]))
+    return np.array(kept, np.int64).reshape(-1, 2)

@@ -1,0 +1,294 @@
+"""Squash-and-stretch deformation against a slow dense twin, its laws, and what it refuses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven import rotation
+from enliven.deformation.arap import ArapSettings, ArapSolver, Handle
+from enliven.deformation.arap_weights import surface_edges, virtual_edges
+from enliven.errors import InputError
+from enliven.mesh import Mesh, weld
+
+PLAIN = ArapSettings(squash_and_stretch=False)
+
+
+def sphere(rings=7, around=10, radius=0.5, centre=(0.0, 0.0, 0.0)):
+    """A closed ball of rings, with a vertex at each pole."""
+    polar = np.pi * np.arange(1, rings) / rings
+    turn = 2 * np.pi * np.arange(around) / around
+    ring = np.stack(
+        [
+            np.sin(polar)[:, None] * np.cos(turn),
+            np.cos(polar)[:, None] * np.ones(around),
+            np.sin(polar)[:, None] * np.sin(turn),
+        ],
+        -1,
+    ).reshape(-1, 3)
+    faces = []
+    last = len(ring)
+    for k in range(around):
+        n = (k + 1) % around
+        faces += [[last, n, k], [last + 1, last - around + k, last - around + n]]
+        for r in range(rings - 2):
+            a, b, c, d = r * around + k, r * around + n, (r + 1) * around + k, (r + 1) * around + n
+            faces += [[a, b, d], [a, d, c]]
+    points = np.concatenate([ring, [[0, 1.0, 0], [0, -1.0, 0]]]) * radius + np.asarray(centre)
+    return Mesh(points, np.array(faces, np.int32), "ball")
+
+
+def sheet(across=9, along=5, jitter=0.0, seed=0):
+    """An open flat grid, its points shaken in the plane and out of it."""
+    x, y = np.meshgrid(np.linspace(0, 1, across), np.linspace(0, 0.5, along))
+    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], 1)
+    points += np.random.default_rng(seed).normal(0, jitter, points.shape)
+    faces = []
+    for r in range(along - 1):
+        for c in range(across - 1):
+            a = r * across + c
+            faces += [[a, a + 1, a + across + 1], [a, a + across + 1, a + across]]
+    return Mesh(points, np.array(faces, np.int32), "sheet")
+
+
+def volume(mesh, vertices):
+    a, b, c = (vertices[mesh.faces[:, k]] for k in range(3))
+    return float((a * np.cross(b, c)).sum() / 6)
+
+
+class Twin:
+    """Section 4 as it is printed: dense matrices, one SVD and one eigenvalue problem a cell."""
+
+    def __init__(self, mesh, held, settings):
+        self.rest, self.settings, self.held = mesh.vertices, settings, held
+        edges, weights = surface_edges(mesh.vertices, mesh.faces)
+        links, more = virtual_edges(mesh.vertices, edges)
+        count = len(mesh.vertices)
+        self.w = np.zeros((count, count))
+        for (i, j), w in zip(np.concatenate([edges, links]), np.concatenate([weights, more]), strict=True):
+            self.w[i, j] = self.w[j, i] = w
+        self.x = mesh.vertices.copy()
+
+    def rotation(self, i, x):
+        rest, new = self.rest[i] - self.rest, x[i] - x
+        u, _, vt = np.linalg.svd((self.w[i][:, None] * rest).T @ new)
+        turn = vt.T @ np.diag([1, 1, np.linalg.det(vt.T @ u.T)]) @ u.T
+        return turn, rest @ turn.T, new
+
+    def shape_frames(self, x):
+        frames = []
+        for i in range(len(x)):
+            turn, rest, new = self.rotation(i, x)
+            most = self.settings.most_stretch if self.settings.squash_and_stretch else 1.0
+            s = (self.w[i][:, None] * new * rest).sum() / (self.w[i][:, None] * rest * rest).sum()
+            s = (s + self.settings.hold) / (1 + self.settings.hold)
+            frames.append(np.clip(s, 1 / most, most) * turn)
+        return frames
+
+    def pose_frames(self, x):
+        frames = []
+        for i in range(len(x)):
+            turn, rest, new = self.rotation(i, x)
+            w = self.w[i][:, None]
+            left = new - rest
+            power = np.linalg.matrix_power((w * left).T @ left / max((w * left * left).sum(), 1e-300), 32)
+            axis = power / np.trace(power)
+            steady = 0.02 * (w * rest * rest).sum()
+            s = (np.trace(axis @ (w * new).T @ rest) + steady) / (
+                np.trace(axis @ (w * rest).T @ rest) + steady
+            )
+            s = (s - 1) * self.settings.exaggeration + 1
+            s = np.clip(s, 1 / self.settings.most_stretch, self.settings.most_stretch)
+            across = np.sqrt(1 / s)
+            frames.append((across * np.eye(3) + (s - across) * axis) @ turn)
+        return frames
+
+    def settle(self, frames, wanted, soft):
+        """Eq. 9 or 13, the handles as hard or soft constraints."""
+        count = len(self.rest)
+        laplacian = np.diag(self.w.sum(1)) - self.w
+        right = np.zeros((count, 3))
+        for i in range(count):
+            for j in np.flatnonzero(self.w[i]):
+                right[i] += self.w[i, j] * (frames[i] + frames[j]) / 2 @ (self.rest[i] - self.rest[j])
+        for vertex, target, weight in zip(self.held, wanted, soft, strict=True):
+            if weight is not None:
+                laplacian[vertex, vertex] += weight / 2
+                right[vertex] += weight / 2 * target
+        for vertex, target, weight in zip(self.held, wanted, soft, strict=True):
+            if weight is None:
+                laplacian[vertex] = np.eye(count)[vertex]
+                right[vertex] = target
+        return np.linalg.solve(laplacian, right)
+
+    def frame(self, wanted, soft):
+        shaping = self.settings.iterations - self.settings.squash_and_stretch
+        for _ in range(shaping):
+            self.x = self.settle(self.shape_frames(self.x), wanted, soft)
+        if not self.settings.squash_and_stretch:
+            return self.x
+        return self.settle(self.pose_frames(self.x), wanted, soft)
+
+
+@pytest.mark.parametrize("plain", [True, False])
+@pytest.mark.parametrize("mesh", [sphere(), sheet(jitter=0.01)], ids=["ball", "sheet"])
+def test_frames_are_the_dense_twins(mesh, plain):
+    kind = ArapSettings(
+        squash_and_stretch=not plain, follow=0.0, exaggeration=1.3, hold=0.0 if plain else 0.5
+    )
+    held, soft = [0, 17, 30, 40], [None, 3.0, None, None]
+    solver, twin = ArapSolver(mesh, kind), Twin(mesh, held, kind)
+    solver.set_handles([Handle(str(v), (v,), w) for v, w in zip(held, soft, strict=True)])
+    rng = np.random.default_rng(3)
+    for _ in range(4):
+        wanted = mesh.vertices[held] + rng.normal(0, 0.15, (4, 3))
+        twin.x = solver.shape()
+        made = solver.solve({str(v): wanted[k] for k, v in enumerate(held)})
+        assert np.abs(made - twin.frame(wanted, soft)).max() < 1e-5
+        assert np.array_equal(made[[0, 30, 40]], wanted[[0, 2, 3]])
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10**6), st.booleans(), st.floats(0.01, 1.0))
+def test_energy_never_rises_in_the_shape_state(seed, plain, far):
+    rng = np.random.default_rng(seed)
+    mesh = sheet(jitter=0.02, seed=seed) if seed % 2 else sphere()
+    kind = ArapSettings(iterations=1 if plain else 2, squash_and_stretch=not plain, hold=seed % 3)
+    solver = ArapSolver(mesh, kind)
+    chosen = rng.choice(len(mesh.vertices), 5, replace=False).tolist()
+    solver.set_handles([Handle(str(v), (v,), None if v % 2 else 2.0) for v in chosen])
+    solver.solve({str(v): mesh.vertices[v] + rng.normal(0, far, 3) for v in chosen})
+    before = solver.energy()
+    for _ in range(12):
+        solver.solve()
+        after = solver.energy()
+        assert after <= before * (1 + 1e-9) + 1e-12
+        before = after
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10**6), st.integers(3, 8), st.booleans())
+def test_rigid_motion_of_the_handles_is_the_meshs(seed, count, plain):
+    rng = np.random.default_rng(seed)
+    mesh = sphere(centre=rng.normal(0, 3, 3))
+    solver = ArapSolver(mesh, PLAIN if plain else None)
+    chosen = rng.choice(len(mesh.vertices), count, replace=False)
+    solver.set_handles([Handle(str(v), (int(v),)) for v in chosen])
+    turn = rotation.to_matrix(rotation.normalized(rng.normal(size=4)))
+    moved = mesh.vertices @ turn.T + rng.normal(0, 2, 3)
+    made = solver.solve({str(v): moved[v] for v in chosen})
+    assert np.abs(made - moved).max() < 1e-9
+    assert solver.energy() < 1e-18
+
+
+def test_at_rest_nothing_moves():
+    mesh = sphere(centre=(100.0, 0.0, 0.0))
+    solver = ArapSolver(mesh)
+    solver.add_handle(Handle("pole", (60,)))
+    assert np.abs(solver.solve() - mesh.vertices).max() < 1e-12
+
+
+def test_a_squashed_ball_keeps_more_of_its_volume_than_plain_arap():
+    mesh = sphere(14, 24)
+    top = len(mesh.vertices) - 2
+    rest, drift = volume(mesh, mesh.vertices), {}
+    for name, kind in (("plain", PLAIN), ("squash", ArapSettings())):
+        solver = ArapSolver(mesh, kind)
+        solver.set_handles([Handle("top", (top,)), Handle("bottom", (top + 1,))])
+        for _ in range(40):
+            made = solver.solve({"top": [[0, 0.3, 0]], "bottom": [[0, -0.3, 0]]})
+        drift[name] = abs(volume(mesh, made) / rest - 1)
+    assert drift["squash"] < drift["plain"]
+
+
+def test_handles_come_and_go_without_a_trace():
+    mesh = sphere()
+    one, other = ArapSolver(mesh, PLAIN), ArapSolver(mesh, PLAIN)
+    for solver in (one, other):
+        solver.set_handles([Handle("a", (0,)), Handle("b", (33,))])
+    one.add_handle(Handle("c", (20,)))
+    one.remove_handle("c")
+    target = {"a": mesh.vertices[0] + [0.1, 0.2, 0.0]}
+    assert np.array_equal(one.solve(target), other.solve(target))
+
+
+def test_shells_soups_and_loose_vertices_move_together():
+    ball, far = sphere(), sphere(radius=0.2, centre=(0.0, 0.9, 0.0))
+    soup = Mesh(ball.vertices[ball.faces].reshape(-1, 3), np.arange(3 * len(ball.faces)).reshape(-1, 3))
+    both = Mesh(
+        np.concatenate([soup.vertices, far.vertices, [[2.0, 0.0, 0.0]]]),
+        np.concatenate([soup.faces, far.faces + len(soup.vertices)]),
+        "two",
+    )
+    solver = ArapSolver(both)
+    told = " ".join(solver.notes)
+    assert "welded" in told and "virtual edges" in told and "no face" in told
+    top = len(soup.vertices)
+    solver.set_handles([Handle("low", tuple(range(0, 60, 7))), Handle("high", (top,))])
+    turned = both.vertices[top] + [0.15, 0.0, 0.0]
+    for _ in range(30):
+        made = solver.solve({"high": turned})
+    assert np.isfinite(made).all()
+    # The small ball came along and is still one.
+    small = made[top : top + len(far.vertices)]
+    assert np.linalg.norm(small.mean(0) - far.vertices.mean(0)) > 0.05
+    apart = np.linalg.norm(small - small.mean(0), axis=1)
+    assert apart.min() > 0.12 and apart.max() < 0.3
+    # Welded vertices stay together.
+    _, of = weld(both)
+    first = np.unique(of, return_index=True)[1][of]
+    assert np.array_equal(made, made[first])
+
+
+def test_needles_and_faces_without_area_do_no_harm():
+    mesh = sheet()
+    thin = mesh.vertices.copy()
+    thin[10] = thin[11] + [1e-9, 0, 0]
+    thin[20] = (thin[21] + thin[22]) / 2
+    faces = np.concatenate([mesh.faces, [[5, 6, 6], [7, 8, 7]]]).astype(np.int32)
+    solver = ArapSolver(Mesh(thin, faces))
+    solver.set_handles([Handle("a", (0,)), Handle("b", (44,))])
+    made = solver.solve({"b": thin[44] + [0.1, 0.1, 0.3]})
+    assert np.isfinite(made).all() and np.abs(made).max() < 3
+
+
+@pytest.mark.parametrize(
+    "does, says",
+    [
+        (lambda s: s.solve({"a": [[np.nan, 0, 0]]}), "'a'"),
+        (lambda s: s.solve({"a": [[1e9, 0, 0]]}), "units"),
+        (lambda s: s.solve({"a": np.zeros((2, 3))}), "1 vertices"),
+        (lambda s: s.solve({"z": np.zeros(3)}), "Known: a, b"),
+        (lambda s: s.add_handle(Handle("c", (62,))), "loose"),
+        (lambda s: s.add_handle(Handle("c", (99,))), "no vertex 99"),
+        (lambda s: s.add_handle(Handle("c", ())), "no vertex"),
+        (lambda s: s.add_handle(Handle("a", (5,))), "already"),
+        (lambda s: s.add_handle(Handle("c", (5,), -1.0)), "weight"),
+        (lambda s: s.remove_handle("c"), "Known"),
+        (lambda s: (s.add_handle(Handle("twin", (0,))), s.solve({"twin": [[3.0, 0, 0]]})), "'twin'"),
+    ],
+)
+def test_bad_input_says_which_and_the_last_good_pose_stays(does, says):
+    ball = sphere()
+    mesh = Mesh(np.concatenate([ball.vertices, [[0.0, 3.0, 0.0]]]), ball.faces)
+    solver = ArapSolver(mesh)
+    solver.set_handles([Handle("a", (0,)), Handle("b", (33,))])
+    good = solver.solve({"a": mesh.vertices[0] + 0.1}).copy()
+    with pytest.raises(InputError, match=says):
+        does(solver)
+    assert np.array_equal(solver.pose, good)
+    assert np.isfinite(solver.solve()).all()
+
+
+def test_meshes_that_cannot_be_deformed():
+    ball = sphere()
+    with pytest.raises(InputError, match="too many"):
+        ArapSolver(ball, ArapSettings(most_vertices=50))
+    with pytest.raises(InputError, match="no faces"):
+        ArapSolver(Mesh(ball.vertices, np.empty((0, 3), np.int32)))
+    with pytest.raises(InputError, match="finite"):
+        ArapSolver(replace(ball, vertices=np.where(np.arange(62)[:, None] == 4, np.nan, ball.vertices)))
+    with pytest.raises(InputError, match="no handle"):
+        ArapSolver(ball).solve()
