@@ -105,12 +105,15 @@ class Project:
 
 
 def unused(stem: str, taken: Mapping[str, object]) -> str:
-    """``stem``, or ``stem 2``, ``stem 3``, ...: the first that is not taken."""
-    number, name = 1, stem
-    while name in taken:
+    """``stem``, or "arm 2", "arm 3", ...: the first that is not taken; of "arm 2" as well, not "arm 2 2"."""
+    if stem not in taken:
+        return stem
+    words, _, last = stem.rpartition(" ")
+    base = words if words and last.isdecimal() else stem
+    number = 2
+    while f"{base} {number}" in taken:
         number += 1
-        name = f"{stem} {number}"
-    return name
+    return f"{base} {number}"
 
 
 def same(a: object, b: object) -> bool:
