@@ -105,15 +105,12 @@ class Project:
 
 
 def unused(stem: str, taken: Mapping[str, object]) -> str:
-    """``stem``, or "arm 2", "arm 3", ...: the first that is not taken; of "arm 2" as well, not "arm 2 2"."""
-    if stem not in taken:
-        return stem
-    words, _, last = stem.rpartition(" ")
-    base = words if words and last.isdecimal() else stem
-    number = 2
-    while f"{base} {number}" in taken:
+    """``stem``, or ``stem 2``, ``stem 3``, ...: the first that is not taken."""
+    number, name = 1, stem
+    while name in taken:
         number += 1
-    return f"{base} {number}"
+        name = f"{stem} {number}"
+    return name
 
 
 def same(a: object, b: object) -> bool:
