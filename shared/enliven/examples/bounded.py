@@ -37,6 +37,7 @@ class Nodes:
     swing: Float  # (P, F, E, 3)
     base: Float  # (P, F, 3)
     give: Float  # (P, F, 3, 3)
+    least: Float  # (P, F) the least energy without a pull
 
     @staticmethod
     def of(matrix: Float, right: Float, reach: Float, slack: float) -> Nodes:
@@ -46,7 +47,8 @@ class Nodes:
         state = np.full(right.shape, 2, np.int8)
         still, swing = np.zeros_like(right), np.zeros_like(reach)
         give, wide = np.zeros((*shape, 3)), np.full(shape, slack)
-        return Nodes(matrix, right, reach, np.zeros(shape), wide, state, still, swing, np.zeros(shape), give)
+        offset, base, least = np.zeros(shape), np.zeros(shape), np.zeros((points, frames))
+        return Nodes(matrix, right, reach, offset, wide, state, still, swing, base, give, least)
 
     def respond(self, pull: Float, low: float, high: float, places: Float) -> tuple[int, float]:
         """Answers a pull (P, F, 3) with ``places`` (P, F, 3).
@@ -55,7 +57,15 @@ class Nodes:
             How many nodes changed the weights that are at bounds, and the sum of the least energies.
         """
         lower = (self.matrix, self.right, self.reach, self.offset, self.slack, self.state)
-        return respond(*lower, self.still, self.swing, self.base, self.give, pull, low, high, places)  # type: ignore[no-any-return]
+        return respond(
+            *lower, self.still, self.swing, self.base, self.give, self.least, pull, low, high, places
+        )  # type: ignore[no-any-return]
+
+    def arrays_of(self, point: int) -> tuple[tuple[AnyArray, ...], tuple[AnyArray, ...]]:
+        """A point's arrays as kernels take them: what is given, and what they find."""
+        names = list(self.__dataclass_fields__)
+        arrays = tuple(getattr(self, name)[point] for name in names)
+        return arrays[:6], arrays[6:]
 
     def of_points(self, points: list[int]) -> Nodes:
         """Some of the points; a range of them shares the arrays."""
@@ -67,125 +77,124 @@ class Nodes:
 
 @njit(cache=True, nogil=True)
 def respond(  # type: ignore[no-untyped-def]
-    matrix, right, reach, offset, slack, state, still, swing, base, give, pull, low, high, places
+    matrix, right, reach, offset, slack, state, still, swing, base, give, least, pull, low, high, places
 ):
     """Kernel: see :meth:`Nodes.respond`."""
     points, frames, most = right.shape
     changed, energy = 0, 0.0
-    w, g, free = np.empty(most), np.empty(most), np.empty(most, np.int64)
-    factor, trial = np.empty((most, most)), np.empty(most, np.int8)
+    work, marks = workspace(most), np.empty(frames, np.bool_)
     for p in range(points):
-        for f in range(frames):
-            if state[p, f, 0] == 2:
-                state[p, f, :] = 0
-                fits = False
-                first = True
-            else:
-                first = False
-                _weights(still[p, f], swing[p, f], pull[p, f], w)
-                fits = (
-                    _wrong(matrix[p, f], right[p, f], reach[p, f], pull[p, f], state[p, f], w, low, high) < 0
-                )
-            if not fits:
-                trial[:] = state[p, f]
-                _pivot(
-                    matrix[p, f], right[p, f], reach[p, f], pull[p, f], trial, w, g, free, factor, low, high
-                )
-                different = first
-                for e in range(most):
-                    different |= trial[e] != state[p, f, e]
-                    state[p, f, e] = trial[e]
-                if different:
-                    changed += 1
-                    args = (matrix[p, f], right[p, f], reach[p, f], state[p, f], low, high, free, factor)
-                    _answer(args, still[p, f], swing[p, f])
-                    _give(
-                        offset[p, f],
-                        slack[p, f],
-                        reach[p, f],
-                        still[p, f],
-                        swing[p, f],
-                        base[p, f],
-                        give[p, f],
-                    )
-                _weights(still[p, f], swing[p, f], pull[p, f], w)
-            energy += _energy(matrix[p, f], right[p, f], w)
-            for i in range(3):
-                q = pull[p, f, i]
-                c = offset[p, f, i] - slack[p, f, i] * q
-                for e in range(most):
-                    c += reach[p, f, e, i] * w[e]
-                places[p, f, i] = c
-                energy += q * c + 0.5 * slack[p, f, i] * q * q
+        node = (matrix[p], right[p], reach[p], offset[p], slack[p], state[p])
+        known = (still[p], swing[p], base[p], give[p], least[p])
+        more, part = answers(node, known, pull[p], 0, frames, low, high, work, places[p], marks)
+        changed += more
+        energy += part
     return changed, energy
 
 
 @njit(cache=True, nogil=True)
-def _weights(still, swing, pull, w):  # type: ignore[no-untyped-def]
-    for e in range(len(w)):
-        w[e] = still[e] - swing[e, 0] * pull[0] - swing[e, 1] * pull[1] - swing[e, 2] * pull[2]
+def workspace(most):  # type: ignore[no-untyped-def]
+    """What :func:`answer` writes into: weights, gradient, free ones, factor, states that are tried."""
+    factor, trial = np.empty((most, most)), np.empty(most, np.int8)
+    return np.empty(most), np.empty(most), np.empty(most, np.int64), factor, trial
 
 
 @njit(cache=True, nogil=True)
-def _energy(matrix, right, w):  # type: ignore[no-untyped-def]
-    total = 0.0
-    for a in range(len(w)):
-        row = 0.5 * matrix[a, a] * w[a]
-        for b in range(a):
-            row += matrix[a, b] * w[b]
-        total += w[a] * (row - right[a])
-    return total
+def answers(node, known, pull, a, b, low, high, work, places, marks):  # type: ignore[no-untyped-def]
+    """Kernel: answers of the nodes a..b of a point to a pull (F, 3), into ``places``.
+
+    ``node`` and ``known`` are the point's arrays, in the order of :class:`Nodes`. ``marks`` (F,) takes where
+    other weights are at bounds now than before.
+
+    Returns:
+        How many those are, and the sum of the least energies.
+    """
+    matrix, right, reach, _, _, state = node
+    still, swing, base, give, least = known
+    w, most = work[0], right.shape[1]
+    changed, energy = 0, 0.0
+    for f in range(a, b):
+        qx, qy, qz = pull[f, 0], pull[f, 1], pull[f, 2]
+        fits = state[f, 0] != 2
+        if fits:
+            for e in range(most):
+                w[e] = still[f, e] - swing[f, e, 0] * qx - swing[f, e, 1] * qy - swing[f, e, 2] * qz
+            for e in range(most):
+                if state[f, e] == 0:
+                    fits &= low - 1e-12 <= w[e] <= high + 1e-12
+                else:
+                    slope = reach[f, e, 0] * qx + reach[f, e, 1] * qy + reach[f, e, 2] * qz - right[f, e]
+                    for k in range(most):
+                        slope += matrix[f, e, k] * w[k]
+                    fits &= state[f, e] * slope <= 1e-12 * matrix[f, e, e]
+        if not fits:
+            _renew(node, known, f, qx, qy, qz, low, high, work)
+            changed += 1
+        marks[f] = not fits
+        cx = base[f, 0] - give[f, 0, 0] * qx - give[f, 0, 1] * qy - give[f, 0, 2] * qz
+        cy = base[f, 1] - give[f, 1, 0] * qx - give[f, 1, 1] * qy - give[f, 1, 2] * qz
+        cz = base[f, 2] - give[f, 2, 0] * qx - give[f, 2, 1] * qy - give[f, 2, 2] * qz
+        places[f, 0], places[f, 1], places[f, 2] = cx, cy, cz
+        # The least energy has the places as its slope: exact within a piece.
+        along = qx * (base[f, 0] + cx) + qy * (base[f, 1] + cy) + qz * (base[f, 2] + cz)
+        energy += least[f] + 0.5 * along
+    return changed, energy
 
 
 @njit(cache=True, nogil=True)
-def _wrong(matrix, right, reach, pull, state, w, low, high):  # type: ignore[no-untyped-def]
+def _renew(node, known, f, qx, qy, qz, low, high, work):  # type: ignore[no-untyped-def]
+    """Finds which weights of node f are at bounds, and what follows of it."""
+    matrix, right, reach, _, _, state = node
+    _, g, _, _, trial = work
+    for e in range(len(g)):
+        g[e] = right[f, e] - reach[f, e, 0] * qx - reach[f, e, 1] * qy - reach[f, e, 2] * qz
+        trial[e] = 0 if state[f, 0] == 2 else state[f, e]
+    _pivot(matrix, f, work, low, high)
+    for e in range(len(g)):
+        state[f, e] = trial[e]
+    _linear(node, known, f, qx, qy, qz, work)
+
+
+@njit(cache=True, nogil=True)
+def _wrong(matrix, f, g, state, w, low, high):  # type: ignore[no-untyped-def]
     """The first weight that is out of bounds, or at one that it wants to leave; -1 for none."""
     for e in range(len(w)):
-        if _is_wrong(matrix, right, reach, pull, state, w, low, high, e):
+        if _is_wrong(matrix, f, g, state, w, low, high, e):
             return e
     return -1
 
 
 @njit(cache=True, nogil=True)
-def _is_wrong(matrix, right, reach, pull, state, w, low, high, e):  # type: ignore[no-untyped-def]
+def _is_wrong(matrix, f, g, state, w, low, high, e):  # type: ignore[no-untyped-def]
     if state[e] == 0:
         return w[e] < low - 1e-12 or w[e] > high + 1e-12
-    slope = reach[e, 0] * pull[0] + reach[e, 1] * pull[1] + reach[e, 2] * pull[2] - right[e]
-    scale = abs(right[e])
+    slope = -g[e]
     for b in range(len(w)):
-        slope += matrix[e, b] * w[b]
-    return -state[e] * slope < -1e-12 * scale
+        slope += matrix[f, e, b] * w[b]
+    return -state[e] * slope < -1e-12 * matrix[f, e, e]
 
 
 @njit(cache=True, nogil=True)
-def _pivot(matrix, right, reach, pull, state, w, g, free, factor, low, high):  # type: ignore[no-untyped-def]
-    """Finds ``state`` and ``w`` of a pull, starting at ``state``."""
+def _pivot(matrix, f, work, low, high):  # type: ignore[no-untyped-def]
+    """Finds the states and weights that g asks for, starting at the states that are tried."""
+    w, g, _, _, state = work
     most = len(w)
-    for e in range(most):
-        g[e] = right[e] - reach[e, 0] * pull[0] - reach[e, 1] * pull[1] - reach[e, 2] * pull[2]
     for turn in range(_AT_ONCE + 50 * 2 ** min(most, 12)):
-        count = _factor(matrix, state, free, factor)
-        _fill(matrix, g, state, low, high, free, factor, count, w)
-        first = _wrong(matrix, right, reach, pull, state, w, low, high)
+        _fill(matrix, f, work, _factor(matrix, f, work), low, high)
+        first = _wrong(matrix, f, g, state, w, low, high)
         if first < 0:
             return
         last = most if turn < _AT_ONCE else first + 1
-        # All are judged by the same weights: the states change only afterwards.
+        # Weights do not change meanwhile, so that all are judged by the same.
         for e in range(first, last):
-            if _is_wrong(matrix, right, reach, pull, state, w, low, high, e):
-                state[e] = _other(state[e], w[e], low)
+            if _is_wrong(matrix, f, g, state, w, low, high, e):
+                state[e] = 0 if state[e] != 0 else (-1 if w[e] < low else 1)
 
 
 @njit(cache=True, nogil=True)
-def _other(state, w, low):  # type: ignore[no-untyped-def]
-    if state != 0:
-        return 0
-    return -1 if w < low else 1
-
-
-@njit(cache=True, nogil=True)
-def _factor(matrix, state, free, factor):  # type: ignore[no-untyped-def]
+def _factor(matrix, f, work):  # type: ignore[no-untyped-def]
     """Cholesky of the free weights' part; returns how many are free."""
+    _, _, free, factor, state = work
     count = 0
     for e in range(len(state)):
         if state[e] == 0:
@@ -193,7 +202,7 @@ def _factor(matrix, state, free, factor):  # type: ignore[no-untyped-def]
             count += 1
     for a in range(count):
         for b in range(a + 1):
-            value = matrix[free[a], free[b]]
+            value = matrix[f, free[a], free[b]]
             for k in range(b):
                 value -= factor[a, k] * factor[b, k]
             factor[a, b] = np.sqrt(max(value, 1e-14)) if a == b else value / factor[b, b]
@@ -201,16 +210,18 @@ def _factor(matrix, state, free, factor):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _fill(matrix, g, state, low, high, free, factor, count, w):  # type: ignore[no-untyped-def]
-    """``w`` with those at bounds at their bounds, and the free ones of right-hand side ``g``."""
+def _fill(matrix, f, work, count, low, high):  # type: ignore[no-untyped-def]
+    """The weights: those at bounds at their bounds, and the free ones that g asks for."""
+    w, g, free, factor, state = work
     for e in range(len(w)):
         if state[e] != 0:
             w[e] = low if state[e] < 0 else high
     for a in range(count):
         value = g[free[a]]
-        for e in range(len(w)):
-            if state[e] != 0:
-                value -= matrix[free[a], e] * w[e]
+        if count < len(w):
+            for e in range(len(w)):
+                if state[e] != 0:
+                    value -= matrix[f, free[a], e] * w[e]
         for k in range(a):
             value -= factor[a, k] * w[free[k]]
         w[free[a]] = value / factor[a, a]
@@ -222,34 +233,45 @@ def _fill(matrix, g, state, low, high, free, factor, count, w):  # type: ignore[
 
 
 @njit(cache=True, nogil=True)
-def _answer(args, still, swing):  # type: ignore[no-untyped-def]
-    """``still`` (E,) and ``swing`` (E, 3) of a node whose states are known."""
-    matrix, right, reach, state, low, high, free, factor = args
-    count = _factor(matrix, state, free, factor)
-    _fill(matrix, right, state, low, high, free, factor, count, still)
-    swing[:] = 0.0
+def _linear(node, known, f, qx, qy, qz, work):  # type: ignore[no-untyped-def]
+    """What is known of a node whose states, weights at a pull and factor are in ``work``."""
+    matrix, right, reach, offset, slack, _ = node
+    still, swing, base, give, least = known
+    w, _, free, factor, state = work
+    most = len(w)
+    count = 0
+    for e in range(most):
+        count += state[e] == 0
+        swing[f, e, 0], swing[f, e, 1], swing[f, e, 2] = 0.0, 0.0, 0.0
+    for a in range(count):
+        x, y, z = reach[f, free[a], 0], reach[f, free[a], 1], reach[f, free[a], 2]
+        for k in range(a):
+            b, times = free[k], factor[a, k]
+            x, y, z = x - times * swing[f, b, 0], y - times * swing[f, b, 1], z - times * swing[f, b, 2]
+        over, b = 1.0 / factor[a, a], free[a]
+        swing[f, b, 0], swing[f, b, 1], swing[f, b, 2] = x * over, y * over, z * over
+    for a in range(count - 1, -1, -1):
+        e = free[a]
+        x, y, z = swing[f, e, 0], swing[f, e, 1], swing[f, e, 2]
+        for k in range(a + 1, count):
+            b, times = free[k], factor[k, a]
+            x, y, z = x - times * swing[f, b, 0], y - times * swing[f, b, 1], z - times * swing[f, b, 2]
+        over = 1.0 / factor[a, a]
+        swing[f, e, 0], swing[f, e, 1], swing[f, e, 2] = x * over, y * over, z * over
     for i in range(3):
-        for a in range(count):
-            value = reach[free[a], i]
-            for k in range(a):
-                value -= factor[a, k] * swing[free[k], i]
-            swing[free[a], i] = value / factor[a, a]
-        for a in range(count - 1, -1, -1):
-            value = swing[free[a], i]
-            for k in range(a + 1, count):
-                value -= factor[k, a] * swing[free[k], i]
-            swing[free[a], i] = value / factor[a, a]
-
-
-@njit(cache=True, nogil=True)
-def _give(offset, slack, reach, still, swing, base, give):  # type: ignore[no-untyped-def]
-    """``base`` (3,) and ``give`` (3, 3) of a node."""
-    for i in range(3):
-        base[i] = offset[i]
-        for e in range(len(still)):
-            base[i] += reach[e, i] * still[e]
+        base[f, i] = offset[f, i]
         for j in range(3):
-            value = slack[i] if i == j else 0.0
-            for e in range(len(still)):
-                value += reach[e, i] * swing[e, j]
-            give[i, j] = value
+            give[f, i, j] = slack[f, i] if i == j else 0.0
+    energy = 0.0
+    for e in range(most):
+        at = w[e] + swing[f, e, 0] * qx + swing[f, e, 1] * qy + swing[f, e, 2] * qz
+        still[f, e] = at
+        row = 0.5 * matrix[f, e, e] * at - right[f, e]
+        for b in range(e):
+            row += matrix[f, e, b] * still[f, b]
+        energy += at * row
+        for i in range(3):
+            base[f, i] += reach[f, e, i] * at
+            for j in range(3):
+                give[f, i, j] += reach[f, e, i] * swing[f, e, j]
+    least[f] = energy

@@ -21,6 +21,7 @@ from enliven.arrays import Float, Int
 from enliven.examples.banded import Band, accelerations, pulled
 from enliven.examples.bounded import Nodes
 from enliven.examples.constraints import Conditions
+from enliven.examples.newton import solve_point
 
 _MOST_STEPS = 60
 _SHORTEST = 1e-6
@@ -58,6 +59,9 @@ def solve(
     places = np.empty((points, frames, 3))
 
     def one(group: list[int]) -> int:
+        if len(group) == 1 and not (conditions.first[:, 0] == group[0]).any():
+            arrays = nodes.arrays_of(group[0])
+            return int(solve_point(*arrays, weight, *bounds, places[group[0]]))
         mine = np.isin(conditions.first[:, 0], group)
         local = np.zeros(points, np.int64)
         local[group] = np.arange(len(group))
