@@ -50,7 +50,7 @@ class ArapSettings:
     )
     squash_and_stretch: bool = setting(True, "Cells may scale, volume is kept; false is plain ARAP.")
     hold: float = setting(
-        4.0, "How much cells resist a change of size in the shape state; 0 is the paper's eq. 4.", low=0.0
+        0.3, "How much cells resist a change of size in the shape state; 0 is the paper's eq. 4.", low=0.0
     )
     exaggeration: float = setting(
         1.0, "How far the volume follows squash and stretch: 0 not at all, 1 as it is.", low=0.0, high=5.0

@@ -1,0 +1,200 @@
+"""How fast a surface follows its handles, beside libigl on the same mesh, handles, targets and energy.
+
+Ten handles far from each other, five of them moving, three iterations a frame from the last frame's shape;
+ours with squash and stretch on (two shape states and the pose), the peers plain, for they have nothing else.
+Each frame is measured several times, ours and the peer's in turn, and the least time counts: the same work,
+when nobody else is at the machine. Open3D, which factorises in every call, is measured where it is installed.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import igl
+import numpy as np
+from figure import Figure
+from plain_arap import bean
+
+from enliven.arrays import Float, Int
+from enliven.deformation.arap import ArapSettings, ArapSolver, Handle
+from enliven.mesh import Mesh
+from enliven.mesh_files import load_mesh
+
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data")) / "meshes"
+MESHES = {
+    "600": ("arap_sorkine/cactus_small.off", 620),
+    "5k": ("libigl/armadillo.obj", 5000),
+    "10k": ("libigl/armadillo.obj", 10_488),
+    "50k": ("libigl/armadillo.obj", 50_000),
+}
+"""Real meshes, and how many vertices they should have; much larger ones are decimated."""
+_HANDLES, _FRAMES, _REPEATS = 10, 24, 5
+PEER = "libigl ARAP (the same spokes)"
+
+
+def figures() -> Iterator[Figure]:
+    """A frame at four sizes, an iteration, a change of handles, and what volume is kept."""
+    for size in MESHES:
+        mesh = mesh_of(size)
+        held, path = far_apart(mesh), targets_of(mesh)
+        ours, theirs = _frames(mesh, held, path)
+        print(f"arap: {size} is {mesh.name!r} with {len(mesh.vertices)} vertices; libigl {theirs:.3f} ms")
+        yield Figure(f"arap.frame_ms_{size}", ours, "ms", PEER, theirs / ours)
+        if size == "10k":
+            yield from _parts(mesh, held, path)
+            yield from _open3d(mesh, held, path, ours)
+    yield from _volumes()
+
+
+def mesh_of(size: str) -> Mesh:
+    """The real mesh of about that size, one metre large; a made one where it is not there."""
+    name, count = MESHES[size]
+    if not (DATA / name).exists():
+        return bean(count)
+    mesh = load_mesh(DATA / name).mesh
+    faces = mesh.faces.astype(np.int64)
+    if len(mesh.vertices) > 1.5 * count:
+        vertices, faces = igl.decimate(mesh.vertices, faces, 2 * count - 4)[:2]
+        mesh = Mesh(vertices, faces.astype(np.int32), mesh.name)
+    return Mesh(mesh.vertices / np.ptp(mesh.vertices, axis=0).max(), mesh.faces, Path(name).stem)
+
+
+def far_apart(mesh: Mesh) -> Int:
+    """(10,) vertices, each as far from those before as can be."""
+    chosen = [0]
+    for _ in range(_HANDLES - 1):
+        apart = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices[chosen][None], axis=2).min(1)
+        chosen.append(int(apart.argmax()))
+    return np.array(chosen)
+
+
+def targets_of(mesh: Mesh) -> list[Float]:
+    """(10, 3) for each frame: five handles swing by a tenth of the mesh."""
+    home, out = mesh.vertices[far_apart(mesh)], []
+    for frame in range(_FRAMES):
+        swing = 0.1 * np.sin(0.2 * frame + np.arange(_HANDLES))[:, None] * [1.0, 0.5, 0.2]
+        out.append(home + np.where(np.arange(_HANDLES)[:, None] % 2 == 0, swing, 0.0))
+    return out
+
+
+def solver_of(mesh: Mesh, held: Int, settings: ArapSettings | None = None) -> ArapSolver:
+    """Ours with a hard handle at each vertex, named by its number in ``held``."""
+    solver = ArapSolver(mesh, settings)
+    solver.set_handles([Handle(str(k), (int(v),)) for k, v in enumerate(held)])
+    return solver
+
+
+def _frames(mesh: Mesh, held: Int, path: list[Float]) -> tuple[float, float]:
+    """Median milliseconds a frame, ours and libigl's."""
+    solver, data = solver_of(mesh, held), igl.ARAPData()
+    data.energy, data.max_iter = igl.ARAP_ENERGY_TYPE_SPOKES, 3
+    igl.arap_precomputation(mesh.vertices, mesh.faces.astype(np.int64), 3, held.astype(np.int32), data)
+    ours, theirs = [], []
+    for _ in range(_REPEATS):
+        solver.reset()
+        ours.append(_each(lambda at: solver.solve(_named(at)), path))
+        state = [mesh.vertices]
+
+        def peer(at: Float, state: list[Float] = state) -> None:
+            state[0] = igl.arap_solve(at, data, state[0])
+
+        theirs.append(_each(peer, path))
+    return float(np.median(np.min(ours, 0))), float(np.median(np.min(theirs, 0)))
+
+
+def _named(at: Float) -> dict[str, Float]:
+    """The moving handles' targets."""
+    return {str(k): at[k] for k in range(0, _HANDLES, 2)}
+
+
+def _each(step: Callable[[Float], object], path: list[Float]) -> list[float]:
+    """Milliseconds of each frame."""
+    out = []
+    for at in path:
+        start = time.perf_counter()
+        step(at)
+        out.append(1e3 * (time.perf_counter() - start))
+    return out
+
+
+def _parts(mesh: Mesh, held: Int, path: list[Float]) -> Iterator[Figure]:
+    """One iteration (from plain frames of 13 and of 3), and a handle that comes and goes."""
+    least = []
+    for iterations in (3, 13):
+        solver = solver_of(mesh, held, ArapSettings(iterations=iterations, squash_and_stretch=False))
+        runs = [_each(lambda at, s=solver: s.solve(_named(at)), path) for _ in range(_REPEATS)]
+        least.append(float(np.median(np.min(runs, 0))))
+    yield Figure("arap.iteration_ms_10k", (least[1] - least[0]) / 10, "ms")
+    solver, times = solver_of(mesh, held), []
+    fresh = np.setdiff1d(np.arange(0, len(mesh.vertices), 331), held)[:30]
+    for vertex in fresh:
+        start = time.perf_counter()
+        solver.add_handle(Handle("new", (int(vertex),)))
+        times.append(1e3 * (time.perf_counter() - start))
+        solver.remove_handle("new")
+    data = igl.ARAPData()
+    again = []
+    for _ in range(3):
+        start = time.perf_counter()
+        igl.arap_precomputation(mesh.vertices, mesh.faces.astype(np.int64), 3, held.astype(np.int32), data)
+        again.append(1e3 * (time.perf_counter() - start))
+    ours = float(np.median(times))
+    yield Figure("arap.handle_change_ms_10k", ours, "ms", "libigl's precomputation", min(again) / ours)
+
+
+def _open3d(mesh: Mesh, held: Int, path: list[Float], ours: float) -> Iterator[Figure]:
+    """Open3D's frame, where it is there."""
+    try:
+        import open3d as o3d
+    except (ImportError, OSError):
+        print("arap: Open3D is not installed here")
+        return
+    shell = o3d.geometry.TriangleMesh(
+        o3d.utility.Vector3dVector(mesh.vertices), o3d.utility.Vector3iVector(mesh.faces)
+    )
+    times = _each(
+        lambda at: shell.deform_as_rigid_as_possible(
+            o3d.utility.IntVector(held.tolist()), o3d.utility.Vector3dVector(at), max_iter=3
+        ),
+        path[:6],
+    )
+    yield Figure("arap.open3d_frame_ms_10k", min(times), "ms", "ours", ours / min(times))
+
+
+def _volumes() -> Iterator[Figure]:
+    """How much volume a ball and a bean lose or gain, pressed to 64 % and drawn to 136 % of their height."""
+    for shape, tall in (("ball", 1.0), ("bean", 1.7)):
+        mesh = bean(2000, tall)
+        height = mesh.vertices[:, 1]
+        ends = [
+            np.flatnonzero(side * height > (side * height).max() - 0.03 * tall).tolist() for side in (1, -1)
+        ]
+        for way, by in (("squashed", -0.18), ("stretched", 0.18)):
+            drift = {}
+            for kind in (False, True):
+                solver = ArapSolver(mesh, ArapSettings(squash_and_stretch=kind))
+                solver.set_handles([Handle(str(k), tuple(end)) for k, end in enumerate(ends)])
+                shift = np.array([0.0, by * tall, 0.0])
+                for _ in range(40):
+                    made = solver.solve(
+                        {
+                            str(k): mesh.vertices[end] + side * shift
+                            for k, (end, side) in enumerate(zip(ends, (1, -1), strict=True))
+                        }
+                    )
+                drift[kind] = abs(_volume(mesh, made) / _volume(mesh, mesh.vertices) - 1)
+            yield Figure(
+                f"arap.volume_drift_{way}_{shape}",
+                drift[True],
+                "of it",
+                "plain ARAP",
+                drift[False] / drift[True],
+            )
+
+
+def _volume(mesh: Mesh, vertices: Float) -> float:
+    a, b, c = (vertices[mesh.faces[:, k]] for k in range(3))
+    return float((a * np.cross(b, c)).sum() / 6)
