@@ -114,7 +114,7 @@ def substitute(inverse, one, two, out):  # type: ignore[no-untyped-def]
                 out[r, i, k] = t[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _product(a, b, out):  # type: ignore[no-untyped-def]
     """``out`` = a b."""
     for i in range(3):
@@ -122,7 +122,7 @@ def _product(a, b, out):  # type: ignore[no-untyped-def]
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _take(out, a, b):  # type: ignore[no-untyped-def]
     """``out`` -= a b'."""
     for i in range(3):
@@ -130,7 +130,7 @@ def _take(out, a, b):  # type: ignore[no-untyped-def]
             out[i, j] -= a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _inverted(d, out):  # type: ignore[no-untyped-def]
     """``out`` = d^-1 of a symmetric d whose eigenvalues are one or more."""
     a, b, c = d[0, 0], 0.5 * (d[0, 1] + d[1, 0]), 0.5 * (d[0, 2] + d[2, 0])

@@ -67,13 +67,6 @@ class Nodes:
         arrays = tuple(getattr(self, name)[point] for name in names)
         return arrays[:6], arrays[6:]
 
-    def of_points(self, points: list[int]) -> Nodes:
-        """Some of the points; a range of them shares the arrays."""
-        rows = (
-            slice(points[0], points[-1] + 1) if points == list(range(points[0], points[-1] + 1)) else points
-        )
-        return Nodes(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
-
 
 @njit(cache=True, nogil=True)
 def respond(  # type: ignore[no-untyped-def]
@@ -155,7 +148,7 @@ def _renew(node, known, f, qx, qy, qz, low, high, work):  # type: ignore[no-unty
     _linear(node, known, f, qx, qy, qz, work)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _wrong(matrix, f, g, state, w, low, high):  # type: ignore[no-untyped-def]
     """The first weight that is out of bounds, or at one that it wants to leave; -1 for none."""
     for e in range(len(w)):
@@ -164,7 +157,7 @@ def _wrong(matrix, f, g, state, w, low, high):  # type: ignore[no-untyped-def]
     return -1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _is_wrong(matrix, f, g, state, w, low, high, e):  # type: ignore[no-untyped-def]
     if state[e] == 0:
         return w[e] < low - 1e-12 or w[e] > high + 1e-12
@@ -174,7 +167,7 @@ def _is_wrong(matrix, f, g, state, w, low, high, e):  # type: ignore[no-untyped-
     return -state[e] * slope < -1e-12 * matrix[f, e, e]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _pivot(matrix, f, work, low, high):  # type: ignore[no-untyped-def]
     """Finds the states and weights that g asks for, starting at the states that are tried."""
     w, g, _, _, state = work
@@ -191,9 +184,9 @@ def _pivot(matrix, f, work, low, high):  # type: ignore[no-untyped-def]
                 state[e] = 0 if state[e] != 0 else (-1 if w[e] < low else 1)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _factor(matrix, f, work):  # type: ignore[no-untyped-def]
-    """Cholesky of the free weights' part; returns how many are free."""
+    """Cholesky of the free weights' part, its diagonal inverted; returns how many are free."""
     _, _, free, factor, state = work
     count = 0
     for e in range(len(state)):
@@ -205,11 +198,11 @@ def _factor(matrix, f, work):  # type: ignore[no-untyped-def]
             value = matrix[f, free[a], free[b]]
             for k in range(b):
                 value -= factor[a, k] * factor[b, k]
-            factor[a, b] = np.sqrt(max(value, 1e-14)) if a == b else value / factor[b, b]
+            factor[a, b] = 1.0 / np.sqrt(max(value, 1e-14)) if a == b else value * factor[b, b]
     return count
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _fill(matrix, f, work, count, low, high):  # type: ignore[no-untyped-def]
     """The weights: those at bounds at their bounds, and the free ones that g asks for."""
     w, g, free, factor, state = work
@@ -224,15 +217,15 @@ def _fill(matrix, f, work, count, low, high):  # type: ignore[no-untyped-def]
                     value -= matrix[f, free[a], e] * w[e]
         for k in range(a):
             value -= factor[a, k] * w[free[k]]
-        w[free[a]] = value / factor[a, a]
+        w[free[a]] = value * factor[a, a]
     for a in range(count - 1, -1, -1):
         value = w[free[a]]
         for k in range(a + 1, count):
             value -= factor[k, a] * w[free[k]]
-        w[free[a]] = value / factor[a, a]
+        w[free[a]] = value * factor[a, a]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _linear(node, known, f, qx, qy, qz, work):  # type: ignore[no-untyped-def]
     """What is known of a node whose states, weights at a pull and factor are in ``work``."""
     matrix, right, reach, offset, slack, _ = node
@@ -248,7 +241,7 @@ def _linear(node, known, f, qx, qy, qz, work):  # type: ignore[no-untyped-def]
         for k in range(a):
             b, times = free[k], factor[a, k]
             x, y, z = x - times * swing[f, b, 0], y - times * swing[f, b, 1], z - times * swing[f, b, 2]
-        over, b = 1.0 / factor[a, a], free[a]
+        over, b = factor[a, a], free[a]
         swing[f, b, 0], swing[f, b, 1], swing[f, b, 2] = x * over, y * over, z * over
     for a in range(count - 1, -1, -1):
         e = free[a]
@@ -256,7 +249,7 @@ def _linear(node, known, f, qx, qy, qz, work):  # type: ignore[no-untyped-def]
         for k in range(a + 1, count):
             b, times = free[k], factor[k, a]
             x, y, z = x - times * swing[f, b, 0], y - times * swing[f, b, 1], z - times * swing[f, b, 2]
-        over = 1.0 / factor[a, a]
+        over = factor[a, a]
         swing[f, e, 0], swing[f, e, 1], swing[f, e, 2] = x * over, y * over, z * over
     for i in range(3):
         base[f, i] = offset[f, i]

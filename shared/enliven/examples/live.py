@@ -68,7 +68,7 @@ class LiveExamples:
         values[:, : self._out.shape[1]] = self._out
         none = np.zeros((0, 3), np.int64)
         conditions = Conditions(held, values, none, none, np.zeros(0))
-        return self.mapping.solution(self.mapping.nodes(poses), conditions, self._step).places
+        return self.mapping.solution(poses, conditions, self._step).places
 
     def _keep(self, poses: Float, out: Float) -> None:
         """Forgets the frames that are out and that no acceleration feels any more."""

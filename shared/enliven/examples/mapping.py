@@ -19,7 +19,7 @@ from enliven.examples.constraints import Conditions, Constraint, conditions_of
 from enliven.examples.nearest import Nearest
 from enliven.examples.poses import Examples
 from enliven.examples.settings import ExampleSettings
-from enliven.examples.spacetime import Solution, hold, solve
+from enliven.examples.spacetime import Solution, solve
 
 _WHERE = "poses"
 
@@ -55,7 +55,7 @@ class ExampleMap:
         """
         poses = self.checked(poses)
         conditions = conditions_of(constraints, self.examples, len(poses), step)
-        return self.in_metres(self.solution(self.nodes(poses), conditions, step, workers).places)
+        return self.in_metres(self.solution(poses, conditions, step, workers).places)
 
     def checked(self, poses: Float) -> Float:
         """Poses (F, P, 3) that can be used."""
@@ -73,19 +73,18 @@ class ExampleMap:
         return poses
 
     def nodes(self, poses: Float) -> Nodes:
-        """What poses (F, P, 3) say of each control point at each frame."""
-        near = Nearest(self.examples, self.settings, poses)
-        return Nodes.of(near.matrix, near.right, near.reach, self.settings.slack)
+        """What poses (F, P, 3) say of all control points at each frame."""
+        return Nearest(self.examples, self.settings, poses).nodes(range(len(self.examples.points)))
 
     def solution(
-        self, nodes: Nodes, conditions: Conditions, step: float, workers: Executor | None = None
+        self, poses: Float, conditions: Conditions, step: float, workers: Executor | None = None
     ) -> Solution:
-        """Solves in sizes of the mesh; nodes are changed."""
-        hold(nodes, conditions)
+        """Places in sizes of the mesh, for poses that were checked."""
         # The same cost for the same acceleration in a second, whatever the rate.
         weight = self.settings.acceleration / (step * self.settings.rate) ** 2
         bounds = -self.settings.margin, 1.0 + self.settings.margin
-        return solve(nodes, conditions, weight, bounds, workers)
+        nearest = Nearest(self.examples, self.settings, poses)
+        return solve(nearest.nodes, conditions, weight, bounds, workers)
 
     def in_metres(self, places: Float) -> Float:
         """(F, P, 3) metres in the mesh's frame of places (P, F, 3) in sizes of the mesh."""

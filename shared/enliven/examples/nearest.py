@@ -12,10 +12,13 @@ example leaves the nearest, its t_e grows without bound: nothing jumps when anot
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numba import njit
 
 from enliven.arrays import Float
+from enliven.examples.bounded import Nodes
 from enliven.examples.poses import Examples
 from enliven.examples.settings import ExampleSettings
 
@@ -24,30 +27,34 @@ _LEAVING = 1e-6
 
 
 class Nearest:
-    """The energies of all frames and pairs, of E = min(n, nearest) weights each.
-
-    Attributes:
-        chosen: (P, F, E) int32 which examples.
-        matrix: (P, F, E, E) and ``right`` (P, F, E): the energy is w' matrix w / 2 - right' w + a constant.
-        reach: (P, F, E, 3) the examples' control points from their middle, in sizes of the mesh.
-    """
+    """The poses (F, P, 3) of a motion, ready to be compared with the examples."""
 
     def __init__(self, examples: Examples, settings: ExampleSettings, poses: Float) -> None:
-        pairs, frames = len(examples.points), len(poses)
-        most = min(settings.nearest, len(examples))
-        size = examples.source_size
-        seen = np.ascontiguousarray(np.swapaxes(poses, 0, 1)) / size
-        known = np.ascontiguousarray(np.swapaxes(examples.sources, 0, 1)) / size
-        middle = examples.targets.mean(0)
-        goals = np.ascontiguousarray(np.swapaxes(examples.targets - middle, 0, 1)) / examples.target_size
-        whole = np.zeros((frames, len(examples)))
-        self.chosen = np.empty((pairs, frames, most), np.int32)
-        self.matrix = np.empty((pairs, frames, most, most))
-        self.right = np.empty((pairs, frames, most))
-        self.reach = np.empty((pairs, frames, most, 3))
-        whole_distances(seen, known, whole)
-        how = (settings.affine**2, settings.far, settings.pose)
-        energies(seen, known, goals, whole, *how, self.chosen, self.matrix, self.right, self.reach)
+        size, middle = examples.source_size, examples.targets.mean(0)
+        self._settings = settings
+        self._seen = np.ascontiguousarray(np.swapaxes(poses, 0, 1)) / size
+        self._known = np.ascontiguousarray(np.swapaxes(examples.sources, 0, 1)) / size
+        self._goals = (
+            np.ascontiguousarray(np.swapaxes(examples.targets - middle, 0, 1)) / examples.target_size
+        )
+        self._whole = np.zeros((len(poses), len(examples)))
+        whole_distances(self._seen, self._known, self._whole)
+
+    def nodes(self, points: Sequence[int]) -> Nodes:
+        """The energies of some control points at all frames, of E = min(n, nearest) weights each.
+
+        They are w' matrix w / 2 - right' w and a constant, ``reach`` being where the control points are in
+        the examples from their middle, in sizes of the mesh.
+        """
+        frames, count = self._whole.shape
+        most = min(self._settings.nearest, count)
+        matrix = np.empty((len(points), frames, most, most))
+        right, reach = np.empty(matrix.shape[:3]), np.empty((*matrix.shape[:3], 3))
+        how = (self._settings.affine**2, self._settings.far, self._settings.pose)
+        for i, p in enumerate(points):
+            given = self._seen[p], self._known[p], self._goals[p], self._whole
+            energies(*given, *how, matrix[i], right[i], reach[i])
+        return Nodes.of(matrix, right, reach, self._settings.slack)
 
 
 @njit(cache=True, nogil=True)
@@ -63,37 +70,32 @@ def whole_distances(seen, known, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def energies(seen, known, goals, whole, affine, far, pose, chosen, matrix, right, reach):  # type: ignore[no-untyped-def]
-    """Kernel: fills ``chosen``, ``matrix``, ``right`` and ``reach`` of :class:`Nearest`."""
-    pairs, frames, most = chosen.shape
-    count = known.shape[1]
-    distance, order, cost = np.empty(count), np.empty(count, np.int64), np.empty(most)
-    away = np.empty((most, 3))
-    for p in range(pairs):
-        for f in range(frames):
-            for e in range(count):
-                dx, dy, dz = (
-                    known[p, e, 0] - seen[p, f, 0],
-                    known[p, e, 1] - seen[p, f, 1],
-                    known[p, e, 2] - seen[p, f, 2],
-                )
-                distance[e] = dx * dx + dy * dy + dz * dz + pose * whole[f, e]
-            _first(distance, order, min(most + 1, count))
-            edge = distance[order[most]] if most < count else np.inf
-            for a in range(most):
-                e = order[a]
-                chosen[p, f, a] = e
-                cost[a] = far * distance[e] / max(1.0 - distance[e] / edge, _LEAVING)
-                right[p, f, a] = affine
-                for i in range(3):
-                    away[a, i] = known[p, e, i] - seen[p, f, i]
-                    reach[p, f, a, i] = goals[p, e, i]
-            for a in range(most):
-                for b in range(a + 1):
-                    product = away[a, 0] * away[b, 0] + away[a, 1] * away[b, 1] + away[a, 2] * away[b, 2]
-                    matrix[p, f, a, b] = product + affine
-                    matrix[p, f, b, a] = product + affine
-                matrix[p, f, a, a] += cost[a]
+def energies(seen, known, goals, whole, affine, far, pose, matrix, right, reach):  # type: ignore[no-untyped-def]
+    """Kernel: ``matrix``, ``right`` and ``reach`` (F, E, ...) of one point: see :meth:`Nearest.nodes`.
+
+    ``seen`` (F, 3) is its joint, ``known`` (n, 3) that of the examples, ``goals`` (n, 3) the control point's
+    places and ``whole`` (F, n) how far the poses are from the examples.
+    """
+    frames, most = right.shape
+    count = len(known)
+    distance, order, away = np.empty(count), np.empty(count, np.int64), np.empty((most, 3))
+    for f in range(frames):
+        for e in range(count):
+            dx, dy, dz = known[e, 0] - seen[f, 0], known[e, 1] - seen[f, 1], known[e, 2] - seen[f, 2]
+            distance[e] = dx * dx + dy * dy + dz * dz + pose * whole[f, e]
+        _first(distance, order, min(most + 1, count))
+        edge = distance[order[most]] if most < count else np.inf
+        for a in range(most):
+            e = order[a]
+            for i in range(3):
+                away[a, i] = known[e, i] - seen[f, i]
+                reach[f, a, i] = goals[e, i]
+            for b in range(a + 1):
+                product = away[a, 0] * away[b, 0] + away[a, 1] * away[b, 1] + away[a, 2] * away[b, 2]
+                matrix[f, a, b] = product + affine
+                matrix[f, b, a] = product + affine
+            matrix[f, a, a] += far * distance[e] / max(1.0 - distance[e] / edge, _LEAVING)
+            right[f, a] = affine
 
 
 @njit(cache=True, nogil=True)

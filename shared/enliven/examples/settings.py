@@ -11,7 +11,7 @@ from enliven.settings import setting
 class ExampleSettings:
     """Lengths are compared in sizes of the performer's poses and of the mesh's: units do not matter."""
 
-    nearest: int = setting(4, "How many examples a control point mixes at one frame.", low=1, high=64)
+    nearest: int = setting(6, "How many examples a control point mixes at one frame.", low=1, high=64)
     acceleration: float = setting(
         0.3, "lambda_A: how much sudden changes cost, at `rate` frames a second.", low=0.0, high=1000.0
     )
@@ -27,10 +27,10 @@ class ExampleSettings:
     )
     affine: float = setting(10.0, "How strictly weights sum to one.", low=0.1, high=1000.0)
     far: float = setting(
-        0.02, "How much the weight of an example costs that is far from the pose.", low=1e-6, high=10.0
+        0.1, "How much the weight of an example costs that is far from the pose.", low=1e-6, high=10.0
     )
     pose: float = setting(
-        0.25, "How much the other joints say about which examples are near.", low=1e-3, high=100.0
+        1.0, "How much the other joints say about which examples are near.", low=1e-3, high=100.0
     )
     slack: float = setting(
         1.0,

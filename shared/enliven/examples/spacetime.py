@@ -12,12 +12,13 @@ step is a banded solve; a step is shortened where the dual would not fall.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import Float, Int
+from enliven.arrays import Bool, Float, Int
 from enliven.examples.banded import Band, accelerations, pulled
 from enliven.examples.bounded import Nodes
 from enliven.examples.constraints import Conditions
@@ -41,7 +42,7 @@ class Solution:
 
 
 def solve(
-    nodes: Nodes,
+    nodes_of: Callable[[list[int]], Nodes],
     conditions: Conditions,
     weight: float,
     bounds: tuple[float, float],
@@ -50,44 +51,47 @@ def solve(
     """Solves for all points: each by itself, those that are coupled together.
 
     Args:
-        nodes: of (P, F); ``hold`` has been applied.
+        nodes_of: the nodes of some points; they are changed. Only those of one group exist at a time.
+        conditions: for P points and F frames.
         weight: lambda, per frame.
         bounds: of the weights.
         workers: share the points among them; without, one after the other.
     """
-    points, frames = nodes.right.shape[:2]
-    places = np.empty((points, frames, 3))
+    places = np.empty(conditions.held.shape)
 
     def one(group: list[int]) -> int:
-        if len(group) == 1 and not (conditions.first[:, 0] == group[0]).any():
-            arrays = nodes.arrays_of(group[0])
-            return int(solve_point(*arrays, weight, *bounds, places[group[0]]))
+        nodes = nodes_of(group)
+        _hold(nodes, conditions.held[group], conditions.values[group])
         mine = np.isin(conditions.first[:, 0], group)
-        local = np.zeros(points, np.int64)
+        if not mine.any():
+            points = (
+                solve_point(*nodes.arrays_of(i), weight, *bounds, places[p]) for i, p in enumerate(group)
+            )
+            return int(sum(points))
+        local = np.zeros(len(places), np.int64)
         local[group] = np.arange(len(group))
         first, second = conditions.first[mine].copy(), conditions.second[mine].copy()
         first[:, 0], second[:, 0] = local[first[:, 0]], local[second[:, 0]]
-        system = _System(nodes.of_points(group), (first, second), conditions.difference[mine], weight, bounds)
+        system = _System(nodes, (first, second), conditions.difference[mine], weight, bounds)
         places[group] = system.solve()
         return system.work
 
-    groups = _groups(points, conditions)
+    groups = _groups(len(places), conditions)
     work = sum(workers.map(one, groups) if workers else map(one, groups))
     return Solution(places, work)
 
 
-def hold(nodes: Nodes, conditions: Conditions) -> None:
-    """Eliminates the coordinates that are held: changes the nodes.
+def _hold(nodes: Nodes, held: Bool, values: Float) -> None:
+    """Eliminates the coordinates that are ``held`` (P, F, 3) at ``values``: changes the nodes.
 
     What a held coordinate asks beyond C w is r, at its cost: it becomes part of the weights' energy.
     """
-    for p, f in np.argwhere(conditions.held.any(2)):
-        for axis in np.flatnonzero(conditions.held[p, f]):
-            column, value = nodes.reach[p, f, :, axis].copy(), conditions.values[p, f, axis]
-            nodes.matrix[p, f] += np.outer(column, column) / nodes.slack[p, f, axis]
-            nodes.right[p, f] += column * value / nodes.slack[p, f, axis]
-            nodes.reach[p, f, :, axis] = 0.0
-            nodes.offset[p, f, axis], nodes.slack[p, f, axis] = value, 0.0
+    for p, f, axis in np.argwhere(held):
+        column, value = nodes.reach[p, f, :, axis].copy(), values[p, f, axis]
+        nodes.matrix[p, f] += np.outer(column, column) / nodes.slack[p, f, axis]
+        nodes.right[p, f] += column * value / nodes.slack[p, f, axis]
+        nodes.reach[p, f, :, axis] = 0.0
+        nodes.offset[p, f, axis], nodes.slack[p, f, axis] = value, 0.0
 
 
 def _groups(points: int, conditions: Conditions) -> list[list[int]]:

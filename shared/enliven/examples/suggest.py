@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.settings import setting
 
@@ -24,6 +24,13 @@ class SuggestSettings:
         "Examples are enough when no pose is farther from all of them than this share of the first gap.",
         low=0.0,
         high=1.0,
+    )
+    slip: float = setting(
+        0.5,
+        "A pose that is gone at the next frame, farther than this share of the median pose's distance, is "
+        "a slip of the recording and not suggested.",
+        low=0.0,
+        high=1e6,
     )
 
 
@@ -49,11 +56,12 @@ def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Sugg
         InputError: for a motion that never moves, or is not finite.
     """
     settings = settings or SuggestSettings()
-    poses = np.asarray(poses, np.float64)
+    poses = np.array(poses, np.float64)
     if len(poses) < 2 or not np.isfinite(poses).all():
         raise InputError(f"{len(poses)} poses, all of which must be finite", where="key poses")
     frames = [int(_distance(poses, np.median(poses, axis=0)).argmin())]
     away, gaps = _distance(poses, poses[frames[0]]), list[float]()
+    away[_slips(poses, settings.slip * float(np.median(away)))] = 0.0
     while True:
         farthest = int(away.argmax())
         gaps.append(float(away[farthest]))
@@ -65,6 +73,13 @@ def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Sugg
         raise InputError("the performer never moves", where="key poses", mend="Choose another part of it.")
     few = [k + 1 for k, gap in enumerate(gaps) if gap <= settings.enough * gaps[0]]
     return Suggested(tuple(frames), tuple(gaps), max(2, few[0] if few else len(frames)))
+
+
+def _slips(poses: Float, far: float) -> Bool:
+    """(F,) frames that are far from the frame before and from the one after; none where most are."""
+    steps = np.sqrt((np.diff(poses, axis=0) ** 2).sum(2).mean(1))
+    alone = (np.concatenate([[np.inf], steps]) > far) & (np.concatenate([steps, [np.inf]]) > far)
+    return alone if alone.mean() < 0.5 else np.zeros(len(poses), np.bool_)
 
 
 def _distance(poses: Float, pose: Float) -> Float:

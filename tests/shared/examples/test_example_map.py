@@ -160,8 +160,8 @@ def test_the_work_grows_as_the_frames_do():
     mapping = ExampleMap(examples)
     works = []
     for frames in (200, 400, 800):
-        nodes = mapping.nodes(np.tile(motion_of(examples, 200, 1), (frames // 200, 1, 1)))
-        works.append(mapping.solution(nodes, conditions_of((), examples, frames, STEP), STEP).work)
+        poses = np.tile(motion_of(examples, 200, 1), (frames // 200, 1, 1))
+        works.append(mapping.solution(poses, conditions_of((), examples, frames, STEP), STEP).work)
     assert works[2] < 1.1 * 4 * works[0] * 2
     assert works[2] < 2.5 * works[1] < 2.5 * 2.5 * works[0]
 

@@ -1,0 +1,119 @@
+"""Trajectories from examples: seconds for a whole motion, against SciPy's sparse solver on the same system.
+
+The motion is CMU's "directing traffic" (3,703 frames) where the real recordings are (ENLIVEN_DATA), else waves
+of that length. The peer is the paper's system (eq. 24) with its weights as unknowns, built in plain Python and
+solved by scipy.sparse's spsolve: without bounds, as in the paper, so that ours is timed without them as well
+and compared with what it gives. The paper's own figures are 73 s for 8 examples and 161 s for 12.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sparse
+from figure import Figure
+from scipy.sparse.linalg import spsolve
+
+from enliven.arrays import Float
+from enliven.examples.live import LiveExamples
+from enliven.examples.mapping import ExampleMap
+from enliven.examples.performer import performed
+from enliven.examples.poses import Examples
+from enliven.examples.settings import ExampleSettings
+from enliven.examples.suggest import SuggestSettings, suggest_poses
+from enliven.formats.expmap import read_expmap
+from enliven.motion.capture_clip import clip_of_capture
+
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+TRAFFIC = DATA / "cmu_expmap" / "train_directing_traffic_4.txt"
+FRAMES, STEP = 3703, 1.0 / 120.0
+JOINTS = (
+    *("LeftHand", "RightHand", "LeftForeArm", "RightForeArm", "LeftArm", "RightArm"),
+    *("Head", "Spine1", "LeftFoot", "RightFoot", "LeftLeg", "RightLeg"),
+)
+
+
+def figures() -> Iterator[Figure]:
+    """Whole motions with 8 and 12 examples, how time grows with frames, and a frame of a live performance."""
+    poses = traffic()
+    for count in (8, 12):
+        examples = examples_of(poses, count)
+        mapping = ExampleMap(examples)
+        ours = _least(lambda m=mapping: m.solve(poses, STEP), 15)
+        yield Figure(f"examples.solve_s_{count}", ours, "s")
+        free = ExampleMap(examples, ExampleSettings(margin=1e6))
+        started = time.perf_counter()
+        plain = plain_solution(free, poses)
+        theirs = time.perf_counter() - started
+        np.testing.assert_allclose(free.solve(poses, STEP), plain, atol=1e-6 * examples.target_size)
+        ours = _least(lambda m=free: m.solve(poses, STEP), 15)
+        yield Figure(f"examples.unbounded_s_{count}", ours, "s", "scipy spsolve", theirs / ours)
+    mapping = ExampleMap(examples_of(poses, 8))
+    lengths = np.array([1, 2, 4, 8]) * FRAMES
+    # There and back again, so that nothing jumps.
+    long = np.concatenate([poses, poses[::-1]] * 4)
+    times = [_least(lambda n=n: mapping.solve(long[:n], STEP), 7) for n in lengths]
+    yield Figure("examples.growth", float(np.polyfit(np.log(lengths), np.log(times), 1)[0]), "exponent")
+    live = LiveExamples(mapping, STEP, 6)
+    took = [_timed(lambda pose=pose: live.push(pose)) for pose in poses[:600]]
+    yield Figure("examples.live_ms", 1000 * float(np.median(took[10:])), "ms")
+
+
+def traffic() -> Float:
+    """(F, 12, 3) metres: the poses."""
+    if TRAFFIC.is_file():
+        return performed(clip_of_capture(read_expmap(TRAFFIC), "traffic"), JOINTS).poses
+    rng = np.random.default_rng(1)
+    t = np.arange(FRAMES)[:, None, None] * STEP
+    waves = [np.sin(t * rng.uniform(0.5, 6, (12, 3)) + rng.uniform(0, 6, (12, 3))) for _ in range(3)]
+    return rng.normal(size=(12, 3)) + 0.15 * sum(waves)
+
+
+def examples_of(poses: Float, count: int) -> Examples:
+    """The suggested key poses, shown by a creature of other proportions."""
+    frames = suggest_poses(poses, SuggestSettings(most=count)).frames
+    rng = np.random.default_rng(count)
+    sources = poses[list(frames)]
+    targets = sources * [1.4, 0.6, 1.1] + 0.08 * rng.normal(size=sources.shape)
+    return Examples(JOINTS, JOINTS, sources, targets)
+
+
+def plain_solution(mapping: ExampleMap, poses: Float) -> Float:
+    """(F, P, 3) metres: the weights of all frames as one sparse least-squares system for each point."""
+    nodes = mapping.nodes(poses)
+    weight = mapping.settings.acceleration / (STEP * mapping.settings.rate) ** 2
+    points, frames, most = nodes.right.shape
+    places = np.empty((points, frames, 3))
+    each = most + 3
+    second = sparse.diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(frames - 2, frames))
+    bend = weight * sparse.kron(second, sparse.eye(3))
+    for p in range(points):
+        blocks, maps, right = [], [], np.zeros(frames * each)
+        for f in range(frames):
+            block = np.zeros((each, each))
+            block[:most, :most] = nodes.matrix[p, f]
+            block[most:, most:] = np.diag(1.0 / nodes.slack[p, f])
+            blocks.append(block)
+            maps.append(np.hstack([nodes.reach[p, f].T, np.eye(3)]))
+            right[f * each : f * each + most] = nodes.right[p, f]
+        to_places = sparse.block_diag(maps, "csc")
+        bent = bend @ to_places
+        found = spsolve((sparse.block_diag(blocks, "csc") + bent.T @ bent).tocsc(), right)
+        places[p] = (to_places @ found).reshape(frames, 3)
+    return mapping.in_metres(places)
+
+
+def _least(job: Callable[[], object], repeats: int) -> float:
+    """Seconds of the quickest of ``repeats`` runs."""
+    job()
+    return min(_timed(job) for _ in range(repeats))
+
+
+def _timed(job: Callable[[], object]) -> float:
+    started = time.perf_counter()
+    job()
+    return time.perf_counter() - started
