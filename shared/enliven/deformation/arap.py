@@ -18,8 +18,9 @@ float32. Handles are put upon the factor exactly (arap_handles); adding one cost
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from enliven.deformation.arap_factor import backward, forward
 from enliven.deformation.arap_handles import Held, follow, hold, pull
 from enliven.deformation.arap_step import give, moved, plain
 from enliven.deformation.arap_surface import surface_of
+from enliven.deformation.arap_threads import shared
 from enliven.errors import InputError
 from enliven.mesh import Mesh
 from enliven.settings import setting
@@ -61,6 +63,9 @@ class ArapSettings:
         "A rigid motion of the handles that leaves at most this part moves the whole.",
         low=0.0,
         high=1.0,
+    )
+    threads: int = setting(
+        1, "2 shares each cell's work with a second processor core; only where one is idle.", low=1, high=2
     )
     most_vertices: int = setting(500_000, "Larger meshes are refused.", low=3)
 
@@ -184,9 +189,8 @@ class ArapSolver:
             moved(frames, self._z, shift)
         shift = (0.0, 0.0, 0.0)
         if settings.squash_and_stretch:
-            turn_and_squash(
-                surface.cells, frames, settings.exaggeration, settings.most_stretch, 0, len(surface.rest)
-            )
+            exaggeration, most = settings.exaggeration, settings.most_stretch
+            self._share(turn_and_squash, surface.cells, frames, exaggeration, most)
             shift = self._global(held, rows)
         else:
             plain(self._z)
@@ -203,15 +207,17 @@ class ArapSolver:
     def _fit(self) -> None:
         """Each cell's best turn and scale at the positions as they are."""
         most = self.settings.most_stretch if self.settings.squash_and_stretch else 1.0
-        count = len(self._surface.rest)
-        turn_and_scale(
-            self._surface.cells, self._frames.reshape(-1), self.settings.hold, 1 / most, most, 0, count
-        )
+        frames, hold = self._frames.reshape(-1), self.settings.hold
+        self._share(turn_and_scale, self._surface.cells, frames, hold, 1 / most, most)
+
+    def _share(self, kernel: Callable[..., Any], *arguments: Any) -> None:
+        """The kernel over all vertices."""
+        shared(kernel, len(self._surface.rest), self.settings.threads, *arguments)
 
     def _global(self, held: Held, rows: Float) -> tuple[float, float, float]:
         """The correction of eq. 9 (or 13) into ``_z``, and the shift of the whole."""
         surface, frames = self._surface, self._frames.reshape(-1)
-        residual(surface.cells, frames, self._z, 0, len(surface.rest))
+        self._share(residual, surface.cells, frames, self._z)
         forward(surface.factor, self._z, self._room)
         shift: tuple[float, float, float] = pull(held, frames, rows, self._z)
         backward(surface.factor, self._z, self._room)

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from enliven.arrays import Float, Int, Int32
-from enliven.deformation.arap_polar import ROWS, TRACE, N, R, polar
+from enliven.deformation.arap_polar import ROWS, TRACE, N, polar
 from enliven.lanes import fma4, load4, splat4, store4
 
 _STEADY = 0.02
@@ -108,8 +108,11 @@ def turn_and_scale(cells, frames, hold, low, high, first, last):  # type: ignore
             size = cells.size[i]
             s = (block[TRACE * N + n] / size + hold) / (1.0 + hold) if size > 0.0 else 1.0
             s = min(max(s, low), high)
-            for k in range(9):
-                frames[16 * i + 4 * (k // 3) + k % 3] = s * block[(R + k) * N + n]
+            for c in range(3):
+                to, row = 16 * i + 4 * c, (9 + 3 * c) * 64 + n
+                frames[to] = s * block[row]
+                frames[to + 1] = s * block[row + 64]
+                frames[to + 2] = s * block[row + 128]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -130,8 +133,9 @@ def turn_and_squash(cells, frames, exaggeration, most, first, last):  # type: ig
             spread[k] = block[k]
         _squash(spread, exaggeration, most)
         for n in range(count):
-            for k in range(9):
-                frames[16 * (at + n) + 4 * (k // 3) + k % 3] = spread[k * N + n]
+            for c in range(3):
+                to, row = 16 * (at + n) + 4 * c, 3 * c * 64 + n
+                frames[to], frames[to + 1], frames[to + 2] = spread[row], spread[row + 64], spread[row + 128]
 
 
 @njit(cache=True, nogil=True)

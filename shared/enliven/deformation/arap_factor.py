@@ -35,7 +35,7 @@ class Factor(NamedTuple):
         rows: (R,) ascending.
         value_start: (S + 1,) where its panel begins in ``values``.
         values: blocks of four columns (the last one padded with zeros): the inverted triangle, then the rows
-            below, four numbers a row.
+            below, four numbers a row. A single column is not padded.
         parent: (S,) the supernode of its first row below; -1 at the root.
         node_of: (V,) the supernode of each column.
         tallest: the most rows of a panel.
@@ -121,7 +121,7 @@ def _panels(order: Int, start: Int, row: Int32, value: Float, first: Int32, size
     below = start[last + 1] - start[last] - 1
     row_start = np.concatenate([[0], np.cumsum(below)])
     blocks = (width + 3) // 4
-    value_start = np.concatenate([[0], np.cumsum(4 * blocks * (width + below))])
+    value_start = np.concatenate([[0], np.cumsum(np.where(width == 1, 1, 4 * blocks) * (width + below))])
     rows = np.empty(row_start[-1], np.int32)
     values = np.zeros(value_start[-1], np.float32)
     node_of = np.repeat(np.arange(size), width).astype(np.int32)
@@ -165,7 +165,7 @@ def _fill(start, row, value, first, row_start, value_start, rows, values):  # ty
         height = width + below
         for r in range(height):
             for c in range(width):
-                to = value_start[s] + 4 * ((c // 4) * height + r) + c % 4
+                to = value_start[s] + (r if width == 1 else 4 * ((c // 4) * height + r) + c % 4)
                 values[to] = inverse[r, c] if r < width else panel[r, c]
 
 
@@ -182,6 +182,15 @@ def forward(factor, z, room):  # type: ignore[no-untyped-def]
         a, width = first[s], first[s + 1] - first[s]
         r0, below = row_start[s], row_start[s + 1] - row_start[s]
         height = width + below
+        if width == 1:
+            # Most supernodes, the leaves of the tree, are one column.
+            at = factor.value_start[s]
+            t = fmaq(-values[at], loadq(z, 4 * a), splatq(np.float32(0.0)))
+            storeq(z, 4 * a, splatq(np.float32(0.0)) - t)
+            for k in range(below):
+                to = 4 * rows[r0 + k]
+                storeq(z, to, fmaq(values[at + 1 + k], t, loadq(z, to)))
+            continue
         for r in range(height):
             storeq(room, 4 * r, splatq(np.float32(0.0)))
         for block in range((width + 3) // 4):
@@ -222,6 +231,16 @@ def backward(factor, z, room):  # type: ignore[no-untyped-def]
         a, width = first[s], first[s + 1] - first[s]
         r0, below = row_start[s], row_start[s + 1] - row_start[s]
         height = width + below
+        if width == 1:
+            at = factor.value_start[s]
+            t0 = t1 = splatq(np.float32(0.0))
+            for k in range(0, below - 1, 2):
+                t0 = fmaq(values[at + 1 + k], loadq(z, 4 * rows[r0 + k]), t0)
+                t1 = fmaq(values[at + 2 + k], loadq(z, 4 * rows[r0 + k + 1]), t1)
+            if below % 2:
+                t0 = fmaq(values[at + below], loadq(z, 4 * rows[r0 + below - 1]), t0)
+            storeq(z, 4 * a, fmaq(values[at], loadq(z, 4 * a) - (t0 + t1), splatq(np.float32(0.0))))
+            continue
         for k in range(below):
             storeq(room, 4 * (width + k), loadq(z, 4 * rows[r0 + k]))
         for block in range((width + 3) // 4):
@@ -263,6 +282,12 @@ def backward(factor, z, room):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _at(factor, s, width, height, r, c):  # type: ignore[no-untyped-def]
+    """Where the value of row r and column c of a panel is."""
+    return factor.value_start[s] + (r if width == 1 else 4 * ((c // 4) * height + r) + c % 4)
+
+
+@njit(cache=True, nogil=True)
 def unit_column(factor, place):  # type: ignore[no-untyped-def]
     """C⁻¹ e of the unit vector at ``place``: (K,) its non-zero places, ascending, and (K,) values.
 
@@ -283,14 +308,12 @@ def unit_column(factor, place):  # type: ignore[no-untyped-def]
         for r in range(width):
             total = 0.0
             for c in range(r + 1):
-                total += values[factor.value_start[s] + 4 * ((c // 4) * height + r) + c % 4] * work[a + c]
+                total += values[_at(factor, s, width, height, r, c)] * work[a + c]
             places[size + r], column[size + r] = a + r, total
         for r in range(width, height):
             total = 0.0
             for c in range(width):
-                total += (
-                    values[factor.value_start[s] + 4 * ((c // 4) * height + r) + c % 4] * column[size + c]
-                )
+                total += values[_at(factor, s, width, height, r, c)] * column[size + c]
             work[rows[row_start[s] + r - width]] -= total
         size += width
         s = factor.parent[s]
