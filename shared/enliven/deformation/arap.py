@@ -158,7 +158,8 @@ class ArapSolver:
             )
         held = None
         if chosen.any():
-            held = hold(self._surface.factor, places[chosen], soft[chosen], self._columns)
+            factor, eliminated = self._surface.factor, self._surface.cells.eliminated
+            held = hold(factor, eliminated, places[chosen], soft[chosen], self._columns)
         kept = {h.name: self._wanted[h.name] for h in handles if self.handles.get(h.name) == h}
         self._held, self._chosen, self._places = held, np.flatnonzero(chosen), places
         self._exact = self._hard_vertices(places, np.flatnonzero(chosen & (soft == 0.0)))
@@ -186,7 +187,7 @@ class ArapSolver:
         for _ in range(shaping):
             self._fit()
             shift = self._global(held, rows)
-            moved(frames, self._z, shift)
+            moved(frames, self._z, shift, surface.cells.eliminated)
         shift = (0.0, 0.0, 0.0)
         if settings.squash_and_stretch:
             exaggeration, most = settings.exaggeration, settings.most_stretch
@@ -195,7 +196,7 @@ class ArapSolver:
         else:
             plain(self._z)
         pose = np.empty_like(self.pose)
-        give(frames, self._z, shift, surface.place_of, surface.centre, pose)
+        give(frames, self._z, shift, surface.cells.eliminated, surface.place_of, surface.centre, pose)
         if not np.isfinite(pose).all():
             self._restart()
             raise InputError("the handles leave no finite shape", where=_WHERE, mend="Move them less far.")

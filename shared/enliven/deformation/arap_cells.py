@@ -1,7 +1,8 @@
 """The cells of a surface: their rotations, scales and volume matrices, and what is left to be moved.
 
 Equations of U. Celikcan, I. O. Yaz and T. Capin, "Example-based retargeting of human motion to arbitrary mesh
-models", 2015, section 4. Everything is in elimination order. The state of a vertex is 16 numbers, two
+models", 2015, section 4. Vertices are in an order that has neighbours near in memory; only the vector ``z``
+is in the factor's elimination order. The state of a vertex is 16 numbers, two
 cache lines, in ``frames`` (16 V,): the three columns of T_i (each with a 0), where T_i = s_i R_i in the shape
 state and V_i R_i in the pose state, then the position and a 0.
 """
@@ -33,6 +34,7 @@ class Cells(NamedTuple):
         middle: (4 V,) their sums over each cell.
         rest: (6 V,) sum of w e eᵀ: xx, xy, xz, yy, yz, zz.
         size: (V,) its trace.
+        eliminated: (V,) the place of each vertex in elimination order.
     """
 
     start: Int32
@@ -41,10 +43,11 @@ class Cells(NamedTuple):
     middle: Float
     rest: Float
     size: Float
+    eliminated: Int32
 
 
-def cells_of(positions: Float, edges: Int, weights: Float) -> Cells:
-    """The cells of ``positions`` (V, 3) and ``edges`` (E, 2), both in elimination order."""
+def cells_of(positions: Float, edges: Int, weights: Float, eliminated: Int32) -> Cells:
+    """The cells of ``positions`` (V, 3) and ``edges`` (E, 2)."""
     count = len(positions)
     ends = np.concatenate([edges, edges[:, ::-1]])
     order = np.lexsort((ends[:, 1], ends[:, 0]))
@@ -57,9 +60,8 @@ def cells_of(positions: Float, edges: Int, weights: Float) -> Cells:
     pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
     rest = np.stack([_sums(i, w * e[:, a] * e[:, b], count) for a, b in pairs], 1)
     size = rest[:, [0, 3, 5]].sum(1)
-    return Cells(
-        start, j.astype(np.int32), spokes.ravel().copy(), middle.ravel().copy(), rest.ravel().copy(), size
-    )
+    flat = (spokes.ravel().copy(), middle.ravel().copy(), rest.ravel().copy())
+    return Cells(start, j.astype(np.int32), *flat, size, eliminated)
 
 
 def _sums(i: Int, values: Float, count: int) -> Float:
@@ -239,7 +241,7 @@ def _squash(block, exaggeration, most):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def residual(cells, frames, z, first, last):  # type: ignore[no-untyped-def]
-    """z (4 V,) <- right side of eq. 9 minus the left one, of the vertices ``first`` to ``last``."""
+    """z (4 V,), in elimination order, <- right side of eq. 9 minus the left one, of ``first`` to ``last``."""
     room = np.empty(4)
     for i in range(first, last):
         m = 4 * i
@@ -255,7 +257,8 @@ def residual(cells, frames, z, first, last):  # type: ignore[no-untyped-def]
             v = fma4(cells.spokes[4 * e + 2], load4(frames, j + 8), v)
             u = fma4(cells.spokes[4 * e + 3], load4(frames, j + 12) - here, u)
         store4(room, 0, fma4(0.5, v, u))
-        z[m], z[m + 1], z[m + 2], z[m + 3] = room[0], room[1], room[2], 0.0
+        to = 4 * cells.eliminated[i]
+        z[to], z[to + 1], z[to + 2], z[to + 3] = room[0], room[1], room[2], 0.0
 
 
 @njit(cache=True, nogil=True)

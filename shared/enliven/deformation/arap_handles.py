@@ -26,12 +26,12 @@ from enliven.rotation import nearest_quaternion
 
 
 class Held(NamedTuple):
-    """H handle vertices, in elimination order's places.
+    """H handle vertices.
 
     Attributes:
-        places: (H,) each vertex's place.
+        places: (H,) each vertex's place in the solver's order.
         start: (H + 1,) where its column of U begins.
-        rows: (K,) the places of U.
+        rows: (K,) its places in elimination order.
         values: (K,) its values.
         inverse: (H + 1, H + 1) of the matrix above.
         soft: (H,) 2 / weight; 0 where hard.
@@ -45,10 +45,18 @@ class Held(NamedTuple):
     soft: Float
 
 
-def hold(factor: Factor, places: Int, soft: Float, known: dict[int, tuple[Int32, Float]]) -> Held:
-    """The handles at ``places`` (H,), no hard one twice; ``known`` keeps columns for the next change."""
+def hold(
+    factor: Factor, eliminated: Int32, places: Int, soft: Float, known: dict[int, tuple[Int32, Float]]
+) -> Held:
+    """The handles at ``places`` (H,), no hard one twice.
+
+    Args:
+        eliminated: (V,) the place of each vertex in elimination order.
+        soft: (H,) 2 / weight; 0 where hard.
+        known: columns of U by place, kept for the next change.
+    """
     for place in set(places.tolist()) - known.keys():
-        known[place] = unit_column(factor, place)
+        known[place] = unit_column(factor, eliminated[place])
     columns = [known[place] for place in places.tolist()]
     start = np.concatenate([[0], np.cumsum([len(rows) for rows, _ in columns])]).astype(np.int64)
     rows = np.concatenate([rows for rows, _ in columns])
@@ -86,7 +94,8 @@ def pull(held, frames, targets, z):  # type: ignore[no-untyped-def]
     Args:
         frames: (16 V,) with the positions that r was taken at.
         targets: (H, 3) where the handles are wanted.
-        z: (4 V,) float32. The sum of r is 0: what an edge gives to one end it takes from the other.
+        z: (4 V,) float32, in elimination order. The sum of r is 0: what an edge gives to one end
+            it takes from the other.
     """
     count = len(held.places)
     right, answer = np.empty((count, 3)), np.zeros((count + 1, 3))

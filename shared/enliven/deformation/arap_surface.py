@@ -1,10 +1,12 @@
-"""A mesh made ready for deformation: welded, joined to one piece, in elimination order, factorised."""
+"""A mesh made ready for deformation: welded, joined to one piece, well ordered, factorised."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from enliven.arrays import Bool, Float, Int
 from enliven.deformation.arap_cells import Cells, cells_of
@@ -18,8 +20,8 @@ class Surface(NamedTuple):
     """What the solver needs of a mesh.
 
     Attributes:
-        place_of: (V,) the place in elimination order of each vertex of the mesh; welded ones share it.
-        rest: (P, 3) metres about ``centre``, in elimination order.
+        place_of: (V,) the place of each vertex of the mesh in the solver's order; welded ones share it.
+        rest: (P, 3) metres about ``centre``, in the solver's order.
         centre: (3,) the middle of the mesh's box, so that a mesh far from the origin loses no digits.
         extent: metres, the box's diagonal.
         loose: (V,) vertices that no face uses.
@@ -67,12 +69,22 @@ def surface_of(mesh: Mesh, most_vertices: int) -> Surface:
     if shells > 1:
         notes.append(f"{shells} separate shells were joined by {len(links)} virtual edges.")
     edges, weights = np.concatenate([edges, links]), np.concatenate([weights, held])
-    factor = factorise(len(points), edges, weights)
+    order = _neighbours_near(len(points), edges)
     place = np.empty(len(points), np.int64)
-    place[factor.order] = np.arange(len(points))
-    edges, rest = place[edges], np.ascontiguousarray((points - centre)[factor.order])
-    cells = cells_of(rest, edges, weights)
+    place[order] = np.arange(len(points))
+    edges, rest = place[edges], np.ascontiguousarray((points - centre)[order])
+    factor = factorise(len(points), edges, weights)
+    eliminated = np.empty(len(points), np.int32)
+    eliminated[factor.order] = np.arange(len(points))
+    cells = cells_of(rest, edges, weights, eliminated)
     return Surface(place[of], rest, centre, extent, ~used[of], edges, weights, cells, factor, tuple(notes))
+
+
+def _neighbours_near(count: int, edges: Int) -> Int:
+    """(P,) an order in which the neighbours of a vertex are near in memory."""
+    ones = np.ones(len(edges), bool)
+    graph = coo_matrix((ones, (edges[:, 0], edges[:, 1])), (count, count)).tocsr()
+    return np.asarray(reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True), np.int64)
 
 
 def _check(mesh: Mesh, most_vertices: int) -> None:
