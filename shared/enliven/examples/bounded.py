@@ -32,7 +32,7 @@ class Nodes:
     reach: Float  # (P, F, E, 3)
     offset: Float  # (P, F, 3)
     slack: Float  # (P, F, 3), zero along an axis that is held
-    state: AnyArray  # (P, F, E) int8: -1 at its low bound, 0 free, 1 at its high bound
+    state: AnyArray  # (P, F, E) int8: -1 at its low bound, 0 free, 1 at its high one, 2 not known
     still: Float  # (P, F, E)
     swing: Float  # (P, F, E, 3)
     base: Float  # (P, F, 3)
@@ -40,15 +40,24 @@ class Nodes:
     least: Float  # (P, F) the least energy without a pull
 
     @staticmethod
-    def of(matrix: Float, right: Float, reach: Float, slack: float) -> Nodes:
-        """Nodes that nothing holds."""
-        points, frames = right.shape[:2]
-        shape = (points, frames, 3)
-        state = np.full(right.shape, 2, np.int8)
-        still, swing = np.zeros_like(right), np.zeros_like(reach)
-        give, wide = np.zeros((*shape, 3)), np.full(shape, slack)
-        offset, base, least = np.zeros(shape), np.zeros(shape), np.zeros((points, frames))
-        return Nodes(matrix, right, reach, offset, wide, state, still, swing, base, give, least)
+    def empty(points: int, frames: int, most: int) -> Nodes:
+        """Room for nodes; :meth:`begin` after ``matrix``, ``right`` and ``reach`` are there."""
+        shape = (points, frames)
+        right, reach, offset = np.empty((*shape, most)), np.empty((*shape, most, 3)), np.empty((*shape, 3))
+        matrix, give, state = (
+            np.empty((*shape, most, most)),
+            np.empty((*shape, 3, 3)),
+            np.empty(right.shape, np.int8),
+        )
+        slack, base, least = np.empty_like(offset), np.empty_like(offset), np.empty(shape)
+        still, swing = np.empty_like(right), np.empty_like(reach)
+        return Nodes(matrix, right, reach, offset, slack, state, still, swing, base, give, least)
+
+    def begin(self, slack: float) -> None:
+        """Nothing is held and nothing known."""
+        self.offset[:] = 0.0
+        self.slack[:] = slack
+        self.state[:] = 2
 
     def respond(self, pull: Float, low: float, high: float, places: Float) -> tuple[int, float]:
         """Answers a pull (P, F, 3) with ``places`` (P, F, 3).
@@ -57,9 +66,9 @@ class Nodes:
             How many nodes changed the weights that are at bounds, and the sum of the least energies.
         """
         lower = (self.matrix, self.right, self.reach, self.offset, self.slack, self.state)
-        return respond(
-            *lower, self.still, self.swing, self.base, self.give, self.least, pull, low, high, places
-        )  # type: ignore[no-any-return]
+        known = (self.still, self.swing, self.base, self.give, self.least)
+        changed, energy = respond(*lower, *known, pull, low, high, places)
+        return int(changed), float(energy)
 
     def arrays_of(self, point: int) -> tuple[tuple[AnyArray, ...], tuple[AnyArray, ...]]:
         """A point's arrays as kernels take them: what is given, and what they find."""

@@ -32,6 +32,9 @@ class LocomotionSettings:
     """How a mesh gets over the floor."""
 
     contact: ContactSettings = setting(ContactSettings)
+    runner: float = setting(
+        0.4, "A foot that stands may also be as fast as this share of the feet's mean.", low=0.0, high=1.0
+    )
     gravity: float = setting(9.81, "How fast what falls gets faster.", unit="m/s^2", low=0.0, high=1000.0)
     landing: Literal["timed", "free"] = setting(
         "timed", '"timed": it lands when the performer does; "free": when gravity brings it down.'
@@ -94,17 +97,22 @@ def find_switches(
         step: seconds between frames.
         size: metres, the length of the legs.
     """
-    how = (settings or LocomotionSettings()).contact
+    settings = settings or LocomotionSettings()
+    how = settings.contact
     feet = np.asarray(feet, np.float64)
     if len(feet) < 3:
         return (Switch(0, "contact"),)
     floor = np.percentile(feet[:, :, 1].min(1), 5)
+    velocity = np.gradient(feet, step, axis=0)
+    # A runner's foot rolls fast while it stands: it is slow against the others, whose mean goes as they run.
+    runs = np.linalg.norm(velocity.mean(1)[:, [0, 2]], axis=1)
+    slow = np.maximum(how.speed * size, settings.runner * runs)
     touches = np.zeros(len(feet), np.bool_)
-    for foot in np.moveaxis(feet, 1, 0):
+    for foot, moves in zip(np.moveaxis(feet, 1, 0), np.moveaxis(velocity, 1, 0), strict=True):
         own = max(floor, np.percentile(foot[:, 1], 5))
-        speed = np.linalg.norm(np.gradient(foot, step, axis=0), axis=1)
+        speed = np.linalg.norm(moves, axis=1) / slow
         down = np.empty(len(feet), np.bool_)
-        touching(foot[:, 1] - own, speed, how.height * size, how.speed * size, how.release, down)
+        touching(foot[:, 1] - own, speed, how.height * size, 1.0, how.release, down)
         touches |= down
     touches = _without_short(touches, how.shortest / step)
     return switches_of(touches)
@@ -233,7 +241,8 @@ def _without_short(touches: Bool, shortest: float) -> Bool:
     out = touches.copy()
     for kind in (False, True):
         for a, b in runs_of(out == kind):
-            inside = a > 0 and b < len(out) - 1
-            if inside and b - a + 1 < shortest:
+            # A contact at the beginning or the end may be the rest of a longer one.
+            cut = kind and (a == 0 or b == len(out) - 1)
+            if not cut and b - a + 1 < shortest:
                 out[a : b + 1] = not kind
     return out

@@ -40,21 +40,22 @@ class Nearest:
         self._whole = np.zeros((len(poses), len(examples)))
         whole_distances(self._seen, self._known, self._whole)
 
-    def nodes(self, points: Sequence[int]) -> Nodes:
+    def nodes(self, points: Sequence[int], spare: Nodes | None = None) -> Nodes:
         """The energies of some control points at all frames, of E = min(n, nearest) weights each.
 
         They are w' matrix w / 2 - right' w and a constant, ``reach`` being where the control points are in
-        the examples from their middle, in sizes of the mesh.
+        the examples from their middle, in sizes of the mesh. They are written into ``spare``,
+        of as many points, where there is one.
         """
         frames, count = self._whole.shape
         most = min(self._settings.nearest, count)
-        matrix = np.empty((len(points), frames, most, most))
-        right, reach = np.empty(matrix.shape[:3]), np.empty((*matrix.shape[:3], 3))
+        out = spare or Nodes.empty(len(points), frames, most)
         how = (self._settings.affine**2, self._settings.far, self._settings.pose)
         for i, p in enumerate(points):
             given = self._seen[p], self._known[p], self._goals[p], self._whole
-            energies(*given, *how, matrix[i], right[i], reach[i])
-        return Nodes.of(matrix, right, reach, self._settings.slack)
+            energies(*given, *how, out.matrix[i], out.right[i], out.reach[i])
+        out.begin(self._settings.slack)
+        return out
 
 
 @njit(cache=True, nogil=True)

@@ -42,7 +42,7 @@ class Solution:
 
 
 def solve(
-    nodes_of: Callable[[list[int]], Nodes],
+    nodes_of: Callable[[list[int], Nodes | None], Nodes],
     conditions: Conditions,
     weight: float,
     bounds: tuple[float, float],
@@ -51,23 +51,24 @@ def solve(
     """Solves for all points: each by itself, those that are coupled together.
 
     Args:
-        nodes_of: the nodes of some points; they are changed. Only those of one group exist at a time.
+        nodes_of: the nodes of some points, in the room of others that are done with.
         conditions: for P points and F frames.
         weight: lambda, per frame.
         bounds: of the weights.
         workers: share the points among them; without, one after the other.
     """
     places = np.empty(conditions.held.shape)
+    # Fresh memory costs as much as the mathematics.
+    spare: list[Nodes] = []
 
     def one(group: list[int]) -> int:
-        nodes = nodes_of(group)
+        nodes = nodes_of(group, spare.pop() if spare and len(group) == 1 else None)
         _hold(nodes, conditions.held[group], conditions.values[group])
         mine = np.isin(conditions.first[:, 0], group)
         if not mine.any():
-            points = (
-                solve_point(*nodes.arrays_of(i), weight, *bounds, places[p]) for i, p in enumerate(group)
-            )
-            return int(sum(points))
+            factored = solve_point(*nodes.arrays_of(0), weight, *bounds, places[group[0]])
+            spare.append(nodes)
+            return int(factored)
         local = np.zeros(len(places), np.int64)
         local[group] = np.arange(len(group))
         first, second = conditions.first[mine].copy(), conditions.second[mine].copy()
