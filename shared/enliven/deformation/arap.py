@@ -41,6 +41,8 @@ _FAR = 1e3
 _SAME = 1e-6
 """Part of the mesh's size within which two hard handles on one vertex agree."""
 _MOST_HELD = 2000
+_MOST_KEPT = 4000
+"""Columns of handles that went; one takes some 10 kB."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ class ArapSolver:
 
     Attributes:
         notes: sentences about what had to be mended in the mesh.
-        pose: (V, 3) the last good answer.
+        pose: (V, 3) the last good answer, read-only.
         handles: by name.
     """
 
@@ -118,6 +120,7 @@ class ArapSolver:
         self._frames[:, [0, 5, 10]] = 1.0
         self._frames[:, 12:15] = self._surface.rest
         self.pose = self.mesh.vertices.copy()
+        self.pose.setflags(write=False)
         self._wanted = {name: self.mesh.vertices[list(h.vertices)] for name, h in self.handles.items()}
 
     def add_handle(self, handle: Handle) -> None:
@@ -157,6 +160,8 @@ class ArapSolver:
                 mend="Give fewer vertices a handle; a few dozen hold as well.",
             )
         held = None
+        if len(self._columns) > _MOST_KEPT:
+            self._columns.clear()
         if chosen.any():
             factor, eliminated = self._surface.factor, self._surface.cells.eliminated
             held = hold(factor, eliminated, places[chosen], soft[chosen], self._columns)
@@ -183,8 +188,7 @@ class ArapSolver:
         settings, surface = self.settings, self._surface
         frames = self._frames.reshape(-1)
         follow(held, frames, rows, settings.follow)
-        shaping = settings.iterations - (1 if settings.squash_and_stretch else 0)
-        for _ in range(shaping):
+        for _ in range(max(settings.iterations - settings.squash_and_stretch, 1)):
             self._fit()
             shift = self._global(held, rows)
             moved(frames, self._z, shift, surface.cells.eliminated)
@@ -202,6 +206,7 @@ class ArapSolver:
             raise InputError("the handles leave no finite shape", where=_WHERE, mend="Move them less far.")
         vertices, of = self._exact
         pose[vertices] = np.concatenate([wanted[name] for name in self.handles])[of]
+        pose.setflags(write=False)
         self._wanted, self.pose = wanted, pose
         return pose
 

@@ -292,3 +292,25 @@ def test_meshes_that_cannot_be_deformed():
         ArapSolver(replace(ball, vertices=np.where(np.arange(62)[:, None] == 4, np.nan, ball.vertices)))
     with pytest.raises(InputError, match="no handle"):
         ArapSolver(ball).solve()
+
+
+def test_one_iteration_still_moves_the_shape():
+    mesh = sphere()
+    solver = ArapSolver(mesh, ArapSettings(iterations=1))
+    solver.set_handles([Handle("a", (0,)), Handle("b", (33,))])
+    first = solver.solve({"a": mesh.vertices[0] + [0.0, 0.3, 0.0]})
+    assert np.abs(solver.shape() - mesh.vertices).max() > 0.1
+    assert np.abs(solver.solve() - first).max() > 1e-4
+    with pytest.raises(ValueError, match="read-only"):
+        first[0] = 0.0
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_units_do_not_matter(scale):
+    mesh = sphere()
+    made = []
+    for unit in (1.0, scale):
+        solver = ArapSolver(replace(mesh, vertices=mesh.vertices * unit))
+        solver.set_handles([Handle("a", (0,)), Handle("b", (33,)), Handle("c", (50,))])
+        made.append(solver.solve({"a": unit * (mesh.vertices[0] + [0.1, 0.3, 0.0])}) / unit)
+    assert np.abs(made[0] - made[1]).max() < 1e-6
