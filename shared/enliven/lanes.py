@@ -46,6 +46,7 @@ class _LanesModel(models.PrimitiveModel):
 
 FOUR = Lanes(4, types.float64)
 EIGHT = Lanes(8, types.float32)
+QUAD = Lanes(4, types.float32)
 
 for _operator, _instruction in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul")):
 
@@ -197,4 +198,5 @@ load4, store4, splat4, fma4, total4 = (
 load8, store8, splat8, fma8, total8 = (
     make(EIGHT) for make in (_make_load, _make_store, _make_splat, _make_fma, _make_total)
 )
+loadq, storeq, splatq, fmaq = (make(QUAD) for make in (_make_load, _make_store, _make_splat, _make_fma))
 """load(array, index), store(array, index, v), splat(scalar), fma(scalar, v, w) = scalar v + w, total(v)."""

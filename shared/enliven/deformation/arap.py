@@ -26,8 +26,9 @@ import numpy as np
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.arap_cells import energy, residual, turn_and_scale, turn_and_squash
-from enliven.deformation.arap_factor import backward, forward
 from enliven.deformation.arap_handles import Held, follow, hold, pull
+from enliven.deformation.arap_input import WHERE, Handle, check_handle, checked_target
+from enliven.deformation.arap_solves import backward, forward
 from enliven.deformation.arap_step import give, moved, plain
 from enliven.deformation.arap_surface import surface_of
 from enliven.deformation.arap_threads import shared
@@ -35,9 +36,8 @@ from enliven.errors import InputError
 from enliven.mesh import Mesh
 from enliven.settings import setting
 
-_WHERE = "deformation"
-_FAR = 1e3
-"""Times the mesh's own size; no handle goes farther from it."""
+__all__ = ["ArapSettings", "ArapSolver", "Handle"]
+
 _SAME = 1e-6
 """Part of the mesh's size within which two hard handles on one vertex agree."""
 _MOST_HELD = 2000
@@ -70,21 +70,6 @@ class ArapSettings:
         1, "2 shares each cell's work with a second processor core; only where one is idle.", low=1, high=2
     )
     most_vertices: int = setting(500_000, "Larger meshes are refused.", low=3)
-
-
-@dataclass(frozen=True)
-class Handle:
-    """Vertices that are put somewhere.
-
-    Attributes:
-        name: unique among the solver's handles.
-        vertices: of the mesh.
-        weight: how hard a soft handle pulls, beside the surface's cotangent weights of about 1; None is hard.
-    """
-
-    name: str
-    vertices: tuple[int, ...]
-    weight: float | None = None
 
 
 class ArapSolver:
@@ -130,23 +115,23 @@ class ArapSolver:
             InputError: for a name that is taken, or a vertex that is not there or belongs to no face.
         """
         if handle.name in self.handles:
-            raise InputError(f"there is already a handle {handle.name!r}", where=_WHERE)
+            raise InputError(f"there is already a handle {handle.name!r}", where=WHERE)
         self.set_handles([*self.handles.values(), handle])
 
     def remove_handle(self, name: str) -> None:
         """One handle less."""
         if name not in self.handles:
             known = ", ".join(self.handles) or "none"
-            raise InputError(f"there is no handle {name!r}", where=_WHERE, mend=f"Known: {known}.")
+            raise InputError(f"there is no handle {name!r}", where=WHERE, mend=f"Known: {known}.")
         self.set_handles([handle for handle in self.handles.values() if handle.name != name])
 
     def set_handles(self, handles: Sequence[Handle]) -> None:
         """Exactly these handles; those that were there before keep their targets."""
         for handle in handles:
-            self._check(handle)
+            check_handle(handle, self._surface)
         names = [handle.name for handle in handles]
         if len(set(names)) < len(names):
-            raise InputError(f"two handles have one name: {', '.join(names)}", where=_WHERE)
+            raise InputError(f"two handles have one name: {', '.join(names)}", where=WHERE)
         places = np.array([self._surface.place_of[v] for h in handles for v in h.vertices], np.int64)
         soft = np.array([0.0 if h.weight is None else 2.0 / h.weight for h in handles for _ in h.vertices])
         # A vertex that several hard handles hold is held once; solve() checks that they agree.
@@ -156,7 +141,7 @@ class ArapSolver:
         if chosen.sum() > _MOST_HELD:
             raise InputError(
                 f"the handles hold {chosen.sum()} vertices, more than {_MOST_HELD}",
-                where=_WHERE,
+                where=WHERE,
                 mend="Give fewer vertices a handle; a few dozen hold as well.",
             )
         held = None
@@ -183,7 +168,10 @@ class ArapSolver:
         Raises:
             InputError: for targets that cannot be meant. The last good pose stays.
         """
-        wanted = self._wanted | {name: self._target(name, value) for name, value in (targets or {}).items()}
+        wanted = self._wanted | {
+            name: checked_target(name, value, self.handles, self._surface)
+            for name, value in (targets or {}).items()
+        }
         held, rows = self._together(wanted)
         settings, surface = self.settings, self._surface
         frames = self._frames.reshape(-1)
@@ -203,7 +191,7 @@ class ArapSolver:
         give(frames, self._z, shift, surface.cells.eliminated, surface.place_of, surface.centre, pose)
         if not np.isfinite(pose).all():
             self._restart()
-            raise InputError("the handles leave no finite shape", where=_WHERE, mend="Move them less far.")
+            raise InputError("the handles leave no finite shape", where=WHERE, mend="Move them less far.")
         vertices, of = self._exact
         pose[vertices] = np.concatenate([wanted[name] for name in self.handles])[of]
         pose.setflags(write=False)
@@ -257,50 +245,10 @@ class ArapSolver:
         vertices = np.flatnonzero(rows >= 0)
         return vertices, rows[vertices]
 
-    def _check(self, handle: Handle) -> None:
-        """That the handle's vertices can be held."""
-        who, count = f"handle {handle.name!r}", len(self.mesh.vertices)
-        if not handle.vertices:
-            raise InputError("it holds no vertex", where=who, mend="Choose a vertex of the mesh.")
-        if handle.weight is not None and not (np.isfinite(handle.weight) and handle.weight > 0):
-            raise InputError(f"its weight is {handle.weight}", where=who, mend="Give a number above 0.")
-        for vertex in handle.vertices:
-            if not 0 <= vertex < count:
-                raise InputError(f"there is no vertex {vertex}; the mesh has {count}", where=who)
-            if self._surface.loose[vertex]:
-                raise InputError(
-                    f"vertex {vertex} is loose: no face uses it, so that nothing would follow it",
-                    where=who,
-                    mend="Choose a vertex of the surface.",
-                )
-
-    def _target(self, name: str, value: Float) -> Float:
-        """(K, 3) the checked target of a handle."""
-        if name not in self.handles:
-            known = ", ".join(self.handles) or "none"
-            raise InputError(f"there is no handle {name!r}", where=_WHERE, mend=f"Known: {known}.")
-        handle = self.handles[name]
-        target = np.array(value, np.float64)
-        if target.shape == (3,) and len(handle.vertices) == 1:
-            target = target[None]
-        who = f"handle {name!r}"
-        if target.shape != (len(handle.vertices), 3):
-            raise InputError(f"targets {target.shape} for {len(handle.vertices)} vertices", where=who)
-        if not np.isfinite(target).all():
-            raise InputError("its target is not finite", where=who, mend="The last good pose stays.")
-        farthest = float(np.abs(target - self._surface.centre).max())
-        if farthest > _FAR * self._surface.extent:
-            raise InputError(
-                f"its target is {farthest:.3g} m away from a mesh of {self._surface.extent:.3g} m",
-                where=who,
-                mend="Check the units.",
-            )
-        return target
-
     def _together(self, wanted: Mapping[str, Float]) -> tuple[Held, Float]:
         """(H, 3) the targets about the centre, or an InputError where hard handles contradict each other."""
         if self._held is None:
-            raise InputError("there is no handle", where=_WHERE, mend="Add one, or the mesh stays at rest.")
+            raise InputError("there is no handle", where=WHERE, mend="Add one, or the mesh stays at rest.")
         everything = np.concatenate([wanted[name] for name in self.handles]) - self._surface.centre
         if len(self._chosen) < len(everything):
             self._check_agreement(everything)
@@ -319,6 +267,6 @@ class ArapSolver:
             if gap > _SAME * self._surface.extent:
                 raise InputError(
                     f"handles {names[other]!r} and {names[k]!r} hold the same vertex, {gap:.3g} m apart",
-                    where=_WHERE,
+                    where=WHERE,
                     mend="Remove one, or give it a weight.",
                 )

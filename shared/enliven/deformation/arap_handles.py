@@ -21,7 +21,8 @@ import numpy as np
 from numba import njit
 
 from enliven.arrays import Float, Int, Int32
-from enliven.deformation.arap_factor import Factor, unit_column
+from enliven.deformation.arap_factor import Factor
+from enliven.deformation.arap_solves import unit_column
 from enliven.rotation import nearest_quaternion
 
 

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
 from enliven.deformation.arap import ArapSettings, ArapSolver, Handle
-from enliven.deformation.arap_factor import backward, factorise, forward, unit_column
+from enliven.deformation.arap_factor import factorise
 from enliven.deformation.arap_polar import ROWS, TRACE, N, R, polar
+from enliven.deformation.arap_solves import backward, forward, unit_column
 from enliven.deformation.arap_weights import LEAST, shells_of, surface_edges, virtual_edges
 from enliven.mesh import Mesh
 from enliven.rotation import nearest_rotation
