@@ -69,7 +69,7 @@ make_venv
 if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
     say "installing the Python packages into .venv (a minute or two, once)"
     extra= edge_extra=
-    [ "$kind" = dev ] && extra="[test]" && edge_extra="[physics]"
+    [ "$kind" = dev ] && extra="[test]" && edge_extra="[physics,controls,voice]"
     PIP_CONSTRAINT="$PWD/constraints.txt" PIP_DISABLE_PIP_VERSION_CHECK=1 .venv/bin/python -m pip install -q \
         --only-binary ':all:' -e "./shared$extra" -e "./edge$edge_extra" -e ./viewer
     missing=$(missing_system | tr -s ' \n' '\n' | sort -u | tr '\n' ' ')

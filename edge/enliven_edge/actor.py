@@ -72,6 +72,11 @@ class Actor:
         return "possessed" if self.holds else "free"
 
     @property
+    def would(self) -> tuple[int | None, str]:
+        """Who takes hold next, None for the first in view, and with what."""
+        return self._would
+
+    @property
     def body_id(self) -> int:
         """Who has held it longest; -1 for nobody."""
         return self.holds[0].body if self.holds else -1

@@ -18,6 +18,7 @@ from enliven.health import HealthState, worst_first
 from enliven.matching.views import View
 from enliven.props import Props
 from enliven.wire.messages import Look, Possess
+from enliven_edge.controls.desk import Controls
 from enliven_edge.fusion.fused_sensor import FusedFrame, FusedSensors
 from enliven_edge.opening import Opening
 from enliven_edge.outlet import Outlet
@@ -46,6 +47,7 @@ class Edge:
         stop_after: seconds of the sensor's clock after which the edge ends, or None.
         health: says what is wrong; None makes one.
         physics: loose things among the characters, or None.
+        controls: pedals and the like, beside the viewers; the caller closes them.
     """
 
     def __init__(
@@ -60,9 +62,11 @@ class Edge:
         stop_after: float | None = None,
         health: HealthMonitor | None = None,
         physics: Playground | None = None,
+        controls: Controls | None = None,
     ) -> None:
         self.sensor, self.tracker, self.stage, self.outlet = sensor, tracker, stage, outlet
         self.health, self.physics = health or HealthMonitor(), physics
+        self.controls = controls or Controls([])
         self.pace = Pace()
         self.frames = 0
         self._heard = time.monotonic()
@@ -165,7 +169,8 @@ class Edge:
         return self.health.states
 
     def _listen(self) -> None:
-        """Carries out what viewers asked for; what cannot be done is refused with its reason."""
+        """Carries out what viewers and controls asked for; what cannot be done is refused with its reason."""
+        self.controls.obey(self.stage, self._possess, self._lock)
         self.outlet.hear(
             possess=lambda asked: self._attempt(lambda: self._possess(asked)),
             release=lambda character, body: self._attempt(lambda: self.stage.release(character, body)),

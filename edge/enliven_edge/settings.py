@@ -7,6 +7,7 @@ from typing import Literal
 
 from enliven.settings import setting
 from enliven_edge.actor_settings import ActorSettings
+from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.fusion.settings import CalibrationSettings, FusionSettings
 from enliven_edge.landmarks.settings import ColourSettings
 from enliven_edge.matching.settings import MatchingSettings
@@ -43,6 +44,9 @@ class EdgeSettings:
     health: HealthSettings = setting(HealthSettings, "When something is said to be wrong.")
     physics: PhysicsSettings = setting(PhysicsSettings, "Loose boxes and balls.")
     wire: WireSettings = setting(WireSettings, "The network.")
+    controls: dict[str, ControlSettings] = field(
+        default_factory=dict, metadata={"doc": "Pedals, button panels and microphones, by name."}
+    )
     sensors: dict[str, SourceSettings] = field(
         default_factory=dict, metadata={"doc": "The sensors by name, where the command line names none."}
     )

@@ -74,6 +74,18 @@ class Stage:
         """The first in view who does not hold a character."""
         return self._actor(character).next_performer(self._bodies)
 
+    def would(self, character: str, mode: Mode = "alone") -> tuple[int | None, str]:
+        """Who takes hold of a character where nobody says it, and with what parts: as its cues show.
+
+        More limbs are for who has some, the first in view of them. Who is not in view is nobody (None).
+        """
+        actor = self._actor(character)
+        body, parts = actor.would
+        present = {one.id for one in self._bodies}
+        if mode == "extend":
+            body = next((hold.body for hold in actor.holds if hold.body in present), body)
+        return (body if body in present else None), parts
+
     def preview(self, character: str, body: int | None = None, parts: str = "all") -> None:
         """From now on the cues show what this performer, or whoever is next, would hold with these parts."""
         self._actor(character).preview(body, parts)

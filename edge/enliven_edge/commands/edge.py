@@ -105,16 +105,18 @@ def edge(
     elif chosen.space and folder is not None:
         chosen = dataclasses.replace(chosen, space=str(folder / chosen.space))
     run = (mesh, possess_at, parts, record, overwrite, wait_for_viewer, seconds)
-    serve(chosen, source, run)
+    serve(chosen, source, run, folder)
 
 
 def serve(
     chosen: EdgeSettings,
     sources: list[Source],
     run: tuple[str, float | None, str | None, Path | None, bool, float, float | None],
+    folder: Path | None = None,
 ) -> None:
     """Opens everything, serves, and closes everything; heavy modules are imported only here."""
     from enliven_edge.casting import parts_for
+    from enliven_edge.controls.desk import open_controls
     from enliven_edge.matching.rig_actor import RigActor
     from enliven_edge.outlet import Outlet
     from enliven_edge.service import Edge
@@ -126,6 +128,7 @@ def serve(
     if chosen.physics.world != "none":
         need_engine()
     with contextlib.ExitStack() as stack:
+        controls = stack.enter_context(open_controls(chosen.controls, folder))
         sensor = _opened(sources, chosen, stack)
         actor = _prepared(mesh, chosen)
         live = any(source.sensor != "replay" for source in sources)
@@ -143,11 +146,13 @@ def serve(
             parts=parts or parts_for(mesh),
             stop_after=seconds,
             physics=playground,
+            controls=controls,
             health=HealthMonitor(
                 chosen.health, fps=getattr(sensor, "fps", None), far=chosen.tracker.scene.far
             ),
         )
         log.info("%s listens on %s for %s", chosen.wire.name, outlet.publisher.endpoint, sensor.name)
+        controls.forget()
         with _stopped_by_signals(service.stop):
             if wait:
                 service.wait_for_viewer(wait)

@@ -59,6 +59,12 @@ class RigActor:
         """Whether somebody drives it."""
         return "possessed" if self.holds else "free"
 
+    @property
+    def would(self) -> tuple[int | None, str]:
+        """Who takes hold next, and with what: whose match is shown, else who was asked for."""
+        who, parts = self._would
+        return (self.chooser.body if self.chooser.body >= 0 else who), parts
+
     def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> Pose:
         """The pose at a moment, and the ranking for whoever chooses."""
         self._time_ns = time_ns

@@ -1,0 +1,162 @@
+"""A control in a thread of its own: reads, tells presses from bounces, finds its device again."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Mapping
+from typing import Protocol
+
+from enliven_edge.controls.commands import Word
+
+log = logging.getLogger(__name__)
+
+PATIENCE = 0.1
+"""Seconds to wait for a press before looking whether to stop."""
+
+_WAITING = 32
+"""Words that wait for the edge; older ones are dropped, nobody means them any more."""
+
+_STRANGERS = 16
+"""Unknown keys that are said in the log, one by one, for whoever writes the map."""
+
+_LONGEST = 8.0
+"""Times the first wait between two tries to open a device: no longer than that."""
+
+
+class Control(Protocol):
+    """Something that says words now and then."""
+
+    name: str
+
+    def poll(self) -> list[Word]:
+        """What was said since the last call, the oldest first; never waits."""
+        ...
+
+    def close(self) -> None:
+        """Ends it and lets the device go."""
+        ...
+
+
+class Device(ABC):
+    """What a :class:`Reader` reads, from its thread alone."""
+
+    @abstractmethod
+    def open(self) -> None:
+        """Opens it anew.
+
+        Raises:
+            Exception: of the library's own, mostly an OSError, where it is not there.
+        """
+
+    @abstractmethod
+    def read(self) -> list[str]:
+        """The keys that went down, after :data:`PATIENCE` at the latest.
+
+        Raises:
+            Exception: likewise, where it is gone.
+            EOFError: where nothing will ever come again.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Lets it go; may be called at any time, also twice."""
+
+
+class Debouncer:
+    """Takes a key that comes again at once for the same press.
+
+    Args:
+        seconds: a key counts anew after it was still for so long; a contact bounces for some 10 ms.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._last: dict[str, float] = {}
+
+    def counts(self, key: str, now: float) -> bool:
+        """Whether this is a press of its own.
+
+        Args:
+            now: seconds, of a clock that never goes back.
+        """
+        before = self._last.get(key)
+        self._last[key] = now
+        return before is None or now - before >= self._seconds
+
+
+class Reader:
+    """Reads a device in a daemon thread until :meth:`close`, through unplugging and plugging in.
+
+    Args:
+        name: what the user calls it.
+        words: from its keys to what they mean.
+        debounce: seconds for which a key must be still to count anew.
+        retry: seconds between the first tries to open it; they grow while it is away.
+    """
+
+    def __init__(
+        self, name: str, device: Device, words: Mapping[str, Word], debounce: float, retry: float
+    ) -> None:
+        self.name = name
+        self._device, self._words, self._retry = device, dict(words), retry
+        self._debouncer = Debouncer(debounce)
+        self._said: deque[Word] = deque(maxlen=_WAITING)
+        self._strangers: set[str] = set()
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"control {name}", daemon=True)
+        self._thread.start()
+
+    def poll(self) -> list[Word]:
+        """What was said since the last call, the oldest first; never waits."""
+        said = []
+        while self._said:
+            said.append(self._said.popleft())
+        return said
+
+    def close(self) -> None:
+        """Ends the thread, which lets the device go."""
+        self._stopped.set()
+        self._thread.join(timeout=2.0)
+
+    def _run(self) -> None:
+        """Opens, reads until it is gone, waits, and again; says each change once."""
+        wait, told = self._retry, False
+        while not self._stopped.is_set():
+            try:
+                self._device.open()
+                log.info("control %s is there", self.name)
+                wait, told = self._retry, False
+                self._read()
+            except EOFError:
+                log.info("control %s has ended", self.name)
+                return
+            except Exception as error:  # not only OSError: termios and PortAudio have errors of their own
+                if not told:
+                    log.warning("control %s is not there (%s); it is looked for", self.name, error)
+                log.debug("control %s", self.name, exc_info=True)
+                told = True
+            finally:
+                self._device.close()
+            self._stopped.wait(wait)
+            wait = min(2.0 * wait, _LONGEST * self._retry)
+
+    def _read(self) -> None:
+        """Until it is gone or :meth:`close`."""
+        while not self._stopped.is_set():
+            for key in self._device.read():
+                if self._debouncer.counts(key, time.monotonic()):
+                    self._press(key)
+
+    def _press(self, key: str) -> None:
+        """A key is what it means, or is said once, so that it can be written into the map."""
+        word = self._words.get(key)
+        if word is not None:
+            log.debug("control %s: %r, %s", self.name, key, word)
+            self._said.append(word)
+        elif key not in self._strangers and len(self._strangers) < _STRANGERS:
+            self._strangers.add(key)
+            log.info("control %s sent %r, which its map does not have", self.name, key)

@@ -1,0 +1,66 @@
+"""The words that a control may say, and what each does on the stage."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Mapping
+from typing import Literal, cast, get_args
+
+from enliven.errors import InputError
+from enliven.wire.messages import Possess
+from enliven_edge.stage import Stage
+
+Word = Literal["possess", "join", "extend", "release", "next", "previous", "follow", "lock", "unlock"]
+
+WORDS: tuple[Word, ...] = get_args(Word)
+
+_STEPS = {"next": 1, "previous": -1, "follow": 0}
+_MODES: dict[str, Literal["alone", "join", "extend"]] = {
+    "possess": "alone",
+    "join": "join",
+    "extend": "extend",
+}
+
+
+def checked_map(given: Mapping[str, str], where: str) -> dict[str, Word]:
+    """From what a control sends to the word that it means.
+
+    Raises:
+        InputError: for an unknown word, with the nearest known one.
+    """
+    for key, word in given.items():
+        if word not in WORDS:
+            near = difflib.get_close_matches(word, WORDS, n=1)
+            mend = f"Did you mean {near[0]!r}?" if near else f"Known: {', '.join(WORDS)}."
+            raise InputError(f"{key!r} means {word!r}, which is no command", where=where, mend=mend)
+    return {key: cast(Word, word) for key, word in given.items()}
+
+
+def actions(
+    word: Word, stage: Stage, possess: Callable[[Possess], None], lock: Callable[[bool], None]
+) -> list[Callable[[], None]]:
+    """What a word asks for: the same as a viewer would, of every character.
+
+    Args:
+        possess: carries out a viewer's wish to possess.
+        lock: likewise to keep the cast.
+    """
+    if word in ("lock", "unlock"):
+        return [lambda: lock(word == "lock")]
+    return [_of_one(word, name, stage, possess) for name in stage.actors]
+
+
+def _of_one(
+    word: Word, character: str, stage: Stage, possess: Callable[[Possess], None]
+) -> Callable[[], None]:
+    """What a word asks of one character."""
+    if word == "release":
+        return lambda: stage.release(character)
+    if word in _STEPS:
+        return lambda: stage.browse(character, _STEPS[word])
+
+    def take() -> None:
+        body, parts = stage.would(character, _MODES[word])
+        possess(Possess(character, body, parts, _MODES[word]))
+
+    return take

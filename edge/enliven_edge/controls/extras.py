@@ -1,0 +1,21 @@
+"""Whether the libraries of the controls are here: they are extras, asked for only where one is used."""
+
+from __future__ import annotations
+
+import importlib.util
+
+from enliven.errors import ResourceError
+
+
+def need(module: str, extra: str, where: str) -> None:
+    """Says what to install where a library is missing.
+
+    Raises:
+        ResourceError: where it is.
+    """
+    if importlib.util.find_spec(module) is None:
+        raise ResourceError(
+            f"the library {module!r} is not installed here",
+            where=where,
+            mend=f'Install it: pip install "enliven-edge[{extra}]" (here: pip install "./edge[{extra}]").',
+        )

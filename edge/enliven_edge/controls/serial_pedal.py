@@ -1,0 +1,85 @@
+"""Pedals and button panels on a serial port, such as an Arduino: each press sends a line or a byte."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from enliven.errors import InputError
+from enliven_edge.controls.base import PATIENCE, Device
+from enliven_edge.controls.extras import need
+from enliven_edge.controls.settings import ControlSettings
+
+_LONGEST_LINE = 64
+"""Bytes; what goes on for longer is no press, but another speed or another device."""
+
+
+class SerialPedal(Device):
+    """One serial port.
+
+    Raises:
+        InputError: where no port is named.
+        ResourceError: where pyserial is not installed.
+    """
+
+    def __init__(self, settings: ControlSettings, where: str) -> None:
+        if not settings.port:
+            mend = "Name one, such as port = '/dev/serial/by-id/...' (ls /dev/serial/by-id)."
+            raise InputError("a serial control needs a port", where=where, mend=mend)
+        need("serial", "controls", where)
+        self._settings = settings
+        self._port: Any = None
+        self._keys = LineKeys() if settings.sends == "line" else ByteKeys()
+
+    def open(self) -> None:
+        serial: Any = importlib.import_module("serial")
+        self._keys.forget()
+        self._port = serial.Serial(self._settings.port, self._settings.baud, timeout=PATIENCE, exclusive=True)
+
+    def read(self) -> list[str]:
+        """Waits for the first byte alone: a press is heard at once, however short it is."""
+        data = self._port.read(1)
+        if data and self._port.in_waiting:
+            data += self._port.read(self._port.in_waiting)
+        return self._keys.feed(data)
+
+    def close(self) -> None:
+        if self._port is not None:
+            self._port.close()
+            self._port = None
+
+
+class ByteKeys:
+    """Each byte is a key: its character where it can be printed, else such as ``0x1b``."""
+
+    def feed(self, data: bytes) -> list[str]:
+        """The keys in some bytes."""
+        return [chr(byte) if 0x20 <= byte < 0x7F else f"0x{byte:02x}" for byte in data]
+
+    def forget(self) -> None:
+        """The port is opened anew."""
+
+
+class LineKeys:
+    """Each line is a key, without the blanks around it; empty lines are nothing."""
+
+    def __init__(self) -> None:
+        self._line = bytearray()
+
+    def feed(self, data: bytes) -> list[str]:
+        """The lines that have ended, by a carriage return or a line feed or both."""
+        keys = []
+        for byte in data:
+            if byte not in b"\r\n":
+                if len(self._line) <= _LONGEST_LINE:
+                    self._line.append(byte)
+                continue
+            key = self._line.decode("ascii", "replace").strip()
+            if key and len(self._line) <= _LONGEST_LINE:
+                keys.append(key)
+            self._line.clear()
+        return keys
+
+    def forget(self) -> None:
+        """The port is opened anew: half a line of before is nothing."""
+        self._line.clear()

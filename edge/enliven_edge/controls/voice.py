@@ -1,0 +1,224 @@
+"""Spoken commands, offline: PocketSphinx listens for a few phrases and for nothing else."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import logging
+import time
+import wave
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from enliven.errors import InputError, ResourceError
+from enliven_edge.controls.base import Device
+from enliven_edge.controls.extras import need
+from enliven_edge.controls.settings import ControlSettings
+
+log = logging.getLogger(__name__)
+
+RATE = 16000
+"""Samples a second, of 16 bits, one channel: what the model was trained on."""
+
+_LONGEST = 3.0
+"""Seconds; who speaks for longer says no command."""
+
+
+class Recogniser:
+    """From sound to phrases; a grammar of them, so that whatever is said is compared with these alone.
+
+    A phrase counts where the whole of what was said between two silences is it, and where the posterior
+    probability of its words is high enough. Sound is decoded while it comes in, a few milliseconds at a
+    time, so that the tracker beside it does not wait.
+
+    Args:
+        phrases: lower case words, such as "puppet take it".
+        sure: the least probability, from 0 to 1.
+        where: for errors.
+
+    Raises:
+        InputError: for a word that is not in the model's dictionary.
+        ResourceError: where pocketsphinx is not installed.
+    """
+
+    def __init__(self, phrases: Sequence[str], sure: float, where: str = "voice") -> None:
+        need("pocketsphinx", "voice", where)
+        sphinx: Any = importlib.import_module("pocketsphinx")
+        self._phrases, self._sure = frozenset(phrases), sure
+        self._decoder = sphinx.Decoder(lm=None, loglevel="FATAL", bestpath=True)
+        for word in sorted({word for phrase in phrases for word in phrase.split()}):
+            if not word.isascii() or self._decoder.lookup_word(word) is None:
+                what, mend = (
+                    f"the model does not know the word {word!r}",
+                    "Say it with English words, lower case.",
+                )
+                raise InputError(what, where=where, mend=mend)
+        self._decoder.add_jsgf_string("commands", _grammar(phrases))
+        self._decoder.activate_search("commands")
+        self._ends = sphinx.Endpointer()
+        self._bytes = 0
+
+    @property
+    def frame_bytes(self) -> int:
+        """How much sound :meth:`feed` takes at once."""
+        return int(self._ends.frame_bytes)
+
+    def feed(self, frame: bytes) -> str | None:
+        """The phrase that has ended with this frame, or None.
+
+        Args:
+            frame: :attr:`frame_bytes` of sound at :data:`RATE`.
+        """
+        before = self._ends.in_speech
+        speech = self._ends.process(frame)
+        if self._ends.in_speech and not before:
+            self._decoder.start_utt()
+            self._bytes = 0
+        if speech is not None:
+            self._bytes += len(speech)
+            if self._bytes < _LONGEST * RATE * 2:
+                self._decoder.process_raw(speech, False, False)
+        if before and not self._ends.in_speech:
+            return self._ended()
+        return None
+
+    def forget(self) -> None:
+        """The sound comes from elsewhere now: what was being said is nothing."""
+        if self._ends.in_speech:
+            self._decoder.end_utt()
+        self._ends = type(self._ends)()
+
+    def _ended(self) -> str | None:
+        """What was said since the last silence, if it is a phrase."""
+        self._decoder.end_utt()
+        found = self._decoder.hyp()
+        if found is None or self._bytes >= _LONGEST * RATE * 2:
+            return None
+        sure = float(self._decoder.get_prob())
+        log.debug("heard %r, probability %.2f", found.hypstr, sure)
+        return str(found.hypstr) if found.hypstr in self._phrases and sure >= self._sure else None
+
+
+def _grammar(phrases: Sequence[str]) -> str:
+    """The phrases in the JSpeech Grammar Format."""
+    return f"#JSGF V1.0; grammar commands; public <command> = {' | '.join(phrases)};"
+
+
+class Voice(Device):
+    """A microphone, or a recording in its place, and what is said there.
+
+    Raises:
+        InputError: for a phrase with an unknown word.
+        ResourceError: where a library is missing.
+    """
+
+    def __init__(
+        self, settings: ControlSettings, phrases: Sequence[str], where: str, folder: Path | None = None
+    ) -> None:
+        self._recogniser = Recogniser(phrases, settings.sure, where)
+        self._source: Recording | Microphone
+        if settings.wav:
+            self._source = Recording((folder or Path()) / settings.wav)
+        else:
+            self._source = Microphone(settings.microphone, where)
+
+    def open(self) -> None:
+        self._recogniser.forget()
+        self._source.open(self._recogniser.frame_bytes)
+
+    def read(self) -> list[str]:
+        phrase = self._recogniser.feed(self._source.read())
+        return [] if phrase is None else [phrase]
+
+    def close(self) -> None:
+        self._source.close()
+
+
+class Recording:
+    """A WAV that is heard as if it were spoken now, for rehearsals.
+
+    Args:
+        sleep: waits until a frame is due.
+    """
+
+    def __init__(self, path: Path, sleep: Callable[[float], None] = time.sleep) -> None:
+        self._path, self._sleep = path, sleep
+        self._sound, self._place, self._bytes, self._began = b"", 0, 0, 0.0
+
+    def open(self, frame_bytes: int) -> None:
+        """From its beginning.
+
+        Raises:
+            InputError: where it is no 16 kHz mono WAV of 16 bits.
+            OSError: where it cannot be read.
+        """
+        try:
+            with wave.open(str(self._path), "rb") as file:
+                given = (file.getframerate(), file.getnchannels(), file.getsampwidth())
+                self._sound = file.readframes(file.getnframes())
+        except (wave.Error, EOFError) as error:
+            raise InputError(f"it is no WAV file ({error})", where=str(self._path)) from None
+        if given != (RATE, 1, 2):
+            what = f"it has {given[0]} Hz, {given[1]} channels, {8 * given[2]} bits"
+            raise InputError(what, where=str(self._path), mend="It must have 16000 Hz, 1 channel, 16 bits.")
+        self._sound += bytes(RATE * 2)  # a second of silence ends the last phrase
+        self._place, self._bytes, self._began = 0, frame_bytes, time.monotonic()
+
+    def read(self) -> bytes:
+        """The next frame, when it is due; EOFError at the end."""
+        frame = self._sound[self._place : self._place + self._bytes]
+        if len(frame) < self._bytes:
+            raise EOFError
+        self._place += self._bytes
+        self._sleep(max(0.0, self._began + self._place / (2 * RATE) - time.monotonic()))
+        return frame
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+class Microphone:
+    """A microphone by PortAudio.
+
+    Args:
+        name: part of its name, or empty for the system's own.
+
+    Raises:
+        ResourceError: where sounddevice or PortAudio is missing.
+    """
+
+    def __init__(self, name: str, where: str) -> None:
+        need("sounddevice", "voice", where)
+        try:
+            self._library: Any = importlib.import_module("sounddevice")
+        except OSError as error:
+            mend = "Install it: sudo apt-get install libportaudio2."
+            raise ResourceError(f"PortAudio is missing ({error})", where=where, mend=mend) from None
+        self._name = name
+        self._stream: Any = None
+        self._samples, self._opened = 0, False
+
+    def open(self, frame_bytes: int) -> None:
+        """Listens from now on; raises PortAudio's own error where there is no microphone."""
+        if self._opened:
+            # PortAudio lists the devices once; only a new start finds what was plugged in since.
+            self._library._terminate()
+            self._library._initialize()
+        self._opened = True
+        self._samples = frame_bytes // 2
+        self._stream = self._library.RawInputStream(
+            samplerate=RATE, channels=1, dtype="int16", blocksize=self._samples, device=self._name or None
+        )
+        self._stream.start()
+
+    def read(self) -> bytes:
+        """The next frame, when it was spoken."""
+        data, _ = self._stream.read(self._samples)
+        return bytes(data)
+
+    def close(self) -> None:
+        """Lets it go."""
+        if self._stream is not None:
+            self._stream.close()
+            self._stream = None

@@ -1,0 +1,44 @@
+"""A serial pedal that the tests press: one end of a pseudo-terminal, which can be pulled out."""
+
+from __future__ import annotations
+
+import os
+import time
+import tty
+from collections.abc import Callable
+from pathlib import Path
+
+
+class Pedal:
+    """A port at a path that stays the same through unplugging, as /dev/serial/by-id does."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._master = self._slave = -1
+        self.plug()
+
+    def plug(self) -> None:
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        self.path.symlink_to(os.ttyname(self._slave))
+
+    def unplug(self) -> None:
+        self.path.unlink()
+        os.close(self._master)
+        os.close(self._slave)
+        self._master = -1
+
+    def send(self, data: bytes) -> None:
+        os.write(self._master, data)
+
+    def close(self) -> None:
+        if self._master >= 0:
+            self.unplug()
+
+
+def until(done: Callable[[], bool], seconds: float = 20.0) -> None:
+    """Waits for something that happens in another thread."""
+    deadline = time.monotonic() + seconds
+    while not done():
+        assert time.monotonic() < deadline, "it never came to be"
+        time.sleep(0.005)

@@ -1,0 +1,47 @@
+"""The settings files of controls: every shipped one is loaded, and each of its controls can be made."""
+
+from pathlib import Path
+
+import pytest
+
+from enliven.errors import InputError, ResourceError
+from enliven.settings import load_settings
+from enliven_edge.controls.base import Device
+from enliven_edge.controls.desk import device_of, words_of
+from enliven_edge.settings import EdgeSettings
+
+FILES = sorted((Path(__file__).resolve().parents[3] / "firmware_configs" / "controls").glob("*.toml"))
+
+
+def test_there_is_one_of_each_kind():
+    kinds = {one.kind for path in FILES for one in load_settings(EdgeSettings, path).controls.values()}
+    assert kinds == {"serial", "hid", "voice"}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_a_shipped_file_makes_its_controls(path):
+    controls = load_settings(EdgeSettings, path).controls
+    assert controls
+    for name, settings in controls.items():
+        assert words_of(name, settings)
+        try:
+            assert isinstance(device_of(name, settings), Device)
+        except ResourceError as error:
+            pytest.skip(str(error))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('[controls.pedal]\nkind = "pedal"', "controls.pedal.kind is 'pedal'"),
+        ('[controls.pedal]\nport = "x"', "controls.pedal.kind is missing"),
+        ('[controls.pedal]\nkind = "serial"\nbaudrate = 9600', "Did you mean controls.pedal.baud"),
+        ('[controls.pedal]\nkind = "hid"\nvendor = 99999', "controls.pedal.vendor is 99999, outside"),
+        ('[controls.pedal]\nkind = "serial"\nmap = { A = 3 }', "controls.pedal.map"),
+    ],
+)
+def test_a_wrong_file_is_refused(tmp_path, text, message):
+    path = tmp_path / "edge.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message):
+        load_settings(EdgeSettings, path)

@@ -1,0 +1,183 @@
+"""A press of a real serial port reaches the stage through a real edge, as a viewer's key does."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+import uuid
+from pathlib import Path
+
+import pytest
+
+from enliven.frames import BodyFrame
+from enliven_edge.controls.commands import WORDS
+from enliven_edge.controls.desk import Controls, open_controls
+from enliven_edge.controls.settings import ControlSettings
+from enliven_edge.matching.rig_actor import RigActor
+from enliven_edge.matching.settings import MatchingSettings
+from enliven_edge.outlet import Outlet
+from enliven_edge.service import Edge
+from enliven_edge.settings import WireSettings
+from enliven_edge.stage import Stage
+from enliven_edge.tracking.tracker import Tracker
+
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1] / "matching"))
+
+from pedals_for_tests import Pedal
+from rigs_for_stage import person, star
+
+STEP = 33_333_333
+
+
+class People:
+    """A sensor of whoever is asked for."""
+
+    name = "people"
+
+    def __init__(self) -> None:
+        self.bodies, self._count = [person()], 0
+
+    def read(self, timeout: float | None = None) -> BodyFrame:
+        self._count += 1
+        return BodyFrame(self.bodies, self._count * STEP, self.name)
+
+    def close(self) -> None: ...
+
+
+class Say:
+    """A control that says what the test tells it to."""
+
+    name = "test"
+
+    def __init__(self) -> None:
+        self.words: list[str] = []
+
+    def poll(self) -> list[str]:
+        said, self.words = self.words, []
+        return said
+
+    def close(self) -> None: ...
+
+
+class House:
+    def __init__(self, outlet: Outlet, controls: Controls) -> None:
+        self.actor, self.sensor = RigActor(star(), MatchingSettings(fade=0.0)), People()
+        self.actor.preview(None, "arms")
+        outlet.introduce(self.actor.character)
+        self.edge = Edge(self.sensor, Tracker(), Stage([self.actor]), outlet, controls=controls)
+
+    def step(self) -> None:
+        self.edge.step(self.sensor.read())
+        self.edge._listen()
+
+    def until(self, done) -> None:
+        deadline = time.monotonic() + 20
+        while not done():
+            assert time.monotonic() < deadline, "it never came to be"
+            self.step()
+
+    @property
+    def shown(self) -> list[str]:
+        names = self.actor.puppet.shape.skeleton.names
+        return [names[b.chain[1]][:-2] for b in self.actor.chooser.pick.match.pairs if b is not None]
+
+    @property
+    def driven(self) -> list[tuple[int, list[str]]]:
+        names = self.actor.puppet.shape.skeleton.names
+        return [(h.body, [names[target[1]][:-2] for _, target in h.pairs]) for h in self.actor.holds]
+
+
+@pytest.fixture
+def outlet():
+    with Outlet(WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0), "people") as made:
+        yield made
+
+
+def test_a_pedal_goes_through_the_matches_takes_what_is_shown_and_lets_go(outlet, tmp_path):
+    pytest.importorskip("serial", reason="pyserial is not installed (the extra 'controls')")
+    pedal = Pedal(tmp_path / "pedal")
+    words = {"A": "possess", "B": "next", "C": "release"}
+    settings = ControlSettings("serial", words, port=str(pedal.path), debounce=0.0, retry=0.02)
+    with open_controls({"pedal": settings}) as controls:
+        house = House(outlet, controls)
+        house.step()
+        first = house.shown
+        pedal.send(b"B\n")
+        house.until(lambda: house.actor.chooser.pick.place == 1)
+        second = house.shown
+        assert second != first
+        pedal.send(b"A\n")
+        house.until(lambda: house.actor.holds)
+        assert house.driven == [(1, second)]
+        pedal.send(b"C\n")
+        house.until(lambda: not house.actor.holds)
+    pedal.close()
+
+
+def test_every_word_does_what_a_viewer_would_ask_for(outlet, caplog):
+    say = Say()
+    house = House(outlet, Controls([say]))
+
+    def said(*words: str) -> None:
+        say.words = list(words)
+        house.edge._listen()
+        house.step()
+
+    house.sensor.bodies = []
+    house.step()
+    said("possess")
+    assert "possess was refused" in caplog.text and "nobody is in view" in caplog.text
+    house.sensor.bodies = [person(), person(left=(0.0, 1.0, 0.0), id=2, at=(1.0, 0.0, -2.5))]
+    house.step()
+    first = house.shown
+    said("next", "next")
+    assert house.actor.chooser.pick.place == 2
+    said("previous")
+    assert house.actor.chooser.pick.place == 1
+    said("follow")
+    assert house.shown == first
+    said("possess")
+    assert house.driven == [(1, first)]
+    other = house.shown
+    said("join")
+    assert house.driven == [(1, first), (2, other)]
+    said("release")
+    assert house.driven == []
+    house.actor.preview(2, "arms")
+    house.step()
+    shown = house.shown
+    said("possess")
+    assert house.driven == [(2, shown)], "whose match is shown takes it, not the first in view"
+    house.actor.preview(None, "legs")
+    house.step()
+    said("extend")
+    ((body, limbs),) = house.driven
+    assert body == 2 and len(limbs) == 4 and set(shown) <= set(limbs), "legs, and the arms as before"
+
+
+def test_what_an_edge_cannot_do_is_said_and_it_goes_on(outlet, caplog):
+    caplog.set_level(logging.WARNING)
+    say = Say()
+    house = House(outlet, Controls([say]))
+    house.step()
+    say.words = ["lock", "unlock", "release", "possess"]
+    house.step()
+    assert caplog.text.count("only the performers of one depth sensor can be locked") == 2
+    assert house.driven == [(1, ["left", "right"])]
+
+
+def test_a_locked_cast_is_the_trackers(outlet):
+    say = Say()
+    edge = Edge(People(), Tracker(), Stage([]), outlet, controls=Controls([say]))
+    say.words = ["lock"]
+    edge._listen()
+    assert edge.tracker._crowd.lock.ids is not None
+    say.words = ["unlock"]
+    edge._listen()
+    assert edge.tracker._crowd.lock.ids is None
+
+
+def test_all_words_are_known_to_somebody():
+    assert len(set(WORDS)) == 9

@@ -1,0 +1,150 @@
+"""Serial pedals over a real pseudo-terminal, by the real pyserial."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from pathlib import Path
+
+import pytest
+
+from enliven.errors import InputError, ResourceError
+from enliven_edge.controls.base import Debouncer
+from enliven_edge.controls.desk import device_of, open_controls
+from enliven_edge.controls.extras import need
+from enliven_edge.controls.serial_pedal import ByteKeys, LineKeys
+from enliven_edge.controls.settings import ControlSettings
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from pedals_for_tests import Pedal, until
+
+pytest.importorskip("serial", reason="pyserial is not installed (the extra 'controls')")
+
+MAP = {"A": "possess", "B": "next", "0x1b": "release", "left foot": "join"}
+
+
+@pytest.fixture
+def pedal(tmp_path):
+    made = Pedal(tmp_path / "pedal")
+    yield made
+    made.close()
+
+
+def opened(pedal: Pedal, **more):
+    given = {"map": MAP, "port": str(pedal.path), "debounce": 0.0, "retry": 0.02, **more}
+    return open_controls({"pedal": ControlSettings("serial", **given)})
+
+
+class Ear:
+    """Collects what is said."""
+
+    def __init__(self, controls) -> None:
+        (self._control,) = controls._controls
+        self.words: list[str] = []
+
+    def heard(self, count: int) -> bool:
+        self.words += self._control.poll()
+        return len(self.words) >= count
+
+
+def test_a_line_is_a_press(pedal, caplog):
+    caplog.set_level(logging.INFO)
+    with opened(pedal) as controls:
+        ear = Ear(controls)
+        until(lambda: "is there" in caplog.text)
+        pedal.send(b"A\r\n  left foot\nnobody\nB")
+        until(lambda: ear.heard(2))
+        pedal.send(b"\n")
+        until(lambda: ear.heard(3))
+    assert ear.words == ["possess", "join", "next"]
+    assert "sent 'nobody', which its map does not have" in caplog.text
+
+
+def test_a_byte_is_a_press(pedal, caplog):
+    caplog.set_level(logging.INFO)
+    with opened(pedal, sends="byte") as controls:
+        ear = Ear(controls)
+        until(lambda: "is there" in caplog.text)
+        pedal.send(b"AB\x1b")
+        until(lambda: ear.heard(3))
+    assert ear.words == ["possess", "next", "release"]
+
+
+def test_a_pedal_that_is_unplugged_is_found_again_and_both_are_said_once(pedal, caplog):
+    caplog.set_level(logging.INFO)
+    with opened(pedal) as controls:
+        ear = Ear(controls)
+        until(lambda: caplog.text.count("is there") == 1)
+        pedal.send(b"A\nhalf a li")
+        until(lambda: ear.heard(1))
+        pedal.unplug()
+        until(lambda: "is not there" in caplog.text)
+        pedal.plug()
+        until(lambda: caplog.text.count("is there") == 2)
+        pedal.send(b"B\n")
+        until(lambda: ear.heard(2))
+    assert ear.words == ["possess", "next"]
+    assert caplog.text.count("is not there") == 1
+
+
+def test_a_pedal_may_come_after_the_edge(tmp_path, caplog):
+    caplog.set_level(logging.INFO)
+    pedal = Pedal(tmp_path / "pedal")
+    pedal.unplug()
+    with opened(pedal) as controls:
+        ear = Ear(controls)
+        until(lambda: "is not there" in caplog.text)
+        pedal.plug()
+        until(lambda: "is there" in caplog.text)
+        pedal.send(b"A\n")
+        until(lambda: ear.heard(1))
+    pedal.close()
+
+
+def test_a_bounce_is_the_same_press():
+    contact = Debouncer(0.08)
+    times = [0.0, 0.003, 0.011, 0.09, 0.2, 0.27, 0.5]
+    assert [contact.counts("A", t) for t in times] == [True, False, False, False, True, False, True]
+    assert contact.counts("B", 0.5), "another key is another press"
+    still = Debouncer(0.0)
+    assert still.counts("A", 1.0) and still.counts("A", 1.0)
+
+
+def test_a_bouncing_contact_is_heard_once(pedal, caplog):
+    caplog.set_level(logging.INFO)
+    with opened(pedal, debounce=5.0) as controls:
+        ear = Ear(controls)
+        until(lambda: "is there" in caplog.text)
+        pedal.send(b"A\nA\nA\nB\n")
+        until(lambda: ear.heard(2))
+    assert ear.words == ["possess", "next"]
+
+
+def test_noise_without_an_end_is_no_press_and_takes_no_room():
+    keys = LineKeys()
+    for _ in range(1000):
+        assert keys.feed(b"\xff" * 100) == []
+    assert len(keys._line) < 100
+    assert keys.feed(b"\nA\n") == ["A"]
+    assert ByteKeys().feed(bytes([0x41, 0x00, 0xFE])) == ["A", "0x00", "0xfe"]
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (ControlSettings("serial", {"A": "posess"}, port="x"), "Did you mean 'possess'"),
+        (ControlSettings("serial", {"A": "zzz"}, port="x"), "Known: possess, join"),
+        (ControlSettings("serial"), "needs a port"),
+        (ControlSettings("serial", port="x", vendor=3), "vendor is of kind 'hid', and this is 'serial'"),
+        (ControlSettings("hid", vendor=3), "needs its vendor and product"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(settings, message):
+    with pytest.raises(InputError, match=message):
+        device_of("pedal", settings)
+
+
+def test_a_missing_library_says_what_to_install():
+    with pytest.raises(ResourceError, match=r"pip install .enliven-edge\[controls\]"):
+        need("a_library_that_nobody_has", "controls", "controls.pedal")
