@@ -2,7 +2,8 @@
 
 Where weights reach or leave their bounds, the pieces change, mostly at a few frames. After each step over all
 frames, the windows around them are solved by themselves, the rest held; then again all. A step over all that
-would not help is damped. It ends where a whole step changes nothing: then the solution is exact.
+would not help is damped. It ends where a whole step changes nothing: then the solution is exact. With costs
+far outside of what the settings allow it may end, after many rounds, with the best that it has.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ class ExampleSettings:
 
     nearest: int = setting(6, "How many examples a control point mixes at one frame.", low=1, high=64)
     acceleration: float = setting(
-        0.3, "lambda_A: how much sudden changes cost, at `rate` frames a second.", low=0.0, high=1000.0
+        0.3, "lambda_A: how much sudden changes cost, at `rate` frames a second.", low=0.0, high=10.0
     )
     rate: float = setting(
         30.0,
@@ -27,7 +27,7 @@ class ExampleSettings:
     )
     affine: float = setting(10.0, "How strictly weights sum to one.", low=0.1, high=1000.0)
     far: float = setting(
-        0.1, "How much the weight of an example costs that is far from the pose.", low=1e-6, high=10.0
+        0.1, "How much the weight of an example costs that is far from the pose.", low=0.01, high=10.0
     )
     pose: float = setting(
         1.0, "How much the other joints say about which examples are near.", low=1e-3, high=100.0
@@ -35,6 +35,6 @@ class ExampleSettings:
     slack: float = setting(
         1.0,
         "How readily a control point leaves what the examples reach, for a constraint or a smoother way.",
-        low=1e-6,
-        high=1e3,
+        low=0.03,
+        high=100.0,
     )
