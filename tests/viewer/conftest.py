@@ -76,7 +76,7 @@ def make_body() -> Callable[..., Body]:
 
 
 @pytest.fixture(scope="session")
-def gl() -> Iterator[moderngl.Context]:
+def one_gl() -> Iterator[moderngl.Context]:
     """An OpenGL context without a window."""
     try:
         ctx = offscreen_context()
@@ -84,6 +84,13 @@ def gl() -> Iterator[moderngl.Context]:
         pytest.skip(f"no OpenGL here: {error}")
     yield ctx
     ctx.release()
+
+
+@pytest.fixture(scope="module")
+def gl(one_gl) -> Iterator[moderngl.Context]:
+    """The context, current again: what another module drew may have made one of its own."""
+    with one_gl:
+        yield one_gl
 
 
 @pytest.fixture
