@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
-from enliven.errors import EnlivenError
+from enliven.errors import EnlivenError, InputError
 from enliven.wire.messages import Possess
 from enliven_edge.controls.base import Control, Device, Reader
 from enliven_edge.controls.commands import WORDS, Word, actions, checked_map
@@ -76,7 +76,14 @@ def open_controls(settings: Mapping[str, ControlSettings], folder: Path | None =
 
 
 def words_of(name: str, settings: ControlSettings) -> dict[str, Word]:
-    """What a control's keys mean; without a map it sends the commands themselves."""
+    """What a control's keys mean; without a map it sends the commands themselves.
+
+    Raises:
+        InputError: for an unknown command, or a voice without phrases.
+    """
+    if settings.kind == "voice" and not settings.map:
+        mend = 'Such as "puppet let it go" = "release".'
+        raise InputError("a voice needs phrases", where=f"controls.{name}.map", mend=mend)
     return checked_map(settings.map or {word: word for word in WORDS}, f"controls.{name}.map")
 
 

@@ -37,14 +37,13 @@ class ControlSettings:
         0, "hid: bytes before that in a report, such as the report's number.", unit="bytes", low=0, high=63
     )
     microphone: str = setting("", "voice: part of the microphone's name; empty: the system's own.")
-    sure: float = setting(0.5, "voice: the least probability that a phrase was said.", low=0.0, high=1.0)
     wav: str = setting("", "voice: a 16 kHz mono WAV instead, for rehearsals; beside this file.")
 
 
 _KINDS = {
     "serial": ("port", "baud", "sends"),
     "hid": ("vendor", "product", "interface", "report", "skip"),
-    "voice": ("microphone", "sure", "wav"),
+    "voice": ("microphone", "wav"),
 }
 
 

@@ -25,16 +25,23 @@ _LONGEST = 3.0
 """Seconds; who speaks for longer says no command."""
 
 
-class Recogniser:
-    """From sound to phrases; a grammar of them, so that whatever is said is compared with these alone.
+_TALK = (
+    "the a and you to of that it is what in we me this was for are have do not be on your with my all can "
+    "will one there so just about out up if now then time look did could please hello yes no stop go come "
+    "here more once again next week left right over who why"
+)
+"""With these talk begins; a phrase that does not begin with its name is heard as one of them."""
 
-    A phrase counts where the whole of what was said between two silences is it, and where the posterior
-    probability of its words is high enough. Sound is decoded while it comes in, a few milliseconds at a
-    time, so that the tracker beside it does not wait.
+
+class Recogniser:
+    """From sound to phrases, by a grammar of them and of talk that they must be likelier than.
+
+    A phrase counts where the whole of what was said between two silences is it. Sound is decoded while it
+    comes in, a few milliseconds at a time, so that the tracker beside it does not wait. Posterior
+    probabilities are not asked for: their lattice takes up to seconds, and the talk tells better.
 
     Args:
         phrases: lower case words, such as "puppet take it".
-        sure: the least probability, from 0 to 1.
         where: for errors.
 
     Raises:
@@ -42,11 +49,11 @@ class Recogniser:
         ResourceError: where pocketsphinx is not installed.
     """
 
-    def __init__(self, phrases: Sequence[str], sure: float, where: str = "voice") -> None:
+    def __init__(self, phrases: Sequence[str], where: str = "voice") -> None:
         need("pocketsphinx", "voice", where)
         sphinx: Any = importlib.import_module("pocketsphinx")
-        self._phrases, self._sure = frozenset(phrases), sure
-        self._decoder = sphinx.Decoder(lm=None, loglevel="FATAL", bestpath=True)
+        self._phrases = frozenset(phrases)
+        self._decoder = sphinx.Decoder(lm=None, loglevel="FATAL", bestpath=False)
         for word in sorted({word for phrase in phrases for word in phrase.split()}):
             if not word.isascii() or self._decoder.lookup_word(word) is None:
                 what, mend = (
@@ -95,14 +102,24 @@ class Recogniser:
         found = self._decoder.hyp()
         if found is None or self._bytes >= _LONGEST * RATE * 2:
             return None
-        sure = float(self._decoder.get_prob())
-        log.debug("heard %r, probability %.2f", found.hypstr, sure)
-        return str(found.hypstr) if found.hypstr in self._phrases and sure >= self._sure else None
+        log.debug("heard %r", found.hypstr)
+        return str(found.hypstr) if found.hypstr in self._phrases else None
 
 
 def _grammar(phrases: Sequence[str]) -> str:
-    """The phrases in the JSpeech Grammar Format."""
-    return f"#JSGF V1.0; grammar commands; public <command> = {' | '.join(phrases)};"
+    """The phrases in the JSpeech Grammar Format, and what is like them but begins with other words.
+
+    A grammar must find something in whatever is said. Talk finds the phrases that begin otherwise, which
+    are no commands.
+    """
+    names = {phrase.split()[0] for phrase in phrases}
+    rests = sorted({" ".join(phrase.split()[1:]) for phrase in phrases} - {""})
+    rest = f"[{' | '.join(rests)}]" if rests else ""
+    return (
+        "#JSGF V1.0; grammar commands;"
+        f"public <command> = {' | '.join(phrases)} | <talk> [<talk>] {rest};"
+        f"<talk> = {' | '.join(word for word in _TALK.split() if word not in names)};"
+    )
 
 
 class Voice(Device):
@@ -116,7 +133,7 @@ class Voice(Device):
     def __init__(
         self, settings: ControlSettings, phrases: Sequence[str], where: str, folder: Path | None = None
     ) -> None:
-        self._recogniser = Recogniser(phrases, settings.sure, where)
+        self._recogniser = Recogniser(phrases, where)
         self._source: Recording | Microphone
         if settings.wav:
             self._source = Recording((folder or Path()) / settings.wav)

@@ -137,6 +137,7 @@ def test_noise_without_an_end_is_no_press_and_takes_no_room():
         (ControlSettings("serial", {"A": "zzz"}, port="x"), "Known: possess, join"),
         (ControlSettings("serial"), "needs a port"),
         (ControlSettings("serial", port="x", vendor=3), "vendor is of kind 'hid', and this is 'serial'"),
+        (ControlSettings("voice"), "a voice needs phrases"),
         (ControlSettings("hid", vendor=3), "needs its vendor and product"),
     ],
 )

@@ -1,0 +1,144 @@
+"""Spoken commands by the real PocketSphinx: a synthetic speaker says them, and other things."""
+
+from __future__ import annotations
+
+import functools
+import io
+import logging
+import math
+import shutil
+import subprocess
+import sys
+import wave
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import resample_poly
+
+from enliven.errors import InputError
+from enliven.settings import load_settings
+from enliven_edge.controls.desk import open_controls
+from enliven_edge.controls.settings import ControlSettings
+from enliven_edge.controls.voice import RATE, Recogniser, Recording
+from enliven_edge.settings import EdgeSettings
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from pedals_for_tests import until
+
+pytest.importorskip("pocketsphinx", reason="pocketsphinx is not installed (the extra 'voice')")
+
+SHIPPED = Path(__file__).resolve().parents[3] / "firmware_configs" / "controls" / "voice.toml"
+SETTINGS = load_settings(EdgeSettings, SHIPPED).controls["voice"]
+
+spoken = pytest.mark.skipif(shutil.which("espeak-ng") is None, reason="espeak-ng is not installed")
+
+
+@functools.cache
+def said(text: str, voice: str = "en-us") -> bytes:
+    """Somebody says it in a quiet room, with a second of nothing before and after; 16 kHz."""
+    command = ["espeak-ng", "-v", voice, "-s", "140", "--stdout", text]
+    with wave.open(io.BytesIO(subprocess.run(command, capture_output=True, check=True).stdout)) as file:
+        # espeak writes to a pipe, and does not know the length that it announces.
+        rate, sound = file.getframerate(), np.frombuffer(file.readframes(10 * file.getframerate()), np.int16)
+    common = math.gcd(rate, RATE)
+    sound = resample_poly(sound.astype(float), RATE // common, rate // common)
+    quiet = np.random.default_rng(0).normal(0.0, 20.0, len(sound) + 2 * RATE)
+    quiet[RATE:-RATE] += sound
+    return quiet.clip(-32768, 32767).astype(np.int16).tobytes()
+
+
+@pytest.fixture(scope="module")
+def recogniser() -> Recogniser:
+    return Recogniser(list(SETTINGS.map))
+
+
+def heard(recogniser: Recogniser, sound: bytes) -> list[str]:
+    step = recogniser.frame_bytes
+    frames = (sound[i : i + step] for i in range(0, len(sound) - step + 1, step))
+    return [phrase for phrase in map(recogniser.feed, frames) if phrase is not None]
+
+
+@spoken
+def test_most_commands_are_heard_and_none_is_taken_for_another(recogniser):
+    right = 0
+    for phrase in SETTINGS.map:
+        found = heard(recogniser, said(phrase))
+        assert found in ([], [phrase])
+        right += found == [phrase]
+    assert right >= 7
+
+
+@spoken
+def test_two_commands_in_a_row_are_two(recogniser):
+    assert heard(recogniser, said("puppet let it go") + said("puppet follow my pose")) == [
+        "puppet let it go",
+        "puppet follow my pose",
+    ]
+
+
+@spoken
+@pytest.mark.parametrize(
+    "talk",
+    ["yes", "stop", "look at the lights", "lower your arms", "what time is it", "show me the other one"],
+)
+def test_talk_is_no_command(recogniser, talk):
+    assert heard(recogniser, said(talk)) == []
+
+
+@pytest.mark.parametrize("kind", ["silence", "hiss", "hum", "claps"])
+def test_what_nobody_says_is_no_command(recogniser, kind):
+    random, time = np.random.default_rng(1), np.arange(8 * RATE) / RATE
+    sound = {
+        "silence": np.zeros(len(time)),
+        "hiss": random.normal(0.0, 3000.0, len(time)),
+        "hum": 8000.0 * np.sin(2 * np.pi * 50.0 * time),
+        "claps": random.normal(0.0, 9000.0, len(time)) * np.exp(-40.0 * (time % 0.7)),
+    }[kind]
+    assert heard(recogniser, sound.clip(-32768, 32767).astype(np.int16).tobytes()) == []
+
+
+def test_a_word_that_the_model_does_not_know_is_refused():
+    with pytest.raises(InputError, match="does not know the word 'brzlfx'"):
+        Recogniser(["puppet brzlfx"])
+
+
+def written(path: Path, sound: bytes, rate: int = RATE, channels: int = 1) -> Path:
+    with wave.open(str(path), "wb") as file:
+        file.setparams((channels, 2, rate, 0, "NONE", ""))
+        file.writeframes(sound)
+    return path
+
+
+@spoken
+def test_a_recording_is_a_rehearsal(tmp_path, caplog):
+    caplog.set_level(logging.INFO)
+    written(tmp_path / "say.wav", said("puppet follow my pose"))
+    settings = ControlSettings("voice", dict(SETTINGS.map), wav="say.wav")
+    with open_controls({"voice": settings}, tmp_path) as controls:
+        (reader,) = controls._controls
+        until(lambda: "has ended" in caplog.text)
+        assert reader.poll() == ["follow"]
+
+
+def test_a_recording_comes_in_its_own_time(tmp_path):
+    waits: list[float] = []
+    recording = Recording(written(tmp_path / "still.wav", bytes(RATE)), waits.append)
+    recording.open(960)
+    frames = 0
+    with pytest.raises(EOFError):
+        while True:
+            assert len(recording.read()) == 960
+            frames += 1
+    assert frames == 3 * RATE // 960
+    assert all(0.0 <= wait <= 1.51 for wait in waits) and waits[-1] > waits[0]
+
+
+def test_another_kind_of_wav_is_refused(tmp_path):
+    path = written(tmp_path / "stereo.wav", bytes(400), rate=44100, channels=2)
+    with pytest.raises(InputError, match=r"44100 Hz, 2 channels.*must have 16000 Hz"):
+        Recording(path).open(960)
+    path.write_bytes(b"no sound")
+    with pytest.raises(InputError, match="no WAV file"):
+        Recording(path).open(960)
