@@ -142,3 +142,17 @@ def test_another_kind_of_wav_is_refused(tmp_path):
     path.write_bytes(b"no sound")
     with pytest.raises(InputError, match="no WAV file"):
         Recording(path).open(960)
+
+
+def test_a_microphone_that_is_not_there_is_looked_for_and_the_edge_goes_on(caplog):
+    try:
+        import sounddevice  # noqa: F401
+    except (ImportError, OSError) as error:
+        pytest.skip(f"no sounddevice or PortAudio: {error}")
+    caplog.set_level(logging.DEBUG)
+    settings = ControlSettings("voice", dict(SETTINGS.map), microphone="nobody's microphone", retry=0.01)
+    with open_controls({"voice": settings}) as controls:
+        (reader,) = controls._controls
+        until(lambda: caplog.text.count("Traceback") >= 3)  # three tries, PortAudio begun anew for each
+        assert reader.poll() == []
+    assert caplog.text.count("is not there") == 1
