@@ -61,15 +61,19 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     """
     source, target = source_anatomy(clip), anatomy_of(shape.skeleton)
     mode = _mode(clip.skeleton, source, shape.skeleton, target)
+    twins = _twins(clip.skeleton, shape.skeleton)
     chains = _whole(clip.skeleton, source, shape.skeleton, mode)
     for drive in assigned(source, target):
+        # Where a shoulder or a hip sits is the model's own affair: pointed like the performer's, it would
+        # come off the trunk.
+        girdle = drive.role.endswith("girdle") and not twins
         for piece in _pieces(drive, clip.skeleton, shape.skeleton):
             chains.append(
                 ChainPlan(
                     _named(clip.skeleton, piece.source),
                     _named(shape.skeleton, piece.target),
                     piece.role,
-                    mode,
+                    "move" if girdle else mode,
                     mirrored=piece.mirrored,
                 )
             )
@@ -100,11 +104,11 @@ def _mode(source: Skeleton, theirs: Anatomy, target: Skeleton, ours: Anatomy) ->
 
 
 def _twins(source: Skeleton, target: Skeleton) -> bool:
-    """Whether two skeletons are one but for their size and place."""
+    """Whether two skeletons are one but for their size, place and heading."""
     if source.names != target.names or (source.parents != target.parents).any():
         return False
-    a, b = (s.positions - s.positions.mean(0) for s in (source, target))
-    a, b = (p / max(float(np.linalg.norm(p)), 1e-9) for p in (a, b))
+    a, b = (np.linalg.norm(s.positions[:, None] - s.positions, axis=2) for s in (source, target))
+    a, b = (apart / max(float(apart.max()), 1e-9) for apart in (a, b))
     return bool(np.abs(a - b).max() < _TWINS)
 
 
