@@ -16,7 +16,7 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
 from enliven.mapping.plan import ChainPlan, Plan, Rest
-from enliven.mapping.resting import about_itself, at_moment, first_heading, posed, rebased
+from enliven.mapping.resting import about_itself, at_moment, calm, first_heading, posed, rebased
 from enliven.motion.clip import Clip
 from enliven.motion.layers import Layer
 from enliven.motion.polyline import arc_of
@@ -174,6 +174,11 @@ def _rest(clip: Clip, rest: Rest | float) -> Float:
         return at_moment(clip, 0.0).copy()
     if isinstance(rest, int | float):
         return at_moment(clip, float(rest)).copy()
+    if rest == "auto":
+        body = source_anatomy(clip)
+        limbs = [limb.proper for pair in body.pairs for limb in pair]
+        if len(body.legs) == 1 and body.arms:
+            return calm(clip, limbs)
     return about_itself(clip)
 
 

@@ -46,7 +46,7 @@ class Plan:
     rest: Rest | float = setting(
         "auto",
         'The pose of the take that movement is counted from: "mean", "first", "zero" (the file\'s own), '
-        'seconds into it, or "auto", which is the mean.',
+        'seconds into it, or "auto": of the two-legged the frames in which their limbs hang, else the mean.',
     )
     turn: bool = setting(True, "Turn the whole model as the performer turns: chains onto its root alone.")
     travel: bool = setting(False, "Move the whole model as the performer moves.")

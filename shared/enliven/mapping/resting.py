@@ -1,22 +1,26 @@
 """Rest poses of a take: the one it is said against. Any pose will do, since turns are relative to it.
 
 about_itself(clip)         # (N, 4) the mean pose of the take, its heading the first
+calm(clip, limbs)          # (N, 4) the mean of those frames in which the limbs hang most
 rebased(clip, since)       # the take against another rest pose
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Bool, Float
 from enliven.motion.clip import Clip
 from enliven.rotation import conjugate, multiply, normalized, rotate
 from enliven.skeleton import Skeleton
 
 _STRIDE = 1.0
 """Seconds."""
+_CALM = 0.12
+"""Share of a take's frames that count as calm."""
 
 
 def heading_of(turns: Float) -> Float:
@@ -44,12 +48,31 @@ def about_itself(clip: Clip) -> Float:
 
     The heading is the first one: whoever turns round in a take has no mean of it.
     """
-    parents = clip.skeleton.parents
-    heading = heading_of(clip.turns[:, 0])
+    return _mean_pose(clip, np.ones(len(clip.turns), bool))
+
+
+def calm(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
+    """(N, 4) world turns of somebody upright between what they do: arms and legs hang.
+
+    The mean pose of who waves all the time has raised arms. Of the frames, an eighth, in which the bones of
+    the limbs point down most are taken, in their mean. Its heading is the first one.
+
+    Args:
+        limbs: chains of joints.
+    """
+    bones = [joint for limb in limbs for joint in limb[1:]]
+    height = rotate(clip.turns[:, bones], clip.skeleton.vectors[bones])[..., 1].sum(1)
+    return _mean_pose(clip, height <= np.quantile(height, _CALM))
+
+
+def _mean_pose(clip: Clip, frames: Bool) -> Float:
+    """(N, 4) of each bone the mean turn in the one before, over the (F,) frames."""
+    parents, turns = clip.skeleton.parents, clip.turns[frames]
+    heading = heading_of(turns[:, 0])
     since = np.empty((len(parents), 4))
-    since[0] = multiply(first_heading(clip), mean_turn(multiply(conjugate(heading), clip.turns[:, 0])))
+    since[0] = multiply(first_heading(clip), mean_turn(multiply(conjugate(heading), turns[:, 0])))
     for j in range(1, len(parents)):
-        local = multiply(conjugate(clip.turns[:, parents[j]]), clip.turns[:, j])
+        local = multiply(conjugate(turns[:, parents[j]]), turns[:, j])
         since[j] = multiply(since[parents[j]], mean_turn(local))
     return since
 

@@ -12,10 +12,19 @@ from enliven.errors import InputError
 from enliven.mapping.applying import apply_plan, source_anatomy
 from enliven.mapping.automatic import automatic, retargeted
 from enliven.mapping.plan import ChainPlan, Plan
-from enliven.mapping.resting import about_itself, at_moment, first_heading, mean_turn, posed, rebased
+from enliven.mapping.resting import (
+    about_itself,
+    at_moment,
+    calm,
+    first_heading,
+    mean_turn,
+    posed,
+    rebased,
+)
+from enliven.motion.clip import Clip
 from enliven.motion.evaluate import Player
 from enliven.project import Project
-from enliven.rotation import from_rotation_vector, multiply, normalized, rotate
+from enliven.rotation import from_rotation_vector, multiply, normalized, rotate, swing
 
 SEEDS = st.integers(0, 10_000)
 
@@ -202,3 +211,21 @@ def test_one_leg_poses_two(seed):
         for side in ("Left", "Right"):
             bone = got[horse().index(f"{side} stifle")] - got[horse().index(f"{side} hip")]
             assert bone @ thigh == pytest.approx(np.linalg.norm(bone) * np.linalg.norm(thigh), rel=1e-6)
+
+
+def test_who_waves_is_calm_between_the_waves():
+    """Arms up in seven frames of ten: the mean pose raises them, the calm one lets them hang."""
+    skeleton = man()
+    arm = [skeleton.index(name) for name in ("Left shoulder", "Left elbow", "Left wrist")]
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (100, len(skeleton), 1))
+    for bone in arm[1:]:
+        along = skeleton.vectors[bone] / skeleton.lengths[bone]
+        turns[:, bone] = swing(along, np.array([0.0, -1.0, 0.0]))
+        turns[15:85, bone] = swing(along, np.array([0.6, 0.8, 0.0]))
+    clip = Clip("wave", skeleton, turns, np.zeros((100, 3)), 1 / 30)
+
+    def rise(since):
+        return rotate(since[arm[1]], skeleton.vectors[arm[1]])[1] / skeleton.lengths[arm[1]]
+
+    assert rise(calm(clip, [arm])) == pytest.approx(-1.0)
+    assert rise(about_itself(clip)) > 0.0
