@@ -54,8 +54,8 @@ def about_itself(clip: Clip) -> Float:
 def calm(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
     """(N, 4) world turns of somebody upright between what they do: arms and legs hang.
 
-    The mean pose of who waves all the time has raised arms. Of the frames, an eighth, in which the bones of
-    the limbs point down most are taken, in their mean. Its heading is the first one.
+    The mean pose of who waves all the time has raised arms. This is the mean of the eighth of the frames in
+    which the bones of the limbs point down most. Its heading is the first one.
 
     Args:
         limbs: chains of joints.
