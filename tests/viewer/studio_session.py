@@ -21,6 +21,12 @@ from enliven_viewer.studio.window import StudioWindow
 said: dict[str, object] = {"done": False, "errors": []}
 
 
+def settle(ctx: imgui.test_engine.TestContext, frames: int = 4) -> None:
+    """Lets the window draw some frames: an event is seen in the next one."""
+    for _ in range(frames):
+        ctx.yield_()
+
+
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     """What an artist does: tools, a menu, a drag in the viewport, keys, the dialogue at the end."""
     desk = window.desk
@@ -31,14 +37,19 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 
         return ImVec2(*where(place, WindowStage(window)))
 
+    # The panels find their places in the first frames, and what is where depends on them.
+    settle(ctx)
     said["size"] = list(window.places.viewport)
     ctx.item_click("tools/##carry")
     said["tool"] = desk.hand.tool.name
     ctx.mouse_move_to_pos(at(Joint("one", 0)))
+    settle(ctx)
     ctx.mouse_down(0)
+    settle(ctx)
     ctx.mouse_move_to_pos(at(Joint("two", 1)))
+    settle(ctx)
     ctx.mouse_up(0)
-    ctx.yield_()
+    settle(ctx)
     said["merged"] = sorted(editor.project.shapes)
     said["told"] = [toast.text for toast in editor.toasts.shown]
     ctx.menu_click("##MainMenuBar/Edit/Undo")
