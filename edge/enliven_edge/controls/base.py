@@ -32,6 +32,11 @@ class Control(Protocol):
 
     name: str
 
+    @property
+    def there(self) -> bool:
+        """Whether its device is, and listened to."""
+        ...
+
     def poll(self) -> list[Word]:
         """What was said since the last call, the oldest first; never waits."""
         ...
@@ -106,9 +111,15 @@ class Reader:
         self._debouncer = Debouncer(debounce)
         self._said: deque[Word] = deque(maxlen=_WAITING)
         self._strangers: set[str] = set()
+        self._there = False
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"control {name}", daemon=True)
         self._thread.start()
+
+    @property
+    def there(self) -> bool:
+        """Whether its device is, and listened to: what is pressed before is lost."""
+        return self._there
 
     def poll(self) -> list[Word]:
         """What was said since the last call, the oldest first; never waits."""
@@ -130,6 +141,7 @@ class Reader:
                 self._device.open()
                 log.info("control %s is there", self.name)
                 wait, told = self._retry, False
+                self._there = True
                 self._read()
             except EOFError:
                 log.info("control %s has ended", self.name)
@@ -140,6 +152,7 @@ class Reader:
                 log.debug("control %s", self.name, exc_info=True)
                 told = True
             finally:
+                self._there = False
                 self._device.close()
             self._stopped.wait(wait)
             wait = min(2.0 * wait, _LONGEST * self._retry)

@@ -39,6 +39,11 @@ class Controls:
                     except EnlivenError as error:
                         log.warning("%s: %s was refused: %s", control.name, word, error)
 
+    @property
+    def missing(self) -> list[str]:
+        """The names of those whose devices are looked for."""
+        return [control.name for control in self._controls if not control.there]
+
     def forget(self) -> None:
         """What was said so far is nothing: the stage was not ready."""
         for control in self._controls:

@@ -50,6 +50,7 @@ class Say:
     """A control that says what the test tells it to."""
 
     name = "test"
+    there = True
 
     def __init__(self) -> None:
         self.words: list[str] = []
@@ -104,6 +105,7 @@ def test_a_pedal_goes_through_the_matches_takes_what_is_shown_and_lets_go(outlet
         house = House(outlet, controls)
         house.step()
         first = house.shown
+        house.until(lambda: not controls.missing)
         pedal.send(b"B\n")
         house.until(lambda: house.actor.chooser.pick.place == 1)
         second = house.shown
