@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from enliven.arrays import Bool, Float, Int, Int32
+from enliven.modeling.flips import flip, slot
 
 _PASS, _BACK = 0.5, -0.53
 """Taubin's two factors ("A signal processing approach to fair surface design", 1995): no shrinking."""
@@ -66,14 +67,6 @@ def _to_middle(vertices, faces, count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _slot(row, value):  # type: ignore[no-untyped-def]
-    for k in range(3):
-        if row[k] == value:
-            return k
-    return -1
-
-
-@njit(cache=True, nogil=True)
 def _normal(p, q, r):  # type: ignore[no-untyped-def]
     ux, uy, uz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     vx, vy, vz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
@@ -93,7 +86,7 @@ def _linked(faces, beside, t, a, d):  # type: ignore[no-untyped-def]
     """Whether vertices a (of face t) and d share an edge: a walk around a."""
     f = t
     for _ in range(64):
-        k = _slot(faces[f], a)
+        k = slot(faces[f], a)
         if faces[f, (k + 1) % 3] == d or faces[f, (k + 2) % 3] == d:
             return True
         f = beside[f, (k + 1) % 3]
@@ -113,7 +106,7 @@ def _flip_all(vertices, faces, beside):  # type: ignore[no-untyped-def]
                 if u < 0:
                     continue
                 a, b, c = faces[t, k], faces[t, (k + 1) % 3], faces[t, (k + 2) % 3]
-                m = _slot(beside[u], t)
+                m = slot(beside[u], t)
                 d = faces[u, m]
                 one = _cotangent(vertices[a], vertices[b], vertices[c])
                 if one + _cotangent(vertices[d], vertices[b], vertices[c]) >= -1e-9:
@@ -126,16 +119,7 @@ def _flip_all(vertices, faces, beside):  # type: ignore[no-untyped-def]
                     continue
                 if _linked(faces, beside, t, a, d):
                     continue
-                over_b, over_c = beside[t, (k + 1) % 3], beside[t, (k + 2) % 3]
-                under_c, under_b = beside[u, _slot(faces[u], c)], beside[u, _slot(faces[u], b)]
-                faces[t, 0], faces[t, 1], faces[t, 2] = a, b, d
-                faces[u, 0], faces[u, 1], faces[u, 2] = a, d, c
-                beside[t, 0], beside[t, 1], beside[t, 2] = under_c, u, over_c
-                beside[u, 0], beside[u, 1], beside[u, 2] = under_b, over_b, t
-                if under_c >= 0:
-                    beside[under_c, _slot(beside[under_c], u)] = t
-                if over_b >= 0:
-                    beside[over_b, _slot(beside[over_b], t)] = u
+                flip(faces, beside, t, k)
                 done += 1
         if done == 0:
             return

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from enliven.arrays import Float, Int
+from enliven.modeling.flips import flip, slot
 
 _MOST = 20_000
 """Points at most that a refinement adds."""
@@ -91,35 +92,18 @@ def _in_circle(a, b, c, d):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _slot(row, value):  # type: ignore[no-untyped-def]
-    for k in range(3):
-        if row[k] == value:
-            return k
-    return -1
-
-
-@njit(cache=True, nogil=True)
 def _legalise(points, cells, beside, t, k):  # type: ignore[no-untyped-def]
     """Flip the edge opposite to corner k of cell t where that is legal and better; whether it was done."""
     u = beside[t, k]
     if u < 0:
         return False
-    m = _slot(beside[u], t)
+    m = slot(beside[u], t)
     a, b, c, d = cells[t, k], cells[t, (k + 1) % 3], cells[t, (k + 2) % 3], cells[u, m]
     if _in_circle(points[a], points[b], points[c], points[d]) <= 1e-10:
         return False
     if _turn(points[a], points[b], points[d]) <= 0.0 or _turn(points[a], points[d], points[c]) <= 0.0:
         return False
-    after_b, after_c = beside[t, (k + 1) % 3], beside[t, (k + 2) % 3]
-    other_c, other_b = beside[u, _slot(cells[u], c)], beside[u, _slot(cells[u], b)]
-    cells[t, 0], cells[t, 1], cells[t, 2] = a, b, d
-    cells[u, 0], cells[u, 1], cells[u, 2] = a, d, c
-    beside[t, 0], beside[t, 1], beside[t, 2] = other_c, u, after_c
-    beside[u, 0], beside[u, 1], beside[u, 2] = other_b, after_b, t
-    if other_c >= 0:
-        beside[other_c, _slot(beside[other_c], u)] = t
-    if after_b >= 0:
-        beside[after_b, _slot(beside[after_b], t)] = u
+    flip(cells, beside, t, k)
     return True
 
 
@@ -176,9 +160,9 @@ def _split(cells, beside, t, p, some):  # type: ignore[no-untyped-def]
     beside[u, 0], beside[u, 1], beside[u, 2] = over_b, v, t
     beside[v, 0], beside[v, 1], beside[v, 2] = over_c, t, u
     if over_b >= 0:
-        beside[over_b, _slot(beside[over_b], t)] = u
+        beside[over_b, slot(beside[over_b], t)] = u
     if over_c >= 0:
-        beside[over_c, _slot(beside[over_c], t)] = v
+        beside[over_c, slot(beside[over_c], t)] = v
 
 
 @njit(cache=True, nogil=True)

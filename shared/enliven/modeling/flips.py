@@ -1,0 +1,41 @@
+"""Flipping an edge of a triangulation: which triangles it has, and who is beside whom, afterwards.
+
+``beside[t, k]`` is the triangle across the edge opposite to corner k of triangle t, -1 at a border. Whether a
+flip is legal, and better, is for the caller to know.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def slot(row, value):  # type: ignore[no-untyped-def]
+    """Kernel: where in a row of three a value is, -1 where it is not."""
+    for k in range(3):
+        if row[k] == value:
+            return k
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def flip(triangles, beside, t, k):  # type: ignore[no-untyped-def]
+    """Kernel: the edge opposite to corner k of t becomes the other diagonal of t and its neighbour, in place.
+
+    Args:
+        triangles: (T, 3) vertices, counter-clockwise; the edge has a triangle on both sides.
+        beside: (T, 3) neighbours.
+    """
+    u = beside[t, k]
+    m = slot(beside[u], t)
+    a, b, c, d = triangles[t, k], triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3], triangles[u, m]
+    over_b, over_c = beside[t, (k + 1) % 3], beside[t, (k + 2) % 3]
+    under_c, under_b = beside[u, slot(triangles[u], c)], beside[u, slot(triangles[u], b)]
+    triangles[t, 0], triangles[t, 1], triangles[t, 2] = a, b, d
+    triangles[u, 0], triangles[u, 1], triangles[u, 2] = a, d, c
+    beside[t, 0], beside[t, 1], beside[t, 2] = under_c, u, over_c
+    beside[u, 0], beside[u, 1], beside[u, 2] = under_b, over_b, t
+    if under_c >= 0:
+        beside[under_c, slot(beside[under_c], u)] = t
+    if over_b >= 0:
+        beside[over_b, slot(beside[over_b], t)] = u
