@@ -2,6 +2,8 @@
 
 A bone of a rig and a node of a deformation graph are the same thing to everyone downstream: a transform
 about a pivot that moves the vertices around it. So there is one pose, one shader and one message for both.
+A control point of a puppet is a transform too, but the surface between them is solved by whoever shows it
+(:class:`enliven.deformation.arap.ArapSolver`), in the frame of transform 0.
 """
 
 from __future__ import annotations
@@ -33,8 +35,9 @@ class Character:
         skin: four transforms a vertex.
         pivots: (J, 3) float32 rest positions of the graph nodes, or of the bones' joints.
         edges: (E, 2) int32 pairs of pivots to draw: graph edges, or bones.
-        kind: "graph" or "bones".
+        kind: "graph", "bones" or "points".
         colours: (V, 3) uint8 sRGB, or None.
+        held: (J - 1,) int32, for kind "points" the vertex that each transform but the first puts somewhere.
     """
 
     id: str
@@ -45,6 +48,7 @@ class Character:
     edges: Int32
     kind: str = "graph"
     colours: UInt8 | None = None
+    held: Int32 | None = None
 
     def __post_init__(self) -> None:
         problem = _problem_of(self)
@@ -71,6 +75,13 @@ def _problem_of(character: Character) -> str:
         return f"the skin weights are {character.skin.indices.shape}, expected ({vertices}, 4)"
     if character.colours is not None and character.colours.shape != (vertices, 3):
         return f"the colours are {character.colours.shape}, expected ({vertices}, 3)"
+    if (character.kind == "points") != (character.held is not None):
+        return f"its kind is {character.kind!r}, and the vertices that are held are {character.held}"
+    if character.held is not None and (
+        character.held.shape != (count - 1,)
+        or (count > 1 and not 0 <= int(character.held.min()) <= int(character.held.max()) < vertices)
+    ):
+        return f"{character.held.shape} vertices outside 0..{vertices - 1} are held by {count - 1} points"
     if int(character.skin.indices.max()) >= count:
         return f"a vertex follows transform {int(character.skin.indices.max())} of {count}"
     if int(character.faces.min()) < 0 or int(character.faces.max()) >= vertices:

@@ -12,6 +12,7 @@ from enliven.errors import InputError
 from enliven.graph_shape import GraphShape, PoseStream
 from enliven.motion.clip import Clip
 from enliven.motion.layers import Layer
+from enliven.puppet import Puppet
 from enliven.shape import Shape
 
 
@@ -19,10 +20,11 @@ from enliven.shape import Shape
 class Project:
     """Everything an artist has made, by id. Takes never change; a layer refers to one, a shape to layers.
 
-    Possessed meshes (graphs) play pose streams, which never change either.
+    Possessed meshes (graphs) play pose streams, which never change either; puppets play takes, by examples.
 
     Raises:
-        InputError: where a shape names a layer, a layer a take, or a graph a stream, that is not there.
+        InputError: where a shape names a layer, a layer or a puppet a take, or a graph a stream, that is not
+            there.
     """
 
     shapes: Mapping[str, Shape] = field(default_factory=dict)
@@ -30,9 +32,10 @@ class Project:
     layers: Mapping[str, Layer] = field(default_factory=dict)
     graphs: Mapping[str, GraphShape] = field(default_factory=dict)
     streams: Mapping[str, PoseStream] = field(default_factory=dict)
+    puppets: Mapping[str, Puppet] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("shapes", "takes", "layers", "graphs", "streams"):
+        for name in ("shapes", "takes", "layers", "graphs", "streams", "puppets"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         for layer in self.layers.values():
             if layer.take not in self.takes:
@@ -52,6 +55,11 @@ class Project:
                 known = self.streams[part.stream].positions.shape[1]
                 if part.nodes.size and not 0 <= part.nodes.min() <= part.nodes.max() < known:
                     raise InputError(f"it plays nodes of {part.stream!r} that are not there", where=where)
+        for puppet in self.puppets.values():
+            takes = {layer.take for layer in puppet.layers} | {pose.take for pose in puppet.poses}
+            if takes - set(self.takes):
+                what = f"there is no take {min(takes - set(self.takes))!r}"
+                raise InputError(what, where=f"puppet {puppet.id!r}")
 
     def with_shapes(self, *shapes: Shape) -> Project:
         """A project with these shapes added, or put in the place of those of the same id."""
@@ -80,6 +88,25 @@ class Project:
     def with_streams(self, *streams: PoseStream) -> Project:
         """A project with these pose streams added."""
         return replace(self, streams={**self.streams, **{stream.id: stream for stream in streams}})
+
+    def with_puppets(self, *puppets: Puppet) -> Project:
+        """A project with these puppets added, or put in the place of those of the same id."""
+        return replace(self, puppets={**self.puppets, **{puppet.id: puppet for puppet in puppets}})
+
+    def without_puppet(self, puppet_id: str) -> Project:
+        """A project without a puppet; the takes that it played stay."""
+        return replace(self, puppets={k: v for k, v in self.puppets.items() if k != puppet_id})
+
+    def puppet(self, puppet_id: str) -> Puppet:
+        """The puppet of an id.
+
+        Raises:
+            InputError: where there is none, with the ids that there are.
+        """
+        if puppet_id not in self.puppets:
+            mend = f"Known: {', '.join(self.puppets)}." if self.puppets else "Make one of a mesh first."
+            raise InputError(f"there is no puppet {puppet_id!r}", where="project", mend=mend)
+        return self.puppets[puppet_id]
 
     def graph(self, shape_id: str) -> GraphShape:
         """The possessed mesh of an id.

@@ -68,15 +68,15 @@ def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) 
         return arrays[value[ARRAY]]
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         return _dataclass(hint, value, arrays, where)
+    if origin is typing.Literal:
+        if value not in arguments:
+            raise InputError(f"{value!r} is not known here", where=where)
+        return value
     if origin is not None and issubclass(origin, Mapping):
         table = _typed(value, dict, where)
         return {key: unpacked(arguments[1], v, arrays, f"{where}.{key}") for key, v in table.items()}
     if origin is tuple:
         return _tuple(arguments, _typed(value, list, where), arrays, where)
-    if origin is typing.Literal:
-        if value not in arguments:
-            raise InputError(f"{value!r} is not known here", where=where)
-        return value
     if hint is Any:
         return value
     return _typed(value, hint, where)

@@ -13,6 +13,7 @@ from enliven.arrays import AnyArray
 from enliven.errors import InputError
 from enliven.graph_shape import GraphShape
 from enliven.project import Project, same
+from enliven.puppet import Puppet
 from enliven.settings import setting
 from enliven.shape import Shape
 
@@ -152,7 +153,8 @@ def shared_with(project: Project, before: Project) -> Project:
     shapes = {k: _shared_shape(shape, before.shapes.get(k)) for k, shape in project.shapes.items()}
     streams = {k: _shared(stream, before.streams.get(k)) for k, stream in project.streams.items()}
     graphs = {k: _shared_graph(graph, before.graphs.get(k)) for k, graph in project.graphs.items()}
-    return replace(project, takes=takes, layers=layers, shapes=shapes, streams=streams, graphs=graphs)
+    puppets = {k: _shared_puppet(puppet, before.puppets.get(k)) for k, puppet in project.puppets.items()}
+    return Project(shapes, takes, layers, graphs, streams, puppets)
 
 
 def _shared(new: T, old: T | None) -> T:
@@ -169,6 +171,12 @@ def _shared_graph(new: GraphShape, old: GraphShape | None) -> GraphShape:
     if old is None or new is old or same(new, old):
         return new if old is None else old
     return GraphShape(**_shared_parts(new, old))
+
+
+def _shared_puppet(new: Puppet, old: Puppet | None) -> Puppet:
+    if old is None or new is old or same(new, old):
+        return new if old is None else old
+    return Puppet(**_shared_parts(new, old))
 
 
 def _shared_parts(new: Any, old: Any) -> dict[str, Any]:

@@ -272,6 +272,7 @@ def character_to_message(character: Character, revision: int) -> CharacterMessag
         _raw(character.pivots, "<f4"),
         _raw(character.edges, "<i4"),
         None if colours is None else _raw(colours, "u1"),
+        None if character.held is None else _raw(character.held, "<i4"),
     )
 
 
@@ -296,6 +297,7 @@ def message_to_character(message: CharacterMessage) -> Character:
         _array(message.edges, "<i4", 2),
         message.kind,
         None if colours is None else _array(colours, "u1", 3),
+        None if message.held is None else _array(message.held, "<i4", 1)[:, 0],
     )
 
 

@@ -272,11 +272,12 @@ class CharacterMessage(Struct, tag=True, frozen=True):
         pivots: (J, 3) float32 metres.
         edges: (E, 2) int32.
         colours: (V, 3) uint8 sRGB, or None.
+        held: (J - 1,) int32, for kind "points" the vertex that each transform but the first puts somewhere.
     """
 
     id: Name
     revision: Count
-    kind: Literal["graph", "bones"]
+    kind: Literal["graph", "bones", "points"]
     vertex_count: Annotated[int, Meta(ge=1, le=MAX_VERTICES)]
     face_count: Annotated[int, Meta(ge=1, le=MAX_FACES)]
     pivot_count: Annotated[int, Meta(ge=1, le=MAX_TRANSFORMS)]
@@ -288,6 +289,7 @@ class CharacterMessage(Struct, tag=True, frozen=True):
     pivots: bytes
     edges: bytes
     colours: bytes | None = None
+    held: bytes | None = None
 
     def __post_init__(self) -> None:
         _expect("vertices", self.vertices, 12 * self.vertex_count)
@@ -298,6 +300,8 @@ class CharacterMessage(Struct, tag=True, frozen=True):
         _expect("edges", self.edges, 8 * self.edge_count)
         if self.colours is not None:
             _expect("colours", self.colours, 3 * self.vertex_count)
+        if self.held is not None:
+            _expect("held", self.held, 4 * (self.pivot_count - 1))
 
 
 def _expect(name: str, data: bytes, length: int) -> None:

@@ -1,0 +1,99 @@
+"""Puppets as documents: what they refuse, what a project keeps of them, and how viewers know them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from enliven.errors import InputError
+from enliven.examples.constraints import Coupling, Position, Velocity
+from enliven.examples.locomotion import Switch
+from enliven.formats.project_file import project_bytes, project_of
+from enliven.modeling.history import History
+from enliven.motion.clip import Clip
+from enliven.project import Project, same
+from enliven.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer, character_of_puppet
+from enliven.shapes import make_chair
+from enliven.skeleton import Skeleton
+from enliven.wire.convert import character_to_message, message_to_character
+
+POINTS = (ControlPoint("left", 0, "hand"), ControlPoint("right", 9, weight=2.0, foot=True))
+
+
+def take():
+    skeleton = Skeleton(("hips", "hand"), np.array([-1, 0]), np.array([[0, 1, 0], [0, 1.5, 0]]))
+    return Clip("wave", skeleton, np.tile([1.0, 0, 0, 0], (5, 2, 1)), np.zeros((5, 3)), 0.1)
+
+
+def puppet():
+    mesh = make_chair()
+    rest = mesh.vertices[[0, 9]]
+    switches = Switch(0, "contact"), Switch(2, "flight")
+    layer = PuppetLayer(
+        "wave", ("left",), 0.5, -2.0, True, 0.5, False, True, False, switches,
+        (Position("left", 1, (0.0, 1.0, 0.0)),), (Velocity("left", 2, (0.0, 0.0, 0.0), "y"),),
+        (Coupling("left", "right", 3),),
+    )  # fmt: skip
+    poses = (KeyPose("wave", 0.1, rest), KeyPose("wave", 0.3, rest + 0.1))
+    plane = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    return Puppet("chair", mesh, POINTS, poses, (layer,), plane, np.array([1.0, 0, 0]))
+
+
+def project():
+    return Project().with_takes(take()).with_puppets(puppet())
+
+
+def test_a_project_file_keeps_a_puppet_bit_for_bit():
+    data = project_bytes(project())
+    assert same(project(), project_of(data))
+    assert project_bytes(project_of(data)) == data
+
+
+def test_the_history_shares_what_did_not_change():
+    history = History(project())
+    mesh = history.project.puppet("chair").mesh
+    changed = project().puppet("chair").with_changes(place=np.array([2.0, 0, 0]))
+    history.do("move", history.project.with_puppets(changed))
+    assert history.project.puppet("chair").mesh is mesh
+    assert history.project.puppet("chair").place[0] == 2.0
+    assert history.undo().puppet("chair").place[0] == 1.0
+
+
+def test_the_wire_keeps_its_character():
+    character = character_of_puppet(puppet())
+    again = message_to_character(character_to_message(character, 3))
+    assert again.kind == "points"
+    assert again.held is not None and again.held.tolist() == [0, 9]
+    assert np.array_equal(again.pivots[1:], puppet().rest.astype(np.float32))
+    assert not again.skin.indices.any() and (again.skin.weights[:, 0] == 1).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"points": (ControlPoint("a", 0), ControlPoint("a", 1)), "poses": (), "layers": ()},
+            "one name: a, a",
+        ),
+        ({"points": (ControlPoint("a", 10**6),), "poses": (), "layers": ()}, "vertex 1000000 of"),
+        ({"poses": (KeyPose("wave", 0.0, np.zeros((3, 3))),)}, "3 places for 2"),
+        ({"poses": (KeyPose("wave", 0.0, np.full((2, 3), np.nan)),)}, "pose 0 is not finite"),
+        ({"layers": (PuppetLayer("wave", ("nose",)),)}, "'nose', which is not there"),
+        ({"turn": np.ones(4)}, "no unit quaternion"),
+    ],
+)
+def test_what_does_not_fit_is_refused(changes, said):
+    with pytest.raises(InputError, match=said):
+        puppet().with_changes(**changes)
+
+
+def test_takes_that_are_not_there_are_named():
+    with pytest.raises(InputError, match="there is no take 'wave'"):
+        Project().with_puppets(puppet())
+
+
+def test_a_puppet_and_a_point_that_are_not_there():
+    with pytest.raises(InputError, match="no puppet 'horse'"):
+        project().puppet("horse")
+    with pytest.raises(InputError, match="no control point 'tail'"):
+        puppet().index("tail")
