@@ -147,7 +147,10 @@ class Renderer:
                 crease = math.radians(self.settings.crease_angle)
                 known = SkinnedMesh(self.ctx, actor.character, crease, self._skin)
                 self._meshes[actor.character.id] = known
-            known.skin(actor.pose)
+            if actor.vertices is None:
+                known.skin(actor.pose)
+            else:
+                known.place(actor.vertices)
         return [self._meshes[actor.character.id] for actor in scene.actors]
 
     def _write_frame(self, box: Box, view: View) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Float, Float32
 from enliven.body import Body
 from enliven.character import Character, Pose
 from enliven.matching.board import Board
@@ -38,11 +38,22 @@ class Look:
 
 @dataclass(frozen=True)
 class Actor:
-    """One character in one pose."""
+    """One character in one pose.
+
+    Attributes:
+        vertices: (V, 3) float32 metres in the world, where the surface was solved; None where the
+            character's transforms move it.
+    """
 
     character: Character
     pose: Pose
     cues: Cues | None = None
+    vertices: Float32 | None = None
+
+    @property
+    def extent(self) -> Float32:
+        """(N, 3) metres, what is filled: the solved surface, or the pivots."""
+        return self.pose.positions if self.vertices is None else self.vertices
 
 
 @dataclass(frozen=True)
@@ -70,7 +81,7 @@ class Scene:
 
     def _around(self, loose: Float | None, reach: float) -> Box | None:
         """A box with room around characters, bodies, and what of the loose things is within reach of them."""
-        points = [actor.pose.positions for actor in self.actors] + [body.joints for body in self.bodies]
+        points = [actor.extent for actor in self.actors] + [body.joints for body in self.bodies]
         if self.extent is not None:
             points.append(np.stack(self.extent))
         bounds = bounds_of(points)

@@ -9,6 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float32
 from enliven.character import Character, Pose
+from enliven_viewer.render.normals import placed
 from enliven_viewer.render.program import UNITS
 from enliven_viewer.render.surface import clustered_faces, is_closed, longest_edge, split_creases
 
@@ -39,7 +40,7 @@ class SkinnedMesh:
         self, ctx: moderngl.Context, character: Character, crease: float, skin: moderngl.Program
     ) -> None:
         self.character = character
-        surface = split_creases(character.vertices, character.faces, crease)
+        self._surface = surface = split_creases(character.vertices, character.faces, crease)
         self.count = len(surface.source)
         rows = math.ceil(len(character.pivots) / _PER_ROW)
         self._staged = np.zeros((rows * _PER_ROW, 3, 4), np.float32)
@@ -70,6 +71,10 @@ class SkinnedMesh:
         self._transforms.write(self._staged)
         self._transforms.use(UNITS["transforms"])
         self._skin.transform(self._skinned, moderngl.POINTS, vertices=self.count)
+
+    def place(self, vertices: Float32) -> None:
+        """Put the vertices (V, 3), metres in the world, where somebody solved them to be."""
+        self._skinned.write(placed(vertices, self.character.faces, self._surface))
 
     def render(self, program: moderngl.Program, *, coarse: bool = False) -> None:
         """Draw the skinned triangles with a program that takes ``in_position`` and perhaps more.

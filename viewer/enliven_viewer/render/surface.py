@@ -20,11 +20,17 @@ class Surface:
         source: (N,) the vertex of the character that each drawn vertex is a copy of.
         normals: (N, 3) float32, unit, at rest.
         faces: (F, 3) int32 into the N.
+        groups: (F, 3) the smoothing group of each corner.
+        angles: (F, 3) radians of the corners at rest, by which faces count in their groups' normals.
+        group: (N,) the smoothing group of each drawn vertex.
     """
 
     source: Int
     normals: Float32
     faces: Int32
+    groups: Int
+    angles: Float
+    group: Int
 
 
 def split_creases(vertices: Float32, faces: Int32, crease: float = math.radians(45)) -> Surface:
@@ -52,6 +58,9 @@ def split_creases(vertices: Float32, faces: Int32, crease: float = math.radians(
         keys[1].astype(np.int64),
         unit.astype(np.float32),
         corner.reshape(-1, 3).astype(np.int32),
+        group.reshape(-1, 3),
+        weights,
+        group[first],
     )
 
 

@@ -1,0 +1,62 @@
+"""Vertices that were solved, not skinned: with smooth normals of where they are, as the GPU draws them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from enliven.arrays import Float, Float32, Int, Int32
+from enliven_viewer.render.surface import Surface
+
+
+def placed(vertices: Float32, faces: Int32, surface: Surface) -> Float32:
+    """(N, 6) float32 position and unit normal of each drawn vertex.
+
+    Faces count in a normal by their angle at rest, so that a mesh at rest looks as a skinned one does, and
+    creases stay where they were.
+
+    Args:
+        vertices: (V, 3) metres, the character's.
+        faces: (F, 3) the character's.
+        surface: the character as it is drawn.
+    """
+    rows = np.empty((len(surface.source), 6), np.float32)
+    places = np.ascontiguousarray(vertices, np.float32)
+    sums = np.zeros((int(surface.group.max()) + 1, 3))
+    _summed(places, faces, surface.groups, surface.angles, sums)
+    _rows(places, surface.source, surface.group, surface.normals, sums, rows)
+    return rows
+
+
+@njit(cache=True, nogil=True)
+def _summed(vertices: Float32, faces: Int32, groups: Int, angles: Float, sums: Float) -> None:
+    """Adds each face's unit normal to the groups of its corners."""
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        x, y, z = vertices[a, 0], vertices[a, 1], vertices[a, 2]
+        px, py, pz = float(vertices[b, 0] - x), float(vertices[b, 1] - y), float(vertices[b, 2] - z)
+        qx, qy, qz = float(vertices[c, 0] - x), float(vertices[c, 1] - y), float(vertices[c, 2] - z)
+        nx, ny, nz = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
+        area = np.sqrt(nx * nx + ny * ny + nz * nz)
+        if not area > 1e-14:
+            continue
+        for k in range(3):
+            share, group = angles[f, k] / area, groups[f, k]
+            sums[group, 0] += share * nx
+            sums[group, 1] += share * ny
+            sums[group, 2] += share * nz
+
+
+@njit(cache=True, nogil=True)
+def _rows(vertices: Float32, source: Int, group: Int, rest: Float32, sums: Float, rows: Float32) -> None:
+    """Positions and normals: that at rest where faces have no area, the origin for what is no number."""
+    for n in range(len(source)):
+        for c in range(3):
+            value = vertices[source[n], c]
+            rows[n, c] = value if np.isfinite(value) else 0.0
+        x, y, z = sums[group[n], 0], sums[group[n], 1], sums[group[n], 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 1e-12:
+            rows[n, 3], rows[n, 4], rows[n, 5] = x / length, y / length, z / length
+        else:
+            rows[n, 3], rows[n, 4], rows[n, 5] = rest[n, 0], rest[n, 1], rest[n, 2]
