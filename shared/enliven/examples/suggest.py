@@ -75,6 +75,35 @@ def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Sugg
     return Suggested(tuple(frames), tuple(gaps), max(2, few[0] if few else len(frames)))
 
 
+def further_poses(poses: Float, known: Float, settings: SuggestSettings | None = None) -> Suggested:
+    """Key poses that are missing beside examples (n, P, 3) that there are, all in the body frame.
+
+    Returns:
+        The frames, the most needed first; ``gaps[k]`` is what is left with the first k of them, so there is
+        one more; ``count`` of them are enough, 0 where none is needed.
+
+    Raises:
+        InputError: as :func:`suggest_poses`.
+    """
+    settings = settings or SuggestSettings()
+    poses = np.array(poses, np.float64)
+    alone = suggest_poses(poses, settings)
+    away = distance_to(poses, known)
+    away[_slips(poses, settings.slip * float(np.median(_distance(poses, poses[alone.frames[0]]))))] = 0.0
+    frames, gaps = list[int](), [float(away.max())]
+    while gaps[-1] > 1e-6 * alone.gaps[0] and len(frames) + len(known) < settings.most:
+        frames.append(int(away.argmax()))
+        away = np.minimum(away, _distance(poses, poses[frames[-1]]))
+        gaps.append(float(away.max()))
+    few = [k for k, gap in enumerate(gaps) if gap <= settings.enough * alone.gaps[0]]
+    return Suggested(tuple(frames), tuple(gaps), few[0] if few else len(frames))
+
+
+def distance_to(poses: Float, known: Float) -> Float:
+    """(F,) metres, a root mean square over joints, from poses (F, P, 3) to the nearest of some (n, P, 3)."""
+    return np.asarray(np.min([_distance(poses, pose) for pose in known], axis=0))
+
+
 def _slips(poses: Float, far: float) -> Bool:
     """(F,) frames that are far from the frame before and from the one after; none where most are."""
     steps = np.sqrt((np.diff(poses, axis=0) ** 2).sum(2).mean(1))

@@ -5,7 +5,7 @@ import pytest
 
 from enliven.errors import InputError
 from enliven.examples.poses import Examples
-from enliven.examples.suggest import SuggestSettings, suggest_poses
+from enliven.examples.suggest import SuggestSettings, distance_to, further_poses, suggest_poses
 from enliven.examples.symmetric import doubled, partners_of, reflected
 
 NAMES = ("left", "right", "middle")
@@ -67,3 +67,25 @@ def test_partners_are_found_on_the_mesh():
         )
     with pytest.raises(InputError, match="not each other's"):
         doubled(one_sided(), (1, 2, 0), np.zeros(3), np.array([1.0, 0, 0]))
+
+
+def test_further_poses_are_the_farthest_from_what_there_is():
+    rng = np.random.default_rng(5)
+    poses = rng.normal(size=(200, 4, 3))
+    known = poses[[3, 70]] + 0.01 * rng.normal(size=(2, 4, 3))
+    found = further_poses(poses, known, SuggestSettings(most=8))
+    away = np.sqrt(
+        ((poses[:, None] - np.concatenate([known, poses[list(found.frames)]])) ** 2).sum(3).mean(2)
+    )
+    assert len(found.frames) == 6
+    for k, frame in enumerate(found.frames):
+        nearest = away[:, : 2 + k].min(1)
+        assert nearest.argmax() == frame and found.gaps[k] == pytest.approx(nearest.max())
+    np.testing.assert_allclose(distance_to(poses, known), away[:, :2].min(1))
+
+
+def test_no_more_are_needed_where_every_pose_is_an_example():
+    poses = np.random.default_rng(6).normal(size=(3, 5, 3))[np.arange(120) // 40]
+    found = further_poses(poses, poses[[0, 40, 80]])
+    assert found.count == 0 and found.frames == ()
+    assert further_poses(poses, poses[[0]], SuggestSettings(enough=0.1)).count == 2

@@ -1,0 +1,39 @@
+"""Which joint a control point is guessed to follow."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+sys.path.append(str(Path(__file__).parents[1] / "mapping"))
+from made_bodies import man, turned_body
+
+from enliven.examples.pairing import guess_joints
+
+CACTUS = np.array([[0.4, 0.8, 0.0], [-0.35, 0.7, 0.0], [0.0, 1.2, 0.0], [0.12, 0.0, 0.0], [-0.12, 0.0, 0.0]])
+MEANT = ("Left finger", "Right finger", "top", "Left toe", "Right toe")
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(-3.1, 3.1), st.floats(0.05, 30.0), st.permutations(range(5)))
+def test_arms_follow_arms_whatever_the_size_the_order_and_where_the_performer_looks(angle, scale, order):
+    joints = guess_joints(turned_body(man(), angle), scale * CACTUS[order])
+    assert joints == tuple(MEANT[k] for k in order)
+
+
+def test_what_is_in_the_middle_follows_the_trunk():
+    joints = guess_joints(man(), np.concatenate([CACTUS, [[0.0, 0.55, 0.0]]]))
+    assert joints[:5] == MEANT and joints[5] in ("hips", "spine", "chest")
+
+
+def test_more_points_than_joints_share_them():
+    rest = np.random.default_rng(4).normal(size=(100, 3))
+    joints = guess_joints(man(), rest)
+    count = len(man().names)
+    assert len(joints) == 100 and max(joints.count(name) for name in joints) == -(-100 // count)
+
+
+def test_no_points_have_no_joints():
+    assert guess_joints(man(), np.zeros((0, 3))) == ()
