@@ -36,6 +36,7 @@ class Desk:
         self.editor = editor
         self.hand = Hand(editor, Deeds(editor, self.ask))
         self.timeline = TimelineHand(editor)
+        self.puppets = editor.puppets
         self.cabinet = Cabinet(editor, folder)
         self.widgets: dict[str, Rectangle] = {}
         self.asking = self.caption = self.pressed = ""

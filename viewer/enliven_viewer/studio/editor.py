@@ -18,6 +18,7 @@ from enliven_viewer.render.renderer import EMPTY_BOX
 from enliven_viewer.studio.performance import Company, length_of
 from enliven_viewer.studio.picking import Lens
 from enliven_viewer.studio.possessed import Possessed, end_of_streams, possessed_of
+from enliven_viewer.studio.puppets.posing import PuppetDesk
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.stance import Stance
 from enliven_viewer.studio.toasts import Toasts
@@ -37,6 +38,9 @@ class Selection:
         chain: joints of it from one end to the other; empty without a chain.
         layer: the id of a layer, or None.
         graph: the id of a possessed mesh, or None; then no shape is chosen.
+        puppet: the id of a puppet, or None; then neither a shape nor a possessed mesh is chosen.
+        point: the number of a control point of it, or None.
+        puppet_layer: the number of a layer of it, or None.
     """
 
     shape: str | None = None
@@ -44,6 +48,9 @@ class Selection:
     chain: tuple[int, ...] = ()
     layer: str | None = None
     graph: str | None = None
+    puppet: str | None = None
+    point: int | None = None
+    puppet_layer: int | None = None
 
 
 class Editor:
@@ -63,6 +70,7 @@ class Editor:
         self.toasts = Toasts(self.settings.toast)
         self.time, self.playing, self.loop, self.speed = 0.0, False, True, 1.0
         self.show_bones, self.show_meshes = True, True
+        self.puppets = PuppetDesk(self)
         self._company = Company()
         self._possessed: tuple[Project, float, tuple[Possessed, ...]] | None = None
         self._stances: tuple[Project, float, tuple[Stance, ...]] | None = None
@@ -162,6 +170,8 @@ class Editor:
             self.selection = Selection(layer=self.selection.layer)
         if changes.get("graph") is not None:
             self.selection = Selection()
+        if changes.get("puppet", self.selection.puppet) != self.selection.puppet:
+            self.selection = Selection()
         self.selection = replace(self.selection, **changes)  # type: ignore[arg-type]
 
     def advance(self, seconds: float) -> None:
@@ -208,6 +218,8 @@ class Editor:
             chosen = replace(chosen, layer=None)
         if chosen.graph is not None and chosen.graph not in project.graphs:
             chosen = replace(chosen, graph=None)
+        if chosen.puppet is not None:
+            chosen = _mended_puppet(chosen, project)
         if chosen.shape is not None and chosen.shape not in project.shapes:
             chosen = Selection(layer=chosen.layer)
         count = len(project.shapes[chosen.shape].skeleton) if chosen.shape else 0
@@ -217,3 +229,13 @@ class Editor:
             chosen = replace(chosen, chain=())
         self.selection = chosen
         self.time = float(np.clip(self.time, 0.0, self.length))
+
+
+def _mended_puppet(chosen: Selection, project: Project) -> Selection:
+    """The selection without a puppet, a control point or a layer that is no longer there."""
+    puppet = project.puppets.get(str(chosen.puppet))
+    if puppet is None:
+        return Selection()
+    point = chosen.point if (chosen.point or 0) < len(puppet.points) else None
+    layer = chosen.puppet_layer if (chosen.puppet_layer or 0) < len(puppet.layers) else None
+    return replace(chosen, point=point, puppet_layer=layer)

@@ -44,4 +44,22 @@ LANES: tuple[Colour, ...] = (
 )
 """Bars of the timeline, a colour a take."""
 
+POINTS = (
+    (255, 196, 84),
+    (92, 200, 250),
+    (150, 220, 110),
+    (250, 130, 170),
+    (180, 150, 255),
+    (90, 226, 206),
+    (255, 150, 90),
+    (214, 222, 120),
+)
+"""sRGB of control points, in turn: on the stage, in lists, and of the joints that they are paired with."""
+
+
+def point_colour(number: int) -> tuple[int, int, int]:
+    """The sRGB of a control point, by its number on the puppet."""
+    return POINTS[number % len(POINTS)]
+
+
 __all__ = ["ACCENT", "BAD", "GLASS", "GOOD", "INK", "QUIET", "WAIT"]
