@@ -15,6 +15,7 @@ from enliven.project import Project
 from enliven_viewer.camera import Box, OrbitCamera
 from enliven_viewer.document import bounds_of
 from enliven_viewer.render.renderer import EMPTY_BOX
+from enliven_viewer.studio.examples.solving import Solving
 from enliven_viewer.studio.performance import Company, length_of
 from enliven_viewer.studio.picking import Lens
 from enliven_viewer.studio.possessed import Possessed, end_of_streams, possessed_of
@@ -71,6 +72,7 @@ class Editor:
         self.time, self.playing, self.loop, self.speed = 0.0, False, True, 1.0
         self.show_bones, self.show_meshes = True, True
         self.puppets = PuppetDesk(self)
+        self.solving = Solving(self.toasts)
         self._company = Company()
         self._possessed: tuple[Project, float, tuple[Possessed, ...]] | None = None
         self._stances: tuple[Project, float, tuple[Stance, ...]] | None = None

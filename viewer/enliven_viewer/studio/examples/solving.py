@@ -1,0 +1,145 @@
+"""Solving what puppets play, beside the window: no picture waits for it, and the last good motion stays.
+
+solving = Solving(editor.toasts)
+project, puppet = solving.shown(project, "cactus")       # the newest whose motions are solved
+state = state_of(project, puppet, time)                  # so this costs nothing
+"""
+
+from __future__ import annotations
+
+import logging
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import wait as wait_for
+from dataclasses import dataclass
+
+from enliven.errors import EnlivenError
+from enliven.examples.puppet_motion import missing, motion_of
+from enliven.project import Project
+from enliven.puppet import Puppet
+from enliven_viewer.studio.toasts import Toasts
+
+log = logging.getLogger(__name__)
+_PATIENCE = 0.012
+"""Seconds that a picture waits: what is solved by then is in it at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Wish:
+    """A puppet and the project that its takes are in."""
+
+    project: Project
+    puppet: Puppet
+
+    def same(self, other: _Wish | None) -> bool:
+        """Whether another wish is for the same motions: the same puppet, the same takes."""
+        if other is None or other.puppet is not self.puppet:
+            return False
+        names = {pose.take for pose in self.puppet.poses} | {layer.take for layer in self.puppet.layers}
+        return all(self.project.takes[name] is other.project.takes[name] for name in names)
+
+
+class _Solved:
+    """What is known of one puppet."""
+
+    def __init__(self) -> None:
+        self.good: _Wish | None = None
+        self.asked: _Wish | None = None
+        self.future: Future[None] | None = None
+        self.problem: EnlivenError | None = None
+
+
+class Solving:
+    """Solves in a thread of its own, one puppet after the other, always the newest that was asked for.
+
+    Args:
+        toasts: where errors are told, each once.
+        patience: seconds that :meth:`shown` waits for a motion.
+    """
+
+    def __init__(self, toasts: Toasts | None = None, patience: float = _PATIENCE) -> None:
+        self.patience = patience
+        self._toasts = toasts
+        self._pool: ThreadPoolExecutor | None = None
+        self._known: dict[str, _Solved] = {}
+
+    def shown(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
+        """The newest project and puppet whose motions are solved; without layers while there is none.
+
+        Control points may be others than the project's: whoever draws it takes the puppet that is returned.
+        """
+        wish = _Wish(project, project.puppets[puppet_id])
+        known = self._known.setdefault(puppet_id, _Solved())
+        if wish.same(known.good) and known.problem is None:
+            assert known.good is not None
+            return known.good.project, wish.puppet
+        if not wish.puppet.layers or missing(project, wish.puppet):
+            known.good = known.problem = None
+            return project, wish.puppet.with_changes(layers=()) if wish.puppet.layers else wish.puppet
+        self._ask(known, wish)
+        if known.good is None:
+            return project, wish.puppet.with_changes(layers=())
+        return known.good.project, known.good.puppet
+
+    def problem(self, puppet_id: str) -> EnlivenError | None:
+        """Why the newest of a puppet's motions cannot be solved; None where nothing is wrong."""
+        known = self._known.get(puppet_id)
+        return known.problem if known else None
+
+    def busy(self, puppet_id: str) -> bool:
+        """Whether a motion of the puppet is being solved."""
+        known = self._known.get(puppet_id)
+        return known is not None and known.future is not None
+
+    def settle(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
+        """As :meth:`shown`, but waits until it is solved or refused: for sessions without a window."""
+        shown = self.shown(project, puppet_id)
+        while self.busy(puppet_id):
+            future = self._known[puppet_id].future
+            if future is not None:
+                wait_for([future])
+            shown = self.shown(project, puppet_id)
+        return shown
+
+    def close(self) -> None:
+        """End the thread."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+            self._pool = None
+
+    def _ask(self, known: _Solved, wish: _Wish) -> None:
+        """Have it solved, unless it was refused already; what takes longer is looked for the next time."""
+        if known.future is None:
+            if wish.same(known.asked) and known.problem is not None:
+                return
+            known.asked, known.future = wish, self._begin(wish)
+        wait_for([known.future], timeout=self.patience)
+        if not known.future.done():
+            return
+        error, asked = known.future.exception(), known.asked
+        known.future = None
+        if error is None:
+            known.good, known.problem = asked, None
+        else:
+            self._refused(known, error)
+
+    def _begin(self, wish: _Wish) -> Future[None]:
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(1, thread_name_prefix="solving")
+        return self._pool.submit(_solve, wish)
+
+    def _refused(self, known: _Solved, error: BaseException) -> None:
+        """Keep why, and tell it once. A fault of our own is told as well: the window must not end by it."""
+        if not isinstance(error, EnlivenError):
+            log.error("a motion could not be solved", exc_info=error)
+            error = EnlivenError(f"a fault of enliven itself: {type(error).__name__}: {error}")
+        again = known.problem is not None and str(known.problem) == str(error)
+        known.problem = error
+        if self._toasts is not None and not again:
+            self._toasts.complain(error)
+
+
+def _solve(wish: _Wish) -> None:
+    """Every motion that plays, into the memory of :func:`enliven.examples.puppet_motion.motion_of`."""
+    for number, layer in enumerate(wish.puppet.layers):
+        if not layer.muted and layer.weight > 0.0:
+            motion_of(wish.project, wish.puppet, number)
