@@ -9,11 +9,15 @@ A control point of a puppet is a transform too, but the surface between them is 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from enliven.arrays import Float, Float32, Int32, UInt8, UInt16
 from enliven.errors import InputError
+
+if TYPE_CHECKING:
+    from enliven.deformation.arap import ArapSettings
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,8 @@ class Character:
         kind: "graph", "bones" or "points".
         colours: (V, 3) uint8 sRGB, or None.
         held: (J - 1,) int32, for kind "points" the vertex that each transform but the first puts somewhere.
+        pulls: (J - 1,) float32, how hard each pulls as a soft handle, 0 for a hard one; None: all are hard.
+        surface: how the surface follows them; None: as the defaults say.
     """
 
     id: str
@@ -49,6 +55,8 @@ class Character:
     kind: str = "graph"
     colours: UInt8 | None = None
     held: Int32 | None = None
+    pulls: Float32 | None = None
+    surface: ArapSettings | None = None
 
     def __post_init__(self) -> None:
         problem = _problem_of(self)
@@ -82,6 +90,11 @@ def _problem_of(character: Character) -> str:
         or (count > 1 and not 0 <= int(character.held.min()) <= int(character.held.max()) < vertices)
     ):
         return f"{character.held.shape} vertices outside 0..{vertices - 1} are held by {count - 1} points"
+    if character.pulls is not None and (
+        character.pulls.shape != (count - 1,)
+        or not (np.isfinite(character.pulls).all() and (character.pulls >= 0).all())
+    ):
+        return f"{count - 1} points pull with {character.pulls.tolist()}"
     if int(character.skin.indices.max()) >= count:
         return f"a vertex follows transform {int(character.skin.indices.max())} of {count}"
     if int(character.faces.min()) < 0 or int(character.faces.max()) >= vertices:

@@ -206,6 +206,8 @@ def character_of_puppet(puppet: Puppet) -> Character:
         kind="points",
         colours=puppet.mesh.colours,
         held=np.array([point.vertex for point in puppet.points], np.int32),
+        pulls=np.array([point.weight or 0.0 for point in puppet.points], np.float32),
+        surface=puppet.surface,
     )
 
 

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
 from enliven.arrays import AnyArray, Float32, Int32
 from enliven.body import Body
 from enliven.body import J as JOINTS
-from enliven.character import Character, Pose, SkinWeights
+from enliven.character import Pose
 from enliven.errors import InputError
 from enliven.health import HealthState, Severity, worst_first
 from enliven.props import BALL, BOX, Props
+from enliven.wire.convert_characters import character_to_message, message_to_character
+from enliven.wire.fields import from_bytes, to_bytes
 from enliven.wire.messages import (
-    MAX_FACES,
     MAX_HEALTH,
     MAX_PROPS,
-    MAX_VERTICES,
     BodiesMessage,
-    CharacterMessage,
     CuesMessage,
     HealthMessage,
     PackedBody,
@@ -28,6 +27,23 @@ from enliven.wire.messages import (
 )
 from enliven.wire.posecode import PoseCodec
 from enliven.wire.quaternions import pack_quaternions, unpack_quaternions
+
+__all__ = [
+    "JOINT_STEP",
+    "bodies_to_message",
+    "character_to_message",
+    "cues_to_message",
+    "health_to_messages",
+    "message_to_bodies",
+    "message_to_character",
+    "message_to_cues",
+    "message_to_owners",
+    "message_to_pose",
+    "message_to_props",
+    "messages_to_health",
+    "pose_to_message",
+    "props_to_message",
+]
 
 JOINT_STEP = 2.0**-11
 """Metres; a joint is at most 0.25 mm off along each axis (0.43 mm in all), up to 16 m from the origin."""
@@ -204,11 +220,11 @@ def props_to_message(props: Props) -> PropsMessage:
     millimetres = np.rint(np.nan_to_num(props.sizes[known]) * 1000)
     return PropsMessage(
         props.time_ns,
-        _raw(props.ids[known], "<u2"),
-        _raw(props.shapes[known], "u1"),
-        _raw(np.clip(millimetres, 0, 65535), "<u2"),
-        _raw(props.colours[known], "u1"),
-        _raw(np.clip(steps, -32768, 32767), "<i2"),
+        to_bytes(props.ids[known], "<u2"),
+        to_bytes(props.shapes[known], "u1"),
+        to_bytes(np.clip(millimetres, 0, 65535), "<u2"),
+        to_bytes(props.colours[known], "u1"),
+        to_bytes(np.clip(steps, -32768, 32767), "<i2"),
         pack_quaternions(props.turns[known]),
         _clipped(props.note),
     )
@@ -229,83 +245,9 @@ def message_to_props(message: PropsMessage) -> Props:
         message.time_ns,
         np.frombuffer(message.ids, "<u2").astype(np.int64),
         shapes,
-        (_array(message.sizes, "<u2", 3) / 1000.0).astype(np.float32),
-        _array(message.colours, "u1", 3),
-        _array(message.positions, "<i2", 3) * JOINT_STEP,
+        (from_bytes(message.sizes, "<u2", 3) / 1000.0).astype(np.float32),
+        from_bytes(message.colours, "u1", 3),
+        from_bytes(message.positions, "<i2", 3) * JOINT_STEP,
         unpack_quaternions(message.turns),
         message.note,
     )
-
-
-def character_to_message(character: Character, revision: int) -> CharacterMessage:
-    """A whole character as it goes on the wire.
-
-    Raises:
-        InputError: where its id or its mesh is larger than the wire carries.
-    """
-    if not 1 <= len(character.id) <= 64:
-        raise InputError(
-            f"the id has {len(character.id)} characters, 1 to 64 go on the wire",
-            where=f"character {character.id[:80]!r}",
-            mend="Give it a shorter name.",
-        )
-    if len(character.vertices) > MAX_VERTICES or len(character.faces) > MAX_FACES:
-        raise InputError(
-            f"it has {len(character.vertices)} vertices and {len(character.faces)} faces, at most "
-            f"{MAX_VERTICES} and {MAX_FACES} go on the wire",
-            where=f"character {character.id!r}",
-            mend="Simplify the mesh.",
-        )
-    colours = character.colours
-    return CharacterMessage(
-        character.id,
-        revision,
-        character.kind,  # type: ignore[arg-type]
-        len(character.vertices),
-        len(character.faces),
-        len(character.pivots),
-        len(character.edges),
-        _raw(character.vertices, "<f4"),
-        _raw(character.faces, "<i4"),
-        _raw(character.skin.indices, "<u2"),
-        _raw(character.skin.weights, "<f4"),
-        _raw(character.pivots, "<f4"),
-        _raw(character.edges, "<i4"),
-        None if colours is None else _raw(colours, "u1"),
-        None if character.held is None else _raw(character.held, "<i4"),
-    )
-
-
-def message_to_character(message: CharacterMessage) -> Character:
-    """The character, checked as one that was built here.
-
-    Raises:
-        InputError: where a number is not finite or an index points outside.
-    """
-    numbers = [_array(d, "<f4", 1) for d in (message.vertices, message.weights, message.pivots)]
-    if not all(np.isfinite(a).all() for a in numbers):
-        raise InputError(
-            "a vertex, weight or pivot is not a finite number", where=f"character {message.id!r}"
-        )
-    colours = message.colours
-    return Character(
-        message.id,
-        _array(message.vertices, "<f4", 3),
-        _array(message.faces, "<i4", 3),
-        SkinWeights(_array(message.indices, "<u2", 4), _array(message.weights, "<f4", 4)),
-        _array(message.pivots, "<f4", 3),
-        _array(message.edges, "<i4", 2),
-        message.kind,
-        None if colours is None else _array(colours, "u1", 3),
-        None if message.held is None else _array(message.held, "<i4", 1)[:, 0],
-    )
-
-
-def _raw(array: AnyArray | Sequence[int], dtype: str) -> bytes:
-    return np.ascontiguousarray(array, dtype).tobytes()
-
-
-def _array(data: bytes, dtype: str, columns: int) -> AnyArray:
-    """(N, columns) in the machine's own byte order, writable by nobody."""
-    array = np.frombuffer(data, dtype).reshape(-1, columns)
-    return array.astype(array.dtype.newbyteorder("="), copy=False)

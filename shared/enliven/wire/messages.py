@@ -8,442 +8,88 @@ Numbers in ``bytes`` are little-endian.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
-
-from msgspec import Meta, Struct, field
+from enliven.wire.characters import CharacterMessage
+from enliven.wire.fields import (
+    MAX_FACES,
+    MAX_HEALTH,
+    MAX_PROPS,
+    MAX_TRANSFORM_BYTES,
+    MAX_TRANSFORMS,
+    MAX_VERTICES,
+)
+from enliven.wire.requests import (
+    Answer,
+    Ask,
+    Browse,
+    Done,
+    GetState,
+    Hello,
+    Lock,
+    Look,
+    Mode,
+    Order,
+    Ping,
+    Pong,
+    Possess,
+    Refused,
+    Release,
+    Reply,
+    Request,
+    Revision,
+    Smooth,
+    Welcome,
+)
+from enliven.wire.streams import (
+    BodiesMessage,
+    CuesMessage,
+    HealthMessage,
+    MatchesMessage,
+    PackedBody,
+    PackedMatch,
+    PoseMessage,
+    PropsMessage,
+    StatusMessage,
+)
 
 VERSION = 1
 """Of the wire. Raised when an old program could misread a new message."""
 
-Name = Annotated[str, Meta(min_length=1, max_length=64)]
-Text = Annotated[str, Meta(max_length=400)]
-Sentence = Annotated[str, Meta(max_length=160)]
-Count = Annotated[int, Meta(ge=0, le=2**53)]
-Identity = Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)]
-"""Of a performer."""
-Nanoseconds = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
-Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
-"""Finite: msgspec refuses NaN and infinities by the range."""
-
-MAX_TRANSFORM_BYTES = 256 * 1024
-MAX_VERTICES = 2_000_000
-MAX_FACES = 4_000_000
-MAX_TRANSFORMS = 4096
-MAX_PROPS = 1024
-MAX_HEALTH = 8
-"""So many keep a heartbeat below the size that older programs take."""
-
-
-class PoseMessage(Struct, array_like=True, frozen=True):
-    """Where one character's transforms are (topic "pose").
-
-    Attributes:
-        character: its id.
-        revision: of the character that the transforms belong to.
-        instance: of the edge's process; a restarted edge has another.
-        sequence: counts the poses of this character from 0; a gap is a loss.
-        time_ns: the sensor's clock.
-        captured_ns: the edge's wall clock when the frame was read.
-        published_ns: the edge's wall clock when the pose was sent.
-        transforms: bytes of :class:`enliven.wire.posecode.PoseCodec`.
-    """
-
-    character: Name
-    revision: Count
-    instance: Count
-    sequence: Count
-    time_ns: Nanoseconds
-    captured_ns: Nanoseconds
-    published_ns: Nanoseconds
-    transforms: Annotated[bytes, Meta(max_length=MAX_TRANSFORM_BYTES)]
-
-
-class PackedBody(Struct, array_like=True, frozen=True):
-    """One tracked person.
-
-    Attributes:
-        id: stable while the person is in view.
-        joints: (20, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world frame.
-        confidence: (20,) uint8, 255 for certain.
-        orientations: (20,) uint32 of :mod:`enliven.wire.quaternions`, world_from_bone; empty where unknown.
-        contacts: (2,) uint8, 255 where the left and the right foot surely stand; empty where unknown.
-        stature_mm: millimetres from soles to crown when standing straight; 0 where unknown.
-    """
-
-    id: Identity
-    joints: Annotated[bytes, Meta(min_length=120, max_length=120)]
-    confidence: Annotated[bytes, Meta(min_length=20, max_length=20)]
-    orientations: Annotated[bytes, Meta(max_length=80)] = b""
-    contacts: Annotated[bytes, Meta(max_length=2)] = b""
-    stature_mm: Annotated[int, Meta(ge=0, le=10_000)] = 0
-
-    def __post_init__(self) -> None:
-        if self.orientations:
-            _expect("orientations", self.orientations, 80)
-        if self.contacts:
-            _expect("contacts", self.contacts, 2)
-
-
-class BodiesMessage(Struct, array_like=True, frozen=True):
-    """Everybody in view at one moment of the sensor's clock (topic "bodies")."""
-
-    time_ns: Nanoseconds
-    captured_ns: Nanoseconds
-    bodies: Annotated[list[PackedBody], Meta(max_length=32)]
-
-
-class CuesMessage(Struct, array_like=True, frozen=True):
-    """What to highlight on a character (topic "cues").
-
-    Attributes:
-        character: its id.
-        state: "free"; "preview": the nodes would be held if the body took hold now; "possessed".
-        nodes: (K,) uint16 node indices.
-        strengths: (K,) uint8, 255 for the firmest.
-        body: the performer's id, the first of several; -1 for nobody.
-        time_ns: the sensor's clock, the time of the poses that it goes with.
-        held: so many of the first nodes are held, the others would be by whoever comes next; None: all of
-            them, unless the state is "preview".
-        performers: the ids of those whose nodes these are.
-        owners: (K,) uint8 which of the performers holds each node; empty: all are of ``body``.
-    """
-
-    character: Name
-    state: Literal["free", "preview", "possessed"]
-    nodes: Annotated[bytes, Meta(max_length=2 * MAX_TRANSFORMS)] = b""
-    strengths: Annotated[bytes, Meta(max_length=MAX_TRANSFORMS)] = b""
-    body: Identity = -1
-    time_ns: Nanoseconds = 0
-    held: Count | None = None
-    performers: Annotated[list[Identity], Meta(max_length=64)] = field(default_factory=list)
-    owners: Annotated[bytes, Meta(max_length=MAX_TRANSFORMS)] = b""
-
-    def __post_init__(self) -> None:
-        _expect("nodes", self.nodes, 2 * len(self.strengths))
-        if self.owners:
-            _expect("owners", self.owners, len(self.strengths))
-            if max(self.owners) >= len(self.performers):
-                raise ValueError(f"an owner is number {max(self.owners)} of {len(self.performers)}")
-
-
-class PropsMessage(Struct, array_like=True, frozen=True):
-    """Everything loose at one moment, whole: who joins late needs no history (topic "props").
-
-    Attributes:
-        time_ns: the sensor's clock, the time of the poses that it goes with.
-        ids: (P,) uint16, stable while the thing exists.
-        shapes: (P,) uint8, 0 a box, 1 a ball.
-        sizes: (P, 3) uint16 millimetres: half edges of a box, the radius three times for a ball.
-        colours: (P, 3) uint8 sRGB.
-        positions: (P, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world frame.
-        turns: (P,) uint32 of :mod:`enliven.wire.quaternions`, world_from_prop.
-        note: one line for people, or empty.
-    """
-
-    time_ns: Nanoseconds
-    ids: Annotated[bytes, Meta(max_length=2 * MAX_PROPS)]
-    shapes: Annotated[bytes, Meta(max_length=MAX_PROPS)]
-    sizes: Annotated[bytes, Meta(max_length=6 * MAX_PROPS)]
-    colours: Annotated[bytes, Meta(max_length=3 * MAX_PROPS)]
-    positions: Annotated[bytes, Meta(max_length=6 * MAX_PROPS)]
-    turns: Annotated[bytes, Meta(max_length=4 * MAX_PROPS)]
-    note: Sentence = ""
-
-    def __post_init__(self) -> None:
-        count = len(self.shapes)
-        _expect("ids", self.ids, 2 * count)
-        _expect("sizes", self.sizes, 6 * count)
-        _expect("colours", self.colours, 3 * count)
-        _expect("positions", self.positions, 6 * count)
-        _expect("turns", self.turns, 4 * count)
-
-
-class PackedMatch(Struct, array_like=True, frozen=True):
-    """One match of a source with a character.
-
-    Attributes:
-        name: of the joint that the branches begin at.
-        place: in the ranking, from 0.
-        score: sum of cosines.
-        sizes: (m,) uint8, how many joints each branch of the source would drive, the first included.
-        points: (sum of sizes, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world.
-    """
-
-    name: Name
-    place: Count
-    score: Number
-    sizes: Annotated[bytes, Meta(max_length=64)]
-    points: Annotated[bytes, Meta(max_length=6 * 1024)]
-
-    def __post_init__(self) -> None:
-        _expect("points", self.points, 6 * sum(self.sizes))
-
-
-class MatchesMessage(Struct, array_like=True, frozen=True):
-    """What a performer's pose could mean on a character (topic "matches").
-
-    Attributes:
-        character: its id.
-        state: "off": nobody chooses; "choosing"; "playing": what is shown drives.
-        body: the performer's id; -1 for nobody.
-        time_ns: the sensor's clock.
-        shown: which of ``matches`` is meant; -1 for none.
-        matches: the best, and the one that is meant.
-        total: how many there are.
-        held: 0..1, how long of the time to hold still has passed.
-    """
-
-    character: Name
-    state: Literal["off", "choosing", "playing"]
-    body: Identity = -1
-    time_ns: Nanoseconds = 0
-    shown: Annotated[int, Meta(ge=-1, le=15)] = -1
-    matches: Annotated[list[PackedMatch], Meta(max_length=16)] = field(default_factory=list)
-    total: Count = 0
-    held: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
-
-    def __post_init__(self) -> None:
-        if self.shown >= len(self.matches):
-            raise ValueError(f"match {self.shown} is shown of {len(self.matches)}")
-
-
-class HealthMessage(Struct, array_like=True, frozen=True):
-    """Something that is wrong at the edge.
-
-    Attributes:
-        kind: a word of :class:`enliven.health.HealthKind`, or one that a later program knows.
-        severity: 0 to note, 1 the tracking suffers, 2 there is none.
-        since_ns: when it began, the sensor's clock.
-        what: what is wrong, one sentence.
-        mend: what to do about it, one sentence.
-        performer: whom it is about, -1 for nobody in particular.
-    """
-
-    kind: Name
-    severity: Annotated[int, Meta(ge=0, le=2)]
-    since_ns: Nanoseconds
-    what: Sentence
-    mend: Sentence = ""
-    performer: Identity = -1
-
-
-class StatusMessage(Struct, array_like=True, frozen=True):
-    """The edge's heartbeat, twice a second (topic "status").
-
-    Attributes:
-        edge: the edge's name.
-        instance: random for each start of the process.
-        revision: of the edge's state; whoever sees a new one asks again for what there is.
-        published_ns: the edge's wall clock.
-        sensor: the sensor's identity, or empty.
-        phase: what it is doing, such as "waiting", "watching", "tracking" or "ended".
-        note: one sentence for people, or empty.
-        fps: poses a second.
-        latency_p50_ms: milliseconds from frame read to pose published, the median of late.
-        latency_p99_ms: the same, of the slowest in a hundred.
-        performers: people in view.
-        dropped: frames that came too fast and were passed over, since the start.
-        health: what is wrong, the gravest first.
-    """
-
-    edge: Name
-    instance: Count
-    revision: Count
-    published_ns: Nanoseconds
-    sensor: Annotated[str, Meta(max_length=200)] = ""
-    phase: Annotated[str, Meta(max_length=64)] = "waiting"
-    note: Text = ""
-    fps: Number = 0.0
-    latency_p50_ms: Number = 0.0
-    latency_p99_ms: Number = 0.0
-    performers: Count = 0
-    dropped: Count = 0
-    health: Annotated[list[HealthMessage], Meta(max_length=MAX_HEALTH)] = field(default_factory=list)
-
-
-class CharacterMessage(Struct, tag=True, frozen=True):
-    """A whole character, in answer to :class:`GetState`.
-
-    Attributes:
-        vertices: (V, 3) float32 metres.
-        faces: (F, 3) int32.
-        indices: (V, 4) uint16.
-        weights: (V, 4) float32.
-        pivots: (J, 3) float32 metres.
-        edges: (E, 2) int32.
-        colours: (V, 3) uint8 sRGB, or None.
-        held: (J - 1,) int32, for kind "points" the vertex that each transform but the first puts somewhere.
-    """
-
-    id: Name
-    revision: Count
-    kind: Literal["graph", "bones", "points"]
-    vertex_count: Annotated[int, Meta(ge=1, le=MAX_VERTICES)]
-    face_count: Annotated[int, Meta(ge=1, le=MAX_FACES)]
-    pivot_count: Annotated[int, Meta(ge=1, le=MAX_TRANSFORMS)]
-    edge_count: Annotated[int, Meta(ge=0, le=64 * MAX_TRANSFORMS)]
-    vertices: bytes
-    faces: bytes
-    indices: bytes
-    weights: bytes
-    pivots: bytes
-    edges: bytes
-    colours: bytes | None = None
-    held: bytes | None = None
-
-    def __post_init__(self) -> None:
-        _expect("vertices", self.vertices, 12 * self.vertex_count)
-        _expect("faces", self.faces, 12 * self.face_count)
-        _expect("indices", self.indices, 8 * self.vertex_count)
-        _expect("weights", self.weights, 16 * self.vertex_count)
-        _expect("pivots", self.pivots, 12 * self.pivot_count)
-        _expect("edges", self.edges, 8 * self.edge_count)
-        if self.colours is not None:
-            _expect("colours", self.colours, 3 * self.vertex_count)
-        if self.held is not None:
-            _expect("held", self.held, 4 * (self.pivot_count - 1))
-
-
-def _expect(name: str, data: bytes, length: int) -> None:
-    """Refuse an array whose bytes are not as many as its declared count needs."""
-    if len(data) != length:
-        raise ValueError(f"{name} has {len(data)} bytes, expected {length}")
-
-
-class Hello(Struct, tag=True, frozen=True):
-    """A viewer introduces itself, and asks what there is; ``listening`` once the streams have reached it."""
-
-    viewer: Name
-    listening: bool = False
-
-
-class GetState(Struct, tag=True, frozen=True):
-    """A viewer asks for a character."""
-
-    character: Name
-
-
-Mode = Literal["alone", "join", "extend", "preview"]
-"""Who else holds a character after somebody took hold of it, see :class:`Possess`."""
-
-
-class Possess(Struct, tag=True, frozen=True):
-    """A body takes hold of a character.
-
-    Attributes:
-        character: its id.
-        body: who; None: whoever is in view, for "join" whoever of them does not hold it yet.
-        parts: what takes hold, names of :data:`enliven.body.PARTS`, joined with "+".
-        mode: who else holds it then. "alone": nobody, as programs meant that do not know this field. "join":
-            everybody who did; what this performer held before, they let go. "extend": that too, except of
-            bones that take hold anew. "preview": nothing changes but the cues, which show from now on what
-            this performer would hold.
-    """
-
-    character: Name
-    body: Identity | None = None
-    parts: Annotated[str, Meta(min_length=1, max_length=160)] = "all"
-    mode: Mode = "alone"
-
-
-class Release(Struct, tag=True, frozen=True):
-    """A performer lets a character go; None: everybody who holds it."""
-
-    character: Name
-    body: Identity | None = None
-
-
-class Smooth(Struct, tag=True, frozen=True):
-    """A performer's joints are smoothed so much from now on: 0 not at all; None: as the settings say."""
-
-    body: Identity
-    amount: Annotated[float, Meta(ge=0.0, le=20.0)] | None = None
-
-
-class Lock(Struct, tag=True, frozen=True):
-    """Only who is followed now is a performer from now on, newcomers are bystanders; or everybody again."""
-
-    on: bool
-
-
-class Look(Struct, tag=True, frozen=True):
-    """From where the viewer looks, world frame: what a pose means is decided on the screen.
-
-    Attributes:
-        direction: (3,) from the eye into the scene, not zero.
-        up: (3,) the screen's up, not along it.
-        eye: (3,) metres, for a perspective view; None for an orthographic one.
-    """
-
-    direction: tuple[Number, Number, Number]
-    up: tuple[Number, Number, Number]
-    eye: tuple[Number, Number, Number] | None = None
-
-
-class Browse(Struct, tag=True, frozen=True):
-    """Another match of a character is shown: so many places on in the ranking; 0 follows the pose again."""
-
-    character: Name
-    step: Annotated[int, Meta(ge=-1000, le=1000)] = 1
-
-
-class Ping(Struct, tag=True, frozen=True):
-    """Asks for the edge's clock, and says that the viewer is still there; ``sent_ns`` is its wall clock."""
-
-    viewer: Name
-    sent_ns: Nanoseconds
-    listening: bool = False
-
-
-class Revision(Struct, array_like=True, frozen=True):
-    """A character and which version of it the edge holds."""
-
-    character: Name
-    revision: Count
-
-
-class Welcome(Struct, tag=True, frozen=True):
-    """What there is: the heartbeat, the characters, and the newest message of each latched topic and key."""
-
-    status: StatusMessage
-    characters: Annotated[list[Revision], Meta(max_length=1024)]
-    latest: Annotated[list[bytes], Meta(max_length=4096)] = field(default_factory=list)
-
-
-class Done(Struct, tag=True, frozen=True):
-    """The request was carried out."""
-
-    note: Text = ""
-
-
-class Refused(Struct, tag=True, frozen=True):
-    """The request was not carried out, and why."""
-
-    reason: Text
-
-
-class Pong(Struct, tag=True, frozen=True):
-    """The edge's wall clock when it answered."""
-
-    sent_ns: Nanoseconds
-    edge_ns: Nanoseconds
-
-
-Order = Possess | Release | Smooth | Lock | Look | Browse
-"""What only the edge's loop can carry out."""
-Ask = Hello | GetState | Order | Ping
-Answer = Welcome | CharacterMessage | Done | Refused | Pong
-
-
-class Request(Struct, frozen=True):
-    """What a viewer sends; the reply carries the same id."""
-
-    id: Count
-    body: Ask
-
-
-class Reply(Struct, frozen=True):
-    """What the edge answers."""
-
-    id: Count
-    body: Answer
+__all__ = [
+    "MAX_FACES",
+    "MAX_HEALTH",
+    "MAX_PROPS",
+    "MAX_TRANSFORMS",
+    "MAX_TRANSFORM_BYTES",
+    "MAX_VERTICES",
+    "VERSION",
+    "Answer",
+    "Ask",
+    "BodiesMessage",
+    "Browse",
+    "CharacterMessage",
+    "CuesMessage",
+    "Done",
+    "GetState",
+    "HealthMessage",
+    "Hello",
+    "Lock",
+    "Look",
+    "MatchesMessage",
+    "Mode",
+    "Order",
+    "PackedBody",
+    "PackedMatch",
+    "Ping",
+    "Pong",
+    "PoseMessage",
+    "Possess",
+    "PropsMessage",
+    "Refused",
+    "Release",
+    "Reply",
+    "Request",
+    "Revision",
+    "Smooth",
+    "StatusMessage",
+    "Welcome",
+]

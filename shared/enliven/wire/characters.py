@@ -1,0 +1,79 @@
+"""A whole character on the wire."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct
+
+from enliven.wire.fields import MAX_FACES, MAX_TRANSFORMS, MAX_VERTICES, Count, Name, expect
+
+MAX_ITERATIONS = 100
+MAX_STIFF = 1e6
+
+
+class SurfaceMessage(Struct, frozen=True):
+    """How a surface follows control points, see :class:`enliven.deformation.arap.ArapSettings`.
+
+    Out of range is out of reason: what a stranger sends must not keep a viewer busy for ever.
+    """
+
+    iterations: Annotated[int, Meta(ge=1, le=MAX_ITERATIONS)] = 3
+    squash_and_stretch: bool = True
+    hold: Annotated[float, Meta(ge=0.0, le=MAX_STIFF)] = 0.3
+    exaggeration: Annotated[float, Meta(ge=0.0, le=5.0)] = 1.0
+    most_stretch: Annotated[float, Meta(ge=1.0, le=MAX_STIFF)] = 4.0
+    follow: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.01
+
+
+class CharacterMessage(Struct, tag=True, frozen=True):
+    """A whole character, in answer to :class:`GetState`.
+
+    Programs that do not know control points see "bones" and whole skin weights: one rigid piece.
+
+    Attributes:
+        kind: "points" only where skin weights are left out; whoever has ``held`` is of this kind.
+        vertices: (V, 3) float32 metres.
+        faces: (F, 3) int32.
+        indices: (V, 4) uint16; empty for kind "points": all follow the first transform.
+        weights: (V, 4) float32; likewise.
+        pivots: (J, 3) float32 metres.
+        edges: (E, 2) int32.
+        colours: (V, 3) uint8 sRGB, or None.
+        held: (J - 1,) int32, for kind "points" the vertex that each transform but the first puts somewhere.
+        pulls: (J - 1,) float32, how hard each pulls, 0 where it is hard; None: all are hard.
+        surface: how the surface follows them; None: as it does by default.
+    """
+
+    id: Name
+    revision: Count
+    kind: Literal["graph", "bones", "points"]
+    vertex_count: Annotated[int, Meta(ge=1, le=MAX_VERTICES)]
+    face_count: Annotated[int, Meta(ge=1, le=MAX_FACES)]
+    pivot_count: Annotated[int, Meta(ge=1, le=MAX_TRANSFORMS)]
+    edge_count: Annotated[int, Meta(ge=0, le=64 * MAX_TRANSFORMS)]
+    vertices: bytes
+    faces: bytes
+    indices: bytes
+    weights: bytes
+    pivots: bytes
+    edges: bytes
+    colours: bytes | None = None
+    held: bytes | None = None
+    pulls: bytes | None = None
+    surface: SurfaceMessage | None = None
+
+    def __post_init__(self) -> None:
+        expect("vertices", self.vertices, 12 * self.vertex_count)
+        expect("faces", self.faces, 12 * self.face_count)
+        skinned = 0 if self.kind == "points" and not self.indices else self.vertex_count
+        expect("indices", self.indices, 8 * skinned)
+        expect("weights", self.weights, 16 * skinned)
+        expect("pivots", self.pivots, 12 * self.pivot_count)
+        expect("edges", self.edges, 8 * self.edge_count)
+        if self.colours is not None:
+            expect("colours", self.colours, 3 * self.vertex_count)
+        if self.held is not None:
+            expect("held", self.held, 4 * (self.pivot_count - 1))
+        if self.pulls is not None:
+            expect("pulls", self.pulls, 4 * (self.pivot_count - 1))

@@ -1,0 +1,114 @@
+"""Between characters and their messages; pure functions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float32, UInt16
+from enliven.character import Character, SkinWeights
+from enliven.deformation.arap import ArapSettings
+from enliven.errors import InputError
+from enliven.wire.characters import MAX_ITERATIONS, MAX_STIFF, CharacterMessage, SurfaceMessage
+from enliven.wire.fields import MAX_FACES, MAX_VERTICES, from_bytes, to_bytes
+
+_RIGID_VERTICES = 100_000
+"""Up to so many, skin weights that nobody needs are sent for older viewers: 24 bytes a vertex."""
+
+
+def character_to_message(character: Character, revision: int) -> CharacterMessage:
+    """A whole character as it goes on the wire.
+
+    Raises:
+        InputError: where its id or its mesh is larger than the wire carries.
+    """
+    _check_size(character)
+    skinned = character.kind != "points" or len(character.vertices) <= _RIGID_VERTICES
+    colours, surface = character.colours, character.surface
+    return CharacterMessage(
+        character.id,
+        revision,
+        "bones" if character.kind == "points" and skinned else character.kind,  # type: ignore[arg-type]
+        len(character.vertices),
+        len(character.faces),
+        len(character.pivots),
+        len(character.edges),
+        to_bytes(character.vertices, "<f4"),
+        to_bytes(character.faces, "<i4"),
+        to_bytes(character.skin.indices, "<u2") if skinned else b"",
+        to_bytes(character.skin.weights, "<f4") if skinned else b"",
+        to_bytes(character.pivots, "<f4"),
+        to_bytes(character.edges, "<i4"),
+        None if colours is None else to_bytes(colours, "u1"),
+        None if character.held is None else to_bytes(character.held, "<i4"),
+        None if character.pulls is None else to_bytes(character.pulls, "<f4"),
+        None if surface is None else _surface_message(surface),
+    )
+
+
+def message_to_character(message: CharacterMessage) -> Character:
+    """The character, checked as one that was built here.
+
+    Raises:
+        InputError: where a number is not finite or an index points outside.
+    """
+    numbers = [from_bytes(d, "<f4", 1) for d in (message.vertices, message.weights, message.pivots)]
+    if not all(np.isfinite(a).all() for a in numbers):
+        raise InputError(
+            "a vertex, weight or pivot is not a finite number", where=f"character {message.id!r}"
+        )
+    colours = message.colours
+    return Character(
+        message.id,
+        from_bytes(message.vertices, "<f4", 3),
+        from_bytes(message.faces, "<i4", 3),
+        _skin(message),
+        from_bytes(message.pivots, "<f4", 3),
+        from_bytes(message.edges, "<i4", 2),
+        message.kind if message.held is None else "points",
+        None if colours is None else from_bytes(colours, "u1", 3),
+        None if message.held is None else from_bytes(message.held, "<i4", 1)[:, 0],
+        None if message.pulls is None else from_bytes(message.pulls, "<f4", 1)[:, 0],
+        None if message.surface is None else _surface_settings(message.surface),
+    )
+
+
+def _skin(message: CharacterMessage) -> SkinWeights:
+    """The skin weights; where none are sent, everything follows the first transform."""
+    if message.indices:
+        return SkinWeights(from_bytes(message.indices, "<u2", 4), from_bytes(message.weights, "<f4", 4))
+    shape = (message.vertex_count, 4)
+    indices: UInt16 = np.broadcast_to(np.zeros(4, np.uint16), shape)
+    weights: Float32 = np.broadcast_to(np.array([1, 0, 0, 0], np.float32), shape)
+    return SkinWeights(indices, weights)
+
+
+def _surface_message(settings: ArapSettings) -> SurfaceMessage:
+    """The settings, those without an end drawn into what the wire takes."""
+    return SurfaceMessage(
+        min(settings.iterations, MAX_ITERATIONS),
+        settings.squash_and_stretch,
+        min(settings.hold, MAX_STIFF),
+        settings.exaggeration,
+        min(settings.most_stretch, MAX_STIFF),
+        settings.follow,
+    )
+
+
+def _surface_settings(message: SurfaceMessage) -> ArapSettings:
+    return ArapSettings(**{name: getattr(message, name) for name in SurfaceMessage.__struct_fields__})
+
+
+def _check_size(character: Character) -> None:
+    if not 1 <= len(character.id) <= 64:
+        raise InputError(
+            f"the id has {len(character.id)} characters, 1 to 64 go on the wire",
+            where=f"character {character.id[:80]!r}",
+            mend="Give it a shorter name.",
+        )
+    if len(character.vertices) > MAX_VERTICES or len(character.faces) > MAX_FACES:
+        raise InputError(
+            f"it has {len(character.vertices)} vertices and {len(character.faces)} faces, at most "
+            f"{MAX_VERTICES} and {MAX_FACES} go on the wire",
+            where=f"character {character.id!r}",
+            mend="Simplify the mesh.",
+        )

@@ -1,0 +1,150 @@
+"""What viewers ask of an edge, and what it answers."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct, field
+
+from enliven.wire.characters import CharacterMessage
+from enliven.wire.fields import Count, Identity, Name, Nanoseconds, Number, Text
+from enliven.wire.streams import StatusMessage
+
+
+class Hello(Struct, tag=True, frozen=True):
+    """A viewer introduces itself, and asks what there is; ``listening`` once the streams have reached it."""
+
+    viewer: Name
+    listening: bool = False
+
+
+class GetState(Struct, tag=True, frozen=True):
+    """A viewer asks for a character."""
+
+    character: Name
+
+
+Mode = Literal["alone", "join", "extend", "preview"]
+"""Who else holds a character after somebody took hold of it, see :class:`Possess`."""
+
+
+class Possess(Struct, tag=True, frozen=True):
+    """A body takes hold of a character.
+
+    Attributes:
+        character: its id.
+        body: who; None: whoever is in view, for "join" whoever of them does not hold it yet.
+        parts: what takes hold, names of :data:`enliven.body.PARTS`, joined with "+".
+        mode: who else holds it then. "alone": nobody, as programs meant that do not know this field. "join":
+            everybody who did; what this performer held before, they let go. "extend": that too, except of
+            bones that take hold anew. "preview": nothing changes but the cues, which show from now on what
+            this performer would hold.
+    """
+
+    character: Name
+    body: Identity | None = None
+    parts: Annotated[str, Meta(min_length=1, max_length=160)] = "all"
+    mode: Mode = "alone"
+
+
+class Release(Struct, tag=True, frozen=True):
+    """A performer lets a character go; None: everybody who holds it."""
+
+    character: Name
+    body: Identity | None = None
+
+
+class Smooth(Struct, tag=True, frozen=True):
+    """A performer's joints are smoothed so much from now on: 0 not at all; None: as the settings say."""
+
+    body: Identity
+    amount: Annotated[float, Meta(ge=0.0, le=20.0)] | None = None
+
+
+class Lock(Struct, tag=True, frozen=True):
+    """Only who is followed now is a performer from now on, newcomers are bystanders; or everybody again."""
+
+    on: bool
+
+
+class Look(Struct, tag=True, frozen=True):
+    """From where the viewer looks, world frame: what a pose means is decided on the screen.
+
+    Attributes:
+        direction: (3,) from the eye into the scene, not zero.
+        up: (3,) the screen's up, not along it.
+        eye: (3,) metres, for a perspective view; None for an orthographic one.
+    """
+
+    direction: tuple[Number, Number, Number]
+    up: tuple[Number, Number, Number]
+    eye: tuple[Number, Number, Number] | None = None
+
+
+class Browse(Struct, tag=True, frozen=True):
+    """Another match of a character is shown: so many places on in the ranking; 0 follows the pose again."""
+
+    character: Name
+    step: Annotated[int, Meta(ge=-1000, le=1000)] = 1
+
+
+class Ping(Struct, tag=True, frozen=True):
+    """Asks for the edge's clock, and says that the viewer is still there; ``sent_ns`` is its wall clock."""
+
+    viewer: Name
+    sent_ns: Nanoseconds
+    listening: bool = False
+
+
+class Revision(Struct, array_like=True, frozen=True):
+    """A character and which version of it the edge holds."""
+
+    character: Name
+    revision: Count
+
+
+class Welcome(Struct, tag=True, frozen=True):
+    """What there is: the heartbeat, the characters, and the newest message of each latched topic and key."""
+
+    status: StatusMessage
+    characters: Annotated[list[Revision], Meta(max_length=1024)]
+    latest: Annotated[list[bytes], Meta(max_length=4096)] = field(default_factory=list)
+
+
+class Done(Struct, tag=True, frozen=True):
+    """The request was carried out."""
+
+    note: Text = ""
+
+
+class Refused(Struct, tag=True, frozen=True):
+    """The request was not carried out, and why."""
+
+    reason: Text
+
+
+class Pong(Struct, tag=True, frozen=True):
+    """The edge's wall clock when it answered."""
+
+    sent_ns: Nanoseconds
+    edge_ns: Nanoseconds
+
+
+Order = Possess | Release | Smooth | Lock | Look | Browse
+"""What only the edge's loop can carry out."""
+Ask = Hello | GetState | Order | Ping
+Answer = Welcome | CharacterMessage | Done | Refused | Pong
+
+
+class Request(Struct, frozen=True):
+    """What a viewer sends; the reply carries the same id."""
+
+    id: Count
+    body: Ask
+
+
+class Reply(Struct, frozen=True):
+    """What the edge answers."""
+
+    id: Count
+    body: Answer
