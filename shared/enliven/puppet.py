@@ -87,6 +87,7 @@ class PuppetLayer:
         level_feet: couple the heights of two feet at the frame where the anchor goes from one to the other.
         switches: frames of the take at which contact and flight begin, or None to find them.
         positions, velocities, couplings: hard constraints; their frames are the take's.
+        mirrored: its turns go the other way round, as a mirror shows them; a mirrored puppet's do.
     """
 
     take: str
@@ -102,6 +103,7 @@ class PuppetLayer:
     positions: tuple[Position, ...] = ()
     velocities: tuple[Velocity, ...] = ()
     couplings: tuple[Coupling, ...] = ()
+    mirrored: bool = False
 
     def __post_init__(self) -> None:
         times = f"offset {self.offset}, speed {self.speed}, weight {self.weight}"

@@ -224,12 +224,22 @@ class _Way:
         return np.asarray((self.root[frame] - self.root[earlier]) / ((frame - earlier) * self._step))
 
 
-def _touches(switches: Sequence[Switch], frames: int) -> Bool:
-    """(F,) whether the floor is touched."""
+def check_switches(switches: Sequence[Switch], frames: int) -> None:
+    """That switches begin at frame 0, ascend, and are within ``frames``.
+
+    Raises:
+        InputError: where they do not.
+    """
     at = [switch.frame for switch in switches]
     if not at or at[0] != 0 or any(b <= a for a, b in pairwise(at)) or at[-1] >= frames:
         mend = f"Begin at 0, ascend, and stay below {frames}."
         raise InputError(f"switches at frames {at}", where="locomotion", mend=mend)
+
+
+def _touches(switches: Sequence[Switch], frames: int) -> Bool:
+    """(F,) whether the floor is touched."""
+    check_switches(switches, frames)
+    at = [switch.frame for switch in switches]
     out = np.empty(frames, np.bool_)
     for switch, end in zip(switches, [*at[1:], frames], strict=True):
         out[switch.frame : end] = switch.kind == "contact"

@@ -18,15 +18,18 @@ _SAME = 1e-3
 """A pose is its own mirror image where it differs by less than this share of its size."""
 
 
-def partners_of(rest: Float, point: Float, normal: Float, tolerance: float = 0.1) -> tuple[int, ...]:
+def partners_of(
+    rest: Float, point: Float, normal: Float, tolerance: float = 0.1, names: Sequence[str] | None = None
+) -> tuple[int, ...]:
     """For each control point (P, 3) at rest the number of its mirror image; its own where it is on the plane.
 
     Args:
         point, normal: (3,) of the mesh's plane of symmetry.
         tolerance: how far a mirror image may be off, as a share of the points' extent.
+        names: (P,) of the control points, for messages; None for their numbers.
 
     Raises:
-        InputError: for a control point that has no mirror image, with its number.
+        InputError: for a control point that has no mirror image: it says which.
     """
     rest = np.asarray(rest, np.float64)
     away = np.linalg.norm(reflected(rest, point, normal)[:, None] - rest[None], axis=2)
@@ -35,7 +38,8 @@ def partners_of(rest: Float, point: Float, normal: Float, tolerance: float = 0.1
     for p, other in enumerate(nearest):
         if away[p, other] > tolerance * extent or nearest[other] != p:
             mend = "Add one there, or leave symmetry out."
-            raise InputError(f"control point {p} has no mirror image", where="symmetry", mend=mend)
+            which = p if names is None else repr(names[p])
+            raise InputError(f"control point {which} has no mirror image", where="symmetry", mend=mend)
     return tuple(int(other) for other in nearest)
 
 

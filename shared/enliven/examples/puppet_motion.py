@@ -1,0 +1,138 @@
+"""What a puppet does: the takes of its layers, through its key poses, in the world.
+
+    missing(project, puppet)                  # what it still lacks, as sentences; empty: it can move
+    state_of(project, puppet, seconds)        # where its control points are, and where it stands
+    motion_of(project, puppet, layer)         # a whole take, solved once (section 5)
+
+The puppet's frame is the mesh's own: it begins as it was modeled, looking where the mesh looks, wherever the
+performer stood. A layer that travels gives it a yaw and a root from then on
+(:mod:`enliven.examples.locomotion`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.character import Pose
+from enliven.errors import InputError
+from enliven.examples.performer import turned_about_y
+from enliven.examples.puppet_examples import Material, examples_of, material_of, missing
+from enliven.examples.puppet_solve import PuppetMotion, solved
+from enliven.project import Project
+from enliven.puppet import Puppet, PuppetLayer
+from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
+
+__all__ = [
+    "PuppetMotion",
+    "State",
+    "examples_of",
+    "in_world",
+    "length_of_puppets",
+    "missing",
+    "motion_of",
+    "pose_of_state",
+    "state_of",
+]
+
+_KEPT = 64
+"""Motions that are kept: of all puppets, layers and edits; the least lately used goes."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A puppet at one time.
+
+    Attributes:
+        places: (P, 3) metres in the mesh's own frame, the control points.
+        yaw: radians about +Y.
+        root: (3,) metres: x in the mesh's frame is at yaw(x) + root, before the puppet's own turn and place.
+    """
+
+    places: Float
+    yaw: float
+    root: Float
+
+
+def motion_of(project: Project, puppet: Puppet, layer: int) -> PuppetMotion:
+    """The whole take of a layer, solved; kept, so that asking again costs nothing.
+
+    Whoever asks with the same values gets the same object. Offset, speed, loop and muting are not part of it.
+
+    Raises:
+        InputError: where the puppet or the layer lacks something, or constraints contradict one another.
+    """
+    return _kept(material_of(project, puppet, _played(puppet, layer)))
+
+
+def state_of(project: Project, puppet: Puppet, time: float) -> State:
+    """Where the control points are at a time of the project, all layers mixed; at rest without.
+
+    Raises:
+        InputError: as :func:`motion_of` does.
+    """
+    places, yaw, root, travels = puppet.rest.copy(), 0.0, np.zeros(3), False
+    for number, layer in enumerate(puppet.layers):
+        if layer.muted or layer.weight == 0.0:
+            continue
+        motion = motion_of(project, puppet, number)
+        frame, rounds = clock(layer, motion, time)
+        moved = list(motion.points)
+        places[moved] += layer.weight * (motion.places_at(frame)[moved] - places[moved])
+        if motion.travels and not travels:
+            travels = True
+            yaw, root = motion.way_at(frame, rounds)
+    return State(places, yaw, root)
+
+
+def clock(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tuple[float, int]:
+    """The frame (or fraction) of its take that a layer plays, and how often it was gone through before."""
+    last = motion.frames - 1
+    length = last * motion.step
+    played = (time - layer.offset) * layer.speed + (length if layer.speed < 0.0 else 0.0)
+    rounds = int(np.floor(played / length)) if layer.loop and length > 0.0 else 0
+    return float(np.clip((played - rounds * length) / motion.step, 0.0, last)), rounds
+
+
+def in_world(puppet: Puppet, state: State, points: AnyArray) -> Float:
+    """(..., 3) metres in the world of points (..., 3) in the mesh's frame."""
+    local = turned_about_y(np.asarray(points, np.float64), np.asarray(state.yaw)) + state.root
+    return np.asarray(rotate(puppet.turn, local) + puppet.place)
+
+
+def pose_of_state(puppet: Puppet, state: State, time_ns: int = 0) -> Pose:
+    """The pose of :func:`enliven.puppet.character_of_puppet`: transform 0 is the puppet's frame in the world.
+
+    Transform k is control point k - 1: as the frame is turned, at its place in the world.
+    """
+    turn = multiply(puppet.turn, from_rotation_vector(np.array([0.0, state.yaw, 0.0])))
+    linear = np.tile(to_matrix(turn).astype(np.float32), (len(puppet.points) + 1, 1, 1))
+    places = np.concatenate([np.zeros((1, 3)), state.places])
+    return Pose(puppet.id, time_ns, linear, in_world(puppet, state, places).astype(np.float32))
+
+
+def length_of_puppets(project: Project) -> float:
+    """Seconds until the last take has been played once by every layer that is not muted; 0 without layers."""
+    ends = [
+        layer.offset + project.takes[layer.take].duration / abs(layer.speed)
+        for puppet in project.puppets.values()
+        for layer in puppet.layers
+        if not layer.muted
+    ]
+    return max(ends, default=0.0)
+
+
+def _played(puppet: Puppet, number: int) -> PuppetLayer:
+    if not 0 <= number < len(puppet.layers):
+        what = f"there is no layer {number}"
+        mend = f"It has {len(puppet.layers)}."
+        raise InputError(what, where=f"puppet {puppet.id!r}", mend=mend)
+    return puppet.layers[number]
+
+
+@lru_cache(maxsize=_KEPT)
+def _kept(material: Material) -> PuppetMotion:
+    return solved(material)
