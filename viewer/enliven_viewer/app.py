@@ -20,6 +20,7 @@ from enliven_viewer.grasp import Grasp
 from enliven_viewer.hud import Hud, HudState, timeline_area
 from enliven_viewer.match_cards import cards_of
 from enliven_viewer.playback import Playhead
+from enliven_viewer.puppets import Surfaces
 from enliven_viewer.render.context import window_context
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Look, Scene, scene_of
@@ -57,6 +58,7 @@ class App:
         self._take, self._with_hud = take, hud
         self.grasp = Grasp()
         self._gaze = Gaze()
+        self._surfaces = Surfaces()
         self._framed: tuple[str, ...] | None = None
         self._size = (1, 1)
         self._scene = Scene()
@@ -164,7 +166,7 @@ class App:
             return
         self._fps += (1 / max(elapsed, 1e-3) - self._fps) * min(elapsed * 2, 1.0)
         renderer.resize(self._size)
-        self._scene = scene_of(self.document, self.playhead.moment(), self.look)
+        self._scene = scene_of(self.document, self.playhead.moment(), self.look, self._surfaces)
         self._frame_newcomers()
         self.tell_gaze()
         renderer.draw(self._scene, self.camera.view(self._aspect))

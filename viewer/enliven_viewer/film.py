@@ -20,6 +20,7 @@ from enliven_viewer.encoder import FilmWriter
 from enliven_viewer.feed import Feed
 from enliven_viewer.hud import clock
 from enliven_viewer.match_cards import cards_of, draw_cards
+from enliven_viewer.puppets import Surfaces
 from enliven_viewer.render.canvas import Canvas
 from enliven_viewer.render.context import offscreen_context
 from enliven_viewer.render.renderer import EMPTY_BOX, Renderer
@@ -95,6 +96,7 @@ class _Studio:
         self._text = max(round(settings.height / 40), 10)
         self._canvas = Canvas(self._renderer.ctx, (self._text,)) if caption else None
         self._camera = FilmCamera(settings.render.opening)
+        self._surfaces = Surfaces(wait=True)
         self._possessed_at: float | None = None
         film = settings.film
         self.tiles = Tiles(film.columns * film.rows, film.tile_width)
@@ -108,7 +110,7 @@ class _Studio:
     def draw(self, moment: Moment, second: float) -> UInt8:
         """(H, W, 3) the picture of a moment, ``second`` seconds into the film."""
         began = time.perf_counter()
-        scene = scene_of(self.document, moment, self._look(moment, second))
+        scene = scene_of(self.document, moment, self._look(moment, second), self._surfaces)
         aspect = self.size[0] / self.size[1]
         self._camera.follow(scene.box or EMPTY_BOX, 1 / self.settings.film.rate, aspect)
         view = self._camera.view(aspect)

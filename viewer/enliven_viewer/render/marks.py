@@ -18,6 +18,8 @@ NODE_TINT = (0.30, 0.62, 1.0)
 EDGE_TINT = (0.30, 0.62, 1.0, 0.34)
 CUE_RADIUS = 0.030
 NODE_RADIUS = 0.012
+POINT_RADIUS = 0.020
+"""Metres: of the control points of a puppet."""
 _SQUARE = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
 
 
@@ -46,10 +48,12 @@ def cue_rows(actor: Actor, strength: float, bodies: Sequence[int] = ()) -> Float
 
 
 def node_rows(actor: Actor, strength: float) -> Float32:
-    """(J, 8) float32 of all of an actor's nodes, as :func:`cue_rows`."""
-    rows = np.empty((len(actor.pose.positions), 8), np.float32)
-    rows[:, :3] = actor.pose.positions
-    rows[:, 3:] = (NODE_RADIUS, *NODE_TINT, strength)
+    """(N, 8) float32 of all of an actor's nodes, as :func:`cue_rows`; of a puppet, its control points."""
+    points = actor.character.kind == "points"
+    places = actor.pose.positions[1:] if points else actor.pose.positions
+    rows = np.empty((len(places), 8), np.float32)
+    rows[:, :3] = places
+    rows[:, 3:] = (POINT_RADIUS if points else NODE_RADIUS, *NODE_TINT, strength)
     return rows
 
 
@@ -81,7 +85,9 @@ class Marks:
 
     def _draw_graph(self, actor: Actor, strength: float) -> None:
         ends = actor.pose.positions[actor.character.edges.reshape(-1)].astype(np.float32)
-        if len(ends):
+        if (
+            len(ends) and actor.character.kind != "points"
+        ):  # nothing is between control points and their frame
             self._points.orphan(ends.nbytes)
             self._points.write(np.ascontiguousarray(ends))
             self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA

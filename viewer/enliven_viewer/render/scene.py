@@ -13,6 +13,7 @@ from enliven.matching.board import Board
 from enliven.props import BOX, Props
 from enliven_viewer.camera import Box
 from enliven_viewer.document import Document, bounds_of
+from enliven_viewer.puppets import Surfaces
 from enliven_viewer.timeline import Cues, Moment
 
 _BOX_REACH, _SHADOW_REACH = 0.7, 1.4
@@ -95,14 +96,24 @@ class Scene:
         return low, high
 
 
-def scene_of(document: Document, moment: Moment | None, look: Look) -> Scene:
-    """The scene of one moment; a character without a pose, or with one that does not fit, stands at rest."""
+def scene_of(
+    document: Document, moment: Moment | None, look: Look, surfaces: Surfaces | None = None
+) -> Scene:
+    """The scene of one moment; a character without a pose, or with one that does not fit, stands at rest.
+
+    Args:
+        surfaces: what solves the surfaces of puppets; without it each is one rigid piece.
+    """
     actors = []
     for character in document.characters.values():
         pose = moment.poses.get(character.id) if moment else None
         if pose is None or len(pose.linear) != len(character.pivots):
             pose = character.rest_pose()
-        actors.append(Actor(character, pose, moment.cues.get(character.id) if moment else None))
+        cues = moment.cues.get(character.id) if moment else None
+        vertices = None if surfaces is None else surfaces.vertices(character, pose)
+        actors.append(Actor(character, pose, cues, vertices))
+    if surfaces is not None:
+        surfaces.forget_but(document.characters.values())
     bodies = moment.bodies if moment else ()
     present = tuple(b for b in bodies if np.isfinite(b.joints).all())
     boards = {name: b for name, b in moment.boards.items() if name in document.characters} if moment else {}

@@ -1,0 +1,186 @@
+"""Puppets as the viewer shows them: solved beside the pictures, rigid until then, carried by the frame."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from enliven.arrays import Float
+from enliven.character import Character, Pose
+from enliven.deformation.arap import ArapSettings
+from enliven.deformation.puppet_surface import PuppetSurface
+from enliven.mesh import Mesh, refine
+from enliven.puppet import ControlPoint, Puppet, character_of_puppet
+from enliven.rotation import from_rotation_vector, to_matrix
+from enliven.shapes import make_chair
+from enliven_viewer.document import Document
+from enliven_viewer.puppets import Surfaces
+from enliven_viewer.render.marks import node_rows
+from enliven_viewer.render.scene import Actor, Look, scene_of
+from enliven_viewer.timeline import Timeline
+
+CHAIR = refine(make_chair(), 0.08)
+TOP = int(CHAIR.vertices[:, 1].argmax())
+FEET = tuple(int(v) for v in np.argsort(CHAIR.vertices[:, 1])[[0, 40, 80]])
+HELD = (TOP, *FEET)
+
+
+def puppet(mesh: Mesh = CHAIR, settings: ArapSettings | None = None) -> Puppet:
+    points = tuple(ControlPoint(str(k), v) for k, v in enumerate(HELD))
+    return Puppet("chair", mesh, points, surface=settings or ArapSettings())
+
+
+CHARACTER = character_of_puppet(puppet())
+
+
+def pose(places: Float, turn: float = 0.0, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Pose:
+    """The chair's control points at places (P, 3) of its own frame, the frame turned and put somewhere."""
+    frame = to_matrix(from_rotation_vector(np.array([0.0, turn, 0.0])))
+    positions = np.concatenate([np.zeros((1, 3)), places]) @ frame.T + at
+    linear = np.tile(frame, (len(positions), 1, 1))
+    return Pose("chair", 0, linear.astype(np.float32), positions.astype(np.float32))
+
+
+def bent(by: float = 0.2) -> Float:
+    places = CHAIR.vertices[list(HELD)].copy()
+    places[0] += [by, 0.5 * by, 0.0]
+    return places
+
+
+def shown(surfaces: Surfaces, made: Pose, character: Character = CHARACTER) -> Float:
+    """The vertices once they are there."""
+    until = time.monotonic() + 60
+    while (vertices := surfaces.vertices(character, made)) is None:
+        assert time.monotonic() < until
+        time.sleep(0.005)
+    return vertices
+
+
+def test_a_film_shows_what_the_solver_makes_of_each_pose() -> None:
+    solver = PuppetSurface(CHAIR, HELD)
+    surfaces = Surfaces(wait=True)
+    for k, by in enumerate((0.1, 0.2, 0.15, -0.1)):
+        own = solver.settle(bent(by)) if k == 0 else solver.solve(bent(by))
+        seen = surfaces.vertices(CHARACTER, pose(bent(by)))
+        np.testing.assert_allclose(seen, own, atol=2e-5)
+
+
+def test_control_points_are_on_the_surface_wherever_the_puppet_stands() -> None:
+    made = pose(bent(), turn=2.0, at=(3.0, 0.1, -2.0))
+    seen = Surfaces(wait=True).vertices(CHARACTER, made)
+    assert seen is not None
+    np.testing.assert_allclose(seen[list(HELD)], made.positions[1:], atol=1e-4)
+
+
+def test_a_puppet_that_is_carried_about_keeps_its_shape() -> None:
+    surfaces = Surfaces(wait=True)
+    first = surfaces.vertices(CHARACTER, pose(bent()))
+    for _ in range(20):
+        first = surfaces.vertices(CHARACTER, pose(bent()))
+    made = pose(bent(), turn=-1.2, at=(0.5, 0.0, 4.0))
+    seen = surfaces.vertices(CHARACTER, made)
+    assert first is not None
+    np.testing.assert_allclose(seen, first @ made.linear[0].T + made.positions[0], atol=2e-3)
+
+
+def test_no_picture_waits_and_the_surface_comes() -> None:
+    surfaces = Surfaces()
+    assert surfaces.vertices(CHARACTER, pose(bent())) is None
+    seen = shown(surfaces, pose(bent()))
+    np.testing.assert_allclose(seen[list(HELD)], bent(), atol=1e-4)
+
+
+def test_a_still_puppet_is_solved_until_it_rests_and_then_no_more(monkeypatch) -> None:
+    count = 0
+    solve = PuppetSurface.solve
+
+    def counted(self: PuppetSurface, places: Float) -> Float:
+        nonlocal count
+        count += 1
+        return solve(self, places)
+
+    monkeypatch.setattr(PuppetSurface, "solve", counted)
+    surfaces = Surfaces(wait=True)
+    for _ in range(60):
+        surfaces.vertices(CHARACTER, pose(bent()))
+    assert 3 < count < 30
+
+
+@pytest.mark.parametrize("what", [np.nan, np.inf, 1e9])
+def test_places_that_cannot_be_leave_the_last_good_shape(what: float) -> None:
+    surfaces = Surfaces(wait=True)
+    before = surfaces.vertices(CHARACTER, pose(bent()))
+    wild = bent()
+    wild[0, 1] = what
+    np.testing.assert_array_equal(surfaces.vertices(CHARACTER, pose(wild)), before)
+    assert surfaces.vertices(CHARACTER, pose(bent(0.25))) is not None
+
+
+def test_a_frame_that_is_no_frame_is_drawn_rigidly() -> None:
+    broken = pose(bent())
+    broken.linear[0] = 0.0
+    assert Surfaces(wait=True).vertices(CHARACTER, broken) is None
+
+
+def test_a_mesh_that_cannot_be_deformed_is_one_rigid_piece_and_said_once(caplog) -> None:
+    loose = Mesh(np.vstack([CHAIR.vertices, [[0.0, 3.0, 0.0]]]), CHAIR.faces)
+    points = (ControlPoint("nowhere", len(CHAIR.vertices)),)
+    lost = character_of_puppet(Puppet("chair", loose, points))
+    surfaces, made = Surfaces(wait=True), pose(np.array([[0.0, 3.0, 0.0]]))
+    for _ in range(3):
+        assert surfaces.vertices(lost, made) is None
+    told = [record.getMessage() for record in caplog.records]
+    assert len(told) == 1
+    assert "as one piece" in told[0]
+    assert "loose" in told[0]
+
+
+def test_the_solver_has_the_puppets_own_settings() -> None:
+    plain = character_of_puppet(puppet(settings=ArapSettings(squash_and_stretch=False)))
+    long = bent(0.0)
+    long[0, 1] += 0.5
+    made = [Surfaces(wait=True).vertices(c, pose(long)) for c in (CHARACTER, plain)]
+    assert made[0] is not None
+    assert made[1] is not None
+    assert np.abs(made[0] - made[1]).max() > 0.01
+
+
+def test_soft_points_do_not_get_where_they_pull() -> None:
+    pulls = np.array([0.05, 0, 0, 0], np.float32)
+    made = pose(bent())
+    seen = Surfaces(wait=True).vertices(replace(CHARACTER, pulls=pulls), made)
+    assert seen is not None
+    away = np.linalg.norm(seen[list(HELD)] - made.positions[1:], axis=1)
+    assert away[0] > 0.02
+    assert away[1:].max() < 1e-4
+
+
+def test_another_revision_of_a_character_is_another_surface() -> None:
+    surfaces = Surfaces(wait=True)
+    surfaces.vertices(CHARACTER, pose(bent()))
+    other = replace(CHARACTER, surface=ArapSettings(squash_and_stretch=False))
+    seen, fresh = (s.vertices(other, pose(bent())) for s in (surfaces, Surfaces(wait=True)))
+    np.testing.assert_array_equal(seen, fresh)
+
+
+def test_a_scene_has_the_solved_surface_and_lets_go_of_who_is_gone() -> None:
+    document, surfaces = Document(Timeline(bounded=False)), Surfaces(wait=True)
+    document.add_character(CHARACTER)
+    document.add_pose(pose(bent()))
+    scene = scene_of(document, document.timeline.at(0), Look(), surfaces)
+    solved = scene.actors[0].vertices
+    assert solved is not None
+    np.testing.assert_allclose(solved[TOP], bent()[0], atol=1e-4)
+    assert scene_of(document, document.timeline.at(0), Look()).actors[0].vertices is None
+    document.remove_character("chair")
+    scene_of(document, document.timeline.at(0), Look(), surfaces)
+    assert not surfaces._known
+
+
+def test_only_control_points_are_marked() -> None:
+    made = pose(bent(), at=(1.0, 0.0, 0.0))
+    rows = node_rows(Actor(CHARACTER, made), 1.0)
+    np.testing.assert_array_equal(rows[:, :3], made.positions[1:])

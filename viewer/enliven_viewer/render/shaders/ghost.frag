@@ -1,0 +1,7 @@
+#version 330 core
+in float away;
+out float depth;
+
+void main() {
+    depth = away;
+}
