@@ -26,6 +26,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.arap_cells import energy, residual, turn_and_scale, turn_and_squash
+from enliven.deformation.arap_detail import cell_maps
 from enliven.deformation.arap_handles import Held, follow, hold, pull
 from enliven.deformation.arap_input import WHERE, Handle, check_handle, checked_target
 from enliven.deformation.arap_solves import backward, forward
@@ -69,7 +70,12 @@ class ArapSettings:
     threads: int = setting(
         1, "2 shares each cell's work with a second processor core; only where one is idle.", low=1, high=2
     )
-    most_vertices: int = setting(500_000, "Larger meshes are refused.", low=3)
+    coarse_above: int = setting(
+        20_000, "A puppet's mesh of more vertices is solved coarsely, its detail carried along.", low=100
+    )
+    coarse_vertices: int = setting(8_000, "About how many vertices are solved then.", low=50)
+    most_vertices: int = setting(500_000, "Larger meshes are not solved whole.", low=3)
+    most_carried: int = setting(20_000_000, "Larger meshes are refused.", low=3)
 
 
 class ArapSolver:
@@ -78,6 +84,7 @@ class ArapSolver:
     Args:
         mesh: any triangle mesh, in metres; soups, several shells, open borders, needles.
         settings: may be replaced between frames (all but ``most_vertices``).
+        links: (L, 2) vertices that hang together though no face says so.
 
     Attributes:
         notes: sentences about what had to be mended in the mesh.
@@ -85,9 +92,9 @@ class ArapSolver:
         handles: by name.
     """
 
-    def __init__(self, mesh: Mesh, settings: ArapSettings | None = None) -> None:
+    def __init__(self, mesh: Mesh, settings: ArapSettings | None = None, links: Int | None = None) -> None:
         self.mesh, self.settings = mesh, settings or ArapSettings()
-        self._surface = surface_of(mesh, self.settings.most_vertices)
+        self._surface = surface_of(mesh, self.settings.most_vertices, links)
         self.notes = self._surface.notes
         count = len(self._surface.rest)
         self._frames = np.zeros((count, 16))
@@ -230,6 +237,13 @@ class ArapSolver:
     def shape(self) -> Float:
         """(V, 3) the surface of the shape state, which the next frame starts from."""
         return self._frames[self._surface.place_of, 12:15] + self._surface.centre
+
+    def maps(self) -> Float:
+        """(16 V,) how each vertex takes along what is near it: see :func:`arap_detail.cell_maps`."""
+        surface, out = self._surface, np.empty(16 * len(self.pose))
+        frames = self._frames.reshape(-1)
+        cell_maps(surface.cells, frames, self.pose, surface.place_of, self.mesh.vertices, out)
+        return out
 
     def _restart(self) -> None:
         """The last good pose as the shape, after something that was not finite."""

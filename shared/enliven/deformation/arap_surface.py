@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from enliven.arrays import Bool, Float, Int
 from enliven.deformation.arap_cells import Cells, cells_of
 from enliven.deformation.arap_factor import Factor, factorise
-from enliven.deformation.arap_weights import shells_of, surface_edges, virtual_edges
+from enliven.deformation.arap_weights import VIRTUAL, shells_of, surface_edges, virtual_edges
 from enliven.errors import InputError
 from enliven.mesh import Mesh, weld
 
@@ -42,13 +42,16 @@ class Surface(NamedTuple):
     notes: tuple[str, ...]
 
 
-def surface_of(mesh: Mesh, most_vertices: int) -> Surface:
+def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> Surface:
     """The surface of any mesh that has a face.
+
+    Args:
+        links: (L, 2) vertices that hang together though no face says so.
 
     Raises:
         InputError: without faces, with positions that are not finite, or with too many vertices.
     """
-    _check(mesh, most_vertices)
+    check_mesh(mesh, most_vertices)
     welded, of = weld(mesh)
     points, notes = welded.vertices, []
     if len(points) < len(of):
@@ -61,9 +64,13 @@ def surface_of(mesh: Mesh, most_vertices: int) -> Surface:
         )
     used = np.zeros(len(points), bool)
     used[welded.faces] = True
+    more = np.empty((0, 2), np.int64) if links is None else of[links]
+    used[more] = True
     if not used.all():
         notes.append(f"{(~used).sum()} vertices belong to no face; they follow the nearest surface.")
     edges, weights = surface_edges(points, welded.faces)
+    edges = np.concatenate([edges, more])
+    weights = np.concatenate([weights, np.full(len(more), VIRTUAL)])
     shells, _ = shells_of(len(points), edges)
     links, held = virtual_edges(points, edges)
     if shells > 1:
@@ -87,7 +94,12 @@ def _neighbours_near(count: int, edges: Int) -> Int:
     return np.asarray(reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True), np.int64)
 
 
-def _check(mesh: Mesh, most_vertices: int) -> None:
+def check_mesh(mesh: Mesh, most_vertices: int) -> None:
+    """That the mesh can be deformed at all.
+
+    Raises:
+        InputError: without faces, with positions that are not finite, or with too many vertices.
+    """
     if not len(mesh.faces):
         raise InputError("it has no faces", where=mesh.name, mend="Give a triangle mesh.")
     if len(mesh.vertices) > most_vertices:

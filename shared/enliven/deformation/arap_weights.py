@@ -19,7 +19,7 @@ from enliven.arrays import Float, Int, Int32
 _SINE = np.sin(np.radians(1.0))
 LEAST = 0.01
 """The least weight of an edge; an edge of the equilateral triangle has 0.58."""
-_VIRTUAL = 0.5
+VIRTUAL = 0.5
 """The weight of an edge that is not in the mesh."""
 _LINKS = 4
 """Vertices on each side by which a shell holds on to the next: three are enough to stop it from turning."""
@@ -78,7 +78,7 @@ def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
         shells, label = shells_of(count, np.concatenate([edges, *made]))
     links = np.concatenate([np.empty((0, 2), np.int64), *made])
     links = np.unique(np.sort(links, 1), axis=0)
-    return links, np.full(len(links), _VIRTUAL)
+    return links, np.full(len(links), VIRTUAL)
 
 
 def _joint(vertices: Float, inside: Int, outside: Int, label: Int) -> Int:

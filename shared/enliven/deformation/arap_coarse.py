@@ -1,0 +1,289 @@
+"""A coarse surface within a fine one: some of its vertices, evenly spread along it, and who follows them.
+
+Samples are thrown in a fixed random order, no two nearer than a spacing along the surface; the control points
+are thrown first, so that each is a sample. Three samples whose lands meet in a face of the fine mesh make a
+face of the coarse one; two whose lands meet otherwise (around a thin limb) are linked. Shells smaller than a
+few spacings that no control point holds are no surface of their own: they ride on what is nearest.
+
+A fine vertex follows the samples near it *along the surface*, so that fingers that touch do not stick. The
+weights are those of R. Franke and G. Nielson, "Smooth interpolation of large sets of scattered data", 1980:
+w_k ~ ((r - d_k) / (r d_k))², which blends without creases and gives a sample itself exactly.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Bool, Float, Float32, Int, Int32
+from enliven.deformation.surface_kernels import _room, _settle, ways
+from enliven.errors import InputError
+from enliven.mesh import Mesh, weld
+from enliven.mesh_kernels import shells
+
+_WHERE = "puppet surface"
+_DENSITY = 0.45
+"""Samples to the square of a spacing, as dart throwing leaves them."""
+_REACH = 1.5
+"""Spacings within which a vertex follows a sample; one is always nearer than 1."""
+_DETOUR = 1.25
+"""A way along edges that is this much longer than the straight one is still a straight one."""
+_DUST = 2.0
+"""Spacings; a shell that is smaller rides."""
+_MOST_ROUNDS = 6
+_FINEST = 1.5
+"""Edges of the mesh; samples are not nearer."""
+
+
+class Coarse(NamedTuple):
+    """M samples of a mesh of V vertices.
+
+    Attributes:
+        mesh: the coarse surface, (M, 3) positions of samples.
+        links: (L, 2) neighbours that share no coarse face.
+        held: (P,) the sample of each control point.
+        welded: (V,) which vertices are at one position: they have one number.
+        start: (V + 1,) where each vertex's samples begin.
+        near: (K,) the samples that it follows.
+        weights: (K,) above 0, of sum 1 for each vertex.
+        notes: sentences for the user about what was done.
+    """
+
+    mesh: Mesh
+    links: Int
+    held: Int
+    welded: Int
+    start: Int
+    near: Int32
+    weights: Float32
+    notes: tuple[str, ...]
+
+
+def coarse_of(mesh: Mesh, held: Int, count: int) -> Coarse:
+    """About ``count`` samples of the mesh; those of ``held`` (P,) are the first of them.
+
+    Raises:
+        InputError: for a control point that is not there, or that no face uses.
+    """
+    whole, of = weld(mesh)
+    net = edges_around(whole.vertices, whole.faces)
+    _check_held(held, of, net[0])
+    first, number = _firsts(of[held])
+    spacing, chosen, riding = _samples(whole, net, first, count)
+    points = whole.vertices
+    start, near, way = ways(*net, chosen, len(points), _DETOUR * _REACH * spacing)
+    faces, links = _lands(whole.faces, _nearest(start, near, way))
+    start, near, weights = followed(points, points[chosen], start, near, way, _REACH * spacing, _DETOUR)
+    if riding.any():
+        start, near, weights = _with_riders(whole, riding, start, near, weights)
+    start, near, weights = _spread(of, start, near, weights)
+    coarse = Mesh(points[chosen], faces, mesh.name)
+    notes = _notes(of, riding, len(chosen))
+    return Coarse(coarse, links, number, of, start, near, weights, notes)
+
+
+def _samples(whole: Mesh, net: tuple[Int, Int32, Float], first: Int, count: int) -> tuple[float, Int, Bool]:
+    """The spacing in metres, (M,) about ``count`` vertices, ``first`` the first, and (W,) who rides."""
+    spacing = float(np.sqrt(whole.area / (_DENSITY * count)))
+    finest = _FINEST * float(net[2].mean())
+    for _ in range(_MOST_ROUNDS):
+        riding = _riding(whole, first, spacing)
+        order = np.random.default_rng(0).permutation(np.flatnonzero(~riding))
+        chosen = thrown(*net, np.concatenate([first, order]), spacing)
+        if 0.85 * count <= len(chosen) <= 1.15 * count or spacing <= finest:
+            break
+        spacing = max(spacing * float(np.sqrt(len(chosen) / count)), finest)
+    return spacing, chosen, riding
+
+
+def _firsts(places: Int) -> tuple[Int, Int]:
+    """(U,) each place once, in the order they come, and (P,) which of them each is."""
+    places, begin, inverse = np.unique(places, return_index=True, return_inverse=True)
+    order = np.argsort(begin)
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    return places[order], rank[inverse.reshape(-1)]
+
+
+def _check_held(held: Int, of: Int, offsets: Int) -> None:
+    for vertex in held.tolist():
+        if not 0 <= vertex < len(of):
+            raise InputError(f"there is no vertex {vertex}; the mesh has {len(of)}", where=_WHERE)
+        if offsets[of[vertex]] == offsets[of[vertex] + 1]:
+            raise InputError(
+                f"vertex {vertex} is loose: no face uses it, so that nothing would follow it",
+                where=_WHERE,
+                mend="Choose a vertex of the surface.",
+            )
+
+
+def _notes(of: Int, riding: Bool, count: int) -> tuple[str, ...]:
+    """What the user is told."""
+    notes = [f"{len(of):,} vertices: {count:,} of them are solved and carry the others with their detail."]
+    if len(riding) < len(of):
+        notes.append(f"{len(of) - len(riding)} vertices were welded to others at the same position.")
+    if riding.any():
+        notes.append(f"{int(riding.sum())} vertices of tiny shells follow the surface nearest to them.")
+    return tuple(notes)
+
+
+@njit(cache=True, nogil=True)
+def edges_around(points, faces):  # type: ignore[no-untyped-def]
+    """CSR over vertices: offsets (V + 1,), (E,) neighbours, each once, and (E,) metres to them."""
+    count = points.shape[0]
+    room = np.zeros(count + 1, np.int64)
+    for f in range(faces.shape[0]):
+        for c in range(3):
+            room[faces[f, c] + 1] += 2
+    for v in range(count):
+        room[v + 1] += room[v]
+    other, fill = np.empty(room[count], np.int32), room[:-1].copy()
+    for f in range(faces.shape[0]):
+        for c in range(3):
+            v = faces[f, c]
+            other[fill[v]], other[fill[v] + 1] = faces[f, (c + 1) % 3], faces[f, (c + 2) % 3]
+            fill[v] += 2
+    offsets, size = np.zeros(count + 1, np.int64), 0
+    for v in range(count):
+        begin = size
+        for e in range(room[v], room[v + 1]):
+            u, fresh = other[e], other[e] != v
+            for k in range(begin, size):
+                if other[k] == u:
+                    fresh = False
+                    break
+            if fresh:
+                other[size] = u
+                size += 1
+        offsets[v + 1] = size
+    lengths = np.empty(size)
+    for v in range(count):
+        for e in range(offsets[v], offsets[v + 1]):
+            total = 0.0
+            for c in range(3):
+                total += (points[v, c] - points[other[e], c]) ** 2
+            lengths[e] = np.sqrt(total)
+    return offsets, other[:size].copy(), lengths
+
+
+@njit(cache=True, nogil=True)
+def thrown(offsets, neighbours, lengths, order, spacing):  # type: ignore[no-untyped-def]
+    """(M,) of the vertices in ``order``, each one that is no nearer than ``spacing`` to those before it."""
+    metres, keys, items, reached = _room(offsets, neighbours)
+    covered = np.zeros(metres.shape[0], np.bool_)
+    chosen, size = np.empty(order.shape[0], np.int64), 0
+    for v in order:
+        if covered[v]:
+            continue
+        chosen[size] = v
+        size += 1
+        settled = _settle(offsets, neighbours, lengths, v, spacing, metres, keys, items, reached)
+        for k in range(settled):
+            covered[reached[k]] = True
+            metres[reached[k]] = np.inf
+    return chosen[:size].copy()
+
+
+@njit(cache=True, nogil=True)
+def _nearest(start, near, way):  # type: ignore[no-untyped-def]
+    """(V,) the sample with the shortest way to each vertex; -1 where none reaches."""
+    out = np.full(start.shape[0] - 1, -1, np.int64)
+    for v in range(out.shape[0]):
+        best = np.inf
+        for k in range(start[v], start[v + 1]):
+            if way[k] < best:
+                best, out[v] = way[k], near[k]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def followed(points, samples, start, near, way, reach, detour):  # type: ignore[no-untyped-def]
+    """The CSR of samples that each vertex follows, with weights, from those near along the surface."""
+    count = points.shape[0]
+    offsets, kept, weights = (
+        np.zeros(count + 1, np.int64),
+        np.empty_like(near),
+        np.empty(len(near), np.float32),
+    )
+    room = np.empty(len(near))
+    size = 0
+    for v in range(count):
+        begin, total, same = size, 0.0, -1
+        for k in range(start[v], start[v + 1]):
+            d = 0.0
+            for c in range(3):
+                d += (points[v, c] - samples[near[k], c]) ** 2
+            d = max(np.sqrt(d), way[k] / detour)
+            if d < 1e-9 * reach:
+                same = near[k]
+                break
+            if d < reach:
+                w = ((reach - d) / (reach * d)) ** 2
+                kept[size], room[size] = near[k], w
+                total += w
+                size += 1
+        if same >= 0:
+            kept[begin], room[begin], total, size = same, 1.0, 1.0, begin + 1
+        for k in range(begin, size):
+            weights[k] = room[k] / total
+        offsets[v + 1] = size
+    return offsets, kept[:size].copy(), weights[:size].copy()
+
+
+def _riding(whole: Mesh, held: Int, spacing: float) -> Bool:
+    """(W,) the vertices of shells that are smaller than a few spacings, and of none."""
+    label = shells(whole.faces, len(whole.vertices))
+    count = int(label.max()) + 1
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    for c in range(3):
+        np.minimum.at(low[:, c], label, whole.vertices[:, c])
+        np.maximum.at(high[:, c], label, whole.vertices[:, c])
+    size = np.linalg.norm(high - low, axis=1)
+    small = size < _DUST * spacing
+    small[size.argmax()] = False
+    small[label[held]] = False
+    return np.asarray(small[label])
+
+
+def _lands(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
+    """(G, 3) the coarse faces, and (L, 2) neighbours that share none."""
+    corners = nearest[faces]
+    corners = corners[((corners != corners[:, [1, 2, 0]]).any(1)) & (corners >= 0).all(1)]
+    count = int(nearest.max()) + 1
+    three = corners[(corners != corners[:, [1, 2, 0]]).all(1)]
+    low, middle, high = np.sort(three, 1).T
+    made = three[np.unique((low * count + middle) * count + high, return_index=True)[1]]
+    pairs = np.setdiff1d(_sides(corners, count), _sides(made, count))
+    pairs = np.stack([pairs // count, pairs % count], 1)
+    return made.astype(np.int32), pairs[pairs[:, 0] != pairs[:, 1]]
+
+
+def _sides(corners: Int, count: int) -> Int:
+    """(S,) the sides of faces, each once, as lower * count + higher."""
+    turned = corners[:, [1, 2, 0]]
+    return np.unique(np.minimum(corners, turned) * count + np.maximum(corners, turned))
+
+
+def _with_riders(
+    whole: Mesh, riding: Bool, start: Int, near: Int32, weights: Float32
+) -> tuple[Int, Int32, Float32]:
+    """The same CSR, where each tiny shell follows, as one, what the nearest vertex of the surface does."""
+    rest = np.flatnonzero(~riding)
+    label = shells(whole.faces, len(whole.vertices))[riding]
+    number = np.unique(label, return_inverse=True)[1].reshape(-1)
+    share = np.bincount(number).astype(float)
+    middle = np.stack([np.bincount(number, whole.vertices[riding, c]) / share for c in range(3)], 1)
+    host = np.arange(len(riding))
+    host[riding] = rest[cKDTree(whole.vertices[rest]).query(middle)[1]][number]
+    return _spread(host, start, near, weights)
+
+
+def _spread(of: Int, start: Int, near: Int32, weights: Float32) -> tuple[Int, Int32, Float32]:
+    """The CSR whose row v is row ``of[v]`` of the one given."""
+    sizes = np.diff(start)[of]
+    offsets = np.concatenate([[0], np.cumsum(sizes)])
+    rows = np.repeat(start[of] - offsets[:-1], sizes) + np.arange(offsets[-1])
+    return offsets, near[rows], weights[rows]
