@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.commands.retarget import read_take
 from enliven.formats.gltf import read_gltf
 from enliven.formats.gltf_write import glb_of, performance_of
+from enliven.formats.takes import read_take
 from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.applying import source_anatomy
 from enliven.mapping.automatic import retargeted

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from enliven.errors import InputError, ResourceError
+from enliven.errors import ResourceError
 
 if TYPE_CHECKING:
     from enliven.formats.rig import Rig
@@ -71,6 +71,7 @@ def retarget(
     # Heavy modules are imported only here, so that the help is quick.
     from enliven.formats.gltf import read_gltf
     from enliven.formats.gltf_write import performance_of, write_gltf
+    from enliven.formats.takes import read_take
     from enliven.mapping.automatic import retargeted
     from enliven.mapping.plan_file import read_plan, write_plan
 
@@ -98,52 +99,6 @@ def retarget(
 
 _FAST_ENOUGH = 60.0
 """Frames a second."""
-
-
-def read_take(
-    path: Path, animation: str | None = None, start: float = 0.0, end: float | None = None
-) -> tuple[Clip, tuple[str, ...]]:
-    """The clip in a file, from ``start`` to ``end`` seconds, and what was odd about the file.
-
-    Raises:
-        InputError: where there is none.
-    """
-    from enliven.formats.bvh import read_bvh
-    from enliven.formats.expmap import read_expmap
-    from enliven.formats.gltf import read_gltf
-    from enliven.motion.capture_clip import between_times, clip_of_capture
-    from enliven.motion.recorded import clips_of_recording
-
-    kind = path.suffix.lower()
-    if kind in (".glb", ".gltf"):
-        rig = read_gltf(path)
-        clip, notes = _named(rig.clips, path, animation), rig.notes
-    elif kind == ".mcap":
-        clip, notes = _named(clips_of_recording(path), path, animation), ()
-    elif kind in (".bvh", ".txt"):
-        capture = read_bvh(path) if kind == ".bvh" else read_expmap(path)
-        clip, notes = clip_of_capture(capture, path.stem), capture.notes
-    else:
-        raise InputError(f"{kind or 'a file without an ending'} is no motion", where=str(path), mend=_TAKES)
-    stop = clip.duration if end is None else end
-    if start > clip.duration or stop <= start:
-        what = f"it lasts {clip.duration:.2f} s: from {start:g} s to {stop:g} s is nothing"
-        raise InputError(what, where=str(path), mend="Choose other --start and --end.")
-    return between_times(clip, start, stop), notes
-
-
-_TAKES = "Known: .bvh, .txt (CMU's exponential maps), .mcap, .glb and .gltf with animations."
-
-
-def _named(clips: Sequence[Clip], path: Path, wanted: str | None) -> Clip:
-    """The clip of that name (a glTF name may end in it, after a bar), or the first."""
-    if not clips:
-        raise InputError("it has no animation", where=str(path), mend=_TAKES)
-    for clip in clips:
-        if wanted is None or wanted in (clip.id, clip.id.rpartition("|")[2]):
-            return clip
-    known = ", ".join(clip.id for clip in clips)
-    raise InputError(f"there is no animation {wanted!r}", where=str(path), mend=f"Known: {known}.")
 
 
 def _plan(

@@ -9,10 +9,10 @@ import pytest
 from made_bodies import bvh_text, horse, man, meshed, random_motion
 
 from enliven.cli import run
-from enliven.commands.retarget import read_take
 from enliven.formats.gltf import read_gltf
 from enliven.formats.gltf_write import performance_of, write_gltf
 from enliven.formats.rig import playing
+from enliven.formats.takes import read_take
 from enliven.mapping.automatic import automatic, retargeted
 from enliven.project import Project
 from enliven.recording import Recorder
