@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 MENU, TOOLS, SIDE, TIMELINE = 23.0, 92.0, 288.0, 196.0
+STRIP, PERFORMER = 126.0, 0.36
+"""With a puppet: height of the strip of key poses, and the share of the picture that the performer has."""
 
 
 class Area(NamedTuple):
@@ -27,14 +29,24 @@ class Places(NamedTuple):
     side: Area
     timeline: Area
     viewport: Area
+    performer: Area | None = None
+    strip: Area | None = None
 
 
-def places_in(width: float, height: float) -> Places:
-    """Tools at the left, properties at the right, the timeline along the bottom, the rest for the picture."""
+def places_in(width: float, height: float, *, puppet: bool = False) -> Places:
+    """Tools at the left, properties at the right, the timeline along the bottom, the rest for the picture.
+
+    With a puppet the performer has the left of the picture, and its key poses a strip under both.
+    """
     low = height - TIMELINE
-    return Places(
-        Area(0.0, MENU, TOOLS, low - MENU),
-        Area(width - SIDE, MENU, SIDE, low - MENU),
-        Area(0.0, low, width, TIMELINE),
-        Area(TOOLS, MENU, max(width - TOOLS - SIDE, 1.0), max(low - MENU, 1.0)),
-    )
+    tools = Area(0.0, MENU, TOOLS, low - MENU)
+    side = Area(width - SIDE, MENU, SIDE, low - MENU)
+    timeline = Area(0.0, low, width, TIMELINE)
+    rest = Area(TOOLS, MENU, max(width - TOOLS - SIDE, 1.0), max(low - MENU, 1.0))
+    if not puppet:
+        return Places(tools, side, timeline, rest)
+    high, wide = max(rest.height - STRIP, 1.0), round(PERFORMER * rest.width)
+    performer = Area(rest.x, rest.y, wide, high)
+    strip = Area(rest.x, rest.y + high, rest.width, STRIP)
+    viewport = Area(rest.x + wide, rest.y, max(rest.width - wide, 1.0), high)
+    return Places(tools, side, timeline, viewport, performer, strip)

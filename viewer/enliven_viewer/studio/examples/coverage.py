@@ -1,0 +1,126 @@
+"""Where a take is like an example and where it is not: what the strip and the timeline show.
+
+Distances are between poses of the performer in the body frame, over the joints that are paired.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import EnlivenError
+from enliven.examples.performer import performed
+from enliven.examples.puppet_motion import examples_of, missing
+from enliven.examples.suggest import Suggested, distance_to, further_poses, suggest_poses
+from enliven.motion.clip import Clip
+from enliven.project import Project
+from enliven.puppet import Puppet
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """What examples say of a take.
+
+    Attributes:
+        take: its id.
+        away: (F,) how far each frame is from the nearest example, 1 as far as without any; zeros without
+            examples.
+        frames: key poses that are missing, the most needed first.
+        needed: how many of them are enough.
+        left: as ``away`` of the farthest frame.
+        step: seconds between frames.
+    """
+
+    take: str
+    away: Float
+    frames: tuple[int, ...]
+    needed: int
+    left: float
+    step: float
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Seconds of the take of the key poses that are still needed."""
+        return tuple(frame * self.step for frame in self.frames[: self.needed])
+
+
+class Coverages:
+    """Coverages by what they depend on; the last few are kept."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[object, ...], tuple[tuple[object, ...], Coverage | None]] = {}
+        self._alone: dict[tuple[object, ...], tuple[Clip, Suggested | None, Float]] = {}
+
+    def of(self, project: Project, puppet: Puppet, take: str) -> Coverage | None:
+        """The coverage of a take by the puppet's examples; None where the performer never moves."""
+        clip = project.takes[take]
+        shown = tuple(project.takes[pose.take] for pose in puppet.poses)
+        marks = tuple((pose.take, pose.time) for pose in puppet.poses)
+        paired = tuple((point.joint, point.vertex) for point in puppet.points)
+        values = (clip, puppet.mesh, puppet.symmetry, *shown)
+        key = (puppet.id, take, marks, paired)
+        known = self._known.get(key)
+        if known is None or any(a is not b for a, b in zip(known[0], values, strict=True)):
+            known = (values, self._made(project, puppet, clip, take))
+            self._known = {**dict(list(self._known.items())[-7:]), key: known}
+        return known[1]
+
+    def _made(self, project: Project, puppet: Puppet, clip: Clip, take: str) -> Coverage | None:
+        joints = _joints(puppet, clip)
+        alone, poses = self._suggested(clip, joints)
+        if alone is None:
+            return None
+        known = _examples(project, puppet, joints)
+        if len(known) == 0:
+            nothing = np.zeros(len(poses))
+            return Coverage(take, nothing, alone.frames, alone.count, 1.0, clip.step)
+        more = further_poses(poses, known)
+        away = distance_to(poses, known) / alone.gaps[0]
+        return Coverage(take, away, more.frames, more.count, float(more.gaps[0] / alone.gaps[0]), clip.step)
+
+    def _suggested(self, clip: Clip, joints: tuple[str, ...]) -> tuple[Suggested | None, Float]:
+        """The key poses of a clip without any examples, and its poses."""
+        key = (clip.id, joints)
+        found = self._alone.get(key)
+        if found is None or found[0] is not clip:
+            poses = performed(clip, joints).poses
+            try:
+                suggested = suggest_poses(poses)
+            except EnlivenError:
+                suggested = None
+            found = (clip, suggested, poses)
+            self._alone = {**dict(list(self._alone.items())[-3:]), key: found}
+        return found[1], found[2]
+
+
+def _joints(puppet: Puppet, clip: Clip) -> tuple[str, ...]:
+    """The joints that are paired and that the clip has; all of the clip's where none is."""
+    names = set(clip.skeleton.names)
+    paired = tuple(dict.fromkeys(point.joint for point in puppet.points if point.joint in names))
+    return paired or clip.skeleton.names
+
+
+def _examples(project: Project, puppet: Puppet, joints: tuple[str, ...]) -> Float:
+    """(n, J, 3) metres, the performer in the examples, with their mirror images where there are such."""
+    if not missing(project, puppet):
+        try:
+            examples = examples_of(project, puppet)
+            columns = [examples.joints.index(name) for name in joints]
+            return np.asarray(examples.sources[:, columns])
+        except (EnlivenError, ValueError):
+            pass
+    found = []
+    for pose in puppet.poses:
+        clip = project.takes[pose.take]
+        if set(joints) <= set(clip.skeleton.names):
+            frame = int(np.clip(round(pose.time / clip.step), 0, len(clip.turns) - 1))
+            found.append(_frame(clip, frame, joints))
+    return np.array(found).reshape(-1, len(joints), 3)
+
+
+def _frame(clip: Clip, frame: int, joints: tuple[str, ...]) -> Float:
+    """(J, 3) one frame in the body frame."""
+    one = Clip(clip.id, clip.skeleton, clip.turns[frame : frame + 1], clip.root[frame : frame + 1], clip.step)
+    return np.asarray(performed(one, joints).poses[0])

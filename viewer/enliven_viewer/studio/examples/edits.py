@@ -1,0 +1,190 @@
+"""What the example panel does to a project, beyond one call of :mod:`enliven.modeling.puppets`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from enliven.errors import InputError
+from enliven.examples.constraints import Coupling, Position, Velocity
+from enliven.examples.locomotion import Kind, Switch
+from enliven.examples.pairing import guess_joints
+from enliven.examples.puppet_motion import motion_of
+from enliven.modeling.puppets import (
+    add_key_pose,
+    add_point,
+    change_key_pose,
+    change_layer,
+    change_point,
+    mirror_key_pose,
+)
+from enliven.project import Project, unused
+
+_AUTOMATIC = re.compile(r"point \d+")
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
+_NO_WORDS = {"end", "index", "base", "tip", "joint", "site"}
+Held = Position | Velocity | Coupling
+
+
+def guessed(project: Project, puppet_id: str, take: str, only: Sequence[str] = ()) -> Project:
+    """A project in which control points without a joint follow the likeliest one of a take.
+
+    Those with a name that nobody chose are called after it.
+
+    Args:
+        only: names of control points; empty for all that have no joint.
+    """
+    puppet = project.puppet(puppet_id)
+    if take not in project.takes:
+        raise InputError("no take is shown", where="joints", mend="Choose one in the performer's view.")
+    joints = guess_joints(project.takes[take].skeleton, puppet.rest)
+    for point, joint in zip(puppet.points, joints, strict=True):
+        if (point.name in only) if only else not point.joint:
+            name = point.name
+            if _AUTOMATIC.fullmatch(name):
+                name = unused(spoken_joint(joint), {p.name: p for p in project.puppet(puppet_id).points})
+            project = change_point(project, puppet_id, point.name, joint=joint, name=name)
+    return project
+
+
+def spoken_joint(joint: str) -> str:
+    """A joint as people call it: "LeftHandIndex1 end" is "left hand"."""
+    words = [word.lower() for word in _WORD.findall(joint)]
+    kept = [word for word in words if word not in _NO_WORDS]
+    return " ".join(kept) or joint.lower() or "point"
+
+
+def with_points(project: Project, puppet_id: str, vertices: Sequence[int]) -> Project:
+    """A project with control points on vertices that have none."""
+    for vertex in vertices:
+        if all(point.vertex != vertex for point in project.puppet(puppet_id).points):
+            project = add_point(project, puppet_id, int(vertex))
+    return project
+
+
+def duplicated(project: Project, puppet_id: str, number: int, take: str, time: float) -> Project:
+    """A project with a copy of a key pose for another moment."""
+    return add_key_pose(project, puppet_id, take, time, project.puppet(puppet_id).poses[number].places)
+
+
+def mirrored_copy(project: Project, puppet_id: str, number: int, take: str, time: float) -> Project:
+    """A project with a key pose's mirror image for another moment."""
+    project = duplicated(project, puppet_id, number, take, time)
+    return mirror_key_pose(project, puppet_id, len(project.puppet(puppet_id).poses) - 1)
+
+
+def retimed(project: Project, puppet_id: str, number: int, time: float) -> Project:
+    """A project with a key pose at another second of its take, on a frame of it."""
+    take = project.takes[project.puppet(puppet_id).poses[number].take]
+    frame = int(np.clip(round(time / take.step), 0, len(take.turns) - 1))
+    return change_key_pose(project, puppet_id, number, time=frame * take.step)
+
+
+def renamed_puppet(project: Project, old: str, new: str) -> Project:
+    """A project with a puppet under another name, at its place among the others."""
+    if new == old:
+        return project
+    if not new or new in project.puppets:
+        raise InputError(f"there is a puppet {new!r} already", where="name", mend="Choose another name.")
+    puppets = {
+        (new if k == old else k): (p.with_changes(id=new) if k == old else p)
+        for k, p in project.puppets.items()
+    }
+    return replace(project, puppets=puppets)
+
+
+def with_setting(project: Project, puppet_id: str, group: str, name: str, value: Any) -> Project:
+    """A project with one number of a puppet's settings changed: ``group`` is "examples" or "surface"."""
+    puppet = project.puppet(puppet_id)
+    return project.with_puppets(
+        puppet.with_changes(**{group: replace(getattr(puppet, group), **{name: value})})
+    )
+
+
+def with_default_settings(project: Project, puppet_id: str) -> Project:
+    """A project with a puppet's settings as they are by default."""
+    puppet = project.puppet(puppet_id)
+    return project.with_puppets(
+        puppet.with_changes(examples=type(puppet.examples)(), surface=type(puppet.surface)())
+    )
+
+
+def held_of(project: Project, puppet_id: str, layer: int) -> tuple[Held, ...]:
+    """The hard constraints of a layer, by frame."""
+    one = project.puppet(puppet_id).layers[layer]
+    return tuple(sorted((*one.positions, *one.velocities, *one.couplings), key=lambda held: held.frame))
+
+
+def with_held(project: Project, puppet_id: str, layer: int, held: Held) -> Project:
+    """A project with a hard constraint more, in the place of one of its kind for the same point and frame."""
+    name, kept = _others(project, puppet_id, layer, held)
+    return change_layer(project, puppet_id, layer, **{name: (*kept, held)})
+
+
+def without_held(project: Project, puppet_id: str, layer: int, held: Held) -> Project:
+    """A project without a hard constraint."""
+    name, kept = _others(project, puppet_id, layer, held)
+    return change_layer(project, puppet_id, layer, **{name: kept})
+
+
+def _others(project: Project, puppet_id: str, layer: int, held: Held) -> tuple[str, tuple[Held, ...]]:
+    """The layer's field that holds constraints of a kind, and those that say something else."""
+    name = {Position: "positions", Velocity: "velocities", Coupling: "couplings"}[type(held)]
+    other = getattr(held, "other", "")
+
+    def about(one: Held) -> tuple[str, int, str]:
+        return one.point, one.frame, getattr(one, "other", "")
+
+    all_of_them: tuple[Held, ...] = getattr(project.puppet(puppet_id).layers[layer], name)
+    return name, tuple(one for one in all_of_them if about(one) != (held.point, held.frame, other))
+
+
+def switches_of_layer(project: Project, puppet_id: str, layer: int) -> tuple[Switch, ...]:
+    """Where contact and flight begin in a layer, as edited or as found; none where it does not travel."""
+    return motion_of(project, project.puppet(puppet_id), layer).switches
+
+
+def moved_switch(switches: Sequence[Switch], number: int, frame: int, frames: int) -> tuple[Switch, ...]:
+    """Switches, one of them at another frame between its neighbours; the first stays at frame 0."""
+    if number == 0:
+        return tuple(switches)
+    low = switches[number - 1].frame + 1
+    high = switches[number + 1].frame - 1 if number + 1 < len(switches) else frames - 1
+    moved = replace(switches[number], frame=int(np.clip(frame, low, max(low, high))))
+    return (*switches[:number], moved, *switches[number + 1 :])
+
+
+def added_switch(switches: Sequence[Switch], frame: int, frames: int) -> tuple[Switch, ...]:
+    """Switches with one more at a frame: from there on it is the other way until the next one.
+
+    A band is split in three: what was there, its opposite for a tenth of a second's worth of frames or up to
+    the next switch, and what was there again.
+    """
+    at = [switch.frame for switch in switches]
+    if frame in at or not 0 < frame < frames:
+        return tuple(switches)
+    number = max(k for k, one in enumerate(at) if one < frame)
+    here: Kind = switches[number].kind
+    other: Kind = "flight" if here == "contact" else "contact"
+    end = at[number + 1] if number + 1 < len(at) else frames
+    back = min(frame + max(frames // 40, 3), end)
+    more = [Switch(frame, other)]
+    if back < end:
+        more.append(Switch(back, here))
+        return (*switches[: number + 1], *more, *switches[number + 1 :])
+    return (*switches[: number + 1], *more, *switches[number + 2 :])
+
+
+def removed_switch(switches: Sequence[Switch], number: int) -> tuple[Switch, ...]:
+    """Switches without one, and without the next, so that the kinds go on taking turns."""
+    if number == 0:
+        return tuple(switches)
+    return (
+        (*switches[:number], *switches[number + 2 :])
+        if number + 1 < len(switches)
+        else tuple(switches[:number])
+    )

@@ -1,0 +1,219 @@
+"""The second view: the performer at the moment that the puppet shows, turned as the puppet is.
+
+A click on a joint pairs it with the chosen control point. The performer stays in the middle of the picture
+and looks where the mesh looks, so that both can be compared; the view turns with the stage's.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.examples.performer import turned_about_y, yaw_of
+from enliven.mapping.facing import facing_of
+from enliven.modeling.puppets import change_point, play_take
+from enliven.motion.clip import Clip
+from enliven.shape import still_shape
+from enliven.skeleton import Skeleton
+from enliven_viewer.camera import OrbitCamera
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.examples.times import layer_of, seconds_at
+from enliven_viewer.studio.overlay import Point
+from enliven_viewer.studio.picking import Lens
+from enliven_viewer.studio.stance import joints_of
+
+_TURN = 0.008
+_ROOM = 1.3
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """The performer at one moment.
+
+    Attributes:
+        skeleton: whose joints.
+        joints: (N, 3) metres, above the floor at the origin.
+        height: metres, of the skeleton at rest.
+    """
+
+    skeleton: Skeleton
+    joints: Float
+    height: float
+
+
+class PerformerView:
+    """What the second view shows, seen by a camera of its own.
+
+    Attributes:
+        linked: whether it turns with the stage.
+        size: pixels.
+        hovered: the joint under the pointer, or None.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        self.editor = editor
+        self.camera = OrbitCamera(editor.settings.render.opening)
+        self.size: tuple[float, float] = (340.0, 420.0)
+        self.linked = True
+        self.hovered: int | None = None
+        self._take: str | None = None
+        self._framed: tuple[object, ...] = ()
+        self._facing: tuple[Skeleton, float] | None = None
+        self._last: Point | None = None
+
+    @property
+    def take(self) -> str | None:
+        """The id of the take that is shown: of the key pose that is edited, of the layer, or as chosen."""
+        editor = self.editor
+        key, puppet = editor.puppets.key, editor.puppets.puppet
+        if key is not None:
+            return key.take
+        if self._take in editor.project.takes:
+            return self._take
+        number = None if puppet is None else layer_of(puppet, editor.selection.puppet_layer)
+        return puppet.layers[number].take if puppet is not None and number is not None else None
+
+    @property
+    def moment(self) -> tuple[str, float] | None:
+        """The take and the second of it that are shown."""
+        editor, take = self.editor, self.take
+        key, puppet = editor.puppets.key, editor.puppets.puppet
+        if take is None or take not in editor.project.takes:
+            return None
+        if key is not None:
+            return key.take, key.time
+        number = None if puppet is None else layer_of(puppet, editor.selection.puppet_layer, take)
+        if puppet is not None and number is not None:
+            return take, seconds_at(editor.project, puppet.layers[number], editor.time)
+        return take, min(editor.time, editor.project.takes[take].duration)
+
+    @property
+    def lens(self) -> Lens:
+        """The camera and the view's size."""
+        return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
+
+    def show(self, take: str) -> None:
+        """Show a take; a puppet that plays nothing yet plays it from now on."""
+        self._take = take
+        puppet = self.editor.puppets.puppet
+        if puppet is None:
+            return
+        number = layer_of(puppet, None, take)
+        if number is not None:
+            self.editor.select(puppet_layer=number)
+        elif not puppet.layers:
+            self.play()
+
+    def play(self) -> None:
+        """Let the puppet play the take that is shown, as a layer more."""
+        puppet, take = self.editor.puppets.puppet, self.take
+        if puppet is not None and take is not None:
+            name = puppet.id
+            if self.editor.edit(f"{name} plays {take}", lambda project: play_take(project, name, take)):
+                self.editor.select(puppet_layer=len(puppet.layers))
+
+    def follow(self) -> None:
+        """Before a picture: turn with the stage, frame what is shown, and tell the moment."""
+        self.editor.puppets.moment = self.moment
+        figure = self.figure()
+        if figure is None:
+            return
+        aspect = self.size[0] / max(self.size[1], 1.0)
+        framed = (figure.skeleton, aspect)
+        if self._framed != framed:
+            self._framed = framed
+            half, tall = 0.42 * figure.height, 1.06 * figure.height
+            box = np.array([-half, 0.0, -half]), np.array([half, tall, half])
+            self.camera.frame(box, aspect, at_once=True, reset=True, room=_ROOM)
+        if self.linked:
+            way = self.editor.lens.forward
+            self.camera.face(math.atan2(-way[0], -way[2]), math.asin(float(np.clip(-way[1], -1.0, 1.0))))
+            self.camera.advance(10.0)
+
+    def figure(self, moment: tuple[str, float] | None = None) -> Figure | None:
+        """The performer at a moment, or at the one that is shown."""
+        moment = moment or self.moment
+        if moment is None:
+            return None
+        clip = self.editor.project.takes[moment[0]]
+        frame = int(np.clip(round(moment[1] / clip.step), 0, len(clip.turns) - 1))
+        joints = joints_of(still_shape("performer", clip.skeleton), clip.turns[frame], clip.root[frame])
+        joints = joints - clip.root[frame] * [1.0, 0.0, 1.0]
+        # As the mesh looks: without the performer's own yaw, and without where its rest pose looks.
+        back = -float(yaw_of(clip.turns[frame, 0])) - self._looks(clip)
+        height = float(np.ptp(clip.skeleton.positions[:, 1]))
+        return Figure(clip.skeleton, turned_about_y(joints, np.asarray(back)), max(height, 0.05))
+
+    def paired(self) -> dict[int, int]:
+        """For joints of the performer that are paired, the number of the control point."""
+        puppet, moment = self.editor.puppets.puppet, self.moment
+        if puppet is None or moment is None:
+            return {}
+        names = {name: k for k, name in enumerate(self.editor.project.takes[moment[0]].skeleton.names)}
+        return {names[point.joint]: k for k, point in enumerate(puppet.points) if point.joint in names}
+
+    def press(self, at: Point) -> None:
+        """Pair the joint that is clicked with the chosen control point; or begin to turn the view."""
+        joint, figure = self.joint_at(at), self.figure()
+        self._last = at if joint is None else None
+        if joint is not None and figure is not None:
+            self.pair(figure.skeleton.names[joint])
+
+    def pair(self, joint: str) -> None:
+        """Pair a joint with the chosen control point; one that is paired already chooses its point."""
+        editor = self.editor
+        puppet, number = editor.puppets.puppet, editor.puppets.point
+        if puppet is None:
+            return
+        if number is None:
+            for k, point in enumerate(puppet.points):
+                if point.joint == joint:
+                    editor.puppets.choose(puppet.id, k)
+                    return
+            editor.toasts.say("No control point is chosen", "Click one on the puppet, then the joint.")
+            return
+        name, chosen = puppet.id, puppet.points[number]
+        if chosen.joint != joint:
+            editor.edit(
+                f"pair {chosen.name}", lambda project: change_point(project, name, chosen.name, joint=joint)
+            )
+
+    def move(self, at: Point) -> None:
+        """Light what is under the pointer, or turn the view (and the stage with it)."""
+        if self._last is None:
+            self.hovered = self.joint_at(at)
+            return
+        across, down = at[0] - self._last[0], at[1] - self._last[1]
+        turned = self.editor.camera if self.linked else self.camera
+        turned.orbit(-_TURN * across, _TURN * down)
+        if not self.linked:
+            self.camera.advance(10.0)
+        self._last = at
+
+    def release(self) -> None:
+        """The button went up."""
+        self._last = None
+
+    def wheel(self, up: float) -> None:
+        """Closer, or further."""
+        self.camera.zoom(0.88**up)
+        self.camera.advance(10.0)
+
+    def joint_at(self, at: Point) -> int | None:
+        """The joint within reach of a pixel; of those at one place the one that is nearest to the root."""
+        figure = self.figure()
+        if figure is None:
+            return None
+        pixels, depth = self.lens.project(figure.joints)
+        away = np.linalg.norm(pixels - at, axis=1)
+        near = [k for k in range(len(away)) if away[k] <= self.editor.settings.reach]
+        return min(near, key=lambda k: (round(float(away[k]) / 3.0), round(float(depth[k]), 2), k), default=None)
+
+    def _looks(self, clip: Clip) -> float:
+        """Radians that the performer's front is turned at rest."""
+        if self._facing is None or self._facing[0] is not clip.skeleton:
+            self._facing = (clip.skeleton, facing_of(clip.skeleton))
+        return self._facing[1]

@@ -1,0 +1,55 @@
+"""The performer as a mannequin of capsules on the stage's floor, paired joints in their points' colours."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from enliven.arrays import Float32
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import Look, Scene
+from enliven_viewer.render.skinned import linear
+from enliven_viewer.render.tubes import Tubes, tube_rows
+from enliven_viewer.studio.examples.performer import Figure
+from enliven_viewer.studio.picking import Lens
+from enliven_viewer.studio.theme import FADED, HOVERED, point_colour
+
+_LIMB, _JOINT, _PAIRED = 0.017, 0.011, 0.030
+"""Radii as shares of the performer's height."""
+_SEEN_THROUGH = 0.3
+_LOOK = Look(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
+
+
+class PerformerPicture:
+    """Draws figures into the picture of a renderer.
+
+    Args:
+        renderer: whose picture it is; others may draw into it at other times.
+    """
+
+    def __init__(self, renderer: Renderer) -> None:
+        self.renderer = renderer
+        self._tubes = Tubes(renderer.ctx)
+
+    def draw(self, figure: Figure, lens: Lens, paired: Mapping[int, int], lit: int | None) -> None:
+        """One picture, resolved; ``paired`` are numbers of control points by joint, ``lit`` a joint."""
+        low, high = figure.joints.min(0), figure.joints.max(0)
+        self.renderer.draw(Scene((), (), _LOOK, extent=(low, high)), lens.view)
+        self._tubes.draw(self.renderer.picture, figure_rows(figure, paired, lit), _SEEN_THROUGH)
+
+
+def figure_rows(figure: Figure, paired: Mapping[int, int], lit: int | None) -> Float32:
+    """(N, 12) of :class:`~enliven_viewer.render.tubes.Tubes`: limbs, then joints."""
+    parents, tall = figure.skeleton.parents, figure.height
+    starts, ends = figure.joints[parents[1:]], figure.joints[1:]
+    radii = np.full(len(starts), _LIMB * tall)
+    bones = tube_rows(starts, ends, radii, linear(np.tile(np.array(FADED, float), (len(starts), 1))))
+    bones[:, 7] *= 0.72
+    sizes = np.full(len(figure.joints), _JOINT * tall)
+    tints = np.tile(np.array(FADED, float), (len(figure.joints), 1))
+    for joint, point in paired.items():
+        sizes[joint], tints[joint] = _PAIRED * tall, point_colour(point)
+    if lit is not None:
+        sizes[lit], tints[lit] = max(sizes[lit], 0.9 * _PAIRED * tall), HOVERED
+    return np.concatenate([bones, tube_rows(figure.joints, figure.joints, sizes, linear(tints))])
