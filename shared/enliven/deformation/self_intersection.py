@@ -1,0 +1,214 @@
+"""Where a deformed surface passes through itself.
+
+A tree of boxes over the faces, in the order of a space-filling curve at rest. It is built once for a mesh;
+each pose only grows the boxes again from the leaves up. Faces that share a vertex, or a position, are
+neighbours and never cross; faces that only touch, or lie in one plane, do not cross either.
+
+    crossing = SelfIntersection(mesh)
+    faces = crossing.newly_crossing(surface)       # (K,) that cross and did not at rest
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from enliven.arrays import Float, Int, Int32
+from enliven.mesh import Mesh
+from enliven.mesh_kernels import first_of_position
+
+_LEAF = 4
+"""Faces to a leaf."""
+
+
+class SelfIntersection:
+    """Asks one mesh, pose by pose, which of its faces cross.
+
+    Args:
+        mesh: at rest, where its own crossings are known from the first question on.
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._mesh = mesh
+        self._order, self._first = _curve(mesh.vertices, mesh.faces), _firsts(mesh.vertices)
+        self._corners = np.ascontiguousarray(mesh.faces[self._order])
+        self._rest: Int | None = None
+
+    def crossing(self, vertices: Float) -> Int:
+        """(K,) the faces that pass through others in a pose (V, 3), ascending."""
+        moved = np.ascontiguousarray(vertices, np.float64)
+        boxes = _boxes(moved, self._corners)
+        return np.sort(self._order[_crossing(moved, self._corners, self._first, boxes)])
+
+    def newly_crossing(self, vertices: Float) -> Int:
+        """(K,) those of :meth:`crossing` that do not cross at rest."""
+        if self._rest is None:
+            self._rest = self.crossing(self._mesh.vertices)
+        return newly_crossing(self._rest, self.crossing(vertices))
+
+
+def crossing_faces(vertices: Float, faces: Int32) -> Int:
+    """(K,) the faces of a surface that pass through others, ascending.
+
+    Args:
+        vertices: (V, 3); vertices at one position count as one.
+        faces: (F, 3).
+    """
+    moved = np.ascontiguousarray(vertices, np.float64)
+    order = _curve(moved, faces)
+    corners = np.ascontiguousarray(faces[order], np.int32)
+    found = _crossing(moved, corners, _firsts(moved), _boxes(moved, corners))
+    return np.sort(order[found])
+
+
+def newly_crossing(rest_crossings: Int, crossings: Int) -> Int:
+    """(K,) the faces that cross now and did not at rest: a mesh made of parts stuck into each other is."""
+    return np.setdiff1d(crossings, rest_crossings)
+
+
+def _firsts(vertices: Float) -> Int:
+    """(V,) the first vertex at the position of each."""
+    return np.asarray(first_of_position(np.ascontiguousarray(vertices + 0.0)), np.int64)
+
+
+def _curve(vertices: Float, faces: Int32) -> Int:
+    """(F,) the faces in the order of a Z-curve through their middles."""
+    middles = vertices[faces[:, 0]] + vertices[faces[:, 1]] + vertices[faces[:, 2]]
+    if not len(middles):
+        return np.empty(0, np.int64)
+    low = middles.min(0)
+    cells = ((middles - low) * (1023.999 / max(float(np.ptp(middles, axis=0).max()), 1e-300))).astype(
+        np.int64
+    )
+    code = np.zeros(len(faces), np.int64)
+    for bit in range(10):
+        for c in range(3):
+            code |= ((cells[:, c] >> bit) & 1) << (3 * bit + c)
+    return np.asarray(np.argsort(code, kind="stable"), np.int64)
+
+
+@njit(cache=True, nogil=True)
+def _boxes(vertices, corners):  # type: ignore[no-untyped-def]
+    """(2 L, 6) low and high corner of each node of a full binary tree; node 1 is the root, L leaves last."""
+    count = corners.shape[0]
+    leaves = 1
+    while leaves * 4 < count:
+        leaves *= 2
+    boxes = np.empty((2 * leaves, 6))
+    boxes[:, :3], boxes[:, 3:] = np.inf, -np.inf
+    for f in range(count):
+        node = leaves + f // 4
+        for k in range(3):
+            for c in range(3):
+                x = vertices[corners[f, k], c]
+                boxes[node, c], boxes[node, 3 + c] = min(boxes[node, c], x), max(boxes[node, 3 + c], x)
+    for node in range(leaves - 1, 0, -1):
+        for c in range(3):
+            boxes[node, c] = min(boxes[2 * node, c], boxes[2 * node + 1, c])
+            boxes[node, 3 + c] = max(boxes[2 * node, 3 + c], boxes[2 * node + 1, 3 + c])
+    return boxes
+
+
+@njit(cache=True, nogil=True)
+def _apart(boxes, a, b):  # type: ignore[no-untyped-def]
+    """Whether two boxes have nothing in common."""
+    for c in range(3):
+        if boxes[a, c] > boxes[b, 3 + c] or boxes[b, c] > boxes[a, 3 + c]:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _crossing(vertices, corners, first, boxes):  # type: ignore[no-untyped-def]
+    """(K,) the rows of ``corners`` (F, 3) whose faces cross others."""
+    count, leaves = corners.shape[0], boxes.shape[0] // 2
+    hit = np.zeros(count, np.bool_)
+    stack = np.empty((128, 2), np.int64)
+    stack[0] = 1, 1
+    size = 1
+    # The tree against itself: a pair of nodes is parted until it is two leaves.
+    while size > 0:
+        size -= 1
+        a, b = stack[size]
+        if a != b and _apart(boxes, a, b):
+            continue
+        if a >= leaves:
+            _leaves_cross(vertices, corners, first, 4 * (a - leaves), 4 * (b - leaves), hit)
+        elif a == b:
+            stack[size], stack[size + 1], stack[size + 2] = (
+                (2 * a, 2 * a),
+                (2 * a, 2 * a + 1),
+                (2 * a + 1, 2 * a + 1),
+            )
+            size += 3
+        else:
+            for i in range(2):
+                for j in range(2):
+                    stack[size] = 2 * a + i, 2 * b + j
+                    size += 1
+    return np.flatnonzero(hit)
+
+
+@njit(cache=True, nogil=True)
+def _leaves_cross(vertices, corners, first, a, b, hit):  # type: ignore[no-untyped-def]
+    """Mark the crossing ones among the faces of two leaves, which begin at ``a`` and ``b``."""
+    count = corners.shape[0]
+    for f in range(a, min(a + 4, count)):
+        for g in range(f + 1 if a == b else b, min(b + 4, count)):
+            if hit[f] and hit[g]:
+                continue
+            if _neighbours(corners, first, f, g) or _faces_apart(vertices, corners, f, g):
+                continue
+            if _pierces(vertices, corners, f, g) or _pierces(vertices, corners, g, f):
+                hit[f] = hit[g] = True
+
+
+@njit(cache=True, nogil=True)
+def _neighbours(corners, first, f, g):  # type: ignore[no-untyped-def]
+    """Whether two faces share a position of the mesh."""
+    for i in range(3):
+        for j in range(3):
+            if first[corners[f, i]] == first[corners[g, j]]:
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _faces_apart(vertices, corners, f, g):  # type: ignore[no-untyped-def]
+    """Whether the boxes of two faces have nothing in common."""
+    for c in range(3):
+        p, q, r = vertices[corners[f, 0], c], vertices[corners[f, 1], c], vertices[corners[f, 2], c]
+        x, y, z = vertices[corners[g, 0], c], vertices[corners[g, 1], c], vertices[corners[g, 2], c]
+        if max(p, q, r) < min(x, y, z) or max(x, y, z) < min(p, q, r):
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _side(vertices, a, b, c, d):  # type: ignore[no-untyped-def]
+    """Six times the volume of a tetrahedron: on which side of the plane a, b, c the point d is."""
+    x, y, z = vertices[d, 0], vertices[d, 1], vertices[d, 2]
+    ax, ay, az = vertices[a, 0] - x, vertices[a, 1] - y, vertices[a, 2] - z
+    bx, by, bz = vertices[b, 0] - x, vertices[b, 1] - y, vertices[b, 2] - z
+    cx, cy, cz = vertices[c, 0] - x, vertices[c, 1] - y, vertices[c, 2] - z
+    return ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+
+
+@njit(cache=True, nogil=True)
+def _pierces(vertices, corners, f, g):  # type: ignore[no-untyped-def]
+    """Whether an edge of face ``f`` goes through the inside of face ``g``."""
+    a, b, c = corners[g, 0], corners[g, 1], corners[g, 2]
+    p, q, r = corners[f, 0], corners[f, 1], corners[f, 2]
+    sp, sq, sr = _side(vertices, a, b, c, p), _side(vertices, a, b, c, q), _side(vertices, a, b, c, r)
+    return (
+        (sp * sq < 0.0 and _through(vertices, a, b, c, p, q))
+        or (sq * sr < 0.0 and _through(vertices, a, b, c, q, r))
+        or (sr * sp < 0.0 and _through(vertices, a, b, c, r, p))
+    )
+
+
+@njit(cache=True, nogil=True)
+def _through(vertices, a, b, c, p, q):  # type: ignore[no-untyped-def]
+    """Whether the line through p and q meets the inside of the face a, b, c."""
+    u, v, w = _side(vertices, p, q, a, b), _side(vertices, p, q, b, c), _side(vertices, p, q, c, a)
+    return (u > 0.0 and v > 0.0 and w > 0.0) or (u < 0.0 and v < 0.0 and w < 0.0)
