@@ -121,6 +121,21 @@ class SlowGltf:
             return a
         return (np.sin((1 - s) * angle) * a + np.sin(s * angle) * b) / np.sin(angle)
 
+    def weights_at(self, animation: int | None, time: float, node: int) -> np.ndarray:
+        """(N,) of the morph targets of a node's mesh."""
+        mesh = self.json["meshes"][self.json["nodes"][node]["mesh"]]
+        rest = np.array(self.json["nodes"][node].get("weights", mesh.get("weights", [])), float)
+        if animation is None:
+            return rest
+        found = self.json["animations"][animation]
+        for channel in found["channels"]:
+            if channel["target"] == {"node": node, "path": "weights"}:
+                sampler = found["samplers"][channel["sampler"]]
+                keys = self.accessor(sampler["input"])[:, 0]
+                rows = self.accessor(sampler["output"])[:, 0].reshape(len(keys), -1)
+                return np.array([np.interp(time, keys, column) for column in rows.T])
+        return rest
+
     def world_at(self, animation: int | None, time: float) -> list[np.ndarray]:
         local = self.locals_at(animation, time)
         parent = {c: n for n, node in enumerate(self.json["nodes"]) for c in node.get("children", [])}
@@ -145,6 +160,9 @@ class SlowGltf:
             for primitive in self.json["meshes"][node["mesh"]]["primitives"]:
                 attributes = primitive["attributes"]
                 points = self.accessor(attributes["POSITION"])
+                weights = self.weights_at(animation, time, n)
+                for w, target in zip(weights, primitive.get("targets", []), strict=True):
+                    points = points + w * self.accessor(target["POSITION"])
                 if "skin" not in node or "JOINTS_0" not in attributes:
                     for v in points:
                         if number % every == 0:

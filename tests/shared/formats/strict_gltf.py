@@ -76,7 +76,7 @@ def _nodes(document: dict, arrays: list[np.ndarray]) -> set[int]:
 def _skins(document: dict, arrays: list[np.ndarray]) -> set[int]:
     parents = {c: n for n, node in enumerate(document["nodes"]) for c in node.get("children", [])}
     used = set()
-    for skin in document["skins"]:
+    for skin in document.get("skins", []):
         joints = skin["joints"]
         assert len(set(joints)) == len(joints)
         inverse = arrays[skin["inverseBindMatrices"]]
@@ -92,8 +92,9 @@ def _skins(document: dict, arrays: list[np.ndarray]) -> set[int]:
 
 def _meshes(document: dict, arrays: list[np.ndarray]) -> set[int]:
     used = set()
-    skins = {n["mesh"]: document["skins"][n["skin"]] for n in document["nodes"] if "mesh" in n}
-    assert set(skins) == set(range(len(document["meshes"])))
+    shown = [node for node in document["nodes"] if "mesh" in node]
+    assert {node["mesh"] for node in shown} == set(range(len(document["meshes"])))
+    skins = {node["mesh"]: document["skins"][node["skin"]] for node in shown if "skin" in node}
     for number, mesh in enumerate(document["meshes"]):
         for primitive in mesh["primitives"]:
             a = primitive["attributes"]
@@ -107,15 +108,24 @@ def _meshes(document: dict, arrays: list[np.ndarray]) -> set[int]:
             assert len(indices) % 3 == 0 and indices.max() < count
             assert indices.max() < np.iinfo(indices.dtype).max, "the restart index"
             assert np.allclose(np.linalg.norm(arrays[a["NORMAL"]], axis=1), 1, atol=1e-5)
+            targets = primitive.get("targets", [])
+            assert len(mesh.get("weights", [])) == len(targets)
+            for target in targets:
+                used |= set(target.values())
+                assert set(target) == {"POSITION", "NORMAL"}
+                assert all(len(arrays[v]) == count for v in target.values())
+            if "COLOR_0" in a:
+                assert (arrays[a["COLOR_0"]] <= 1).all()
+            assert 0 <= primitive["material"] < len(document["materials"])
+            if number not in skins:
+                assert not {"JOINTS_0", "WEIGHTS_0"} & set(a)
+                continue
             joints, weights = arrays[a["JOINTS_0"]].astype(int), arrays[a["WEIGHTS_0"]]
             assert joints.max() < len(skins[number]["joints"])
             assert (weights >= 0).all() and np.abs(weights.astype(float).sum(1) - 1).max() < 1e-6
             assert (joints[weights == 0] == 0).all()
             named = np.where(weights > 0, joints, -1 - np.arange(4))
             assert (np.diff(np.sort(named, 1), axis=1) != 0).all(), "a joint twice in a vertex"
-            if "COLOR_0" in a:
-                assert (arrays[a["COLOR_0"]] <= 1).all()
-            assert 0 <= primitive["material"] < len(document["materials"])
     return used
 
 
@@ -130,13 +140,16 @@ def _animations(document: dict, arrays: list[np.ndarray]) -> set[int]:
             sampler = animation["samplers"][channel["sampler"]]
             times, values = arrays[sampler["input"]][:, 0], arrays[sampler["output"]]
             used |= {sampler["input"], sampler["output"]}
-            assert times[0] >= 0 and (np.diff(times) > 0).all() and len(values) == len(times)
+            node, path = document["nodes"][channel["target"]["node"]], channel["target"]["path"]
+            each = len(document["meshes"][node["mesh"]]["weights"]) if path == "weights" else 1
+            assert times[0] >= 0 and (np.diff(times) > 0).all() and len(values) == each * len(times)
             assert sampler.get("interpolation", "LINEAR") == "LINEAR"
-            if channel["target"]["path"] == "rotation":
+            if path == "rotation":
                 assert values.shape[1] == 4 and np.abs(np.linalg.norm(values, axis=1) - 1).max() < 1e-6
                 assert ((values[1:] * values[:-1]).sum(1) > 0).all(), "the long way round"
             else:
-                assert channel["target"]["path"] in ("translation", "scale") and values.shape[1] == 3
+                assert path in ("translation", "scale", "weights")
+                assert values.shape[1] == (1 if path == "weights" else 3)
     return used
 
 

@@ -1,0 +1,247 @@
+"""Transforms of a baked surface, all of a frame at once, by least squares.
+
+With the weights known, a frame's surface is linear in its K affine maps, and the matrix of that system is the
+same for all frames: it is factored once. The vertices of a frame are only read to make its right-hand side,
+12 numbers a transform; all else goes on in those.
+
+Where maps are to be what a glTF node can say, A = R Q diag(s) Q' with the axes Q of each transform the same
+in all frames, they are found block by block (B. H. Le and Z. Deng, "Smooth skinning decomposition with rigid
+bones", 2012, section 4.2, with scale).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from scipy.linalg import cho_factor, cho_solve
+
+from enliven.arrays import Float, Int32
+from enliven.rotation import nearest_quaternion, nearest_rotation
+
+_PLACE = 1e-6
+"""How strongly a pivot is kept where its rotation would take it, where nothing else says."""
+_GLOBAL = 1e-3
+"""Part of the whole surface's turn in that of each transform: it decides where the own surface is a line."""
+_SWEEPS = 4
+_LEAST, _MOST = 0.05, 20.0
+"""Bounds of a scale."""
+
+
+class Maps:
+    """Finds the maps of frames for given weights.
+
+    Args:
+        rest: (V, 3) metres.
+        pivots: (K, 3) metres.
+        indices, weights: (V, 4) int32 and float64.
+        rigid: how strongly a map is kept a rotation where the surface does not tell.
+
+    Attributes:
+        axes: (K, 3, 3) the axes Q of the scales, or None where maps may be any.
+    """
+
+    def __init__(self, rest: Float, pivots: Float, indices: Int32, weights: Float, rigid: float) -> None:
+        self._parts = (rest, pivots, indices, weights)
+        count = len(pivots)
+        self._gram = gram_of(*self._parts)
+        flat = self._gram.reshape(4 * count, 4 * count)
+        spread = np.array([np.trace(self._gram[k, :3, k, :3]) / 3 for k in range(count)])
+        mass = np.array([self._gram[k, 3, k, 3] for k in range(count)])
+        typical = max(float(spread.mean()), 1e-30)
+        self._pull = np.empty((count, 4))
+        self._pull[:, :3] = (rigid * (spread + 1e-3 * typical))[:, None]
+        self._pull[:, 3] = _PLACE * mass + 1e-9 * max(float(mass.mean()), 1e-30)
+        flat[np.diag_indices(4 * count)] += self._pull.ravel()
+        self._factor = cho_factor(flat, lower=True)
+        self._sums = first_moments(*self._parts)
+        self.axes: Float | None = None
+
+    def of(self, vertices: Float) -> Float:
+        """(F, K, 4, 3) maps of the frames ``vertices`` (V, F, 3): x = (v - pivot, 1) map."""
+        right = moments_of(*self._parts, vertices)
+        turns, places = self._rigid(right)
+        right[:, :, :3] += self._pull[None, :, :3, None] * turns
+        right[:, :, 3] += self._pull[None, :, 3, None] * places
+        frames, count = len(right), right.shape[1]
+        flat = right.reshape(frames, 4 * count, 3).transpose(1, 0, 2).reshape(4 * count, 3 * frames)
+        found = cho_solve(self._factor, flat).reshape(4 * count, frames, 3).transpose(1, 0, 2)
+        maps = np.ascontiguousarray(found).reshape(frames, count, 4, 3)
+        if self.axes is not None:
+            separable(self._gram, right, self.axes, _SWEEPS, maps)
+        return maps
+
+    def find_axes(self, maps: Float) -> None:
+        """Take the axes along which maps (F, K, 4, 3) stretch most, over all frames."""
+        linear = maps[:, :, :3].transpose(0, 1, 3, 2)
+        strain = np.einsum("fkba,fkbc->fkac", linear, linear) - np.eye(3)
+        axes = np.linalg.eigh(np.einsum("fkab,fkbc->kac", strain, strain))[1]
+        axes[np.linalg.det(axes) < 0, :, 0] *= -1.0
+        self.axes = np.ascontiguousarray(axes)
+
+    def _rigid(self, right: Float) -> tuple[Float, Float]:
+        """(F, K, 3, 3) transposed rotations that each transform's own vertices take, and (F, K, 3) where its
+        pivot goes with that."""
+        weight = np.maximum(self._sums[:, 3], 1e-30)
+        middle, went = self._sums[:, :3] / weight[:, None], right[:, :, 3] / weight[None, :, None]
+        moment = right[:, :, :3] - self._sums[None, :, :3, None] * went[:, :, None]
+        whole = moment.sum(1, keepdims=True)
+        size = np.abs(moment).sum((2, 3), keepdims=True)
+        size = np.maximum(size, 1e-9 * size.max(1, keepdims=True))
+        shared = whole / np.maximum(np.abs(whole).sum((2, 3), keepdims=True), 1e-300)
+        turns = nearest_rotation(moment + _GLOBAL * size * shared)
+        return turns, went - np.einsum("ka,fkab->fkb", middle, turns)
+
+
+@njit(cache=True, nogil=True)
+def moments_of(rest, pivots, indices, weights, vertices):  # type: ignore[no-untyped-def]
+    """(F, K, 4, 3): sum_v w (v - pivot, 1) x' of each frame of ``vertices`` (V, F, 3)."""
+    out = np.zeros((vertices.shape[1], len(pivots), 4, 3))
+    for v in range(len(rest)):
+        for s in range(4):
+            w, k = weights[v, s], indices[v, s]
+            if w <= 0.0:
+                continue
+            a, b = w * (rest[v, 0] - pivots[k, 0]), w * (rest[v, 1] - pivots[k, 1])
+            c = w * (rest[v, 2] - pivots[k, 2])
+            for f in range(vertices.shape[1]):
+                for e in range(3):
+                    x = vertices[v, f, e]
+                    out[f, k, 0, e] += a * x
+                    out[f, k, 1, e] += b * x
+                    out[f, k, 2, e] += c * x
+                    out[f, k, 3, e] += w * x
+    return out
+
+
+@njit(cache=True, nogil=True)
+def first_moments(rest, pivots, indices, weights):  # type: ignore[no-untyped-def]
+    """(K, 4): sum_v w (v - pivot, 1)."""
+    out = np.zeros((len(pivots), 4))
+    for v in range(len(rest)):
+        for s in range(4):
+            w, k = weights[v, s], indices[v, s]
+            for a in range(3):
+                out[k, a] += w * (rest[v, a] - pivots[k, a])
+            out[k, 3] += w
+    return out
+
+
+@njit(cache=True, nogil=True)
+def gram_of(rest, pivots, indices, weights):  # type: ignore[no-untyped-def]
+    """(K, 4, K, 4): sum_v w_k w_l (v - pivot_k, 1)(v - pivot_l, 1)'."""
+    count = len(pivots)
+    out = np.zeros((count, 4, count, 4))
+    row = np.empty((4, 4))
+    for v in range(len(rest)):
+        for s in range(4):
+            for a in range(3):
+                row[s, a] = weights[v, s] * (rest[v, a] - pivots[indices[v, s], a])
+            row[s, 3] = weights[v, s]
+        for s in range(4):
+            if weights[v, s] <= 0.0:
+                continue
+            for r in range(4):
+                if weights[v, r] > 0.0:
+                    for a in range(4):
+                        for b in range(4):
+                            out[indices[v, s], a, indices[v, r], b] += row[s, a] * row[r, b]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def separable(gram, right, axes, sweeps, maps):  # type: ignore[no-untyped-def]
+    """Makes ``maps`` (F, K, 4, 3) such that each is R Q diag(s) Q', block by block, in place.
+
+    Each block takes its best rotation, scales and place with the others as they are: what is left of the
+    system for it is |(A - A_k) H^(1/2)|², A_k and H by elimination of its place.
+    """
+    frames, count = maps.shape[0], maps.shape[1]
+    linked = np.zeros((count, count), np.bool_)
+    for k in range(count):
+        for m in range(count):
+            linked[k, m] = k != m and np.abs(gram[k, :, m, :]).max() > 0.0
+    for f in range(frames):
+        for sweep in range(sweeps):
+            for k in range(count):
+                left = right[f, k].copy()
+                for m in range(count):
+                    if linked[k, m]:
+                        for a in range(4):
+                            for b in range(4):
+                                g = gram[k, a, m, b]
+                                for e in range(3):
+                                    left[a, e] -= g * maps[f, m, b, e]
+                _block(gram[k, :, k, :], left, axes[k], sweep == 0, maps[f, k])
+
+
+@njit(cache=True, nogil=True)
+def _block(own, left, axes, fresh, found):  # type: ignore[no-untyped-def]
+    """The best R Q diag(s) Q' and place of one transform, into ``found`` (4, 3)."""
+    mass = own[3, 3]
+    # N = A H by elimination of the place, in the axes: rows of the world, columns of the axes.
+    flat, spread = np.zeros((3, 3)), np.zeros((3, 3))
+    for a in range(3):
+        for e in range(3):
+            flat[e, a] = left[a, e] - own[a, 3] * left[3, e] / mass
+            spread[a, e] = own[a, e] - own[a, 3] * own[3, e] / mass
+    flat = flat @ axes
+    spread = axes.T @ spread @ axes
+    turned = np.ascontiguousarray(found[:3].T) @ axes
+    scale = np.empty(3)
+    for a in range(3):
+        scale[a] = min(max(np.sqrt((turned[:, a] ** 2).sum()), _LEAST), _MOST)
+    turn = np.empty((3, 3))
+    for _ in range(3 if fresh else 2):
+        w, x, y, z = nearest_quaternion(flat * scale)
+        turn[0, 0], turn[0, 1], turn[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+        turn[1, 0], turn[1, 1], turn[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+        turn[2, 0], turn[2, 1], turn[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+        for a in range(3):
+            along = turn[0, a] * flat[0, a] + turn[1, a] * flat[1, a] + turn[2, a] * flat[2, a]
+            scale[a] = min(max(along / max(spread[a, a], 1e-300), _LEAST), _MOST)
+    linear = (turn * scale) @ axes.T
+    for a in range(3):
+        for e in range(3):
+            found[a, e] = linear[e, a]
+    for e in range(3):
+        total = left[3, e]
+        for a in range(3):
+            total -= own[3, a] * found[a, e]
+        found[3, e] = total / mass
+
+
+@njit(cache=True, nogil=True)
+def skinned(rest, pivots, indices, weights, maps, out):  # type: ignore[no-untyped-def]
+    """Into ``out`` (V, 3) where one frame's ``maps`` (K, 4, 3) take the vertices."""
+    for v in range(len(rest)):
+        p = q = r = 0.0
+        for s in range(4):
+            w, k = weights[v, s], indices[v, s]
+            if w <= 0.0:
+                continue
+            a, b, c = rest[v, 0] - pivots[k, 0], rest[v, 1] - pivots[k, 1], rest[v, 2] - pivots[k, 2]
+            m = maps[k]
+            p += w * (a * m[0, 0] + b * m[1, 0] + c * m[2, 0] + m[3, 0])
+            q += w * (a * m[0, 1] + b * m[1, 1] + c * m[2, 1] + m[3, 1])
+            r += w * (a * m[0, 2] + b * m[1, 2] + c * m[2, 2] + m[3, 2])
+        out[v, 0], out[v, 1], out[v, 2] = p, q, r
+
+
+@njit(cache=True, nogil=True)
+def add_errors(rest, pivots, indices, weights, maps, wanted, squares, worst):  # type: ignore[no-untyped-def]
+    """Adds the square errors of ``wanted`` (V, F, 3) to ``squares`` (V,), and raises ``worst`` (V,) to them.
+
+    Returns:
+        The greatest square error of each frame (F,).
+    """
+    of_frame = np.zeros(maps.shape[0])
+    out = np.empty((len(rest), 3))
+    for f in range(maps.shape[0]):
+        skinned(rest, pivots, indices, weights, maps[f], out)
+        for v in range(len(rest)):
+            x, y, z = out[v, 0] - wanted[v, f, 0], out[v, 1] - wanted[v, f, 1], out[v, 2] - wanted[v, f, 2]
+            off = x * x + y * y + z * z
+            squares[v] += off
+            worst[v] = max(worst[v], off)
+            of_frame[f] = max(of_frame[f], off)
+    return of_frame

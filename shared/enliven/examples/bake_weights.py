@@ -1,0 +1,179 @@
+"""Weights of a vertex over the transforms around it: bounded, at most four, their sum one.
+
+B. H. Le and Z. Deng, "Smooth skinning decomposition with rigid bones", 2012, section 4.1: with the transforms
+known, each vertex is a least-squares problem of its own. With d_k(t) the distance from where transform k
+takes the vertex at time t to where it is, w asks for the least of sum_t |sum_k w_k d_k(t)|² = w' D w, for the
+weights sum to one. What is added here: a pull towards the mean of the neighbours' weights, so that the
+surface stays smooth between frames, and the weights of before where those found are no better.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_MOST = 4
+
+
+@njit(cache=True, nogil=True)
+def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, indices, weights):  # type: ignore[no-untyped-def]
+    """Improves ``indices`` (V, 4) int32 and ``weights`` (V, 4) in place, vertex by vertex.
+
+    Args:
+        rest: (V, 3).
+        wanted: (V, F, 3) where the vertices are.
+        pivots: (K, 3).
+        maps: (K, F, 4, 3) x = (v - pivot, 1) map.
+        candidates: (V, C) int32, -1 for none.
+        near, starts: the neighbours of vertex v are near[starts[v]:starts[v + 1]].
+        smooth: square metres that all frames together lose where the weights are not the neighbours'.
+    """
+    count, frames, most = len(rest), wanted.shape[1], candidates.shape[1]
+    old_indices, old_weights = indices.copy(), weights.copy()
+    away = np.empty((most, 3))
+    gram = np.empty((most, most))
+    pull = np.empty(most)
+    found = np.empty(most)
+    room = np.empty((most, most + 2))
+    free = np.empty(most, np.bool_)
+    for v in range(count):
+        there = 0
+        while there < most and candidates[v, there] >= 0:
+            there += 1
+        gram[:, :] = 0.0
+        for f in range(frames):
+            for c in range(there):
+                k = candidates[v, c]
+                x, y, z = rest[v, 0] - pivots[k, 0], rest[v, 1] - pivots[k, 1], rest[v, 2] - pivots[k, 2]
+                for a in range(3):
+                    m = maps[k, f, 3, a] + x * maps[k, f, 0, a] + y * maps[k, f, 1, a] + z * maps[k, f, 2, a]
+                    away[c, a] = m - wanted[v, f, a]
+            for c in range(there):
+                for d in range(c + 1):
+                    gram[c, d] += away[c, 0] * away[d, 0] + away[c, 1] * away[d, 1] + away[c, 2] * away[d, 2]
+        for c in range(there):
+            for d in range(c):
+                gram[d, c] = gram[c, d]
+        _neighbours(v, candidates, there, near, starts, old_indices, old_weights, pull)
+        for c in range(there):
+            found[c] = 0.0
+            for s in range(_MOST):
+                if old_weights[v, s] > 0.0 and old_indices[v, s] == candidates[v, c]:
+                    found[c] += old_weights[v, s]
+        before = _cost(gram, found, pull, smooth, there)
+        whole = 0.0
+        for c in range(there):
+            whole += found[c]
+        if not solve_bounded(gram, pull, smooth, there, free, room, found):
+            continue
+        if abs(whole - 1.0) < 1e-6 and _cost(gram, found, pull, smooth, there) >= before:
+            continue
+        slot = 0
+        for c in range(there):
+            if found[c] > 0.0:
+                indices[v, slot], weights[v, slot] = candidates[v, c], found[c]
+                slot += 1
+        for s in range(slot, _MOST):
+            indices[v, s], weights[v, s] = 0, 0.0
+
+
+@njit(cache=True, nogil=True)
+def solve_bounded(gram, pull, smooth, there, free, room, found):  # type: ignore[no-untyped-def]
+    """Into ``found`` the weights, at most four above zero; false where there are none to be had.
+
+    What comes out below zero is let go of, the lowest first; then the smallest until four are left.
+    """
+    scale = 0.0
+    for c in range(there):
+        free[c] = True
+        scale += gram[c, c]
+    if there == 0:
+        return False
+    least = 1e-10 * scale / there + 1e-300
+    left = there
+    while True:
+        if not _equal(gram, pull, smooth, least, there, free, room, found):
+            return False
+        lowest = -1
+        for c in range(there):
+            if free[c] and (lowest < 0 or found[c] < found[lowest]):
+                lowest = c
+        if found[lowest] < 0.0 or left > _MOST:
+            free[lowest] = False
+            left -= 1
+        else:
+            return True
+
+
+@njit(cache=True, nogil=True)
+def _equal(gram, pull, smooth, least, there, free, room, found):  # type: ignore[no-untyped-def]
+    """The free weights (others 0) whose sum is one, by two solves with what is free."""
+    n = 0
+    order = np.empty(there, np.int64)
+    for c in range(there):
+        found[c] = 0.0
+        if free[c]:
+            order[n] = c
+            n += 1
+    for i in range(n):
+        for j in range(i + 1):
+            room[i, j] = gram[order[i], order[j]]
+        room[i, i] += smooth + least
+        room[i, n], room[i, n + 1] = smooth * pull[order[i]], 1.0
+    for i in range(n):
+        for j in range(i + 1):
+            total = room[i, j]
+            for k in range(j):
+                total -= room[i, k] * room[j, k]
+            if i == j:
+                if total <= 0.0:
+                    return False
+                room[i, i] = np.sqrt(total)
+            else:
+                room[i, j] = total / room[j, j]
+        for side in range(n, n + 2):
+            for k in range(i):
+                room[i, side] -= room[i, k] * room[k, side]
+            room[i, side] /= room[i, i]
+    for i in range(n - 1, -1, -1):
+        for side in range(n, n + 2):
+            for k in range(i + 1, n):
+                room[i, side] -= room[k, i] * room[k, side]
+            room[i, side] /= room[i, i]
+    first, second = 0.0, 0.0
+    for i in range(n):
+        first += room[i, n]
+        second += room[i, n + 1]
+    if not second > 0.0:
+        return False
+    share = (1.0 - first) / second
+    for i in range(n):
+        found[order[i]] = room[i, n] + share * room[i, n + 1]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _cost(gram, found, pull, smooth, there):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for c in range(there):
+        total += smooth * (found[c] - pull[c]) ** 2
+        for d in range(there):
+            total += found[c] * gram[c, d] * found[d]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _neighbours(v, candidates, there, near, starts, indices, weights, pull):  # type: ignore[no-untyped-def]
+    """Into ``pull`` the mean weights of the neighbours, for the candidates of vertex v."""
+    for c in range(there):
+        pull[c] = 0.0
+    around = starts[v + 1] - starts[v]
+    if around == 0:
+        return
+    for e in range(starts[v], starts[v + 1]):
+        u = near[e]
+        for s in range(_MOST):
+            if weights[u, s] > 0.0:
+                for c in range(there):
+                    if candidates[v, c] == indices[u, s]:
+                        pull[c] += weights[u, s] / around

@@ -1,0 +1,71 @@
+"""Keys of an animation: those that linear interpolation needs to stay within a tolerance of all frames."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from enliven.arrays import Float, Int
+
+
+def needed_keys(values: Float, tolerance: float, turns: bool = False) -> Int:
+    """(K,) frames to be kept of ``values`` (T, C), the first and the last among them.
+
+    Between two that are kept no frame is farther than the tolerance from what a player shows. From each key
+    the next is as far on as it can be without a search back.
+
+    Args:
+        turns: whether values are unit quaternions without jumps of sign, which players interpolate on the
+            sphere; the tolerance is in radians then.
+    """
+    if len(values) <= 2 or tolerance <= 0.0:
+        return np.arange(len(values))
+    return np.asarray(_needed(np.ascontiguousarray(values, np.float64), tolerance, turns))
+
+
+@njit(cache=True, nogil=True)
+def _needed(values, tolerance, turns):  # type: ignore[no-untyped-def]
+    kept = np.empty(len(values), np.int64)
+    kept[0], count, begin = 0, 1, 0
+    last = len(values) - 1
+    while begin < last:
+        # As far as doubling goes, then between by halves.
+        good, step = begin + 1, 2
+        while begin + step <= last and _holds(values, begin, begin + step, tolerance, turns):
+            good, step = begin + step, 2 * step
+        bad = min(begin + step, last + 1)
+        while bad - good > 1:
+            middle = (good + bad) // 2
+            if _holds(values, begin, middle, tolerance, turns):
+                good = middle
+            else:
+                bad = middle
+        kept[count], count, begin = good, count + 1, good
+    return kept[:count]
+
+
+@njit(cache=True, nogil=True)
+def _holds(values, begin, end, tolerance, turns):  # type: ignore[no-untyped-def]
+    """Whether all frames between two are near what is interpolated between these."""
+    width = values.shape[1]
+    dot = 0.0
+    for c in range(width):
+        dot += values[begin, c] * values[end, c]
+    sign = -1.0 if turns and dot < 0.0 else 1.0
+    angle = np.arccos(min(abs(dot), 1.0)) if turns else 0.0
+    for f in range(begin + 1, end):
+        share = (f - begin) / (end - begin)
+        first, second = 1.0 - share, share
+        if turns and angle > 1e-4:
+            first, second = np.sin(first * angle) / np.sin(angle), np.sin(second * angle) / np.sin(angle)
+        off, same = 0.0, 0.0
+        for c in range(width):
+            shown = first * values[begin, c] + sign * second * values[end, c]
+            off += (shown - values[f, c]) ** 2
+            same += (shown + values[f, c]) ** 2
+        if turns:
+            # A chord of the sphere of quaternions is half the angle of the turn.
+            off = 4.0 * min(off, same)
+        if off > tolerance * tolerance:
+            return False
+    return True
