@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.errors import EnlivenError
+from enliven.examples.puppet_motion import length_of_puppets
 from enliven.modeling.history import History
 from enliven.project import Project
 from enliven_viewer.camera import Box, OrbitCamera
@@ -85,7 +86,9 @@ class Editor:
     @property
     def length(self) -> float:
         """Seconds that the project plays."""
-        return max(length_of(self.project, self.settings.shortest), end_of_streams(self.project))
+        project = self.project
+        last = max(end_of_streams(project), length_of_puppets(project))
+        return max(length_of(project, self.settings.shortest), last)
 
     @property
     def lens(self) -> Lens:
@@ -180,6 +183,7 @@ class Editor:
         """Let time pass: the playhead, the camera, the messages."""
         self.camera.advance(seconds)
         self.toasts.advance(seconds)
+        self.puppets.advance()
         if self.playing and self.draft is None:
             self.time += seconds * self.speed
             if self.time > self.length:
@@ -199,7 +203,8 @@ class Editor:
     def box(self) -> Box | None:
         """What every shape fills now."""
         filled = [points for s in self.stances for points in (s.joints, s.surface())]
-        bounds = bounds_of(filled + [mesh.vertices for mesh in self.possessed])
+        filled += [mesh.vertices for mesh in self.possessed]
+        bounds = bounds_of(filled + [puppet.vertices for puppet in self.puppets.standing])
         if bounds is None:
             return None
         return bounds[0] - 0.05, bounds[1] + 0.05

@@ -30,6 +30,14 @@ class Disc:
 
 
 @dataclass(frozen=True)
+class Fill:
+    """A filled convex area."""
+
+    points: tuple[Point, ...]
+    colour: Colour
+
+
+@dataclass(frozen=True)
 class Words:
     """A line of text whose left middle is at a place."""
 
@@ -43,11 +51,11 @@ class Overlay:
     """Everything that a tool shows.
 
     Attributes:
-        marks: lines, discs and words, the first undermost.
+        marks: lines, discs, areas and words, the first undermost.
         chain: (shape, joints) bones that are lit, or None.
         hovered: (shape, joint) under the pointer, or None.
     """
 
-    marks: tuple[Line | Disc | Words, ...] = ()
+    marks: tuple[Line | Disc | Fill | Words, ...] = ()
     chain: tuple[str, tuple[int, ...]] | None = None
     hovered: tuple[str, int] | None = None

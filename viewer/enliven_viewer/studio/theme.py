@@ -44,6 +44,13 @@ LANES: tuple[Colour, ...] = (
 )
 """Bars of the timeline, a colour a take."""
 
+AXES = ((236, 92, 84), (128, 206, 92), (92, 146, 246))
+HELD_AXIS = (255, 226, 160)
+"""sRGB of the manipulator's x, y and z, and of the part that is under the pointer."""
+WARNING = (255, 74, 58)
+GHOST = (150, 226, 255)
+"""sRGB of faces that pass through one another, and of the outline of the key pose before."""
+
 POINTS = (
     (255, 196, 84),
     (92, 200, 250),

@@ -19,6 +19,9 @@ from enliven_viewer.studio.editor import Selection
 from enliven_viewer.studio.overlay import Overlay
 from enliven_viewer.studio.picking import Lens
 from enliven_viewer.studio.possessed import Characters, Possessed
+from enliven_viewer.studio.puppets.picture import NOTHING, PuppetPicture
+from enliven_viewer.studio.puppets.shades import Shades
+from enliven_viewer.studio.puppets.stage import PuppetCharacters, Standing
 from enliven_viewer.studio.skeleton_picture import skeleton_rows
 from enliven_viewer.studio.stance import Stance
 
@@ -39,6 +42,8 @@ class Viewport:
         self.renderer = Renderer(ctx, size, settings)
         self._tubes = Tubes(ctx)
         self._graphs = Characters()
+        self._puppets = PuppetCharacters()
+        self._shades: Shades | None = None
         self._characters: dict[str, tuple[tuple[object, ...], Character]] = {}
 
     def draw(
@@ -49,6 +54,8 @@ class Viewport:
         overlay: Overlay,
         *,
         possessed: Sequence[Possessed] = (),
+        puppets: Sequence[Standing] = (),
+        over: PuppetPicture = NOTHING,
         meshes: bool = True,
         bones: bool = True,
     ) -> None:
@@ -58,19 +65,29 @@ class Viewport:
         kept = {actor.character.id for actor in actors}
         self._characters = {name: known for name, known in self._characters.items() if name in kept}
         actors += tuple(Actor(self._graphs.of(mesh.shape), mesh.pose) for mesh in possessed)
-        self.renderer.draw(
-            Scene(
-                actors,
-                (),
-                _LOOK,
-                extent=bounds_of([s.joints for s in stances] + [mesh.vertices for mesh in possessed]),
-            ),
-            lens.view,
-        )
+        actors += tuple(Actor(self._puppets.of(p.puppet), p.pose, vertices=p.drawn) for p in puppets)
+        filled = [s.joints for s in stances] + [mesh.vertices for mesh in possessed]
+        extent = bounds_of(filled + [puppet.drawn for puppet in puppets])
+        self.renderer.draw(Scene(actors, (), _LOOK, extent=extent), lens.view)
+        self._draw_over(over)
         if bones and stances:
             rows = np.concatenate([skeleton_rows(s, lens, selection, overlay) for s in stances])
             near = min(float(((s.joints - lens.view.eye) @ lens.forward).min()) for s in stances)
             self._tubes.draw(self.renderer.picture, rows, _SEEN_THROUGH * max(near, 0.05))
+
+    def _draw_over(self, over: PuppetPicture) -> None:
+        """What a puppet in the hand shows."""
+        if over is NOTHING:
+            return
+        self._shades = self._shades or Shades(self.renderer.ctx)
+        picture = self.renderer.picture
+        if over.crossing is not None:
+            self._shades.crossing(picture, *over.crossing)
+        if over.ghost is not None:
+            self._shades.outline(picture, *over.ghost)
+        for rows, bias in over.tubes:
+            if len(rows):
+                self._tubes.draw(picture, rows, bias)
 
     def _character(self, shape: Shape) -> Character:
         """The shape's character, the same object while its surface, skin and rest are the same."""

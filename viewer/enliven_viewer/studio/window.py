@@ -12,15 +12,19 @@ from imgui_bundle import hello_imgui, imgui
 from enliven.arrays import UInt8
 from enliven_viewer.render.context import window_context
 from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.examples.performer_picture import PerformerPicture
 from enliven_viewer.studio.panels.dialogs import draw_dialogs
+from enliven_viewer.studio.panels.examples import draw_examples
 from enliven_viewer.studio.panels.menu import draw_menu
 from enliven_viewer.studio.panels.over import draw_over
+from enliven_viewer.studio.panels.performer import draw_performer
 from enliven_viewer.studio.panels.side import draw_side
 from enliven_viewer.studio.panels.source import draw_source, split_side
 from enliven_viewer.studio.panels.style import apply_style, load_fonts
 from enliven_viewer.studio.panels.timeline import draw_timeline
 from enliven_viewer.studio.panels.toolbar import draw_toolbar
 from enliven_viewer.studio.places import Area, Places, places_in
+from enliven_viewer.studio.puppets.picture import picture_of
 from enliven_viewer.studio.tools.map import Map
 from enliven_viewer.studio.viewport import Viewport
 
@@ -59,6 +63,7 @@ class StudioWindow:
         self.pictures = 0
         self._viewport: Viewport | None = None
         self._source: Viewport | None = None
+        self._performer: PerformerPicture | None = None
         self._screen: Any = None
         self._last = time.monotonic()
         self._framed = False
@@ -139,7 +144,12 @@ class StudioWindow:
     def places(self) -> Places:
         """Where the panels are."""
         size = imgui.get_io().display_size
-        return places_in(size.x, size.y)
+        return places_in(size.x, size.y, puppet=self._acts)
+
+    @property
+    def _acts(self) -> bool:
+        """Whether a puppet is worked on: then its performer and its key poses are shown."""
+        return self.desk.puppets.puppet is not None and not isinstance(self.desk.hand.tool, Map)
 
     def _start(self) -> None:
         # Keys are the tools': Space must not press the button that was clicked last.
@@ -149,6 +159,7 @@ class StudioWindow:
         self._screen = context.detect_framebuffer()  # now, while the window's own is bound
         self._viewport = Viewport(context, (64, 64), settings.render)
         self._source = Viewport(context, (64, 64), settings.render)
+        self._performer = PerformerPicture(self._source.renderer)
 
     def _framebuffer_size(self) -> tuple[int, int]:
         io = imgui.get_io()
@@ -178,6 +189,8 @@ class StudioWindow:
             editor.selection,
             self.desk.hand.tool.overlay(),
             possessed=editor.possessed if editor.show_meshes else (),
+            puppets=editor.puppets.standing if editor.show_meshes else (),
+            over=picture_of(self.desk.hand.tool),
             meshes=editor.show_meshes,
             bones=editor.show_bones,
         )
@@ -186,8 +199,11 @@ class StudioWindow:
         self._screen.viewport = (0, 0, *self._framebuffer_size())
 
     def _draw_source(self) -> None:
-        """The picture of the take, while motion is mapped."""
+        """The picture of the take, while motion is mapped; of the performer, while a puppet is worked on."""
         tool = self.desk.hand.tool
+        if self._acts:
+            self._draw_performer()
+            return
         stance = tool.source.stance() if isinstance(tool, Map) else None
         if not isinstance(tool, Map) or stance is None or self._source is None:
             return
@@ -195,6 +211,16 @@ class StudioWindow:
         wide, high = tool.source.size
         self._source.renderer.resize((max(round(wide * scale), 1), max(round(high * scale), 1)))
         self._source.draw([stance], tool.source.lens, tool.source.selection, tool.source.overlay())
+
+    def _draw_performer(self) -> None:
+        view = self.desk.performer
+        view.follow()
+        figure = view.figure()
+        if figure is not None and self._performer is not None:
+            scale = imgui.get_io().display_framebuffer_scale.y
+            wide, high = view.size
+            self._performer.renderer.resize((max(round(wide * scale), 1), max(round(high * scale), 1)))
+            self._performer.draw(figure, view.lens, view.paired(), view.hovered)
 
     def _gui(self) -> None:
         """The panels, and what the pointer does where none is."""
@@ -207,6 +233,10 @@ class StudioWindow:
             draw_side(self.desk, above)
             texture = self._source.renderer.picture.texture.glo
             draw_source(self.desk, tool, below, places.viewport, texture)
+        elif places.performer is not None and self._performer is not None:
+            texture = self._performer.renderer.picture.texture.glo
+            draw_performer(self.desk, places.performer, texture)
+            draw_examples(self.desk, places.side)
         else:
             draw_side(self.desk, places.side)
         draw_timeline(self.desk, places.timeline)

@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.hud import wrapped
 from enliven_viewer.studio.desk import Desk
-from enliven_viewer.studio.overlay import Disc, Line
+from enliven_viewer.studio.overlay import Disc, Fill, Line
 from enliven_viewer.studio.panels.menu import spoken
 from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.places import Area
@@ -40,6 +40,9 @@ def _mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
             draw.add_circle(at, mark.radius, packed(mark.colour), 0, mark.width)
         else:
             draw.add_circle_filled(at, mark.radius, packed(mark.colour))
+    elif isinstance(mark, Fill):
+        points = [ImVec2(area.x + x, area.y + y) for x, y in mark.points]
+        draw.add_convex_poly_filled(points, packed(mark.colour))
     else:
         at = ImVec2(area.x + mark.at[0], area.y + mark.at[1] - 8)
         draw.add_text(ImVec2(at.x + 1, at.y + 1), packed((0, 0, 0, 0.6)), mark.text)
@@ -55,6 +58,11 @@ def _hint(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
     draw.add_text(ImVec2(x + 13, y + 8), packed(ACCENT), label)
     shift = imgui.calc_text_size(f"{label}   ").x
     draw.add_text(ImVec2(x + 13 + shift, y + 8), packed(INK), hint)
+    if tool.warning:
+        text = f"\uf071  {tool.warning}"
+        wide = imgui.calc_text_size(text).x + 26
+        draw.add_rect_filled(ImVec2(x, y + 38), ImVec2(x + wide, y + 68), packed(GLASS), 9.0)
+        draw.add_text(ImVec2(x + 13, y + 45), packed(BAD), text)
 
 
 def _caption(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]

@@ -55,7 +55,7 @@ def partner_point(puppet: Puppet, point: int) -> int | None:
 
 
 def mirrored_places(puppet: Puppet, places: Float, point: int) -> Float:
-    """(P, 3) places, the partner of ``point`` at the mirror image of its place; on the plane it stays there."""
+    """(P, 3) places, the partner of ``point`` at its mirror image; on the plane it stays on it."""
     plane, other = plane_for(puppet), partner_point(puppet, point)
     if plane is None or other is None:
         return places

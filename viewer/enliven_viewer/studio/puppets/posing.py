@@ -17,21 +17,21 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-
-try:
-    from enliven.modeling.puppets import (
-        add_key_pose,
-        add_point,
-        change_key_pose,
-        remove_key_pose,
-        remove_point,
-    )
-except ImportError:
-    pass
+from enliven.examples.puppet_motion import State
+from enliven.modeling.puppets import (
+    add_key_pose,
+    add_point,
+    change_key_pose,
+    remove_key_pose,
+    remove_point,
+)
+from enliven.motion.clip import Clip
 from enliven.project import Project
 from enliven.puppet import KeyPose, Puppet
+from enliven_viewer.studio.puppets.crossing import Crossing
 from enliven_viewer.studio.puppets.mirrored import mirrored_places, partner_vertex, plane_for
-from enliven_viewer.studio.puppets.playing import played_state, take_places
+from enliven_viewer.studio.puppets.playing import take_places
+from enliven_viewer.studio.puppets.stage import PuppetStage, Standing
 
 if TYPE_CHECKING:
     from enliven_viewer.studio.editor import Editor
@@ -49,6 +49,7 @@ class PuppetDesk:
         symmetric: whether control points are put and dragged with their mirror image.
         silhouette: whether the key pose before is outlined while one is edited.
         warn: whether faces that pass through one another are shown.
+        way: how the puppet stood when the key pose was begun: there it stays while it is edited.
     """
 
     def __init__(self, editor: Editor) -> None:
@@ -58,6 +59,31 @@ class PuppetDesk:
         self._key: tuple[str, int] | None = None
         self._before: Float | None = None
         self._dragged: Float | None = None
+        self.way: State | None = None
+        self.stage = PuppetStage(editor, self)
+        self.crossing = Crossing()
+        self._at = 0.0
+
+    def advance(self) -> None:
+        """A picture went by: surfaces come to rest; playing on leaves the key pose."""
+        if self.posing and (self.editor.playing or abs(self.editor.time - self._at) > 1e-9):
+            self.accept()
+        self.stage.improve()
+        standing = self.stage.standing_of(self.puppet.id) if self.puppet is not None else None
+        if self.warn and self.shaping and standing is not None:
+            self.crossing.look(standing.puppet, standing.surface)
+        else:
+            self.crossing.forget()
+
+    @property
+    def shaping(self) -> bool:
+        """Whether a key pose is edited, or a control point dragged."""
+        return self.posing or self.dragging
+
+    @property
+    def standing(self) -> tuple[Standing, ...]:
+        """Every puppet as it is shown now."""
+        return self.stage.standing
 
     @property
     def puppet(self) -> Puppet | None:
@@ -119,30 +145,34 @@ class PuppetDesk:
         puppet = self._wanted()
         if puppet is None:
             return False
-        for number, pose in enumerate(puppet.poses):
-            if pose.take == take and abs(pose.time - time) < 1e-6:
-                return self.edit_pose(number)
-        places = take_places(self.editor.project, puppet, take, time)
+        there = self.pose_at(take, time)
+        if there is not None:
+            return self.edit_pose(there)
+        return self._add(puppet, take, time, take_places(self.editor.project, puppet, take, time))
 
-        def change(project: Project) -> Project:
-            return add_key_pose(project, puppet.id, take, time, places)
-
-        if not self.editor.edit("add a key pose", change):
-            return False
-        self._edit(puppet.id, len(puppet.poses), None)
-        return True
+    def pose_at(self, take: str, time: float) -> int | None:
+        """The number of the chosen puppet's key pose of a frame of a take, or None."""
+        puppet, clip = self.puppet, self.editor.project.takes.get(take)
+        if puppet is None or clip is None:
+            return None
+        near = [
+            n
+            for n, pose in enumerate(puppet.poses)
+            if pose.take == take and _same_frame(clip, pose.time, time)
+        ]
+        return near[0] if near else None
 
     def edit_pose(self, number: int) -> bool:
         """Edit a key pose that is there."""
         puppet = self._wanted()
         if puppet is None or not 0 <= number < len(puppet.poses):
             return False
-        self._edit(puppet.id, number, puppet.poses[number].places)
+        self._edit(puppet.id, number, puppet.poses[number].places, self.stage.standing_of(puppet.id))
         return True
 
     def accept(self) -> None:
         """Leave the key pose as it is; the puppet plays again."""
-        self._key = self._before = self._dragged = None
+        self._key = self._before = self._dragged = self.way = None
 
     def cancel(self) -> None:
         """Put the key pose back as it was before it was edited, or away where it is new."""
@@ -173,10 +203,9 @@ class PuppetDesk:
         puppet, places, self._dragged = self.puppet, self._dragged, None
         if puppet is None or places is None:
             return False
-        if self.number is None and not self._begin_here(puppet):
-            return False
+        if self.number is None:
+            return self._begin_here(puppet, places)
         number = self.number
-        assert number is not None
         return self.editor.edit(
             name or "pose", lambda p: change_key_pose(p, puppet.id, number, places=places)
         )
@@ -250,9 +279,10 @@ class PuppetDesk:
                 f"{puppet.id} has no plane of symmetry", "Put and drag its control points one by one."
             )
 
-    def _edit(self, puppet: str, number: int, before: Float | None) -> None:
+    def _edit(self, puppet: str, number: int, before: Float | None, standing: Standing | None) -> None:
+        self.way = standing.state if standing is not None and self.way is None else self.way
         self._key, self._before, self._dragged = (puppet, number), before, None
-        self.editor.playing = False
+        self.editor.playing, self._at = False, self.editor.time
 
     def _start(self, puppet: Puppet) -> Float:
         """(P, 3) what a drag starts from."""
@@ -261,26 +291,51 @@ class PuppetDesk:
 
     def shown(self, puppet: Puppet) -> Float:
         """(P, 3) metres in the mesh's frame, where its control points are now on the stage."""
-        return played_state(self.editor.project, puppet, self.editor.time).places
+        standing = self.stage.standing_of(puppet.id)
+        return puppet.rest if standing is None else standing.state.places
 
-    def _begin_here(self, puppet: Puppet) -> bool:
-        """Begin a key pose at the moment that the performer's view shows."""
+    def _begin_here(self, puppet: Puppet, places: Float) -> bool:
+        """Make what was dragged the key pose of the moment that the performer's view shows."""
         moment = self.moment
         if moment is None and puppet.layers:
             layer = puppet.layers[0]
-            moment = (layer.take, max((self.editor.time - layer.offset) * layer.speed, 0.0))
+            length = self.editor.project.takes[layer.take].duration
+            moment = (layer.take, min(max((self.editor.time - layer.offset) * layer.speed, 0.0), length))
         if moment is None or moment[0] not in self.editor.project.takes:
             self.editor.toasts.say(
                 "No take is shown, so this pose means nothing yet",
                 "Choose a take in the performer's view, go to a moment of it, and drag again.",
             )
             return False
-        return self.begin_pose(*moment)
+        there = self.pose_at(*moment)
+        if there is None:
+            return self._add(puppet, *moment, places)
+        self.edit_pose(there)
+        return self.editor.edit("pose", lambda p: change_key_pose(p, puppet.id, there, places=places))
+
+    def _add(self, puppet: Puppet, take: str, time: float, places: Float) -> bool:
+        """A key pose more, which is edited from now on; one edit."""
+        if not puppet.points:
+            self.editor.toasts.say("It has no control points yet", "Click the mesh where it is to be held.")
+            return False
+        standing = self.stage.standing_of(puppet.id)
+
+        def adding(project: Project) -> Project:
+            return add_key_pose(project, puppet.id, take, time, places)
+
+        if not self.editor.edit(f"add key pose {len(puppet.poses) + 1}", adding):
+            return False
+        self._edit(puppet.id, len(puppet.poses), None, standing)
+        return True
 
     def _wanted(self) -> Puppet | None:
         if self.puppet is None:
             self.editor.toasts.say("No puppet is chosen", "Click one first.")
         return self.puppet
+
+
+def _same_frame(clip: Clip, a: float, b: float) -> bool:
+    return round(a / clip.step) == round(b / clip.step)
 
 
 def _near(puppet: Puppet, place: Float) -> Float:

@@ -47,6 +47,11 @@ class Tool:
         """What to do next, one line."""
         return ""
 
+    @property
+    def warning(self) -> str:
+        """What is wrong with what is made just now, one line; empty where nothing is."""
+        return ""
+
     def hover(self, pointer: Pointer) -> None:
         """The pointer moved and no button is held."""
         self.hovered = self.handle_at(pointer)

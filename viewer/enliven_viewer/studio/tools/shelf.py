@@ -9,7 +9,8 @@ from enliven_viewer.studio.tools.cut import Cut
 from enliven_viewer.studio.tools.map import Map
 from enliven_viewer.studio.tools.nodes import Insert, Remove
 from enliven_viewer.studio.tools.pose import Pose
+from enliven_viewer.studio.tools.puppet import PuppetTool
 from enliven_viewer.studio.tools.sketch import Sketch
 
-TOOLS: tuple[type[Tool], ...] = (Choose, Sketch, Carry, Pose, Insert, Remove, Cut, Map)
+TOOLS: tuple[type[Tool], ...] = (Choose, Sketch, Carry, Pose, Insert, Remove, Cut, Map, PuppetTool)
 """Every tool."""

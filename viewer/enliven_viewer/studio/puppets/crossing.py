@@ -1,0 +1,88 @@
+"""Where a posed puppet passes through itself, looked for beside the window."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Float, Int
+
+try:
+    from enliven.deformation.self_intersection import crossing_faces
+except ImportError:
+
+    def crossing_faces(vertices, faces):
+        return np.zeros(0, int)
+
+
+from enliven.mesh import Mesh
+from enliven.puppet import Puppet
+
+_FEW = 2
+"""Faces: fewer that cross are a rounding of the surface, and not worth a word."""
+
+
+class Crossing:
+    """Looks for faces that cross and did not at rest; always at the newest pose that was asked for.
+
+    Attributes:
+        faces: (K,) faces of the mesh that cross in the pose that was looked at last.
+        said: one line about them, or empty.
+    """
+
+    def __init__(self) -> None:
+        self.faces: Int = np.zeros(0, np.int64)
+        self.said = ""
+        self._threads: ThreadPoolExecutor | None = None
+        self._now: Future[tuple[Int, str]] | None = None
+        self._seen: Float | None = None
+        self._mesh: Mesh | None = None
+        self._rest: Int | None = None
+
+    def look(self, puppet: Puppet, surface: Float) -> None:
+        """Look at a surface (V, 3) metres; called once a picture, it never waits."""
+        if puppet.mesh is not self._mesh:
+            self.forget()
+            self._mesh, self._rest = puppet.mesh, None
+        if self._now is not None and self._now.done():
+            now, self._now = self._now, None
+            if now.exception() is None:
+                self.faces, self.said = now.result()
+        if self._now is None and surface is not self._seen:
+            self._seen = surface
+            self._threads = self._threads or ThreadPoolExecutor(1, "crossing faces")
+            self._now = self._threads.submit(self._found, puppet, surface)
+
+    def wait(self) -> None:
+        """Until what was asked for last is known: for sessions without a window."""
+        if self._now is not None:
+            self.faces, self.said = self._now.result()
+            self._now = None
+
+    def forget(self) -> None:
+        """Nothing is looked at."""
+        if self._now is not None:
+            self._now.cancel()
+        self.faces, self.said, self._now, self._seen = np.zeros(0, np.int64), "", None, None
+
+    def _found(self, puppet: Puppet, surface: Float) -> tuple[Int, str]:
+        mesh = puppet.mesh
+        if self._rest is None:
+            self._rest = np.asarray(crossing_faces(mesh.vertices, mesh.faces))
+        faces = np.setdiff1d(crossing_faces(surface, mesh.faces), self._rest)
+        return faces, sentence(puppet, faces) if len(faces) > _FEW else ""
+
+
+def sentence(puppet: Puppet, faces: Int) -> str:
+    """What passes through what: faces (K,) belong to the control point that is nearest at rest."""
+    if not puppet.points:
+        return "the surface passes through itself"
+    middles = puppet.mesh.vertices[puppet.mesh.faces[faces]].mean(1)
+    counts = np.bincount(cKDTree(puppet.rest).query(middles)[1], minlength=len(puppet.points))
+    first, *others = np.argsort(counts, kind="stable")[::-1]
+    name = puppet.points[first].name
+    if others and counts[others[0]] > 0.15 * counts[first]:
+        return f"{name} goes through {puppet.points[others[0]].name}"
+    return f"the surface passes through itself near {name}"

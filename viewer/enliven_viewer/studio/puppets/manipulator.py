@@ -1,0 +1,175 @@
+"""The manipulator of a control point: three arrows, three planes and a ring, as large on any screen.
+
+Red is x, green y, blue z, of the world. An arrow moves along its axis, a square in the plane of two axes, the
+ring parallel to the picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven_viewer.render.skinned import linear
+from enliven_viewer.render.tubes import tube_rows
+from enliven_viewer.studio.overlay import Disc, Fill, Line, Point
+from enliven_viewer.studio.picking import Lens
+from enliven_viewer.studio.theme import AXES, HELD_AXIS, Colour
+
+LENGTH, _NEAR, _FAR = 84.0, 24.0, 42.0
+"""Pixels: of an arrow, and from where to where a square goes along both of its axes."""
+_REACH, _RING = 8.0, 13.0
+_EDGE_ON = 0.2
+"""A square that is seen nearly from its edge, or an arrow nearly along it, is not offered."""
+_CONE = 0.24
+PARTS = ("x", "y", "z", "yz", "zx", "xy", "view")
+_STEPS = np.array([1.0, 2.0, 5.0, 10.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Manipulator:
+    """A manipulator at a place (3,) metres in the world, as a lens sees it."""
+
+    place: Float
+    lens: Lens
+
+    @property
+    def pixel(self) -> float:
+        """Metres that a pixel spans there."""
+        lens = self.lens
+        depth = max(float((self.place - lens.view.eye) @ lens.forward), 0.05)
+        return 2 * depth / (float(lens.view.clip_from_camera[1, 1]) * lens.size[1])
+
+    def at(self, pixel: Point) -> str:
+        """The part under a pixel, or an empty string."""
+        centre, tips = self._seen()
+        if not np.isfinite(centre).all() or not np.isfinite(tips).all():
+            return ""
+        where = np.array(pixel)
+        if np.linalg.norm(where - centre) <= _RING:
+            return "view"
+        ways = [
+            (self._away(centre, tips[axis], where), axis) for axis in range(3) if self._along(axis) > _EDGE_ON
+        ]
+        away, axis = min(ways, default=(np.inf, 0))
+        if away <= _REACH:
+            return PARTS[axis]
+        for axis in range(3):
+            if self._square_seen(axis) and _inside(self._square(axis), where):
+                return PARTS[3 + axis]
+        return ""
+
+    def dragged(self, part: str, start: Point, now: Point, *, snap: bool) -> Float:
+        """(3,) metres in the world: how far the place goes when a part is dragged between two pixels."""
+        if part == "view":
+            way = self.lens.on_plane(now, self.place) - self.lens.on_plane(start, self.place)
+        elif len(part) == 1:
+            axis = PARTS.index(part)
+            way = np.eye(3)[axis] * (self._on_axis(axis, now) - self._on_axis(axis, start))
+        else:
+            normal = np.eye(3)[PARTS.index(part) - 3]
+            way = self._on_plane(normal, now) - self._on_plane(normal, start)
+        step = self.step
+        return np.asarray(np.round(way / step) * step if snap else way)
+
+    @property
+    def step(self) -> float:
+        """Metres of a step that Shift snaps to: a round number of about ten pixels."""
+        wanted = 10.0 * self.pixel
+        power = 10.0 ** np.floor(np.log10(wanted))
+        return float(power * _STEPS[np.abs(_STEPS * power - wanted).argmin()])
+
+    def rows(self, lit: str, alone: str = "") -> Float32:
+        """Arrows as :func:`~enliven_viewer.render.tubes.tube_rows`; ``alone``: of a part that is dragged."""
+        made = []
+        for axis in range(3):
+            part = PARTS[axis]
+            if self._along(axis) <= _EDGE_ON or (alone and part not in alone):
+                continue
+            made.append(self._arrow(axis, HELD_AXIS if lit == part else AXES[axis]))
+        return np.concatenate(made) if made else np.zeros((0, 12), np.float32)
+
+    def marks(self, lit: str, alone: str = "") -> tuple[Fill | Line | Disc, ...]:
+        """Squares and ring over the picture."""
+        centre, _ = self._seen()
+        if not np.isfinite(centre).all():
+            return ()
+        found: list[Fill | Line | Disc] = []
+        for axis in range(3):
+            part = PARTS[3 + axis]
+            if not self._square_seen(axis) or (alone and alone != part):
+                continue
+            colour = _float(HELD_AXIS if lit == part else AXES[axis])
+            corners = tuple((float(x), float(y)) for x, y in self._square(axis))
+            found.append(Fill(corners, (*colour[:3], 0.62 if lit == part else 0.34)))
+            found.append(Line(corners, (*colour[:3], 0.95), 1.5, closed=True))
+        if not alone or alone == "view":
+            tint = _float(HELD_AXIS) if lit == "view" else (1.0, 1.0, 1.0, 0.85)
+            found.append(Disc((float(centre[0]), float(centre[1])), _RING, tint, 2.0))
+        return tuple(found)
+
+    def _arrow(self, axis: int, colour: tuple[int, int, int]) -> Float32:
+        way, pixel = np.eye(3)[axis] * self.pixel, self.pixel
+        ends = np.array([16.0, LENGTH * (1 - _CONE), LENGTH])[:, None] * way + self.place
+        tints = linear(np.array([colour, colour], float))
+        made = tube_rows(ends[:2], ends[1:], np.array([1.7, 5.6]) * pixel, tints)
+        made[1, 7] = 0.15 * pixel
+        return made
+
+    def _seen(self) -> tuple[Float, Float]:
+        """(2,) pixels of the place, and (3, 2) of the arrows' tips."""
+        points = np.concatenate([self.place[None], self.place + np.eye(3) * LENGTH * self.pixel])
+        pixels, _ = self.lens.project(points)
+        return pixels[0], pixels[1:]
+
+    def _along(self, axis: int) -> float:
+        """How much of an arrow is seen, 0 along the line of sight to 1 across it."""
+        sight = (self.place - self.lens.view.eye) / np.linalg.norm(self.place - self.lens.view.eye)
+        return float(np.sqrt(max(1.0 - sight[axis] ** 2, 0.0)))
+
+    def _square_seen(self, axis: int) -> bool:
+        sight = (self.place - self.lens.view.eye) / np.linalg.norm(self.place - self.lens.view.eye)
+        return abs(float(sight[axis])) > _EDGE_ON
+
+    def _square(self, axis: int) -> Float:
+        """(4, 2) pixels of the square across an axis."""
+        first, second = (np.eye(3)[(axis + k) % 3] * self.pixel for k in (1, 2))
+        ends = [(_NEAR, _NEAR), (_FAR, _NEAR), (_FAR, _FAR), (_NEAR, _FAR)]
+        corners = np.array([self.place + a * first + b * second for a, b in ends])
+        return self.lens.project(corners)[0]
+
+    @staticmethod
+    def _away(centre: Float, tip: Float, at: Float) -> float:
+        """Pixels from the outer part of an arrow."""
+        way = tip - centre
+        length = float(way @ way)
+        if length < 1e-9:
+            return np.inf
+        share = float(np.clip((at - centre) @ way / length, 16.0 / LENGTH, 1.05))
+        return float(np.linalg.norm(centre + share * way - at))
+
+    def _on_axis(self, axis: int, at: Point) -> float:
+        """Metres along an axis from the place to where it is nearest to a pixel's ray."""
+        ray, line = self.lens.ray(at), np.eye(3)[axis]
+        between, slant = self.place - self.lens.view.eye, float(ray @ line)
+        return float((slant * (ray @ between) - line @ between) / max(1.0 - slant * slant, 1e-6))
+
+    def _on_plane(self, normal: Float, at: Point) -> Float:
+        """(3,) where a pixel's ray meets the plane through the place."""
+        ray, eye = self.lens.ray(at), self.lens.view.eye
+        steep = float(ray @ normal)
+        if abs(steep) < 1e-3:
+            return self.place
+        return np.asarray(eye + ray * (((self.place - eye) @ normal) / steep))
+
+
+def _inside(corners: Float, at: Float) -> bool:
+    """Whether a pixel is inside a convex quadrangle (4, 2)."""
+    way, arm = np.roll(corners, -1, 0) - corners, at - corners
+    side = way[:, 0] * arm[:, 1] - way[:, 1] * arm[:, 0]
+    return bool(np.isfinite(side).all() and ((side >= 0).all() or (side <= 0).all()))
+
+
+def _float(colour: tuple[int, int, int]) -> Colour:
+    return (colour[0] / 255, colour[1] / 255, colour[2] / 255, 1.0)

@@ -1,0 +1,57 @@
+"""What of the puppet in the hand is drawn into the picture: control points, arrows, outline, warning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Float32, Int32
+from enliven_viewer.studio.puppets.marks import point_rows
+from enliven_viewer.studio.tools.base import Tool
+from enliven_viewer.studio.tools.puppet import PuppetTool
+
+_SEEN_THROUGH = 0.08
+"""Of the eye's distance: control points are seen clearly through whatever covers them by less."""
+_ALWAYS = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class PuppetPicture:
+    """What is drawn over the meshes.
+
+    Attributes:
+        crossing: vertices (V, 3) metres in the world and the faces (K, 3) of them that warn, or None.
+        ghost: vertices (V, 3) and faces of what is outlined, or None.
+        tubes: rows of :class:`~enliven_viewer.render.tubes.Tubes` and their bias, metres.
+    """
+
+    crossing: tuple[Float, Int32] | None = None
+    ghost: tuple[Float32, Int32] | None = None
+    tubes: tuple[tuple[Float32, float], ...] = ()
+
+
+NOTHING = PuppetPicture()
+
+
+def picture_of(tool: Tool) -> PuppetPicture:
+    """Of the tool in hand; nothing where it is another tool, or no puppet is chosen."""
+    if not isinstance(tool, PuppetTool):
+        return NOTHING
+    desk, lens = tool.desk, tool.editor.lens
+    puppet = desk.puppet
+    standing = desk.stage.standing_of(puppet.id) if puppet is not None else None
+    if puppet is None or standing is None:
+        return NOTHING
+    mesh, warned, ghost = puppet.mesh, desk.crossing.faces, desk.stage.ghost
+    near = float(np.linalg.norm(puppet.mesh.bounds.mean(0) - lens.view.eye))
+    tubes = [(point_rows(standing, lens, desk.point, tool.over_point), _SEEN_THROUGH * max(near, 0.05))]
+    manipulator = tool.manipulator()
+    if manipulator is not None:
+        part = tool.held.part if tool.held is not None else ""
+        tubes.append((manipulator.rows(part or tool.over, part), _ALWAYS))
+    return PuppetPicture(
+        (standing.vertices, mesh.faces[warned]) if desk.warn and len(warned) else None,
+        (ghost.drawn, mesh.faces) if ghost is not None else None,
+        tuple(tubes),
+    )

@@ -1,0 +1,105 @@
+"""What is drawn over the picture of a puppet: the outline of another pose, and faces that cross."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from enliven.arrays import Float, Float32, Int32
+from enliven_viewer.render.program import UNITS, load_program
+from enliven_viewer.render.targets import Picture
+from enliven_viewer.studio.theme import GHOST, WARNING
+
+_LINE = 2.6
+"""Pixels."""
+_JUMP = 0.06
+"""Of the mesh's size: where one part of it lies before another by more, a line is drawn between them."""
+
+
+class Shades:
+    """Draws over what a renderer drew last, from where it was seen.
+
+    Args:
+        ctx: the renderer's context.
+    """
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
+        self._ghost = load_program(ctx, "ghost.vert", "ghost.frag")
+        self._outline = load_program(ctx, "screen.vert", "outline.frag")
+        self._quad = ctx.vertex_array(self._outline, [])
+        self._warning = load_program(ctx, "warning.vert", "warning.frag")
+        self._mask: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
+        self._mesh: tuple[object, object, list[moderngl.Buffer], moderngl.VertexArray] | None = None
+
+    def outline(self, picture: Picture, vertices: Float32, faces: Int32) -> None:
+        """The outline of a mesh (V, 3) metres in the world, over everything."""
+        mask, buffer = self._mask_of(picture.size)
+        buffer.use()
+        buffer.clear(0.0, depth=1.0)
+        self.ctx.enable_only(moderngl.DEPTH_TEST)
+        self.ctx.depth_func = "<"
+        self._loaded(vertices, faces).render(moderngl.TRIANGLES)
+        picture.drawn.use()
+        self._blend(moderngl.NOTHING)
+        mask.use(UNITS["picture"])
+        self._outline["tint"] = _tint(GHOST, 0.95)
+        self._outline["radius"] = _LINE
+        self._outline["jump"] = _JUMP * float(np.ptp(vertices, axis=0).max())
+        self._quad.render(moderngl.TRIANGLES, vertices=3)
+        picture.resolve()
+
+    def crossing(self, picture: Picture, vertices: Float, faces: Int32) -> None:
+        """Faces (K, 3) of a surface that pass through one another; fainter where something covers them."""
+        corners = np.ascontiguousarray(vertices[faces.ravel()], np.float32)
+        if not len(corners):
+            return
+        buffer = self.ctx.buffer(corners.tobytes())
+        array = self.ctx.vertex_array(self._warning, [(buffer, "3f", "in_position")])
+        picture.drawn.use()
+        self._blend(moderngl.DEPTH_TEST)
+        picture.drawn.depth_mask = False
+        picture.drawn.use()
+        for test, opacity in ((">", 0.22), ("<=", 0.86)):
+            self.ctx.depth_func = test
+            self._warning["tint"] = _tint(WARNING, opacity)
+            array.render(moderngl.TRIANGLES)
+        picture.drawn.depth_mask = True
+        picture.drawn.use()
+        picture.resolve()
+        array.release()
+        buffer.release()
+
+    def _blend(self, flags: int) -> None:
+        self.ctx.enable_only(moderngl.BLEND | flags)
+        self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
+        self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+
+    def _mask_of(self, size: tuple[int, int]) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
+        if self._mask is None or self._mask[0].size != size:
+            if self._mask is not None:
+                self._mask[1].release()
+                self._mask[0].release()
+            texture = self.ctx.texture(size, 1, dtype="f4")
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            self._mask = (texture, self.ctx.framebuffer([texture], self.ctx.depth_renderbuffer(size)))
+        return self._mask
+
+    def _loaded(self, vertices: Float32, faces: Int32) -> moderngl.VertexArray:
+        """The mesh on the GPU; the same one is not sent again."""
+        if self._mesh is None or self._mesh[0] is not vertices or self._mesh[1] is not faces:
+            if self._mesh is not None:
+                self._mesh[3].release()
+                for buffer in self._mesh[2]:
+                    buffer.release()
+            corners = self.ctx.buffer(np.ascontiguousarray(vertices, np.float32).tobytes())
+            order = self.ctx.buffer(np.ascontiguousarray(faces, np.int32).tobytes())
+            array = self.ctx.vertex_array(
+                self._ghost, [(corners, "3f", "in_position")], index_buffer=order, index_element_size=4
+            )
+            self._mesh = (vertices, faces, [corners, order], array)
+        return self._mesh[3]
+
+
+def _tint(colour: tuple[int, int, int], opacity: float) -> tuple[float, float, float, float]:
+    return (colour[0] / 255, colour[1] / 255, colour[2] / 255, opacity)

@@ -1,0 +1,189 @@
+"""How puppets stand on the studio's stage at a moment, and which of them is under the pointer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float, Float32
+from enliven.character import Character, Pose, SkinWeights
+from enliven.examples.puppet_motion import State, pose_of_state
+from enliven.mesh import Mesh
+from enliven.puppet import Puppet
+from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
+from enliven_viewer.studio.clay import coloured
+from enliven_viewer.studio.picking import Lens
+from enliven_viewer.studio.puppets.playing import played_state
+from enliven_viewer.studio.puppets.ray import first_hit
+from enliven_viewer.studio.puppets.surfaces import Surfaces
+
+if TYPE_CHECKING:
+    from enliven_viewer.studio.editor import Editor
+    from enliven_viewer.studio.puppets.posing import PuppetDesk
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A puppet at one moment.
+
+    Attributes:
+        surface: (V, 3) metres of its vertices, in the mesh's own frame.
+    """
+
+    puppet: Puppet
+    state: State
+    surface: Float
+
+    @cached_property
+    def pose(self) -> Pose:
+        """Of its character."""
+        return pose_of_state(self.puppet, self.state)
+
+    @cached_property
+    def vertices(self) -> Float:
+        """(V, 3) metres in the world."""
+        return self.out(self.surface)
+
+    @cached_property
+    def drawn(self) -> Float32:
+        """(V, 3) float32 metres in the world."""
+        return self.vertices.astype(np.float32)
+
+    @cached_property
+    def points(self) -> Float:
+        """(P, 3) metres in the world, the control points."""
+        return self.out(self.state.places)
+
+    def out(self, places: AnyArray) -> Float:
+        """(N, 3) metres in the world of places (N, 3) in the mesh's frame."""
+        return np.asarray(places, np.float64) @ self._turn.T + self._root
+
+    def into(self, places: AnyArray) -> Float:
+        """(..., 3) metres in the mesh's frame of places (..., 3) in the world."""
+        return np.asarray((np.asarray(places, np.float64) - self._root) @ self._turn)
+
+    def way_into(self, way: AnyArray) -> Float:
+        """(3,) in the mesh's frame, of a direction (3,) in the world."""
+        return np.asarray(np.asarray(way, np.float64) @ self._turn)
+
+    @cached_property
+    def _turn(self) -> Float:
+        """(3, 3) world from mesh."""
+        yaw = from_rotation_vector([0.0, self.state.yaw, 0.0])
+        return np.asarray(to_matrix(multiply(self.puppet.turn, yaw)))
+
+    @cached_property
+    def _root(self) -> Float:
+        """(3,) metres, where the mesh's origin is."""
+        return np.asarray(rotate(self.puppet.turn, self.state.root) + self.puppet.place)
+
+
+class PuppetStage:
+    """Every puppet of an editor's project as it stands now; kept while nothing changes."""
+
+    def __init__(self, editor: Editor, desk: PuppetDesk) -> None:
+        self.editor, self.desk = editor, desk
+        self.surfaces = Surfaces(editor.toasts)
+        self._known: tuple[tuple[object, ...], tuple[Standing, ...]] | None = None
+        self._ghost: tuple[tuple[object, ...], Standing] | None = None
+
+    @property
+    def ghost(self) -> Standing | None:
+        """The key pose before the one that is edited, where the puppet stands; None where none is wanted."""
+        desk, puppet = self.desk, self.desk.puppet
+        pose, now = desk.previous, self.standing_of(puppet.id) if puppet is not None else None
+        if puppet is None or pose is None or now is None or not desk.silhouette:
+            return None
+        key = (pose.places, puppet.points, puppet.mesh, desk.way)
+        if self._ghost is None or not _same(self._ghost[0], key):
+            surface = self.surfaces.aside(puppet, pose.places)
+            if surface is None:
+                return None
+            state = State(pose.places, now.state.yaw, now.state.root)
+            self._ghost = (key, Standing(puppet, state, surface))
+        return self._ghost[1]
+
+    @property
+    def standing(self) -> tuple[Standing, ...]:
+        """All puppets, in the project's order."""
+        editor, desk = self.editor, self.desk
+        project = editor.project
+        key = (project, desk.places, editor.time, desk.number, self.surfaces.version)
+        if self._known is None or not _same(self._known[0], key):
+            self.surfaces.keep_only(set(project.puppets))
+            self._known = (key, tuple(self._stands(puppet) for puppet in project.puppets.values()))
+        return self._known[1]
+
+    def standing_of(self, puppet_id: str) -> Standing | None:
+        """One of them."""
+        return next((s for s in self.standing if s.puppet.id == puppet_id), None)
+
+    def improve(self) -> None:
+        """Let surfaces that were dragged come to rest; called once a picture."""
+        self.surfaces.improve()
+
+    def _stands(self, puppet: Puppet) -> Standing:
+        editor, desk = self.editor, self.desk
+        places = desk.places if desk.puppet is puppet else None
+        if places is not None and len(places) == len(puppet.points):
+            way = desk.way or played_state(editor.project, puppet, editor.time)
+            state = State(places, way.yaw, way.root)
+        else:
+            state = played_state(editor.project, puppet, editor.time)
+        warm = editor.playing or desk.dragging
+        return Standing(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
+
+
+def _same(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
+    """Whether nothing changed: objects by identity, numbers by value."""
+    return all(
+        a is b or (isinstance(a, float | int) and isinstance(b, float | int) and a == b)
+        for a, b in zip(before, after, strict=True)
+    )
+
+
+def puppet_at(
+    standing: Iterable[Standing], lens: Lens, at: tuple[float, float]
+) -> tuple[Standing, int, float] | None:
+    """The puppet that the ray of a pixel meets first, the face that it meets, and metres to it."""
+    way, eye = lens.ray(at), lens.view.eye
+    found = []
+    for one in standing:
+        face, distance = first_hit(one.vertices, one.puppet.mesh.faces, eye, way)
+        if face >= 0:
+            found.append((one, face, distance))
+    return min(found, key=lambda hit: hit[2], default=None)
+
+
+class PuppetCharacters:
+    """What the renderer knows puppets as: the same object while the mesh stays the same."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, tuple[Mesh, Character]] = {}
+
+    def of(self, puppet: Puppet) -> Character:
+        """The character; its vertices are put where the surface was solved to be."""
+        known = self._known.get(puppet.id)
+        if known is None or known[0] is not puppet.mesh:
+            known = self._known[puppet.id] = (puppet.mesh, coloured(_character(puppet)))
+        return known[1]
+
+
+def _character(puppet: Puppet) -> Character:
+    """One rigid piece, so that a puppet without control points can be drawn too."""
+    count = len(puppet.mesh.vertices)
+    weights = np.zeros((count, 4), np.float32)
+    weights[:, 0] = 1.0
+    return Character(
+        id=f"puppet {puppet.id}",
+        vertices=puppet.mesh.vertices.astype(np.float32),
+        faces=puppet.mesh.faces,
+        skin=SkinWeights(np.zeros((count, 4), np.uint16), weights),
+        pivots=np.zeros((1, 3), np.float32),
+        edges=np.zeros((0, 2), np.int32),
+        colours=puppet.mesh.colours,
+    )

@@ -1,0 +1,51 @@
+"""Where control points are suggested: at the ends of the mesh's limbs, found beside the window."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import numpy as np
+
+from enliven.mesh import Mesh
+from enliven.modeling.extremities import extremities
+from enliven.puppet import Puppet
+
+_MOST = 10
+_APART = 0.06
+"""Of the mesh's size: nearer to a control point that is there nothing is suggested."""
+
+
+class Suggested:
+    """Suggestions for one mesh at a time."""
+
+    def __init__(self) -> None:
+        self._threads: ThreadPoolExecutor | None = None
+        self._mesh: Mesh | None = None
+        self._found: Future[tuple[int, ...]] | None = None
+
+    def of(self, puppet: Puppet) -> tuple[int, ...]:
+        """Vertices that are not near a control point; none yet while they are looked for."""
+        if self._mesh is not puppet.mesh:
+            self._mesh = puppet.mesh
+            self._threads = self._threads or ThreadPoolExecutor(1, "suggested points")
+            self._found = self._threads.submit(_ends, puppet.mesh)
+        found = self._found
+        if found is None or not found.done() or found.exception() is not None:
+            return ()
+        vertices = puppet.mesh.vertices
+        size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        rest = puppet.rest
+        return tuple(
+            vertex
+            for vertex in found.result()
+            if not len(rest) or np.linalg.norm(rest - vertices[vertex], axis=1).min() > _APART * size
+        )
+
+    def wait(self) -> None:
+        """Until they are found: for sessions without a window."""
+        if self._found is not None:
+            self._found.result()
+
+
+def _ends(mesh: Mesh) -> tuple[int, ...]:
+    return tuple(int(vertex) for vertex in extremities(mesh, _MOST))
