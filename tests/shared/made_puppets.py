@@ -1,4 +1,4 @@
-"""A bean that stands upright, a performer with two hands, a head and feet, and examples of the one for the other."""
+"""A bean that stands upright, a performer with hands and a head, and examples of the one for the other."""
 
 import numpy as np
 
@@ -18,8 +18,8 @@ def tube(rings=20, around=12, height=1.0, radius=0.15):
     lean = np.linspace(0, np.pi, rings + 2)[1:-1]
     y = height / 2 * (1 - np.cos(lean))
     wide = radius * np.sin(lean) ** 0.5
-    rows = [[[w * np.cos(a), h, w * np.sin(a)] for a in angles] for h, w in zip(y, wide, strict=True)]
-    vertices = np.array([[[0.0, 0.0, 0.0]] + sum(rows, []) + [[0.0, height, 0.0]]])[0]
+    rows = [[w * np.cos(a), h, w * np.sin(a)] for h, w in zip(y, wide, strict=True) for a in angles]
+    vertices = np.array([[0.0, 0.0, 0.0], *rows, [0.0, height, 0.0]])
     faces, top = [], len(vertices) - 1
     for k in range(around):
         after = (k + 1) % around
