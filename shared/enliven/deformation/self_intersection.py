@@ -112,10 +112,14 @@ def _boxes(vertices, corners):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _apart(boxes, a, b):  # type: ignore[no-untyped-def]
     """Whether two boxes have nothing in common."""
-    for c in range(3):
-        if boxes[a, c] > boxes[b, 3 + c] or boxes[b, c] > boxes[a, 3 + c]:
-            return True
-    return False
+    return (
+        boxes[a, 0] > boxes[b, 3]
+        or boxes[b, 0] > boxes[a, 3]
+        or boxes[a, 1] > boxes[b, 4]
+        or boxes[b, 1] > boxes[a, 4]
+        or boxes[a, 2] > boxes[b, 5]
+        or boxes[b, 2] > boxes[a, 5]
+    )
 
 
 @njit(cache=True, nogil=True)
