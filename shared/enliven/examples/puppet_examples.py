@@ -111,7 +111,17 @@ def examples_with(
         return examples
     at, across = np.array(symmetry.point), np.array(symmetry.normal)
     rest = mesh.vertices[[point.vertex for point in points]]
-    return doubled(examples, partners_of(rest, at, across, names=names), at, across)
+    partners = partners_of(rest, at, across, names=names)
+    return doubled(examples, partners, at, across, _left_right(takes[0], joints, partners))
+
+
+def _left_right(take: Clip, joints: Sequence[str], partners: Sequence[int]) -> Float | None:
+    """(3,) the performer's left-right axis at rest, level: in a stride feet are farther apart to and fro."""
+    places = take.skeleton.positions[[take.skeleton.index(name) for name in joints]]
+    between = (places - places[list(partners)]) * [1.0, 0.0, 1.0]
+    apart = between[int(np.linalg.norm(between, axis=1).argmax())]
+    length = float(np.linalg.norm(apart))
+    return apart / length if length > 1e-6 else None
 
 
 def missing(project: Project, puppet: Puppet) -> tuple[str, ...]:
