@@ -1,7 +1,7 @@
 """The one command line: every package contributes its commands by the entry-point group ``enliven.commands``.
 
 An edge-only install has no ``view``, because the viewer's package is what brings it. An entry point names a
-function; its typer annotations are its options, its docstring its help.
+function, or a typer group of them; typer annotations are the options, the docstring is the help.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ _ORDER = (
     "synthesize",
     "graph",
     "retarget",
+    "examples",
     "doctor",
 )
 _INTERRUPTED = 130
@@ -44,6 +45,7 @@ HELP = """Step into any mesh and bring it alive.
   enliven studio spider.glb                sketch, animate, cut and merge shapes
   enliven graph horse.obj -o horse.png     what a mesh is possessed by
   enliven retarget walk.bvh horse.glb -o out.glb   move a model by a motion
+  enliven examples fit session.toml -o out.glb     move a mesh by a few example poses
   enliven doctor                           what this machine lacks, and how to mend it
 
 Exit codes: 0 done, 1 a fault of enliven, 2 wrong usage, 3 an input that cannot be used, 4 something this
@@ -96,7 +98,11 @@ def application() -> Any:
     )
     app.callback(invoke_without_command=True)(_root)
     for entry in _contributed():
-        app.command(entry.name)(_loaded(entry))
+        found = _loaded(entry)
+        if isinstance(found, typer.Typer):
+            app.add_typer(found, name=entry.name)
+        else:
+            app.command(entry.name)(found)
     return typer.main.get_command(app)
 
 
@@ -112,10 +118,10 @@ def _contributed() -> list[EntryPoint]:
     return sorted(found.values(), key=lambda e: (_ORDER.index(e.name) if e.name in _ORDER else 99, e.name))
 
 
-def _loaded(entry: EntryPoint) -> Callable[..., Any]:
-    """The command's function; where its package is broken, one that says so."""
+def _loaded(entry: EntryPoint) -> Callable[..., Any] | typer.Typer:
+    """The command's function, or its group of commands; where its package is broken, one that says so."""
     try:
-        function: Callable[..., Any] = entry.load()
+        function: Callable[..., Any] | typer.Typer = entry.load()
         return function
     except ImportError as error:
         reason = str(error)

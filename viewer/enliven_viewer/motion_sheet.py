@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.arrays import Float, Int, UInt8
+from enliven.arrays import Float, Float32, Int, UInt8
 from enliven.character import Character, Pose, SkinWeights
 from enliven.deformation.skinning import skin_vertices
 from enliven.formats.rig import playing
@@ -26,7 +26,7 @@ from enliven_viewer.sheet import Tile, write_sheet
 
 STICK = (120, 190, 255)
 """sRGB of the performer."""
-_SIDE = math.radians(38)
+SIDE = math.radians(38)
 """How far the camera stands from the front towards the left."""
 _ABOVE, _FLAT = (math.radians(12), math.radians(38)), 0.5
 """How far the camera looks down on what is tall, and on what lies flat: below this share of its extent."""
@@ -35,12 +35,18 @@ _TALL = 1.75
 
 
 @dataclass(frozen=True)
-class _Film:
-    """A character in its poses, and the side that it is seen from."""
+class Film:
+    """A character in its poses, and the side that it is seen from.
+
+    Attributes:
+        azimuth: radians about +Y.
+        surfaces: (V, 3) float32 metres in the world for each pose; None where the transforms make them.
+    """
 
     character: Character
     poses: list[Pose]
     azimuth: float
+    surfaces: list[Float32] | None = None
 
 
 def write_motion_sheet(
@@ -61,24 +67,24 @@ def write_motion_sheet(
     tiles = [
         Tile(second, picture)
         for film in rows
-        for second, picture in zip(times, _pictures(renderer, film), strict=True)
+        for second, picture in zip(times, pictures_of(renderer, film), strict=True)
     ]
     write_sheet(path, tiles, frames, title, f"{made.duration:.1f} s, {len(made.plan.chains)} chains")
 
 
-def _model(made: Retargeted, times: Float) -> _Film:
+def _model(made: Retargeted, times: Float) -> Film:
     player = Player(made.project, made.shape_id)
     shape = made.project.shape(made.shape_id)
-    return _Film(character_of(shape), [player.pose(t) for t in times], made.model_facing + _SIDE)
+    return Film(character_of(shape), [player.pose(t) for t in times], made.model_facing + SIDE)
 
 
-def _take(made: Retargeted, times: Float) -> _Film:
+def _take(made: Retargeted, times: Float) -> Film:
     shape = stick_shape("performer", made.clip.skeleton)
     project, shape = playing(Project(), shape, made.clip)
     if not made.plan.travel:
         project = project.with_shapes(shape.with_changes(travel=None))
     player = Player(project, shape.id)
-    return _Film(character_of(shape), [player.pose(t) for t in times], made.take_facing + _SIDE)
+    return Film(character_of(shape), [player.pose(t) for t in times], made.take_facing + SIDE)
 
 
 def stick_shape(name: str, skeleton: Skeleton) -> Shape:
@@ -117,9 +123,10 @@ def _double_pyramid(start: Float, along: Float, size: float) -> Float:
     return np.stack([start, waist + u, waist + v, waist - u, waist - v, start + along])
 
 
-def _pictures(renderer: Renderer, film: _Film) -> list[UInt8]:
+def pictures_of(renderer: Renderer, film: Film) -> list[UInt8]:
     """All poses from one place, with everything that they reach in the picture."""
-    reached = np.stack([skin_vertices(film.character, pose) for pose in film.poses])
+    surfaces = film.surfaces or [skin_vertices(film.character, pose) for pose in film.poses]
+    reached = np.stack(surfaces)
     low, high = reached.min((0, 1)).astype(float), reached.max((0, 1)).astype(float)
     scale = _TALL / max(float((high - low).max()), 1e-9)
     foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
@@ -134,8 +141,12 @@ def _pictures(renderer: Renderer, film: _Film) -> list[UInt8]:
     camera.face(film.azimuth, _ABOVE[0] + flat * (_ABOVE[1] - _ABOVE[0]))
     camera.frame(box, aspect, at_once=True, room=1.04)
     pictures = []
-    for pose in film.poses:
+    for pose, surface in zip(film.poses, surfaces, strict=True):
         placed = replace(pose, positions=((pose.positions - foot) * scale).astype(np.float32))
-        renderer.draw(Scene((Actor(character, placed),), (), Look(0, 0, 0), extent=box), camera.view(aspect))
+        solved = ((surface - foot) * scale).astype(np.float32) if film.surfaces else None
+        renderer.draw(
+            Scene((Actor(character, placed, vertices=solved),), (), Look(0, 0, 0), extent=box),
+            camera.view(aspect),
+        )
         pictures.append(renderer.pixels())
     return pictures

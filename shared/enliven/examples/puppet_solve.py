@@ -11,7 +11,7 @@ from enliven.errors import InputError
 from enliven.examples.constraints import Constraint, Coupling, conditions_of
 from enliven.examples.locomotion import Placed, Switch, check_switches, find_switches, locate
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.performer import performed, turned_about_y
+from enliven.examples.performer import Performance, performed, turned_about_y
 from enliven.examples.poses import Examples
 from enliven.examples.puppet_examples import Material, examples_with, material_of
 from enliven.project import Project
@@ -136,6 +136,16 @@ def solved(material: Material) -> PuppetMotion:
     return solve.motion(places, placed, yaw)
 
 
+def seen_by(material: Material) -> tuple[Examples, Performance]:
+    """The examples of a layer, and what it plays as they see it.
+
+    Raises:
+        InputError: where something is missing.
+    """
+    solve = _Solve(material)
+    return solve.examples, solve.took
+
+
 def check_layer(project: Project, puppet: Puppet, layer: PuppetLayer) -> None:
     """That what is asked of a layer can be met, without solving it.
 
@@ -157,7 +167,7 @@ class _Solve:
         mesh = material.mesh()
         self._rest = mesh.vertices[[point.vertex for point in points]]
         self.travels = self._layer.travel and bool(self._feet) and self._layer.weight > 0.0
-        self._examples = examples_with(
+        self.examples = examples_with(
             material.puppet,
             mesh,
             [points[k] for k in self._moved],
@@ -165,8 +175,8 @@ class _Solve:
             [shown() for shown in material.shown],
             material.symmetry,
         )
-        self._mapping = ExampleMap(self._examples, material.examples)
-        self.took = performed(material.take(), self._examples.joints)
+        self._mapping = ExampleMap(self.examples, material.examples)
+        self.took = performed(material.take(), self.examples.joints)
         self._asked: tuple[Constraint, ...] = (
             *self._layer.positions,
             *self._layer.velocities,
@@ -175,7 +185,7 @@ class _Solve:
 
     def check(self) -> None:
         """That constraints and switches can be met."""
-        conditions_of(self._asked, self._examples, len(self.took.poses), self.took.step)
+        conditions_of(self._asked, self.examples, len(self.took.poses), self.took.step)
         if self._layer.switches is not None:
             check_switches(self._layer.switches, len(self.took.poses))
 
@@ -202,7 +212,7 @@ class _Solve:
         if not self._layer.level_feet:
             return ()
         wanted = placed.couplings([point.name for point in self._material.points])
-        room = self._examples, len(self.took.poses), self.took.step
+        room = self.examples, len(self.took.poses), self.took.step
         if _agree((*self._asked, *wanted), *room):
             return wanted
         kept: tuple[Coupling, ...] = ()

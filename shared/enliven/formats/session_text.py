@@ -14,6 +14,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from enliven.errors import InputError, ResourceError
 from enliven.formats.project_file import write_project
 from enliven.formats.session_tables import LayerTable, MeshTable, SettingsTable, TakeTable
@@ -90,8 +92,11 @@ def takes_of(puppet: Puppet) -> list[str]:
 
 def _pose(pose: KeyPose, puppet: Puppet) -> list[str]:
     lines = ["[[pose]]", f"take = {_toml(pose.take)}", f"time = {_toml(pose.time)}"]
-    lines += ["[pose.places]"] if puppet.points else []
-    for point, place in zip(puppet.points, pose.places.tolist(), strict=True):
+    # What is not posed yet is easier to begin from where it rests.
+    still = np.array_equal(pose.places, puppet.rest)
+    lines += [f"[pose.{'moves' if still else 'places'}]"] if puppet.points else []
+    rows = np.zeros_like(pose.places) if still else pose.places
+    for point, place in zip(puppet.points, rows.tolist(), strict=True):
         lines.append(f"{_toml(point.name)} = {_toml(place)}")
     return lines
 

@@ -40,7 +40,7 @@ def add_point(
         replace(pose, places=np.concatenate([pose.places, place[None]]))
         for pose, place in zip(puppet.poses, places, strict=True)
     ]
-    point = ControlPoint(name, vertex, joint, foot)
+    point = ControlPoint(name, vertex, joint, bool(foot))
     return project.with_puppets(puppet.with_changes(points=(*puppet.points, point), poses=tuple(poses)))
 
 

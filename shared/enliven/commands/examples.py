@@ -1,0 +1,278 @@
+"""enliven examples: a mesh moved by a few example poses, without a window."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from enliven.errors import InputError, ResourceError
+
+if TYPE_CHECKING:
+    from enliven.mesh import Axis
+    from enliven.project import Project
+    from enliven.puppet import Puppet
+
+examples = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+
+
+@examples.callback()
+def _examples() -> None:
+    """Move a mesh by a few example poses: a session says what poses of a performer mean on it.
+
+    \b
+      enliven examples new cactus.off traffic.bvh -o cactus.toml --height 1.5
+      enliven examples check cactus.toml
+      enliven examples fit cactus.toml -o cactus.glb --sheet cactus.png
+    """
+
+
+@examples.command()
+def new(
+    mesh: Annotated[Path, typer.Argument(help="The mesh: .obj, .off, .ply, .stl, .glb, ...")],
+    take: Annotated[Path, typer.Argument(help="The motion: .bvh, .mcap, .glb, or CMU's tables (.txt).")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The session to make (.toml).")],
+    points: Annotated[int, typer.Option(min=1, max=100, help="Control points at the extremities.")] = 6,
+    poses: Annotated[
+        int | None, typer.Option(min=2, max=100, help="Key poses; as many as are enough if not given.")
+    ] = None,
+    height: Annotated[
+        float | None, typer.Option(help="Metres to make the mesh tall; its own if not given.")
+    ] = None,
+    up: Annotated[str, typer.Option(help="The mesh's axis that points up: x, y or z.")] = "y",
+    animation: Annotated[
+        str | None, typer.Option(help="Which animation of a .glb or person of an .mcap; else the first.")
+    ] = None,
+    start: Annotated[float, typer.Option(min=0, help="Seconds into the take to begin at.")] = 0.0,
+    end: Annotated[float | None, typer.Option(min=0, help="Seconds into the take to stop at.")] = None,
+) -> None:
+    """Begin a session: control points, joints, symmetry and key poses as a first guess.
+
+    All key poses are the mesh at rest. Say for each where the control points are to be when the performer
+    is as at its time: by hand in the file, or in the studio.
+
+    \b
+      enliven examples new cactus.off traffic.bvh -o cactus.toml --height 1.5
+      enliven examples new trex.ply walk.bvh -o trex.toml --up z --points 8 --poses 4
+    """
+    from enliven.formats.example_session import fitted
+    from enliven.formats.session_tables import MeshTable, TakeTable
+    from enliven.formats.session_text import write_session
+    from enliven.formats.takes import read_take
+    from enliven.mesh_files import load_mesh
+    from enliven.modeling.puppet_suggest import suggested_puppet
+    from enliven.project import Project
+
+    mesh_from = MeshTable(_from(output, mesh), height, _axis(up))
+    take_from = TakeTable(_from(output, take), "", animation, start, end)
+    loaded, notes = load_mesh(mesh)
+    clip, more = read_take(take, animation, start, end)
+    _say(*notes, *more)
+    project = Project().with_takes(clip)
+    made = suggested_puppet(project, fitted(loaded, mesh_from), clip.id, mesh.stem, points, poses)
+    write_session(output, made, mesh.stem, mesh_from, {clip.id: take_from})
+    puppet = made.puppets[mesh.stem]
+    typer.echo(
+        f"enliven: {len(puppet.points)} control points and {len(puppet.poses)} key poses are in {output}. "
+        "Pose them: say in each where the control points are to be."
+    )
+
+
+@examples.command()
+def check(
+    session: Annotated[Path, typer.Argument(help="A session (.toml) or a project (.enliven).")],
+    puppet: Annotated[str | None, typer.Option(help="Which puppet of a project; else the first.")] = None,
+) -> None:
+    """Say what a session lacks, and how well its examples cover what it plays.
+
+    The exit code is 3 where something is missing.
+
+    \b
+      enliven examples check cactus.toml
+      enliven examples check show.enliven --puppet cactus
+    """
+    from enliven.examples.coverage import coverage_of, unposed
+    from enliven.examples.puppet_motion import missing
+
+    opened = _opened(session, puppet)
+    project, made = opened.project, opened.puppet
+    pairs = ", ".join(f"{p.name} - {p.joint or 'nothing'}{' (foot)' if p.foot else ''}" for p in made.points)
+    typer.echo(f"enliven: {made.id}: {len(made.points)} control points: {pairs or 'none'}")
+    shown = ", ".join(f"{pose.time:.2f} s of {pose.take}" for pose in made.poses)
+    typer.echo(f"enliven: {len(made.poses)} key poses: {shown or 'none'}")
+    lacking = [*missing(project, made), *unposed(made)]
+    if not made.layers:
+        lacking.append("Say what it plays: [[layer]].")
+    for sentence in lacking:
+        typer.echo(f"enliven: {sentence}")
+    if missing(project, made):
+        raise typer.Exit(3)
+    for number in range(len(made.layers)):
+        typer.echo(f"enliven: {coverage_of(project, made, number)}")
+    if lacking:
+        raise typer.Exit(3)
+
+
+@examples.command()
+def fit(
+    session: Annotated[Path, typer.Argument(help="A session (.toml) or a project (.enliven).")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="What to make: .glb, .mcap (a take), or .enliven.")
+    ],
+    puppet: Annotated[str | None, typer.Option(help="Which puppet of a project; else the first.")] = None,
+    sheet: Annotated[
+        Path | None, typer.Option(help="Draw six moments of take and puppet (needs the viewer's package).")
+    ] = None,
+    rate: Annotated[float, typer.Option(min=1, max=240, help="Frames a second of what is made.")] = 30.0,
+    start: Annotated[float, typer.Option(help="Seconds to begin at.")] = 0.0,
+    end: Annotated[
+        float | None, typer.Option(help="Seconds to stop at; until all was played once if not given.")
+    ] = None,
+    morphs: Annotated[
+        bool, typer.Option("--morphs", help="Of a .glb: morph targets instead of transforms.")
+    ] = False,
+) -> None:
+    """Move the mesh as its examples say: the file that the studio's panel makes.
+
+    \b
+      enliven examples fit cactus.toml -o cactus.glb
+      enliven examples fit cactus.toml -o cactus.glb --sheet cactus.png --end 5
+      enliven examples fit show.enliven --puppet cactus -o cactus.mcap
+      enliven examples fit cactus.toml -o cactus.enliven
+    """
+    from enliven.examples.puppet_motion import missing, motion_of
+
+    write = _writer(output)
+    draw = _sheet_maker() if sheet else None
+    opened = _opened(session, puppet)
+    project, made = opened.project, opened.puppet
+    lacking = missing(project, made)
+    if lacking:
+        raise InputError(lacking[0], where=str(session), mend=" ".join(lacking[1:]))
+    if not any(not layer.muted for layer in made.layers):
+        raise InputError("it plays nothing", where=str(session), mend="Say what it plays: [[layer]].")
+    _say(*opened.notes)
+    for number, layer in enumerate(made.layers):
+        if not layer.muted:
+            _say(*motion_of(project, made, number).notes)
+    span = _span(project, made, start, end)
+    said = write(_Job(project, made, output, span, rate, morphs))
+    if sheet and draw:
+        draw(sheet, project, made, span)
+    typer.echo(f"enliven: {len(made.poses)} key poses, {span[1] - span[0]:.2f} s are in {output}{said}")
+
+
+@dataclass(frozen=True)
+class _Opened:
+    """What a file has: a project, the puppet that is meant, and what was odd."""
+
+    project: Project
+    puppet: Puppet
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Job:
+    """What is to be written."""
+
+    project: Project
+    puppet: Puppet
+    output: Path
+    span: tuple[float, float]
+    rate: float
+    morphs: bool
+
+
+def _opened(path: Path, name: str | None) -> _Opened:
+    """A session, or a puppet of a project: the one of that name, or the first."""
+    from enliven.formats.example_session import read_session
+    from enliven.formats.project_file import read_project
+
+    if path.suffix.lower() == ".enliven":
+        project, notes = read_project(path), ()
+        if name is None and not project.puppets:
+            raise InputError("it has no puppet", where=str(path), mend="Make one of a mesh first.")
+        return _Opened(project, project.puppet(name or next(iter(project.puppets))), notes)
+    session = read_session(path)
+    return _Opened(session.project, session.project.puppet(name or session.puppet), session.notes)
+
+
+def _writer(output: Path) -> Callable[[_Job], str]:
+    """What makes a file of that kind."""
+    kinds = {".glb": _write_glb, ".mcap": _write_take, ".enliven": _write_project}
+    kind = output.suffix.lower()
+    if kind not in kinds:
+        what = f"{kind or 'a file without an ending'} cannot be made"
+        raise InputError(what, where=str(output), mend=f"Known: {', '.join(kinds)}.")
+    return kinds[kind]
+
+
+def _write_glb(job: _Job) -> str:
+    from enliven.formats.gltf_write import write_gltf
+    from enliven.formats.puppet_performance import puppet_performance_of
+
+    made = puppet_performance_of(
+        job.project, job.puppet.id, *job.span, job.rate, how="morphs" if job.morphs else "skin"
+    )
+    write_gltf(job.output, [made], job.puppet.id)
+    return f"; {made.error}"
+
+
+def _write_take(job: _Job) -> str:
+    from enliven.formats.example_take import write_puppet_take
+
+    write_puppet_take(job.output, job.project, job.puppet, *job.span, job.rate)
+    return ""
+
+
+def _write_project(job: _Job) -> str:
+    from enliven.formats.project_file import write_project
+
+    write_project(job.output, job.project)
+    return ""
+
+
+def _span(project: Project, puppet: Puppet, start: float, end: float | None) -> tuple[float, float]:
+    """Seconds from when to when."""
+    from enliven.examples.puppet_motion import length_of_puppets
+    from enliven.project import Project
+
+    alone = Project(takes=project.takes, puppets={puppet.id: puppet})
+    stop = length_of_puppets(alone) if end is None else end
+    if stop <= start:
+        what = f"from {start:g} s to {stop:g} s is nothing"
+        raise InputError(what, where=f"puppet {puppet.id!r}", mend="Choose other --start and --end.")
+    return start, stop
+
+
+def _from(session: Path, file: Path) -> str:
+    """A file's path as a session beside it names it: relative where it is near."""
+    home, there = session.resolve().parent, file.resolve()
+    return there.relative_to(home).as_posix() if there.is_relative_to(home) else there.as_posix()
+
+
+def _axis(name: str) -> Axis:
+    known: dict[str, Literal["x", "y", "z"]] = {"x": "x", "y": "y", "z": "z"}
+    if name not in known:
+        raise InputError(f"{name!r} is no axis", where="--up", mend="Say x, y or z.")
+    return known[name]
+
+
+def _say(*notes: str) -> None:
+    for note in notes:
+        typer.echo(f"enliven: {note}", err=True)
+
+
+def _sheet_maker() -> Callable[..., None]:
+    """The function that draws sheets, of whichever package brings it."""
+    for entry in entry_points(group="enliven.pictures"):
+        if entry.name == "puppet":
+            made: Callable[..., None] = entry.load()
+            return made
+    raise ResourceError(
+        "a sheet cannot be drawn", where="--sheet", mend="Install the viewer's package, enliven-viewer."
+    )
