@@ -2,8 +2,9 @@
 
 guess_joints(clip.skeleton, puppet.rest)          # ("LeftHand end", "RightHand end", "Head end", ...)
 
-Both are looked at from the front (+Z, left at +X), each scaled to its own width and height. Ends of limbs
-are taken before what is between them, and no joint twice while there are others.
+Both are looked at from the front (+Z, left at +X), each scaled to its own width and height; a mesh that is
+wider from the side is taken to look at +X. Ends of limbs are taken before what is between them, and no joint
+twice while there are others.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ _DEPTH = 0.3
 """How much depth counts beside width and height."""
 _SIDE = 0.3
 """What it costs to follow a side from the middle or the middle from a side; twice that, the other side."""
+_DEEPER = 1.5
+"""So many times deeper than wide, a mesh is looked at from the side."""
 _ASIDE = 0.15
 """Share of half the width from which a place is on a side."""
 
@@ -42,6 +45,9 @@ def guess_joints(skeleton: Skeleton, rest: Float) -> tuple[str, ...]:
     rest = np.asarray(rest, np.float64).reshape(-1, 3)
     if len(rest) == 0:
         return ()
+    deep = np.ptp(rest, axis=0)
+    if deep[2] > _DEEPER * deep[0]:
+        rest = turned_level(rest, -np.pi / 2)
     anatomy = anatomy_of(skeleton)
     level = turned_level(skeleton.positions - skeleton.positions[0], -anatomy.facing)
     found = _candidates(anatomy, len(skeleton))

@@ -11,6 +11,7 @@ sys.path.append(str(Path(__file__).parents[1] / "mapping"))
 from made_bodies import man, turned_body
 
 from enliven.examples.pairing import guess_joints
+from enliven.mapping.facing import turned_level
 
 CACTUS = np.array([[0.4, 0.8, 0.0], [-0.35, 0.7, 0.0], [0.0, 1.2, 0.0], [0.12, 0.0, 0.0], [-0.12, 0.0, 0.0]])
 MEANT = ("Left finger", "Right finger", "top", "Left toe", "Right toe")
@@ -21,6 +22,11 @@ MEANT = ("Left finger", "Right finger", "top", "Left toe", "Right toe")
 def test_arms_follow_arms_whatever_the_size_the_order_and_where_the_performer_looks(angle, scale, order):
     joints = guess_joints(turned_body(man(), angle), scale * CACTUS[order])
     assert joints == tuple(MEANT[k] for k in order)
+
+
+def test_a_mesh_that_is_wide_from_the_side_looks_at_x():
+    turned = turned_level(CACTUS, np.pi / 2)
+    assert np.ptp(turned[:, 0]) < 1e-9 and guess_joints(man(), turned) == MEANT
 
 
 def test_what_is_in_the_middle_follows_the_trunk():

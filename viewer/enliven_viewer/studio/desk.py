@@ -11,6 +11,7 @@ from enliven_viewer.studio.browser import Browser
 from enliven_viewer.studio.cabinet import PROJECT, Cabinet
 from enliven_viewer.studio.deeds import Deeds
 from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.examples.coverage import Coverages
 from enliven_viewer.studio.examples.performer import PerformerView
 from enliven_viewer.studio.files import MODELS, PERFORMANCES, TAKES, add_file, export
 from enliven_viewer.studio.hand import Hand
@@ -38,7 +39,7 @@ class Desk:
         self.hand = Hand(editor, Deeds(editor, self.ask))
         self.timeline = TimelineHand(editor)
         self.puppets = editor.puppets
-        self.performer = PerformerView(editor)
+        self.performer, self.coverages = PerformerView(editor), Coverages()
         self.cabinet = Cabinet(editor, folder)
         self.widgets: dict[str, Rectangle] = {}
         self.asking = self.caption = self.pressed = ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 MENU, TOOLS, SIDE, TIMELINE = 23.0, 92.0, 288.0, 196.0
-STRIP, PERFORMER = 126.0, 0.36
+STRIP, PERFORMER = 142.0, 0.36
 """With a puppet: height of the strip of key poses, and the share of the picture that the performer has."""
 
 

@@ -13,8 +13,10 @@ from enliven.arrays import UInt8
 from enliven_viewer.render.context import window_context
 from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.examples.performer_picture import PerformerPicture
+from enliven_viewer.studio.examples.thumbnails import Thumbnails
 from enliven_viewer.studio.panels.dialogs import draw_dialogs
 from enliven_viewer.studio.panels.examples import draw_examples
+from enliven_viewer.studio.panels.examples_strip import draw_strip
 from enliven_viewer.studio.panels.menu import draw_menu
 from enliven_viewer.studio.panels.over import draw_over
 from enliven_viewer.studio.panels.performer import draw_performer
@@ -64,6 +66,7 @@ class StudioWindow:
         self._viewport: Viewport | None = None
         self._source: Viewport | None = None
         self._performer: PerformerPicture | None = None
+        self._thumbnails: Thumbnails | None = None
         self._screen: Any = None
         self._last = time.monotonic()
         self._framed = False
@@ -160,6 +163,7 @@ class StudioWindow:
         self._viewport = Viewport(context, (64, 64), settings.render)
         self._source = Viewport(context, (64, 64), settings.render)
         self._performer = PerformerPicture(self._source.renderer)
+        self._thumbnails = Thumbnails(context)
 
     def _framebuffer_size(self) -> tuple[int, int]:
         io = imgui.get_io()
@@ -215,6 +219,8 @@ class StudioWindow:
     def _draw_performer(self) -> None:
         view = self.desk.performer
         view.follow()
+        if self._thumbnails is not None:
+            self._thumbnails.work()
         figure = view.figure()
         if figure is not None and self._performer is not None:
             scale = imgui.get_io().display_framebuffer_scale.y
@@ -237,6 +243,8 @@ class StudioWindow:
             texture = self._performer.renderer.picture.texture.glo
             draw_performer(self.desk, places.performer, texture)
             draw_examples(self.desk, places.side)
+            if places.strip is not None and self._thumbnails is not None:
+                draw_strip(self.desk, places.strip, self._thumbnails)
         else:
             draw_side(self.desk, places.side)
         draw_timeline(self.desk, places.timeline)

@@ -80,20 +80,23 @@ class PerformerView:
     def moment(self) -> tuple[str, float] | None:
         """The take and the second of it that are shown."""
         editor, take = self.editor, self.take
-        key, puppet = editor.puppets.key, editor.puppets.puppet
         if take is None or take not in editor.project.takes:
             return None
-        if key is not None:
-            return key.take, key.time
-        number = None if puppet is None else layer_of(puppet, editor.selection.puppet_layer, take)
-        if puppet is not None and number is not None:
-            return take, seconds_at(editor.project, puppet.layers[number], editor.time)
-        return take, min(editor.time, editor.project.takes[take].duration)
+        key = editor.puppets.key
+        return (key.take, key.time) if key is not None else (take, self.playhead(take))
 
     @property
     def lens(self) -> Lens:
         """The camera and the view's size."""
         return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
+
+    def playhead(self, take: str) -> float:
+        """The second of a take at the project's time, whatever key pose is edited."""
+        editor, puppet = self.editor, self.editor.puppets.puppet
+        number = None if puppet is None else layer_of(puppet, editor.selection.puppet_layer, take)
+        if puppet is not None and number is not None:
+            return seconds_at(editor.project, puppet.layers[number], editor.time)
+        return min(editor.time, editor.project.takes[take].duration)
 
     def show(self, take: str) -> None:
         """Show a take; a puppet that plays nothing yet plays it from now on."""
@@ -210,7 +213,9 @@ class PerformerView:
         pixels, depth = self.lens.project(figure.joints)
         away = np.linalg.norm(pixels - at, axis=1)
         near = [k for k in range(len(away)) if away[k] <= self.editor.settings.reach]
-        return min(near, key=lambda k: (round(float(away[k]) / 3.0), round(float(depth[k]), 2), k), default=None)
+        return min(
+            near, key=lambda k: (round(float(away[k]) / 3.0), round(float(depth[k]), 2), k), default=None
+        )
 
     def _looks(self, clip: Clip) -> float:
         """Radians that the performer's front is turned at rest."""

@@ -15,7 +15,7 @@ from enliven_viewer.studio.examples.performer import Figure
 from enliven_viewer.studio.picking import Lens
 from enliven_viewer.studio.theme import FADED, HOVERED, point_colour
 
-_LIMB, _JOINT, _PAIRED = 0.017, 0.011, 0.030
+_LIMB, _JOINT, _PAIRED = 0.026, 0.020, 0.033
 """Radii as shares of the performer's height."""
 _SEEN_THROUGH = 0.3
 _LOOK = Look(body=0.0, reveal=0.0, cues=0.0, graph=0.0)

@@ -31,8 +31,9 @@ def draw_layer(desk: Desk, puppet: Puppet) -> None:
     assert number is not None
     layer = puppet.layers[number]
     heading("Motion")
+    wide = imgui.get_content_region_avail().x
     imgui.text_unformatted(layer.take)
-    imgui.same_line(imgui.get_content_region_avail().x - 40)
+    imgui.same_line(wide - 46)
     if imgui.small_button("Remove##layer"):
         editor.edit("remove a layer", lambda project: remove_layer(project, puppet.id, number))
         return

@@ -111,11 +111,10 @@ def _joint(desk: Desk, puppet: Puppet, point: ControlPoint) -> None:
     editor, take = desk.editor, desk.performer.take
     imgui.set_next_item_width(-1)
     if imgui.begin_combo("##joint", point.joint or "click a joint of the performer, or choose"):
-        names = editor.project.takes[take].skeleton.names if take in editor.project.takes else ()
-        if names:
-            best = guess_joints(editor.project.takes[str(take)].skeleton, puppet.rest)[
-                puppet.index(point.name)
-            ]
+        clip = editor.project.takes.get(take or "")
+        names = clip.skeleton.names if clip is not None else ()
+        if clip is not None:
+            best = guess_joints(clip.skeleton, puppet.rest)[puppet.index(point.name)]
             if imgui.selectable(f"{best}   likely", best == point.joint)[0]:
                 desk.performer.pair(best)
             imgui.separator()

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 
-from imgui_bundle import imgui
+from imgui_bundle import ImVec2, imgui
 
 from enliven.puppet import Puppet
 from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.examples.edits import with_default_settings, with_setting
+from enliven_viewer.studio.panels.style import tinted
+from enliven_viewer.studio.theme import PRESSED, RAISED
 
 _NUMBERS = (
     ("surface", "squash_and_stretch", "squash and stretch", 0.0, 1.0, ""),
@@ -22,8 +24,9 @@ _NUMBERS = (
 
 def draw_settings(desk: Desk, puppet: Puppet) -> None:
     """The sliders, folded away at first."""
-    imgui.dummy((0, 2))
-    opened = imgui.collapsing_header("Settings")
+    imgui.dummy(ImVec2(0, 4))
+    with tinted(RAISED, imgui.Col_.header), tinted(PRESSED, imgui.Col_.header_hovered):
+        opened = imgui.collapsing_header("Settings")
     desk.remember("settings")
     if not opened:
         return
@@ -39,6 +42,7 @@ def _number(
 ) -> None:
     """One setting: shown while it is dragged, remembered as one edit when it is let go."""
     editor, value = desk.editor, getattr(getattr(puppet, group), name)
+    changed, wanted = False, value
     if isinstance(value, bool):
         changed, wanted = imgui.checkbox(label, value)
     elif isinstance(value, int):
