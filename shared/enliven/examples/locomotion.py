@@ -98,24 +98,33 @@ def find_switches(
         size: metres, the length of the legs.
     """
     settings = settings or LocomotionSettings()
+    if len(feet) < 3:
+        return (Switch(0, "contact"),)
+    touches = standing_feet(feet, step, size, settings).any(1)
+    return switches_of(_without_short(touches, settings.contact.shortest / step))
+
+
+def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSettings | None = None) -> Bool:
+    """(F, K) which of the performer's feet touch the floor, as :func:`find_switches` sees it."""
+    settings = settings or LocomotionSettings()
     how = settings.contact
     feet = np.asarray(feet, np.float64)
     if len(feet) < 3:
-        return (Switch(0, "contact"),)
+        return np.ones(feet.shape[:2], np.bool_)
     floor = np.percentile(feet[:, :, 1].min(1), 5)
     velocity = np.gradient(feet, step, axis=0)
     # A runner's foot rolls fast while it stands: it is slow against the others, whose mean goes as they run.
     runs = np.linalg.norm(velocity.mean(1)[:, [0, 2]], axis=1)
     slow = np.maximum(how.speed * size, settings.runner * runs)
-    touches = np.zeros(len(feet), np.bool_)
-    for foot, moves in zip(np.moveaxis(feet, 1, 0), np.moveaxis(velocity, 1, 0), strict=True):
+    stands = np.empty(feet.shape[:2], np.bool_)
+    pairs = zip(np.moveaxis(feet, 1, 0), np.moveaxis(velocity, 1, 0), strict=True)
+    for k, (foot, moves) in enumerate(pairs):
         own = max(floor, np.percentile(foot[:, 1], 5))
         speed = np.linalg.norm(moves, axis=1) / slow
         down = np.empty(len(feet), np.bool_)
         touching(foot[:, 1] - own, speed, how.height * size, 1.0, how.release, down)
-        touches |= down
-    touches = _without_short(touches, how.shortest / step)
-    return switches_of(touches)
+        stands[:, k] = down
+    return stands
 
 
 def switches_of(touches: Bool) -> tuple[Switch, ...]:
@@ -131,6 +140,7 @@ def locate(
     switches: Sequence[Switch],
     feet: Sequence[int],
     settings: LocomotionSettings | None = None,
+    stands: Bool | None = None,
 ) -> Placed:
     """Puts control points into the world.
 
@@ -140,6 +150,8 @@ def locate(
         step: seconds between frames.
         switches: ascending, the first at frame 0.
         feet: numbers of the control points that it can stand on.
+        stands: (F, K) which of them the performer stands on (:func:`standing_feet`): these are the anchors,
+            each until it is lifted. Without it the lowest foot is, whatever the performer does.
 
     Raises:
         InputError: for switches out of order or of no frame, or without feet.
@@ -149,7 +161,7 @@ def locate(
     touches = _touches(switches, len(turned))
     if len(feet) == 0:
         raise InputError("it has no feet", where="locomotion", mend="Name control points it stands on.")
-    way = _Way(turned, np.asarray(feet, np.int64), step, settings)
+    way = _Way(turned, np.asarray(feet, np.int64), step, settings, stands)
     for first, last in runs_of(touches) if touches.any() else []:
         way.fly(first)
         way.stand(first, last)
@@ -160,8 +172,11 @@ def locate(
 class _Way:
     """The root of the mesh, written frame by frame from the first on."""
 
-    def __init__(self, turned: Float, feet: Int, step: float, settings: LocomotionSettings) -> None:
+    def __init__(
+        self, turned: Float, feet: Int, step: float, settings: LocomotionSettings, stands: Bool | None
+    ) -> None:
         self._turned, self._feet, self._step, self._settings = turned, feet, step, settings
+        self._stands = stands
         self._lowest = -turned[:, feet, 1].min(1)
         self._grip = settings.grip * (float(np.linalg.norm(np.ptp(turned[0], axis=0))) or 1.0)
         self.root = np.zeros((len(turned), 3))
@@ -172,17 +187,25 @@ class _Way:
     def stand(self, first: int, last: int) -> None:
         """Contact from frame ``first`` to ``last``."""
         for f in range(max(first, self._done), last + 1):
-            heights = self._turned[f, self._feet, 1]
-            lowest = int(self._feet[heights.argmin()])
-            anchor = self.anchors[f - 1] if f > 0 else -1
-            if anchor < 0 or self._turned[f, anchor, 1] > heights.min() + self._grip:
-                anchor = lowest
+            anchor = self._anchor(f, self.anchors[f - 1] if f > 0 else -1)
             self.anchors[f] = anchor
             if f > 0:
                 # The new anchor has not moved since the frame before, whoever was the anchor then.
                 self.root[f] = self.root[f - 1] + self._turned[f - 1, anchor] - self._turned[f, anchor]
             self.root[f, 1] = self._lowest[f]
         self._done = max(self._done, last + 1)
+
+    def _anchor(self, f: int, before: int) -> int:
+        """Who is the anchor at a frame after ``before`` was (-1: nobody)."""
+        heights = self._turned[f, self._feet, 1]
+        if self._stands is not None and self._stands[f].any():
+            stands = self._stands[f]
+            if before in self._feet[stands]:
+                return before
+            return int(self._feet[np.where(stands, heights, np.inf).argmin()])
+        if before >= 0 and self._turned[f, before, 1] <= heights.min() + self._grip:
+            return before
+        return int(self._feet[heights.argmin()])
 
     def fly(self, until: int) -> None:
         """Flight from the last frame that is done to the frame ``until``."""

@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.errors import InputError
 from enliven.examples.constraints import Constraint, Coupling, conditions_of
-from enliven.examples.locomotion import Placed, Switch, check_switches, find_switches, locate
+from enliven.examples.locomotion import Placed, Switch, check_switches, find_switches, locate, standing_feet
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import Performance, performed, turned_about_y
 from enliven.examples.poses import Examples
@@ -198,11 +198,12 @@ class _Solve:
     def located(self, places: Float, yaw: Float) -> Placed:
         """The way of places (F, P, 3) in the world."""
         switches, how, step = self._layer.switches, self._material.locomotion, self.took.step
+        seen = self.took.world[:, [self._moved.index(k) for k in self._feet]]
         if switches is None:
-            seen = self.took.world[:, [self._moved.index(k) for k in self._feet]]
             switches = find_switches(seen, step, self._legs(), how)
+        stands = standing_feet(seen, step, self._legs(), how)
         mixed = self._rest + self._layer.weight * (places - self._rest)
-        placed = locate(mixed, yaw, step, switches, self._feet, how)
+        placed = locate(mixed, yaw, step, switches, self._feet, how, stands)
         # The mesh stands at rest: that control points of feet are a little above its soles stays so.
         placed.root[:, 1] += self._rest[self._feet, 1].min()
         return placed

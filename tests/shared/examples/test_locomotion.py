@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.errors import InputError
-from enliven.examples.locomotion import LocomotionSettings, Switch, find_switches, locate
+from enliven.examples.locomotion import LocomotionSettings, Switch, find_switches, locate, standing_feet
 
 STEP = 1 / 60
 FREE = LocomotionSettings(landing="free")
@@ -97,3 +97,41 @@ def test_switches_must_be_in_order(frames):
     places, yaw = walker(120)
     with pytest.raises(InputError, match="switches at frames"):
         locate(places, yaw, STEP, [Switch(f, "contact") for f in frames], [0, 1])
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=20, deadline=None)
+def test_the_foot_that_the_performer_stands_on_is_the_anchor(seed):
+    rng = np.random.default_rng(seed)
+    places, yaw = walker(120, seed)
+    stands = rng.random((120, 2)) < 0.7
+    placed = locate(places, yaw, STEP, [Switch(0, "contact")], [0, 1], stands=stands)
+    for f in range(120):
+        if stands[f].any():
+            assert stands[f, placed.anchors[f]]
+        if f > 0 and stands[f, placed.anchors[f - 1]]:
+            assert placed.anchors[f] == placed.anchors[f - 1]
+    assert placed.world[:, :2, 1].min() > -1e-9
+
+
+def test_who_shuffles_goes_on_by_the_performers_feet():
+    """Feet of the mesh that are hardly lifted: by their heights the wrong one would hold it back."""
+    t = np.arange(240) * STEP
+    phase = 2 * np.pi * t
+    ways = [np.cos(phase), -np.cos(phase)]
+    lifts = [np.maximum(np.sin(phase + np.pi), 0), np.maximum(np.sin(phase), 0)]
+    feet = [
+        np.stack([0 * t, 0.2 * lift, 0.3 * way + 0.6 * t], 1) for way, lift in zip(ways, lifts, strict=True)
+    ]
+    stands = np.stack([lift == 0.0 for lift in lifts], 1)
+    places = np.stack(
+        [np.stack([0 * t, 0.001 * lift, 0.3 * way], 1) for way, lift in zip(ways, lifts, strict=True)], 1
+    )
+    how = [Switch(0, "contact")]
+    kept = locate(places, 0 * t, STEP, how, [0, 1])
+    goes = locate(places, 0 * t, STEP, how, [0, 1], stands=stands)
+    assert abs(kept.root[-1, 2]) < 0.7
+    assert goes.root[-1, 2] > 4.0
+    assert np.diff(goes.root[:, 2]).min() > -1e-6
+    seen = standing_feet(np.stack(feet, 1), STEP, 1.0)
+    assert (seen == stands).mean() > 0.5
