@@ -19,6 +19,7 @@ from enliven.project import Project
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.matches import seen
+from enliven_viewer.studio.puppets.deeds import PuppetDeeds
 from enliven_viewer.studio.tools.nodes import remove
 
 _ASIDE = 0.3
@@ -38,6 +39,7 @@ class Deeds:
         self._shape: tuple[Project, str] | None = None
         self._pasted = 0
         self._motion: tuple[str, tuple[int, ...]] | None = None
+        self.puppets = PuppetDeeds(editor)
 
     def play(self) -> None:
         """Play, or stop."""
@@ -54,6 +56,8 @@ class Deeds:
     def delete(self) -> None:
         """Take the chosen node out, or else the chosen shape away."""
         chosen = self.editor.selection
+        if self.puppets.delete():
+            return
         if chosen.graph is not None:
             graph = chosen.graph
             self.editor.edit(f"delete {graph}", lambda project: project.without_graph(graph))
@@ -68,20 +72,28 @@ class Deeds:
 
     def copy(self) -> None:
         """Remember the chosen shape with its motion."""
+        if self.puppets.copy():
+            return
         shape = self._chosen()
         if shape is not None:
             self._shape, self._pasted = (self.editor.project, shape), 0
+            self.puppets.forget()
             self.editor.toasts.say(f"Copied {shape} with its motion", "Ctrl+V puts a copy beside it.")
 
     def cut_out(self) -> None:
         """Remember the chosen shape and take it away."""
+        if self.puppets.copy(cut=True):
+            return
         shape = self._chosen()
         if shape is not None:
             self._shape, self._pasted = (self.editor.project, shape), -1
+            self.puppets.forget()
             self.editor.edit(f"cut out {shape}", lambda project: project.without_shape(shape))
 
     def paste(self) -> None:
         """Put a copy of the remembered shape beside what is there."""
+        if self.puppets.paste():
+            return
         if self._shape is None:
             self.editor.toasts.say("No shape was copied", "Choose one and press Ctrl+C first.")
             return
@@ -99,6 +111,8 @@ class Deeds:
 
     def duplicate(self) -> None:
         """A copy of the chosen shape beside it, the clipboard untouched."""
+        if self.puppets.duplicate():
+            return
         graph = self.editor.selection.graph
         if graph is not None:
             self.editor.edit(f"duplicate {graph}", lambda project: self._copied_graph(project, graph))
@@ -118,6 +132,8 @@ class Deeds:
 
     def mirror(self) -> None:
         """Mirror the chosen shape left to right, as it is seen."""
+        if self.puppets.mirror():
+            return
         shape = self._chosen()
         if shape is not None:
             right = self.editor.lens.view.camera_from_world[0, :3]
@@ -127,12 +143,16 @@ class Deeds:
 
     def scale(self, factor: float) -> None:
         """Make the chosen shape larger or smaller about its root."""
+        if self.puppets.scale(factor):
+            return
         shape = self._chosen()
         if shape is not None:
             self.editor.edit(f"scale {shape}", lambda project: scale_shape(project, shape, factor))
 
     def turn(self, degrees: float) -> None:
         """Turn the chosen shape about its root, in the picture's plane; above 0 counter-clockwise."""
+        if self.puppets.turn(degrees):
+            return
         shape = self._chosen()
         if shape is None:
             return

@@ -8,15 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Int
-
-try:
-    from enliven.deformation.self_intersection import crossing_faces
-except ImportError:
-
-    def crossing_faces(vertices, faces):
-        return np.zeros(0, int)
-
-
+from enliven.deformation.self_intersection import SelfIntersection
 from enliven.mesh import Mesh
 from enliven.puppet import Puppet
 
@@ -39,13 +31,13 @@ class Crossing:
         self._now: Future[tuple[Int, str]] | None = None
         self._seen: Float | None = None
         self._mesh: Mesh | None = None
-        self._rest: Int | None = None
+        self._finder: SelfIntersection | None = None
 
     def look(self, puppet: Puppet, surface: Float) -> None:
         """Look at a surface (V, 3) metres; called once a picture, it never waits."""
         if puppet.mesh is not self._mesh:
             self.forget()
-            self._mesh, self._rest = puppet.mesh, None
+            self._mesh, self._finder = puppet.mesh, None
         if self._now is not None and self._now.done():
             now, self._now = self._now, None
             if now.exception() is None:
@@ -68,10 +60,10 @@ class Crossing:
         self.faces, self.said, self._now, self._seen = np.zeros(0, np.int64), "", None, None
 
     def _found(self, puppet: Puppet, surface: Float) -> tuple[Int, str]:
-        mesh = puppet.mesh
-        if self._rest is None:
-            self._rest = np.asarray(crossing_faces(mesh.vertices, mesh.faces))
-        faces = np.setdiff1d(crossing_faces(surface, mesh.faces), self._rest)
+        finder = self._finder
+        if finder is None:
+            finder = self._finder = SelfIntersection(puppet.mesh)
+        faces = finder.newly_crossing(surface)
         return faces, sentence(puppet, faces) if len(faces) > _FEW else ""
 
 

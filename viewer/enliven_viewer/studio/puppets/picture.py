@@ -13,7 +13,8 @@ from enliven_viewer.studio.tools.puppet import PuppetTool
 
 _SEEN_THROUGH = 0.08
 """Of the eye's distance: control points are seen clearly through whatever covers them by less."""
-_ALWAYS = 1e6
+_ALWAYS = 0.8
+"""Likewise: the manipulator is covered by nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +50,8 @@ def picture_of(tool: Tool) -> PuppetPicture:
     manipulator = tool.manipulator()
     if manipulator is not None:
         part = tool.held.part if tool.held is not None else ""
-        tubes.append((manipulator.rows(part or tool.over, part), _ALWAYS))
+        away = float(np.linalg.norm(manipulator.place - lens.view.eye))
+        tubes.append((manipulator.rows(part or tool.over, part), _ALWAYS * away))
     return PuppetPicture(
         (standing.vertices, mesh.faces[warned]) if desk.warn and len(warned) else None,
         (ghost.drawn, mesh.faces) if ghost is not None else None,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from enliven.arrays import Float
@@ -10,20 +12,30 @@ from enliven.examples.puppet_motion import State, missing, motion_of, state_of
 from enliven.project import Project
 from enliven.puppet import Puppet
 
+if TYPE_CHECKING:
+    from enliven_viewer.studio.editor import Editor
+
 
 def rest_state(puppet: Puppet) -> State:
     """At rest, where it was put."""
     return State(puppet.rest, 0.0, np.zeros(3))
 
 
-def played_state(project: Project, puppet: Puppet, time: float) -> State:
-    """Where it is at a time of the project, seconds; at rest where it cannot move yet."""
-    if not puppet.layers or missing(project, puppet):
-        return rest_state(puppet)
+def played_state(editor: Editor, puppet: Puppet) -> tuple[Puppet, State]:
+    """Where it is at the editor's time, at rest where it cannot move yet, and the puppet that is so.
+
+    That is an older value of it while the motion of the newest is being solved.
+    """
+    project, solved = editor.solving.shown(editor.project, puppet.id)
+    if not solved.layers:
+        return puppet, rest_state(puppet)
     try:
-        return state_of(project, puppet, time)
+        state = state_of(project, solved, editor.time)
     except EnlivenError:  # the example panel says what it is
-        return rest_state(puppet)
+        return puppet, rest_state(puppet)
+    if solved.mesh is not puppet.mesh or solved.points != puppet.points:
+        return solved, state
+    return puppet, state
 
 
 def take_places(project: Project, puppet: Puppet, take: str, time: float) -> Float:

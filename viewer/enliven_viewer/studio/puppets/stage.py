@@ -73,7 +73,7 @@ class Standing:
     @cached_property
     def _turn(self) -> Float:
         """(3, 3) world from mesh."""
-        yaw = from_rotation_vector([0.0, self.state.yaw, 0.0])
+        yaw = from_rotation_vector(np.array([0.0, self.state.yaw, 0.0]))
         return np.asarray(to_matrix(multiply(self.puppet.turn, yaw)))
 
     @cached_property
@@ -89,6 +89,7 @@ class PuppetStage:
         self.editor, self.desk = editor, desk
         self.surfaces = Surfaces(editor.toasts)
         self._known: tuple[tuple[object, ...], tuple[Standing, ...]] | None = None
+        self._polls = 0
         self._ghost: tuple[tuple[object, ...], Standing] | None = None
 
     @property
@@ -112,7 +113,7 @@ class PuppetStage:
         """All puppets, in the project's order."""
         editor, desk = self.editor, self.desk
         project = editor.project
-        key = (project, desk.places, editor.time, desk.number, self.surfaces.version)
+        key = (project, desk.places, editor.time, desk.number, self.surfaces.version, self._polls)
         if self._known is None or not _same(self._known[0], key):
             self.surfaces.keep_only(set(project.puppets))
             self._known = (key, tuple(self._stands(puppet) for puppet in project.puppets.values()))
@@ -123,17 +124,19 @@ class PuppetStage:
         return next((s for s in self.standing if s.puppet.id == puppet_id), None)
 
     def improve(self) -> None:
-        """Let surfaces that were dragged come to rest; called once a picture."""
+        """Let surfaces that were dragged come to rest, and look what is solved; called once a picture."""
         self.surfaces.improve()
+        if any(self.editor.solving.busy(name) for name in self.editor.project.puppets):
+            self._polls += 1
 
     def _stands(self, puppet: Puppet) -> Standing:
         editor, desk = self.editor, self.desk
         places = desk.places if desk.puppet is puppet else None
         if places is not None and len(places) == len(puppet.points):
-            way = desk.way or played_state(editor.project, puppet, editor.time)
+            way = desk.way or played_state(editor, puppet)[1]
             state = State(places, way.yaw, way.root)
         else:
-            state = played_state(editor.project, puppet, editor.time)
+            puppet, state = played_state(editor, puppet)
         warm = editor.playing or desk.dragging
         return Standing(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
 

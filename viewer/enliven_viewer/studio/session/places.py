@@ -41,6 +41,15 @@ class Spot:
 
 
 @dataclass(frozen=True)
+class OnPuppet:
+    """A vertex of a puppet, or with ``point`` a control point of it, by number or name."""
+
+    puppet: str
+    vertex: int = 0
+    point: int | str | None = None
+
+
+@dataclass(frozen=True)
 class Near:
     """Pixels to the right of and below another place."""
 
@@ -79,7 +88,7 @@ class OnTimeline:
     lane: int | None = None
 
 
-Place = Joint | OnBone | Spot | Near | Pixel | SourceJoint | Widget | OnTimeline
+Place = Joint | OnBone | OnPuppet | Spot | Near | Pixel | SourceJoint | Widget | OnTimeline
 
 
 class Stage(Protocol):
@@ -161,10 +170,12 @@ def source_of(desk: Desk) -> SourceView:
     return tool.source
 
 
-def _in_world(place: Joint | OnBone | Spot, desk: Desk) -> np.ndarray:
+def _in_world(place: Joint | OnBone | OnPuppet | Spot, desk: Desk) -> np.ndarray:
     """(3,) metres."""
     if isinstance(place, Spot):
         return np.array([place.x, place.y, place.z])
+    if isinstance(place, OnPuppet):
+        return _on_puppet(place, desk)
     stance = desk.editor.stance(place.shape)
     skeleton = stance.shape.skeleton
     joint = skeleton.index(place.joint) if isinstance(place.joint, str) else place.joint
@@ -172,6 +183,19 @@ def _in_world(place: Joint | OnBone | Spot, desk: Desk) -> np.ndarray:
         return stance.joints[joint]
     start = stance.joints[skeleton.parents[joint]]
     return np.asarray(start + place.along * (stance.joints[joint] - start))
+
+
+def _on_puppet(place: OnPuppet, desk: Desk) -> np.ndarray:
+    """(3,) metres."""
+    standing = desk.puppets.stage.standing_of(place.puppet)
+    if standing is None:
+        raise InputError(f"there is no puppet {place.puppet!r}", where="session")
+    if place.point is None:
+        return np.asarray(standing.vertices[place.vertex])
+    puppet = standing.puppet
+    return np.asarray(
+        standing.points[puppet.index(place.point) if isinstance(place.point, str) else place.point]
+    )
 
 
 def _on_timeline(place: OnTimeline, stage: Stage) -> Point:

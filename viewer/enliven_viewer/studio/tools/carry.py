@@ -13,6 +13,7 @@ from enliven_viewer.studio.picking import Hit, bone_at, joint_at
 from enliven_viewer.studio.theme import GOOD, INK, STROKE
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.handle_graph import GraphGrip
+from enliven_viewer.studio.tools.handle_puppet import PuppetHold
 
 
 class Carry(Tool):
@@ -25,6 +26,7 @@ class Carry(Tool):
         self._held: tuple[str, Float, Pointer] | None = None
         self._graft: Hit | None = None
         self._grip: GraphGrip | None = None
+        self._puppet: PuppetHold | None = None
 
     @property
     def hint(self) -> str:
@@ -40,7 +42,8 @@ class Carry(Tool):
         hit = self.shape_at(pointer)
         if hit is None:
             self._grip = GraphGrip.of(self.editor, pointer)
-            return self._grip is not None
+            self._puppet = None if self._grip is not None else PuppetHold.of(self.editor, pointer)
+            return self._grip is not None or self._puppet is not None
         self.editor.select(shape=hit.shape)
         self.editor.select(joint=None, chain=())
         self.editor.playing = False
@@ -53,6 +56,9 @@ class Carry(Tool):
         if self._grip is not None:
             grip = self._grip
             self.editor.sketch(lambda project: grip.moved(project, pointer))
+        if self._puppet is not None:
+            held = self._puppet
+            self.editor.sketch(lambda project: held.moved(project, pointer))
         if self._held is None:
             return
         shape_id = self._held[0]
@@ -68,6 +74,9 @@ class Carry(Tool):
         grip, self._grip = self._grip, None
         if grip is not None and self.editor.draft is not None:
             grip.drop(pointer)
+        puppet, self._puppet = self._puppet, None
+        if puppet is not None and self.editor.draft is not None:
+            self.editor.edit(f"move {puppet.puppet}", lambda project: puppet.moved(project, pointer))
         if self._held is None:
             return
         held, graft, dragged = self._held, self._graft, self.editor.draft is not None
@@ -80,7 +89,7 @@ class Carry(Tool):
 
     def cancel(self) -> None:
         super().cancel()
-        self._held = self._graft = self._grip = None
+        self._held = self._graft = self._grip = self._puppet = None
 
     def overlay(self) -> Overlay:
         plain = super().overlay()

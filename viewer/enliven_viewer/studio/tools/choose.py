@@ -1,8 +1,9 @@
-"""Choosing a shape, a joint, or a chain from one joint to another."""
+"""Choosing a shape, a joint, or a chain from one joint to another; a possessed mesh; a puppet."""
 
 from __future__ import annotations
 
 from enliven_viewer.studio.possessed import possessed_at
+from enliven_viewer.studio.puppets.stage import puppet_at
 from enliven_viewer.studio.tools.base import Pointer, Tool
 
 
@@ -17,16 +18,16 @@ class Choose(Tool):
             return "A chain is chosen. Ctrl+Shift+C copies its motion, Ctrl+Shift+V pastes motion onto it."
         if self.editor.selection.joint is not None:
             return "Shift-click another joint to choose the chain between them. Delete removes the node."
+        if self.editor.selection.puppet is not None:
+            return "A puppet is chosen. K puts control points on it and poses it."
         return "Click a joint or a shape to choose it. Drag empty space to turn the view."
 
     def press(self, pointer: Pointer) -> bool:
         hit, editor = self.shape_at(pointer), self.editor
-        graph = possessed_at(editor.possessed, editor.lens, pointer.at)
-        if graph is not None and (hit is None or graph[1] < hit.depth) and self.handle_at(pointer) is None:
-            editor.select(graph=graph[0])
+        if self.handle_at(pointer) is None and self._choose_mesh(pointer, hit.depth if hit else float("inf")):
             return False
         if hit is None:
-            editor.select(shape=None, graph=None)
+            editor.select(shape=None, graph=None, puppet=None)
             return False
         on_handle = self.handle_at(pointer) is not None
         chosen = editor.selection
@@ -37,3 +38,16 @@ class Choose(Tool):
         editor.select(shape=hit.shape)
         editor.select(joint=hit.joint if on_handle else None, chain=())
         return on_handle
+
+    def _choose_mesh(self, pointer: Pointer, depth: float) -> bool:
+        """Choose a possessed mesh or a puppet that is nearer than ``depth`` metres; whether there is one."""
+        editor = self.editor
+        graph = possessed_at(editor.possessed, editor.lens, pointer.at)
+        puppet = puppet_at(editor.puppets.standing, editor.lens, pointer.at)
+        if puppet is not None and puppet[2] < min(depth, graph[1] if graph is not None else float("inf")):
+            editor.puppets.choose(puppet[0].puppet.id)
+        elif graph is not None and graph[1] < depth:
+            editor.select(graph=graph[0])
+        else:
+            return False
+        return True

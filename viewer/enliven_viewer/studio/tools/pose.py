@@ -12,6 +12,7 @@ from enliven.project import Project
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.stance import Stance
 from enliven_viewer.studio.tools.base import Pointer, Tool
+from enliven_viewer.studio.tools.handle_puppet import PuppetHold
 
 _TURN = 0.01
 """Radians a pixel."""
@@ -26,9 +27,12 @@ class Pose(Tool):
     def __init__(self, editor) -> None:  # type: ignore[no-untyped-def]
         super().__init__(editor)
         self._held: tuple[Stance, int, Pointer] | None = None
+        self._puppet: PuppetHold | None = None
 
     @property
     def hint(self) -> str:
+        if self._puppet is not None:
+            return "Let go to keep it so; Esc drops it."
         if self._held is not None:
             return "Let go to keep the pose; Esc drops it."
         return "Drag a joint to turn its bone, the root to turn the whole; with Shift about the upright."
@@ -36,7 +40,8 @@ class Pose(Tool):
     def press(self, pointer: Pointer) -> bool:
         hit = self.shape_at(pointer)
         if hit is None:
-            return False
+            self._puppet = PuppetHold.of(self.editor, pointer)
+            return self._puppet is not None
         on_handle = self.handle_at(pointer) is not None
         joint = hit.joint if on_handle else 0
         self.editor.select(shape=hit.shape)
@@ -46,10 +51,16 @@ class Pose(Tool):
         return True
 
     def drag(self, pointer: Pointer) -> None:
+        if self._puppet is not None:
+            held = self._puppet
+            self.editor.sketch(lambda project: held.turned(project, pointer))
         if self._held is not None:
             self.editor.sketch(lambda project: self._posed(project, pointer))
 
     def release(self, pointer: Pointer) -> None:
+        puppet, self._puppet = self._puppet, None
+        if puppet is not None and self.editor.draft is not None:
+            self.editor.edit(f"turn {puppet.puppet}", lambda project: puppet.turned(project, pointer))
         if self._held is None:
             return
         if self.editor.draft is not None:
@@ -58,7 +69,7 @@ class Pose(Tool):
 
     def cancel(self) -> None:
         super().cancel()
-        self._held = None
+        self._held = self._puppet = None
 
     def _posed(self, project: Project, pointer: Pointer) -> Project:
         assert self._held is not None

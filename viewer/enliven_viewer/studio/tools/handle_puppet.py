@@ -1,0 +1,45 @@
+"""A puppet in the hand: moved, turned where it stands, or dropped on another with Shift to become one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.modeling.puppets import move_puppet, turn_puppet
+from enliven.project import Project
+from enliven.rotation import from_rotation_vector
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.puppets.stage import puppet_at
+from enliven_viewer.studio.tools.base import Pointer
+
+_TURN = 0.01
+"""Radians a pixel."""
+_UPRIGHT = np.array([0.0, 1.0, 0.0])
+
+
+class PuppetHold:
+    """A puppet held by a place on its surface."""
+
+    def __init__(self, editor: Editor, puppet: str, at: Float, start: Pointer) -> None:
+        self.editor, self.puppet, self._at, self._start = editor, puppet, at, start
+
+    @classmethod
+    def of(cls, editor: Editor, pointer: Pointer) -> PuppetHold | None:
+        """The hold on what is under the pointer, or None."""
+        hit = puppet_at(editor.puppets.standing, editor.lens, pointer.at)
+        if hit is None:
+            return None
+        editor.puppets.choose(hit[0].puppet.id)
+        editor.playing = False
+        place = editor.lens.view.eye + hit[2] * editor.lens.ray(pointer.at)
+        return cls(editor, hit[0].puppet.id, place, pointer)
+
+    def moved(self, project: Project, pointer: Pointer) -> Project:
+        """The project with the puppet as far as the pointer went."""
+        lens = self.editor.lens
+        return move_puppet(project, self.puppet, lens.on_plane(pointer.at, self._at) - self._at)
+
+    def turned(self, project: Project, pointer: Pointer) -> Project:
+        """The project with the puppet turned about the upright, by as much as the pointer went across."""
+        angle = _TURN * (pointer.at[0] - self._start.at[0])
+        return turn_puppet(project, self.puppet, from_rotation_vector(_UPRIGHT * angle))
