@@ -100,7 +100,7 @@ def find_switches(
     settings = settings or LocomotionSettings()
     if len(feet) < 3:
         return (Switch(0, "contact"),)
-    touches = standing_feet(feet, step, size, settings).any(1)
+    touches = np.asarray(standing_feet(feet, step, size, settings).any(1))
     return switches_of(_without_short(touches, settings.contact.shortest / step))
 
 
