@@ -13,6 +13,7 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.examples.locomotion import LocomotionSettings
 from enliven.examples.performer import performed
+from enliven.examples.performers import cast
 from enliven.examples.poses import Examples
 from enliven.examples.settings import ExampleSettings
 from enliven.examples.symmetric import doubled, partners_of
@@ -20,6 +21,7 @@ from enliven.mesh import Mesh
 from enliven.motion.clip import Clip
 from enliven.project import Project
 from enliven.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer
+from enliven.skeleton import Skeleton
 
 T = TypeVar("T")
 
@@ -99,43 +101,69 @@ def examples_with(
     symmetry: Plane | None,
 ) -> Examples:
     """The examples of some control points, of key poses in these takes."""
-    lacking = lacks(points, len(poses))
+    lacking = lacks(mesh, points, [take.skeleton for take in takes], symmetry)
     if lacking:
         raise InputError(lacking[0], where=f"puppet {name!r}", mend=" ".join(lacking[1:]))
     joints = tuple(point.joint for point in points)
     names = tuple(point.name for point in points)
-    sources = np.stack([_shown(take, pose, joints) for take, pose in zip(takes, poses, strict=True)])
+    reference = reference_among([take.skeleton for take in takes], joints)
+    shown = [_shown(take, pose, joints, reference) for take, pose in zip(takes, poses, strict=True)]
     targets = np.stack([pose.places for pose in poses])
-    examples = Examples(joints, names, sources, targets)
+    examples = Examples(joints, names, np.stack(shown), targets)
     if symmetry is None:
         return examples
     at, across = np.array(symmetry.point), np.array(symmetry.normal)
     rest = mesh.vertices[[point.vertex for point in points]]
-    partners = partners_of(rest, at, across, names=names)
-    return doubled(examples, partners, at, across, _left_right(takes[0], joints, partners))
+    return doubled(examples, partners_of(rest, at, across, names=names), at, across)
 
 
-def _left_right(take: Clip, joints: Sequence[str], partners: Sequence[int]) -> Float | None:
-    """(3,) the performer's left-right axis at rest, level: in a stride feet are farther apart to and fro."""
-    places = take.skeleton.positions[[take.skeleton.index(name) for name in joints]]
-    between = (places - places[list(partners)]) * [1.0, 0.0, 1.0]
-    apart = between[int(np.linalg.norm(between, axis=1).argmax())]
-    length = float(np.linalg.norm(apart))
-    return apart / length if length > 1e-6 else None
+def reference_of(project: Project, puppet: Puppet) -> Skeleton:
+    """Whose size and joints a puppet's examples are in: see :mod:`enliven.examples.performers`.
+
+    Raises:
+        InputError: for a puppet without key poses.
+    """
+    if not puppet.poses:
+        raise InputError("it has no key pose", where=f"puppet {puppet.id!r}", mend="Pose two examples.")
+    skeletons = [project.takes[pose.take].skeleton for pose in puppet.poses]
+    return reference_among(skeletons, tuple(point.joint for point in puppet.points))
+
+
+def reference_among(skeletons: Sequence[Skeleton], joints: Sequence[str]) -> Skeleton:
+    """The first performer who has all of the joints; the first of all where nobody has."""
+    return next((one for one in skeletons if set(joints) <= set(one.names)), skeletons[0])
 
 
 def missing(project: Project, puppet: Puppet) -> tuple[str, ...]:
     """Sentences: what a puppet still lacks before it can move; none when it is ready."""
-    return lacks(puppet.points, len(puppet.poses))
+    skeletons = [project.takes[pose.take].skeleton for pose in puppet.poses]
+    return lacks(puppet.mesh, puppet.points, skeletons, puppet.symmetry)
 
 
-def lacks(points: Sequence[ControlPoint], poses: int) -> tuple[str, ...]:
-    """What control points and a number of key poses lack to be examples."""
+def lacks(
+    mesh: Mesh, points: Sequence[ControlPoint], skeletons: Sequence[Skeleton], symmetry: Plane | None
+) -> tuple[str, ...]:
+    """What control points and key poses, of performers with these skeletons, lack to be examples."""
     if not points:
         return ("Put control points on the mesh.",)
     sentences = [f"Pair {point.name!r} with a joint." for point in points if not point.joint]
-    if poses < 2:
-        sentences.append("Pose two examples." if poses == 0 else "Pose one more.")
+    if skeletons:
+        known = reference_among(skeletons, [point.joint for point in points]).names
+        sentences += [
+            f"Pair {point.name!r} with another joint: who shows the key poses has no {point.joint!r}."
+            for point in points
+            if point.joint and point.joint not in known
+        ]
+    if len(skeletons) < 2:
+        sentences.append("Pose one more example." if skeletons else "Pose two examples.")
+    if symmetry is not None:
+        rest = mesh.vertices[[point.vertex for point in points]]
+        names = [point.name for point in points]
+        try:
+            partners_of(rest, np.array(symmetry.point), np.array(symmetry.normal), names=names)
+        except InputError as error:
+            what = error.what[0].upper() + error.what[1:]
+            sentences.append(f"{what}: add one there, or leave symmetry out.")
     return tuple(sentences)
 
 
@@ -152,6 +180,9 @@ def frame_at(clip: Clip, seconds: float) -> int:
     return frame
 
 
-def _shown(take: Clip, pose: KeyPose, joints: tuple[str, ...]) -> Float:
-    """(P, 3) metres, the paired joints in the body frame at a key pose."""
-    return np.asarray(performed(take, joints).poses[frame_at(take, pose.time)])
+def _shown(take: Clip, pose: KeyPose, joints: tuple[str, ...], reference: Skeleton) -> Float:
+    """(P, 3) metres, the paired joints in the body frame at a key pose, as the reference would make it."""
+    frame = frame_at(take, pose.time)
+    role = cast(reference, take.skeleton, joints, take.id)
+    one = replace(take, turns=take.turns[frame : frame + 1], root=take.root[frame : frame + 1])
+    return np.asarray(role.seen(performed(one, role.joints).poses)[0])

@@ -12,8 +12,9 @@ from enliven.examples.constraints import Constraint, Coupling, conditions_of
 from enliven.examples.locomotion import Placed, Switch, check_switches, find_switches, locate, standing_feet
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import Performance, performed, turned_about_y
+from enliven.examples.performers import cast
 from enliven.examples.poses import Examples
-from enliven.examples.puppet_examples import Material, examples_with, material_of
+from enliven.examples.puppet_examples import Material, examples_with, material_of, reference_among
 from enliven.project import Project
 from enliven.puppet import Puppet, PuppetLayer
 
@@ -176,7 +177,12 @@ class _Solve:
             material.symmetry,
         )
         self._mapping = ExampleMap(self.examples, material.examples)
-        self.took = performed(material.take(), self.examples.joints)
+        take, shown = material.take(), [shown().skeleton for shown in material.shown]
+        joints = self.examples.joints
+        role = cast(reference_among(shown, joints), take.skeleton, joints, take.id)
+        took = performed(take, role.joints)
+        self.took = replace(took, poses=role.seen(took.poses))
+        self._role = role
         self._asked: tuple[Constraint, ...] = (
             *self._layer.positions,
             *self._layer.velocities,
@@ -229,12 +235,12 @@ class _Solve:
         kept = (self.took.step, tuple(self._moved), places, self._rest, self._layer.weight, yaw)
         for array in (places, self._rest, yaw, way[0], way[1]):
             array.setflags(write=False)
-        return PuppetMotion(*kept, *way, self.travels)
+        return PuppetMotion(*kept, *way, self.travels, self._role.notes)
 
     def _legs(self) -> float:
         """Metres along the bones from the root to the feet, on the average."""
         skeleton = self._material.take().skeleton
-        joints = [self._material.points[k].joint for k in self._feet]
+        joints = [self._role.joints[self._moved.index(k)] for k in self._feet]
         ways = [skeleton.path(0, skeleton.index(name)) for name in joints]
         return float(np.mean([skeleton.lengths[list(way)].sum() for way in ways])) or 1.0
 

@@ -1,0 +1,143 @@
+"""One performer seen as another: the same joints, in the same size, facing the same way.
+
+A key pose may be shown by one performer and a take be played by another, a child by what an adult posed. What
+a pose is compared by is joints in the body frame, so of whoever is not the reference
+
+- joints are found by name, or else by what they are in the body (:mod:`enliven.mapping.anatomy`),
+- places are scaled joint by joint, by how far along the bones the joint is from the root,
+- the front is turned to where the reference's is.
+
+    role = cast(reference, clip.skeleton, ("LeftHand", "Head"), "walk")
+    poses = role.seen(performed(clip, role.joints).poses)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.examples.performer import turned_about_y
+from enliven.mapping.anatomy import Anatomy, anatomy_of
+from enliven.mapping.facing import facing_of
+from enliven.skeleton import Skeleton
+
+_SAME = 1e-9
+"""Share of its size by which the joints of one skeleton may differ from another's to be the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class Role:
+    """How a performer stands for the reference.
+
+    Attributes:
+        joints: (P,) names of the performer's own joints.
+        factors: (P,) the reference's size to the performer's.
+        turn: radians about +Y from the performer's front to the reference's.
+        notes: which joints were found by what they are in the body.
+    """
+
+    joints: tuple[str, ...]
+    factors: Float
+    turn: float
+    notes: tuple[str, ...] = ()
+
+    def seen(self, poses: Float) -> Float:
+        """(..., P, 3) poses in the body frame as the reference would have made them."""
+        if self.turn == 0.0 and (self.factors == 1.0).all():
+            return poses
+        return turned_about_y(poses * self.factors[:, None], np.asarray(self.turn))
+
+
+def cast(reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], who: str = "performer") -> Role:
+    """How a skeleton stands for the reference's joints.
+
+    Args:
+        who: the take's name, for messages.
+
+    Raises:
+        InputError: for a joint that the skeleton lacks and has nothing like, with those that it has.
+    """
+    if reference is skeleton or _alike(reference, skeleton):
+        for name in joints:
+            _known(skeleton, name, who)
+        return Role(tuple(joints), np.ones(len(joints)), 0.0)
+    own, notes = list[str](), list[str]()
+    parts: tuple[Anatomy, Anatomy] | None = None
+    for name in joints:
+        if name in skeleton.names:
+            own.append(name)
+            continue
+        _known(reference, name, who)
+        parts = parts or (anatomy_of(reference), anatomy_of(skeleton))
+        found = _counterpart(reference, skeleton, *parts, reference.names.index(name))
+        if found is None:
+            _known(skeleton, name, who)
+        else:
+            own.append(skeleton.names[found])
+            notes.append(f"{who}: {name!r} is taken to be {own[-1]!r}")
+    factors = np.ones(len(joints))
+    for k, (name, mine) in enumerate(zip(joints, own, strict=True)):
+        if name in reference.names:
+            theirs, here = _reach(reference, name), _reach(skeleton, mine)
+            factors[k] = theirs / here if theirs > 0.0 and here > 0.0 else 1.0
+    return Role(tuple(own), factors, facing_of(reference) - facing_of(skeleton), tuple(notes))
+
+
+def _alike(a: Skeleton, b: Skeleton) -> bool:
+    """Whether two skeletons are of one performer."""
+    if a.names != b.names or not np.array_equal(a.parents, b.parents):
+        return False
+    return bool(np.allclose(a.vectors, b.vectors, rtol=0.0, atol=_SAME * (float(a.lengths.sum()) or 1.0)))
+
+
+def _known(skeleton: Skeleton, name: str, who: str) -> None:
+    """That a skeleton has a joint."""
+    if name not in skeleton.names:
+        mend = f"Known: {', '.join(skeleton.names)}."
+        raise InputError(f"there is no joint {name!r}, nor one like it", where=f"take {who!r}", mend=mend)
+
+
+def _reach(skeleton: Skeleton, name: str) -> float:
+    """Metres along the bones from the root to a joint."""
+    return float(skeleton.lengths[list(skeleton.path(0, skeleton.index(name)))].sum())
+
+
+def _counterpart(
+    reference: Skeleton, skeleton: Skeleton, theirs: Anatomy, ours: Anatomy, joint: int
+) -> int | None:
+    """The joint that is in its body what ``joint`` is in the reference's: as far along the same part."""
+    if joint == 0:
+        return 0
+    parts, own = _parts(theirs), _parts(ours)
+    at = joint
+    while at >= 0:
+        for name, chain in parts.items():
+            if at in chain[1:] and name in own:
+                shares = _shares(skeleton, own[name])
+                wanted = _shares(reference, chain)[chain.index(at)]
+                return own[name][int(np.abs(shares - wanted).argmin())]
+        at = int(reference.parents[at])
+    return None
+
+
+def _parts(anatomy: Anatomy) -> dict[tuple[str, int, int], tuple[int, ...]]:
+    """Chains of joints by what they are: the kind, which of them, and the side."""
+    parts = {("trunk", 0, 0): anatomy.trunk}
+    for kind, pairs in (("arm", anatomy.arms), ("leg", anatomy.legs)):
+        for number, pair in enumerate(pairs):
+            for side, limb in enumerate(pair):
+                parts[kind, number, side] = limb.chain
+    for kind, single in (("head", anatomy.head), ("tail", anatomy.tail)):
+        if single is not None:
+            parts[kind, 0, 0] = single.chain
+    return parts
+
+
+def _shares(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
+    """(K,) 0 to 1: how far along a chain of joints each is."""
+    ways = np.concatenate([[0.0], np.cumsum(skeleton.lengths[list(chain[1:])])])
+    return np.asarray(ways / max(float(ways[-1]), 1e-12))
