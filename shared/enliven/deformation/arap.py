@@ -19,6 +19,7 @@ float32. Handles are put upon the factor exactly (arap_handles); adding one cost
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -74,6 +75,7 @@ class ArapSettings:
         20_000, "A puppet's mesh of more vertices is solved coarsely, its detail carried along.", low=100
     )
     coarse_vertices: int = setting(8_000, "About how many vertices are solved then.", low=50)
+    guide_vertices: int = setting(400, "About how many vertices of a puppet find the large bends.", low=20)
     most_vertices: int = setting(500_000, "Larger meshes are not solved whole.", low=3)
     most_carried: int = setting(20_000_000, "Larger meshes are refused.", low=3)
 
@@ -175,11 +177,7 @@ class ArapSolver:
         Raises:
             InputError: for targets that cannot be meant. The last good pose stays.
         """
-        wanted = self._wanted | {
-            name: checked_target(name, value, self.handles, self._surface)
-            for name, value in (targets or {}).items()
-        }
-        held, rows = self._together(wanted)
+        wanted, held, rows = self.check(targets)
         settings, surface = self.settings, self._surface
         frames = self._frames.reshape(-1)
         follow(held, frames, rows, settings.follow)
@@ -197,13 +195,22 @@ class ArapSolver:
         pose = np.empty_like(self.pose)
         give(frames, self._z, shift, surface.cells.eliminated, surface.place_of, surface.centre, pose)
         if not np.isfinite(pose).all():
-            self._restart()
+            self.set_shape(self.pose)
             raise InputError("the handles leave no finite shape", where=WHERE, mend="Move them less far.")
         vertices, of = self._exact
         pose[vertices] = np.concatenate([wanted[name] for name in self.handles])[of]
         pose.setflags(write=False)
         self._wanted, self.pose = wanted, pose
         return pose
+
+    def check(self, targets: Mapping[str, Float] | None = None) -> tuple[dict[str, Float], Held, Float]:
+        """What :meth:`solve` is to do, refused as there, before anything has changed."""
+        wanted = self._wanted | {
+            name: checked_target(name, value, self.handles, self._surface)
+            for name, value in (targets or {}).items()
+        }
+        held, rows = self._together(wanted)
+        return wanted, held, rows
 
     def _fit(self) -> None:
         """Each cell's best turn and scale at the positions as they are."""
@@ -238,18 +245,26 @@ class ArapSolver:
         """(V, 3) the surface of the shape state, which the next frame starts from."""
         return self._frames[self._surface.place_of, 12:15] + self._surface.centre
 
+    def set_shape(self, vertices: Float) -> None:
+        """Go on from a surface (V, 3), of which the next frame is made."""
+        self._frames[:] = 0.0
+        self._frames[:, [0, 5, 10]] = 1.0
+        self._frames[self._surface.place_of, 12:15] = vertices - self._surface.centre
+
+    def twin(self) -> ArapSolver:
+        """Another solver of the same mesh and handles, at rest; it shares the factor."""
+        other = copy(self)
+        other._frames, other._z, other._room = self._frames.copy(), self._z.copy(), self._room.copy()
+        other._columns, other.handles = dict(self._columns), dict(self.handles)
+        other.reset()
+        return other
+
     def maps(self) -> Float:
         """(16 V,) how each vertex takes along what is near it: see :func:`arap_detail.cell_maps`."""
         surface, out = self._surface, np.empty(16 * len(self.pose))
         frames = self._frames.reshape(-1)
         cell_maps(surface.cells, frames, self.pose, surface.place_of, self.mesh.vertices, out)
         return out
-
-    def _restart(self) -> None:
-        """The last good pose as the shape, after something that was not finite."""
-        self._frames[:] = 0.0
-        self._frames[:, [0, 5, 10]] = 1.0
-        self._frames[self._surface.place_of, 12:15] = self.pose - self._surface.centre
 
     def _hard_vertices(self, places: Int, hard: Int) -> tuple[Int, Int]:
         """(X,) the mesh's vertices that hard handles hold, welded ones too, and (X,) the rows of each."""

@@ -47,6 +47,7 @@ class Coarse(NamedTuple):
         held: (P,) the sample of each control point.
         welded: (V,) which vertices are at one position: they have one number.
         start: (V + 1,) where each vertex's samples begin.
+        own: (M,) the number in ``welded`` of each sample.
         near: (K,) the samples that it follows.
         weights: (K,) above 0, of sum 1 for each vertex.
         notes: sentences for the user about what was done.
@@ -56,18 +57,34 @@ class Coarse(NamedTuple):
     links: Int
     held: Int
     welded: Int
+    own: Int
     start: Int
     near: Int32
     weights: Float32
     notes: tuple[str, ...]
 
+    def sample_of(self, vertices: Int) -> Int | None:
+        """(P,) the sample at each vertex, or None where one is at none."""
+        if len(vertices) and not 0 <= vertices.min() <= vertices.max() < len(self.welded):
+            return None
+        sample = self.near[self.start[:-1][vertices]]
+        same = self.own[sample] == self.welded[vertices]
+        return sample.astype(np.int64) if same.all() else None
 
-def coarse_of(mesh: Mesh, held: Int, count: int) -> Coarse:
-    """About ``count`` samples of the mesh; those of ``held`` (P,) are the first of them.
+
+def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -> Coarse:
+    """About ``count`` samples of the mesh, those of ``held`` (P,) among them.
+
+    Args:
+        before: of the same mesh; where it has all that is held among its samples it serves again.
 
     Raises:
         InputError: for a control point that is not there, or that no face uses.
     """
+    if before is not None:
+        known = before.sample_of(held)
+        if known is not None:
+            return before._replace(held=known)
     whole, of = weld(mesh)
     net = edges_around(whole.vertices, whole.faces)
     _check_held(held, of, net[0])
@@ -82,7 +99,7 @@ def coarse_of(mesh: Mesh, held: Int, count: int) -> Coarse:
     start, near, weights = _spread(of, start, near, weights)
     coarse = Mesh(points[chosen], faces, mesh.name)
     notes = _notes(of, riding, len(chosen))
-    return Coarse(coarse, links, number, of, start, near, weights, notes)
+    return Coarse(coarse, links, number, of, chosen, start, near, weights, notes)
 
 
 def _samples(whole: Mesh, net: tuple[Int, Int32, Float], first: Int, count: int) -> tuple[float, Int, Bool]:

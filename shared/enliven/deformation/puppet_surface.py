@@ -11,6 +11,7 @@ A mesh of more than ``coarse_above`` vertices is solved coarsely, on some of its
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 
@@ -18,16 +19,18 @@ from enliven.arrays import Float, Int
 from enliven.deformation.arap import ArapSettings, ArapSolver
 from enliven.deformation.arap_coarse import Coarse, coarse_of
 from enliven.deformation.arap_detail import carry
-from enliven.deformation.arap_input import Handle
+from enliven.deformation.arap_guide import Guide, come, handles_of, rows_of
 from enliven.deformation.arap_surface import check_mesh
 from enliven.deformation.arap_threads import shared
 from enliven.errors import InputError
 from enliven.mesh import Mesh
 
 _WHERE = "puppet surface"
-_MOST_SETTLING = 60
-_STILL = 1e-4
-"""Part of the mesh's size: a surface that moves less in a frame has settled."""
+_GUIDED = 3
+"""A guide is worth its time where it has at most a third of the vertices."""
+_LOCAL = 6
+"""Frames in which what is local settles."""
+_NO_LINKS = np.empty((0, 2), np.int64)
 
 
 class PuppetSurface:
@@ -40,6 +43,7 @@ class PuppetSurface:
         settings: of the solver.
 
     Attributes:
+        mesh: as it was given.
         notes: sentences about what had to be mended in the mesh.
         pose: (V, 3) the last good answer, read-only.
 
@@ -55,23 +59,44 @@ class PuppetSurface:
         settings: ArapSettings | None = None,
     ) -> None:
         self.mesh, self._settings = mesh, settings or ArapSettings()
-        self._held = np.array(held, np.int64).reshape(-1)
-        pulls = [None] * len(self._held) if weights is None else list(weights)
-        if len(pulls) != len(self._held):
-            raise InputError(f"{len(pulls)} weights for {len(self._held)} control points", where=_WHERE)
         check_mesh(mesh, self._settings.most_carried)
-        self._coarse = self._coarse_of(mesh)
-        if self._coarse is None:
-            self._solver, solved = ArapSolver(mesh, self._settings), self._held
-        else:
-            self._solver = ArapSolver(self._coarse.mesh, self._settings, self._coarse.links)
-            solved = self._coarse.held
-        handles = zip(solved.tolist(), pulls, strict=True)
-        self._solver.set_handles([Handle(str(k), (v,), weight) for k, (v, weight) in enumerate(handles)])
+        self._aside: PuppetSurface | None = None
+        self._body: tuple[ArapSolver, Coarse | None] | None = None
+        self.hold(held, weights)
+
+    def hold(self, held: Sequence[int], weights: Sequence[float | None] | None = None) -> None:
+        """Exactly these control points from now on, and the mesh at rest.
+
+        Raises:
+            InputError: as when it is made; nothing has changed then.
+        """
+        vertices = np.array(held, np.int64).reshape(-1)
+        pulls = [None] * len(vertices) if weights is None else list(weights)
+        if len(pulls) != len(vertices):
+            raise InputError(f"{len(pulls)} weights for {len(vertices)} control points", where=_WHERE)
+        solver, coarse = self._solved(vertices)
+        mesh, solved = (self.mesh, vertices) if coarse is None else (coarse.mesh, coarse.held)
+        solver.set_handles(handles_of(solved, pulls))
+        solver.reset()
+        self._solver, self._coarse, self._guide = solver, coarse, None
+        if len(vertices) and len(mesh.vertices) > _GUIDED * self._settings.guide_vertices:
+            links = _NO_LINKS if coarse is None else coarse.links
+            self._guide = Guide(mesh, links, solved, pulls, self._settings)
         hard = np.array([k for k, weight in enumerate(pulls) if weight is None], np.int64)
-        self._pins = None if self._coarse is None else _welded_to(self._coarse.welded, self._held, hard)
-        self.notes = self._solver.notes if self._coarse is None else self._coarse.notes
-        self.pose = self._solver.pose if self._coarse is None else _frozen(mesh.vertices.copy())
+        self._pins = (hard, hard) if coarse is None else _welded_to(coarse.welded, vertices, hard)
+        self._body, self._held, self._aside = (solver, coarse), vertices, None
+        self.notes = solver.notes if coarse is None else coarse.notes
+        self.pose = _frozen(self.mesh.vertices.copy())
+
+    def _solved(self, held: Int) -> tuple[ArapSolver, Coarse | None]:
+        """The solver, and the coarse surface that it is of; those that are there where they serve."""
+        if len(self.mesh.vertices) <= self._settings.coarse_above:
+            return (ArapSolver(self.mesh, self._settings), None) if self._body is None else self._body
+        before = None if self._body is None else self._body[1]
+        coarse = coarse_of(self.mesh, held, self._settings.coarse_vertices, before)
+        if self._body is not None and before is not None and coarse.mesh is before.mesh:
+            return self._body[0], coarse
+        return ArapSolver(coarse.mesh, self._settings, coarse.links), coarse
 
     def solve(self, places: Float) -> Float:
         """The next frame, from the last one's shape.
@@ -85,60 +110,70 @@ class PuppetSurface:
         Raises:
             InputError: for places that cannot be meant. The last good pose stays.
         """
-        wanted = self._targets(places)
-        if wanted:
-            self._solver.solve(wanted)
+        wanted = self._checked(places)
+        if len(wanted):
+            if self._guide is not None:
+                self._solver.set_shape(self._guide.take(self._solver.shape(), wanted))
+            self._solver.solve(rows_of(wanted))
             self.pose = self._carried(wanted)
         return self.pose
 
     def settle(self, places: Float) -> Float:
-        """The surface at ``places`` (P, 3), found from rest: the same whatever came before.
+        """The surface at ``places`` (P, 3), come from rest in small steps: the same whatever was before.
 
         Raises:
             InputError: for places that cannot be meant. The last good pose stays.
         """
-        wanted = self._targets(places)
-        if not wanted:
+        wanted = self._checked(places)
+        if not len(wanted):
             return self.pose
-        self._solver.reset()
-        still = _STILL * float(np.linalg.norm(np.ptp(self.mesh.vertices, axis=0)))
-        last = self._solver.solve(wanted)
-        for _ in range(_MOST_SETTLING):
-            made = self._solver.solve(wanted)
-            if np.abs(made - last).max() < still:
-                break
-            last = made
+        self._solver.check(rows_of(wanted))
+        if self._guide is None:
+            come(self._solver, self.mesh.vertices[self._held], wanted)
+        else:
+            self._solver.set_shape(self._guide.settle(wanted))
+        for _ in range(_LOCAL):
+            self._solver.solve(rows_of(wanted))
         self.pose = self._carried(wanted)
         return self.pose
 
-    def _carried(self, wanted: dict[str, Float]) -> Float:
+    def aside(self, places: Float) -> Float:
+        """What :meth:`settle` would give, while what is being dragged stays as it is.
+
+        It may be called from another thread than the other methods, one call at a time.
+        """
+        if self._aside is None:
+            self._aside = self._twin()
+        return self._aside.settle(places)
+
+    def _twin(self) -> PuppetSurface:
+        """Another one at rest, with the same control points; it shares what does not change."""
+        other = copy(self)
+        other._solver = self._solver.twin()
+        other._guide = None if self._guide is None else self._guide.twin()
+        return other
+
+    def _carried(self, wanted: Float) -> Float:
         """(V, 3) what the solver's pose makes of the mesh."""
-        coarse, pins = self._coarse, self._pins
-        if coarse is None or pins is None:
+        coarse = self._coarse
+        if coarse is None:
             return self._solver.pose
         out, maps = np.empty_like(self.mesh.vertices), self._solver.maps()
         follow = (maps, coarse.start, coarse.near, coarse.weights, self.mesh.vertices, out)
         shared(carry, len(out), self._settings.threads, *follow)
-        vertices, rows = pins
-        out[vertices] = np.concatenate([wanted[str(k)] for k in range(len(self._held))])[rows]
+        vertices, rows = self._pins
+        out[vertices] = wanted[rows]
         return _frozen(out)
 
-    def _targets(self, places: Float) -> dict[str, Float]:
-        """What the solver is to do; refused before anything changes."""
-        wanted = np.asarray(places, np.float64)
+    def _checked(self, places: Float) -> Float:
+        wanted = np.array(places, np.float64)
         if wanted.shape != (len(self._held), 3):
             raise InputError(
                 f"places are {wanted.shape}, expected ({len(self._held)}, 3)",
                 where=_WHERE,
                 mend="Give one row a control point.",
             )
-        return {str(k): place[None] for k, place in enumerate(wanted)}
-
-    def _coarse_of(self, mesh: Mesh) -> Coarse | None:
-        """The coarse surface, where one is needed."""
-        if len(mesh.vertices) <= self._settings.coarse_above:
-            return None
-        return coarse_of(mesh, self._held, self._settings.coarse_vertices)
+        return wanted
 
 
 def _welded_to(welded: Int, held: Int, hard: Int) -> tuple[Int, Int]:
