@@ -114,7 +114,23 @@ def examples_with(
         return examples
     at, across = np.array(symmetry.point), np.array(symmetry.normal)
     rest = mesh.vertices[[point.vertex for point in points]]
-    return doubled(examples, partners_of(rest, at, across, names=names), at, across)
+    partners = partners_of(rest, at, across, names=names)
+    return doubled(examples, partners, at, across, _left_right(reference, joints, partners))
+
+
+def some_of(examples: Examples, pairs: Sequence[int]) -> Examples:
+    """The examples of some of the pairs alone."""
+    joints, points = (tuple(names[k] for k in pairs) for names in (examples.joints, examples.points))
+    return Examples(joints, points, examples.sources[:, pairs], examples.targets[:, pairs])
+
+
+def _left_right(reference: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> Float | None:
+    """(3,) the performer's left-right axis at rest, level: in a stride feet are farther apart to and fro."""
+    places = reference.positions[[reference.index(name) for name in joints]]
+    between = (places - places[list(partners)]) * [1.0, 0.0, 1.0]
+    apart = between[int(np.linalg.norm(between, axis=1).argmax())]
+    length = float(np.linalg.norm(apart))
+    return apart / length if length > 1e-6 else None
 
 
 def reference_of(project: Project, puppet: Puppet) -> Skeleton:

@@ -14,7 +14,7 @@ from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import Performance, performed, turned_about_y
 from enliven.examples.performers import cast
 from enliven.examples.poses import Examples
-from enliven.examples.puppet_examples import Material, examples_with, material_of, reference_among
+from enliven.examples.puppet_examples import Material, examples_with, material_of, reference_among, some_of
 from enliven.project import Project
 from enliven.puppet import Puppet, PuppetLayer
 
@@ -168,18 +168,13 @@ class _Solve:
         mesh = material.mesh()
         self._rest = mesh.vertices[[point.vertex for point in points]]
         self.travels = self._layer.travel and bool(self._feet) and self._layer.weight > 0.0
-        self.examples = examples_with(
-            material.puppet,
-            mesh,
-            [points[k] for k in self._moved],
-            [replace(pose, places=pose.places[self._moved]) for pose in material.poses],
-            [shown() for shown in material.shown],
-            material.symmetry,
-        )
+        shown = [one() for one in material.shown]
+        how = material.puppet, mesh, points, material.poses, shown, material.symmetry
+        self.examples = some_of(examples_with(*how), self._moved)
         self._mapping = ExampleMap(self.examples, material.examples)
-        take, shown = material.take(), [shown().skeleton for shown in material.shown]
-        joints = self.examples.joints
-        role = cast(reference_among(shown, joints), take.skeleton, joints, take.id)
+        take, joints = material.take(), self.examples.joints
+        reference = reference_among([one.skeleton for one in shown], [point.joint for point in points])
+        role = cast(reference, take.skeleton, joints, take.id)
         took = performed(take, role.joints)
         self.took = replace(took, poses=role.seen(took.poses))
         self._role = role
