@@ -1,0 +1,1 @@
+"""Puppets on the stage: performers move control points of any mesh by a few example poses."""

@@ -1,0 +1,69 @@
+"""From a session of examples, or a project, to a puppet on the stage."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+from enliven.errors import InputError
+from enliven.examples.puppet_motion import missing
+from enliven.formats.example_session import read_session
+from enliven.formats.project_file import read_project
+from enliven.project import Project
+from enliven.puppet import Puppet
+from enliven.wire.convert import character_to_message
+from enliven_edge.puppets.actor import PuppetActor
+from enliven_edge.puppets.settings import PuppetSettings
+
+log = logging.getLogger(__name__)
+
+ENDINGS = (".toml", ".enliven")
+"""Of files that a puppet is read from."""
+
+
+def is_puppet(spec: str) -> bool:
+    """Whether what was asked for is a puppet: a session, or a project, perhaps with a name behind #."""
+    return Path(_file(spec)[0]).suffix.lower() in ENDINGS
+
+
+def cast_puppet(spec: str, settings: PuppetSettings | None = None) -> PuppetActor:
+    """The actor of a puppet, ready to be moved.
+
+    Args:
+        spec: a session (.toml), or a project (.enliven), of several puppets with "#" and its name behind.
+
+    Raises:
+        InputError: for a file that cannot be read, and for a puppet that cannot move yet, with what it lacks.
+    """
+    project, puppet = _read(spec)
+    lacking = missing(project, puppet)
+    if lacking:
+        what = f"it cannot move yet: {lacking[0]}"
+        mend = " ".join(lacking[1:]) or "Do so in enliven studio, or in the session's file."
+        raise InputError(what, where=f"puppet {puppet.id!r} of {spec}", mend=mend)
+    actor = PuppetActor(project, puppet, settings)
+    character_to_message(actor.character, 0)  # what no viewer can be sent is said now
+    return actor
+
+
+def _read(spec: str) -> tuple[Project, Puppet]:
+    file, name = _file(spec)
+    if file.lower().endswith(".toml"):
+        session = read_session(Path(file))
+        for note in session.notes:
+            log.info("%s: %s", file, note)
+        return session.project, session.project.puppet(name or session.puppet)
+    project = read_project(Path(file))
+    if not project.puppets:
+        mend = "Make one in enliven studio, or give a session (.toml)."
+        raise InputError("it has no puppet", where=file, mend=mend)
+    if not name and len(project.puppets) > 1:
+        mend = f"Name one: {file}#{next(iter(project.puppets))}."
+        raise InputError(f"it has {len(project.puppets)} puppets", where=file, mend=mend)
+    return project, project.puppet(name or next(iter(project.puppets)))
+
+
+def _file(spec: str) -> tuple[str, str]:
+    """The file, and the name of the puppet in it."""
+    file, mark, name = spec.rpartition("#")
+    return (file, name) if mark and Path(file).suffix.lower() in ENDINGS else (spec, "")
