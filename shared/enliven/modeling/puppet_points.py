@@ -15,7 +15,13 @@ from enliven.puppet import ControlPoint, Puppet, PuppetLayer
 
 
 def add_point(
-    project: Project, puppet_id: str, vertex: int, name: str = "", joint: str = "", foot: bool = False
+    project: Project,
+    puppet_id: str,
+    vertex: int,
+    name: str = "",
+    joint: str = "",
+    foot: bool = False,
+    places: AnyArray | None = None,
 ) -> Project:
     """A project with a control point more, the last. In each key pose it is where the surface is there.
 
@@ -24,6 +30,7 @@ def add_point(
         name: unique on the puppet; empty to be given one.
         joint: of the performer, that it follows; empty for none yet.
         foot: whether the puppet can stand on it.
+        places: (n, 3) where it is in each key pose, for who has solved them already; None to solve them here.
 
     Raises:
         InputError: for a vertex that is not there, is held already or is in no face, or a name that is taken.
@@ -35,7 +42,7 @@ def add_point(
         raise InputError(f"there is a control point {name!r} already", where=_where(puppet), mend=mend)
     vertex = checked_vertex(puppet, vertex)
     name = name or unused(f"point {len(taken) + 1}", taken)
-    places = surface_places(puppet, vertex)
+    places = surface_places(puppet, vertex) if places is None else places
     poses = [
         replace(pose, places=np.concatenate([pose.places, place[None]]))
         for pose, place in zip(puppet.poses, places, strict=True)

@@ -110,7 +110,7 @@ def _names(tool: PuppetTool, standing: Standing, lens: Lens) -> list[Mark]:
             if number == chosen:
                 found.append(Disc(pixel, _RADIUS * 1.35 + 2.5, _WHITE, 1.5))
             point = points[number]
-            at = (pixel[0] + 20, pixel[1] - 20)
+            at = (pixel[0] + 16, pixel[1] + 24)
             found.append(Words(at, point.name, INK))
             if point.joint:
                 found.append(Words((at[0], at[1] + 16), point.joint, QUIET))

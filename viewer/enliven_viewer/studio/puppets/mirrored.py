@@ -2,35 +2,20 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-
 import numpy as np
-from scipy.spatial import cKDTree
 
 from enliven.arrays import Float
 from enliven.examples.symmetric import reflected
-from enliven.mesh import Mesh
-from enliven.modeling.mirror_plane import plane_of_symmetry
 from enliven.puppet import Plane, Puppet
+from enliven_viewer.studio.puppets.kept import plane_of, size_of, tree_of
 
 _OFF = 0.05
 """Part of the mesh's size that a mirror image may be off."""
-_KEPT = 8
-
-_planes: OrderedDict[int, tuple[Mesh, Plane | None]] = OrderedDict()
 
 
 def plane_for(puppet: Puppet) -> Plane | None:
-    """The plane of symmetry that the puppet has, or else its mesh's, found once; None where it has none."""
-    if puppet.symmetry is not None:
-        return puppet.symmetry
-    known = _planes.get(id(puppet.mesh))
-    if known is None or known[0] is not puppet.mesh:
-        known = (puppet.mesh, plane_of_symmetry(puppet.mesh))
-        _planes[id(puppet.mesh)] = known
-        while len(_planes) > _KEPT:
-            _planes.popitem(last=False)
-    return known[1]
+    """The plane of symmetry that the puppet has, or else its mesh's; None where it has none."""
+    return puppet.symmetry if puppet.symmetry is not None else plane_of(puppet.mesh)
 
 
 def partner_vertex(puppet: Puppet, vertex: int) -> int | None:
@@ -38,10 +23,9 @@ def partner_vertex(puppet: Puppet, vertex: int) -> int | None:
     plane = plane_for(puppet)
     if plane is None:
         return None
-    used = np.unique(puppet.mesh.faces)
-    vertices = puppet.mesh.vertices
-    away, nearest = cKDTree(vertices[used]).query(_image(vertices[vertex], plane))
-    return int(used[nearest]) if away <= _OFF * _size(puppet) else None
+    tree, used = tree_of(puppet.mesh)
+    away, nearest = tree.query(_image(puppet.mesh.vertices[vertex], plane))
+    return int(used[nearest]) if away <= _OFF * size_of(puppet.mesh) else None
 
 
 def partner_point(puppet: Puppet, point: int) -> int | None:
@@ -51,7 +35,7 @@ def partner_point(puppet: Puppet, point: int) -> int | None:
         return None
     away = np.linalg.norm(puppet.rest - _image(puppet.rest[point], plane), axis=1)
     nearest = int(away.argmin())
-    return nearest if away[nearest] <= _OFF * _size(puppet) else None
+    return nearest if away[nearest] <= _OFF * size_of(puppet.mesh) else None
 
 
 def mirrored_places(puppet: Puppet, places: Float, point: int) -> Float:
@@ -67,7 +51,3 @@ def mirrored_places(puppet: Puppet, places: Float, point: int) -> Float:
 
 def _image(place: Float, plane: Plane) -> Float:
     return reflected(place, np.asarray(plane.point), np.asarray(plane.normal))
-
-
-def _size(puppet: Puppet) -> float:
-    return float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import Float, Float32, Int32
+from enliven.arrays import Float32, Int32
+from enliven_viewer.studio.puppets.kept import middle_of, size_of
 from enliven_viewer.studio.puppets.marks import point_rows
 from enliven_viewer.studio.tools.base import Tool
 from enliven_viewer.studio.tools.puppet import PuppetTool
@@ -23,12 +24,12 @@ class PuppetPicture:
 
     Attributes:
         crossing: vertices (V, 3) metres in the world and the faces (K, 3) of them that warn, or None.
-        ghost: vertices (V, 3) and faces of what is outlined, or None.
+        ghost: vertices (V, 3), faces and size, metres, of what is outlined, or None.
         tubes: rows of :class:`~enliven_viewer.render.tubes.Tubes` and their bias, metres.
     """
 
-    crossing: tuple[Float, Int32] | None = None
-    ghost: tuple[Float32, Int32] | None = None
+    crossing: tuple[Float32, Int32] | None = None
+    ghost: tuple[Float32, Int32, float] | None = None
     tubes: tuple[tuple[Float32, float], ...] = ()
 
 
@@ -45,7 +46,7 @@ def picture_of(tool: Tool) -> PuppetPicture:
     if puppet is None or standing is None:
         return NOTHING
     mesh, warned, ghost = puppet.mesh, desk.crossing.faces, desk.stage.ghost
-    near = float(np.linalg.norm(puppet.mesh.bounds.mean(0) - lens.view.eye))
+    near = float(np.linalg.norm(standing.out(middle_of(puppet.mesh)[None])[0] - lens.view.eye))
     tubes = [(point_rows(standing, lens, desk.point, tool.over_point), _SEEN_THROUGH * max(near, 0.05))]
     manipulator = tool.manipulator()
     if manipulator is not None:
@@ -53,7 +54,7 @@ def picture_of(tool: Tool) -> PuppetPicture:
         away = float(np.linalg.norm(manipulator.place - lens.view.eye))
         tubes.append((manipulator.rows(part or tool.over, part), _ALWAYS * away))
     return PuppetPicture(
-        (standing.vertices, mesh.faces[warned]) if desk.warn and len(warned) else None,
-        (ghost.drawn, mesh.faces) if ghost is not None else None,
+        (standing.drawn, mesh.faces[warned]) if desk.warn and len(warned) else None,
+        (ghost.drawn, mesh.faces, size_of(mesh)) if ghost is not None else None,
         tuple(tubes),
     )

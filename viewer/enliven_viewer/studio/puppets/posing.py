@@ -29,6 +29,7 @@ from enliven.motion.clip import Clip
 from enliven.project import Project
 from enliven.puppet import KeyPose, Puppet
 from enliven_viewer.studio.puppets.crossing import Crossing
+from enliven_viewer.studio.puppets.kept import middle_of, size_of
 from enliven_viewer.studio.puppets.mirrored import mirrored_places, partner_vertex, plane_for
 from enliven_viewer.studio.puppets.playing import take_places
 from enliven_viewer.studio.puppets.stage import PuppetStage, Standing
@@ -243,9 +244,12 @@ class PuppetDesk:
         other = partner_vertex(puppet, vertex) if self.symmetric else None
         wanted = [vertex] if other is None or other in (vertex, *taken) else [vertex, other]
 
+        poses = self.stage.surfaces.settled(puppet, [pose.places for pose in puppet.poses])
+
         def change(project: Project) -> Project:
             for one in wanted:
-                project = add_point(project, puppet.id, one)
+                places = None if poses is None else np.array([pose[one] for pose in poses]).reshape(-1, 3)
+                project = add_point(project, puppet.id, one, places=places)
             return project
 
         if not self.editor.edit("put a control point" + "s" * (len(wanted) - 1), change):
@@ -340,8 +344,7 @@ def _same_frame(clip: Clip, a: float, b: float) -> bool:
 
 def _near(puppet: Puppet, place: Float) -> Float:
     """The place (3,), or the farthest on its way from rest that is no slip of the hand."""
-    low, high = puppet.mesh.bounds
-    middle, most = (low + high) / 2, _MOST_AWAY * float(np.linalg.norm(high - low))
+    middle, most = middle_of(puppet.mesh), _MOST_AWAY * size_of(puppet.mesh)
     way = place - middle
     away = float(np.linalg.norm(way))
     if not np.isfinite(away):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from enliven.arrays import Float, Float32, Int32
+from enliven.arrays import Float32, Int32
 from enliven_viewer.render.program import UNITS, load_program
 from enliven_viewer.render.targets import Picture
 from enliven_viewer.studio.theme import GHOST, WARNING
 
-_LINE = 2.6
+_LINE = 2.0
 """Pixels."""
 _JUMP = 0.06
 """Of the mesh's size: where one part of it lies before another by more, a line is drawn between them."""
@@ -32,8 +32,8 @@ class Shades:
         self._mask: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
         self._mesh: tuple[object, object, list[moderngl.Buffer], moderngl.VertexArray] | None = None
 
-    def outline(self, picture: Picture, vertices: Float32, faces: Int32) -> None:
-        """The outline of a mesh (V, 3) metres in the world, over everything."""
+    def outline(self, picture: Picture, vertices: Float32, faces: Int32, size: float) -> None:
+        """The outline of a mesh (V, 3) metres in the world and its size, metres; over everything."""
         mask, buffer = self._mask_of(picture.size)
         buffer.use()
         buffer.clear(0.0, depth=1.0)
@@ -43,13 +43,13 @@ class Shades:
         picture.drawn.use()
         self._blend(moderngl.NOTHING)
         mask.use(UNITS["picture"])
-        self._outline["tint"] = _tint(GHOST, 0.95)
+        self._outline["tint"] = _tint(GHOST, 0.85)
         self._outline["radius"] = _LINE
-        self._outline["jump"] = _JUMP * float(np.ptp(vertices, axis=0).max())
+        self._outline["jump"] = _JUMP * size
         self._quad.render(moderngl.TRIANGLES, vertices=3)
         picture.resolve()
 
-    def crossing(self, picture: Picture, vertices: Float, faces: Int32) -> None:
+    def crossing(self, picture: Picture, vertices: Float32, faces: Int32) -> None:
         """Faces (K, 3) of a surface that pass through one another; fainter where something covers them."""
         corners = np.ascontiguousarray(vertices[faces.ravel()], np.float32)
         if not len(corners):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -18,7 +19,7 @@ from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 from enliven_viewer.studio.clay import coloured
 from enliven_viewer.studio.picking import Lens
 from enliven_viewer.studio.puppets.playing import played_state
-from enliven_viewer.studio.puppets.ray import first_hit
+from enliven_viewer.studio.puppets.ray import first_hit, moved
 from enliven_viewer.studio.puppets.surfaces import Surfaces
 
 if TYPE_CHECKING:
@@ -51,7 +52,9 @@ class Standing:
     @cached_property
     def drawn(self) -> Float32:
         """(V, 3) float32 metres in the world."""
-        return self.vertices.astype(np.float32)
+        made = np.empty(self.surface.shape, np.float32)
+        moved(self.surface, self._turn, self._root, made)
+        return made
 
     @cached_property
     def points(self) -> Float:
@@ -60,7 +63,9 @@ class Standing:
 
     def out(self, places: AnyArray) -> Float:
         """(N, 3) metres in the world of places (N, 3) in the mesh's frame."""
-        return np.asarray(places, np.float64) @ self._turn.T + self._root
+        made = np.empty(np.shape(places), np.float64)
+        moved(np.asarray(places, np.float64), self._turn, self._root, made)
+        return made
 
     def into(self, places: AnyArray) -> Float:
         """(..., 3) metres in the mesh's frame of places (..., 3) in the world."""
@@ -90,23 +95,32 @@ class PuppetStage:
         self.surfaces = Surfaces(editor.toasts)
         self._known: tuple[tuple[object, ...], tuple[Standing, ...]] | None = None
         self._polls = 0
-        self._ghost: tuple[tuple[object, ...], Standing] | None = None
+        self._ghost: Standing | None = None
+        self._wanted: tuple[tuple[object, ...], Future[Float]] | None = None
 
     @property
     def ghost(self) -> Standing | None:
-        """The key pose before the one that is edited, where the puppet stands; None where none is wanted."""
+        """The key pose before the one that is edited, where the puppet stands; None while it is not there."""
         desk, puppet = self.desk, self.desk.puppet
         pose, now = desk.previous, self.standing_of(puppet.id) if puppet is not None else None
         if puppet is None or pose is None or now is None or not desk.silhouette:
             return None
-        key = (pose.places, puppet.points, puppet.mesh, desk.way)
-        if self._ghost is None or not _same(self._ghost[0], key):
-            surface = self.surfaces.aside(puppet, pose.places)
-            if surface is None:
-                return None
-            state = State(pose.places, now.state.yaw, now.state.root)
-            self._ghost = (key, Standing(puppet, state, surface))
-        return self._ghost[1]
+        key = (pose.places, puppet.points, puppet.mesh, now.state.yaw, puppet.place, puppet.turn)
+        if self._wanted is None or not _same(self._wanted[0], key):
+            future = self.surfaces.aside(puppet, pose.places)
+            self._wanted = None if future is None else (key, future)
+        if self._wanted is not None and self._wanted[1].done() and self._wanted[1].exception() is None:
+            surface = self._wanted[1].result()
+            if self._ghost is None or self._ghost.surface is not surface:
+                state = State(pose.places, now.state.yaw, now.state.root)
+                self._ghost = Standing(puppet, state, surface)
+            return self._ghost
+        return None
+
+    def wait(self) -> None:
+        """Until the other pose is known: for sessions without a window."""
+        if self.ghost is None and self._wanted is not None:
+            self._wanted[1].result()
 
     @property
     def standing(self) -> tuple[Standing, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 from enliven.mesh import Mesh
 from enliven.modeling.extremities import extremities
 from enliven.puppet import Puppet
+from enliven_viewer.studio.puppets.kept import size_of
 
 _MOST = 10
 _APART = 0.06
@@ -33,12 +34,11 @@ class Suggested:
         if found is None or not found.done() or found.exception() is not None:
             return ()
         vertices = puppet.mesh.vertices
-        size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-        rest = puppet.rest
+        rest, apart = puppet.rest, _APART * size_of(puppet.mesh)
         return tuple(
             vertex
             for vertex in found.result()
-            if not len(rest) or np.linalg.norm(rest - vertices[vertex], axis=1).min() > _APART * size
+            if not len(rest) or np.linalg.norm(rest - vertices[vertex], axis=1).min() > apart
         )
 
     def wait(self) -> None:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.arap import ArapSettings
 from enliven.deformation.puppet_surface import PuppetSurface
 from enliven.errors import EnlivenError
-from enliven.mesh import Mesh
 from enliven.puppet import Puppet
+from enliven_viewer.studio.puppets.kept import size_of
 from enliven_viewer.studio.toasts import Toasts
 
 _AT_ONCE = 4000
@@ -33,6 +33,7 @@ class Surfaces:
         self._toasts = toasts
         self._known: dict[str, _Solver] = {}
         self._threads: ThreadPoolExecutor | None = None
+        self._others: ThreadPoolExecutor | None = None
         self.version = 0
 
     def of(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
@@ -52,13 +53,22 @@ class Surfaces:
         small = len(puppet.mesh.vertices) < _SLOW
         return solver.move(surface, places, settle=not warm and small, toasts=self._toasts)
 
-    def aside(self, puppet: Puppet, places: Float) -> Float | None:
+    def aside(self, puppet: Puppet, places: Float) -> Future[Float] | None:
         """(V, 3) the settled surface at other places (P, 3), what is dragged left as it is; None for none."""
         solver = self._solver(puppet)
         surface = solver.ready(puppet, self._toasts) if solver is not None else None
-        if solver is None or surface is None:
+        if surface is None or not puppet.points:
             return None
-        return solver.aside(surface, places)
+        self._others = self._others or ThreadPoolExecutor(1, "another pose")
+        return self._others.submit(surface.aside, places)
+
+    def settled(self, puppet: Puppet, many: Sequence[Float]) -> list[Float] | None:
+        """(V, 3) the settled surface at each of some places (P, 3); None where that cannot be said."""
+        found = [self.aside(puppet, places) for places in many]
+        try:
+            return [future.result() for future in found if future is not None] if all(found) else None
+        except EnlivenError:
+            return None
 
     def improve(self) -> bool:
         """Bring what was dragged nearer to where it comes to rest; whether anything moved."""
@@ -98,7 +108,7 @@ class Surfaces:
         else:
             self._threads = self._threads or ThreadPoolExecutor(1, "puppet surface")
             made = self._threads.submit(_prepared, puppet)
-        return _Solver(puppet.mesh, puppet.surface, made, told=count <= _SLOW)
+        return _Solver(puppet, made, told=count <= _SLOW)
 
 
 def _prepared(puppet: Puppet) -> PuppetSurface:
@@ -106,17 +116,19 @@ def _prepared(puppet: Puppet) -> PuppetSurface:
     return PuppetSurface(puppet.mesh, held, [point.weight for point in puppet.points], puppet.surface)
 
 
+def _held_by(puppet: Puppet) -> tuple[tuple[int, float | None], ...]:
+    return tuple((point.vertex, point.weight) for point in puppet.points)
+
+
 class _Solver:
     """One mesh's solver, and what it was asked last."""
 
-    def __init__(
-        self, mesh: Mesh, settings: ArapSettings, made: Future[PuppetSurface], *, told: bool
-    ) -> None:
-        self.mesh, self.settings = mesh, settings
+    def __init__(self, puppet: Puppet, made: Future[PuppetSurface], *, told: bool) -> None:
+        self.mesh, self.settings = puppet.mesh, puppet.surface
         self._made, self._told = made, told
         self._surface: PuppetSurface | None = None
         self._failed = False
-        self._held: tuple[tuple[int, float | None], ...] | None = None
+        self._held = _held_by(puppet)
         self._places: Float | None = None
         self._rounds = 0
 
@@ -129,12 +141,9 @@ class _Solver:
                 self._surface = self._made.result()
                 if not self._told:
                     toasts.say(f"{puppet.id} can be dragged now", *self._surface.notes[:1])
-            held = tuple((point.vertex, point.weight) for point in puppet.points)
+            held = _held_by(puppet)
             if held != self._held:
-                if hasattr(self._surface, "hold"):
-                    self._surface.hold([vertex for vertex, _ in held], [weight for _, weight in held])
-                else:
-                    self._surface = _prepared(puppet)
+                self._surface.hold([vertex for vertex, _ in held], [weight for _, weight in held])
                 self._held, self._places = held, None
         except EnlivenError as error:
             toasts.complain(error)
@@ -156,17 +165,6 @@ class _Solver:
             self._rounds = 0
             return surface.pose
 
-    def aside(self, surface: PuppetSurface, places: Float) -> Float | None:
-        """(V, 3) the surface at other places, settled; None where they cannot be meant."""
-        now = self._places
-        try:
-            made = surface.settle(places)
-            if now is not None:
-                surface.settle(now)
-        except EnlivenError:
-            return None
-        return made
-
     def improve(self) -> bool:
         """One more frame towards rest; whether anything moved."""
         if self._rounds <= 0 or self._surface is None or self._places is None:
@@ -174,6 +172,6 @@ class _Solver:
         before = self._surface.pose
         self._rounds -= 1
         after = self._surface.solve(self._places)
-        if float(np.abs(after - before).max()) < _STILL * float(np.ptp(self.mesh.vertices, axis=0).max()):
+        if float(np.abs(after - before).max()) < _STILL * size_of(self.mesh):
             self._rounds = 0
         return True
