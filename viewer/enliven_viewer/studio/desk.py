@@ -11,7 +11,7 @@ from enliven_viewer.studio.browser import Browser
 from enliven_viewer.studio.cabinet import PROJECT, Cabinet
 from enliven_viewer.studio.deeds import Deeds
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.examples.coverage import Coverages
+from enliven_viewer.studio.examples.going import begin_pose, edit_pose
 from enliven_viewer.studio.examples.performer import PerformerView
 from enliven_viewer.studio.files import MODELS, PERFORMANCES, TAKES, add_file, export
 from enliven_viewer.studio.hand import Hand
@@ -38,8 +38,11 @@ class Desk:
         self.editor = editor
         self.hand = Hand(editor, Deeds(editor, self.ask))
         self.timeline = TimelineHand(editor)
+        self.timeline.puppets.edit_pose = lambda number: edit_pose(self, number)
+        self.timeline.puppets.begin_pose = lambda take, seconds: begin_pose(self, take, seconds)
+        self.hand.first = self.timeline.type
         self.puppets = editor.puppets
-        self.performer, self.coverages = PerformerView(editor), Coverages()
+        self.performer, self.coverages = PerformerView(editor), self.timeline.puppets.coverages
         self.cabinet = Cabinet(editor, folder)
         self.widgets: dict[str, Rectangle] = {}
         self.asking = self.caption = self.pressed = ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from enliven_viewer.studio.deed_table import DEEDS
 from enliven_viewer.studio.deeds import Deeds
 from enliven_viewer.studio.editor import Editor
@@ -20,6 +22,9 @@ class Hand:
     Args:
         editor: what is edited.
         deeds: what keys and menus do.
+
+    Attributes:
+        first: asked about every key before the tool is; True where it took it.
     """
 
     def __init__(self, editor: Editor, deeds: Deeds) -> None:
@@ -27,6 +32,7 @@ class Hand:
         self.tools = {kind.name: kind(editor) for kind in TOOLS}
         self.tool: Tool = self.tools[TOOLS[0].name]
         self.at: Point = (0.0, 0.0)
+        self.first: Callable[[str], bool] = lambda key: False
         self._held: int | None = None
         self._with_tool = False
 
@@ -75,7 +81,7 @@ class Hand:
 
     def key(self, key: str) -> bool:
         """A key such as "c", "space", "ctrl+z", "ctrl+shift+v"; whether anything came of it."""
-        if self.tool.type(key):
+        if self.first(key) or self.tool.type(key):
             return True
         if key == "escape":
             self.tool.cancel()

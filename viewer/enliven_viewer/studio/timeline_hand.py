@@ -8,7 +8,8 @@ from typing import Any
 from enliven.motion.layers import Layer
 from enliven.project import Project
 from enliven_viewer.studio.editor import Edit, Editor
-from enliven_viewer.studio.timeline_layout import Grip, TimelineLayout
+from enliven_viewer.studio.timeline_layout import RULER, Grip, TimelineLayout
+from enliven_viewer.studio.timeline_puppet_hand import PuppetTimelineHand
 
 _SNAP = 6.0
 """Pixels within which a bar's start sticks to zero, to the playhead and to other bars' ends."""
@@ -21,6 +22,7 @@ class TimelineHand:
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
         self.width, self.scrolled = 1000.0, 0.0
+        self.puppets = PuppetTimelineHand(editor)
         self._grip = Grip("nothing")
         self._from, self._held_layout = 0.0, self.layout
 
@@ -33,11 +35,18 @@ class TimelineHand:
     @property
     def busy(self) -> bool:
         """Whether something is held."""
-        return self._grip.kind != "nothing"
+        return self._grip.kind != "nothing" or self.puppets.busy
+
+    @property
+    def height(self) -> float:
+        """Pixels that ruler and lanes take, with those of puppets."""
+        return self.layout.height + self.puppets.lanes(self.layout).height
 
     def press(self, x: float, y: float) -> None:
         """The left button went down."""
         layout = self.layout
+        if y >= RULER and self.puppets.press(x, y, layout):
+            return
         self._grip, self._from, self._held_layout = layout.grip(x, y), x, layout
         if self._grip.layers:
             self.editor.select(layer=self._grip.layers[0])
@@ -51,17 +60,29 @@ class TimelineHand:
 
     def drag(self, x: float) -> None:
         """The pointer moved."""
-        if self._grip.kind == "ruler":
+        if self.puppets.busy:
+            self.puppets.drag(x)
+        elif self._grip.kind == "ruler":
             self.editor.scrub(self._held_layout.time(x))
         elif self._grip.kind in ("bar", "edge") and x != self._from:
             self.editor.sketch(self._change(x))
 
     def release(self, x: float) -> None:
         """The button went up."""
-        if self._grip.kind in ("bar", "edge") and self.editor.draft is not None:
+        if self.puppets.busy:
+            self.puppets.release(x)
+        elif self._grip.kind in ("bar", "edge") and self.editor.draft is not None:
             word = "move layer" if self._grip.kind == "bar" else "change speed"
             self.editor.edit(word, self._change(x))
         self._grip = Grip("nothing")
+
+    def double(self, x: float, y: float) -> bool:
+        """The second click of two; whether it meant something."""
+        return y >= RULER and self.puppets.double(x, y, self.layout)
+
+    def type(self, key: str) -> bool:
+        """A key was pressed; whether it is for something that was clicked here."""
+        return self.puppets.type(key)
 
     def _change(self, x: float) -> Edit:
         """The edit that dragging to ``x`` makes."""

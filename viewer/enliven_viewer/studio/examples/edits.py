@@ -27,13 +27,15 @@ from enliven.project import Project, unused
 _AUTOMATIC = re.compile(r"point \d+")
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 _NO_WORDS = {"end", "index", "base", "tip", "joint", "site"}
+_FOOT = 0.06
+"""Share of the mesh's height, from below, in which it is taken to stand."""
 Held = Position | Velocity | Coupling
 
 
 def guessed(project: Project, puppet_id: str, take: str, only: Sequence[str] = ()) -> Project:
     """A project in which control points without a joint follow the likeliest one of a take.
 
-    Those with a name that nobody chose are called after it.
+    Those with a name that nobody chose are called after it; those at the bottom are feet.
 
     Args:
         only: names of control points; empty for all that have no joint.
@@ -42,12 +44,14 @@ def guessed(project: Project, puppet_id: str, take: str, only: Sequence[str] = (
     if take not in project.takes:
         raise InputError("no take is shown", where="joints", mend="Choose one in the performer's view.")
     joints = guess_joints(project.takes[take].skeleton, puppet.rest)
+    low, high = puppet.mesh.bounds[:, 1]
     for point, joint in zip(puppet.points, joints, strict=True):
         if (point.name in only) if only else not point.joint:
             name = point.name
             if _AUTOMATIC.fullmatch(name):
                 name = unused(spoken_joint(joint), {p.name: p for p in project.puppet(puppet_id).points})
-            project = change_point(project, puppet_id, point.name, joint=joint, name=name)
+            foot = point.foot or puppet.mesh.vertices[point.vertex, 1] < low + _FOOT * (high - low)
+            project = change_point(project, puppet_id, point.name, joint=joint, name=name, foot=bool(foot))
     return project
 
 

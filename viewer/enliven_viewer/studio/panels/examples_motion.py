@@ -33,7 +33,7 @@ def draw_layer(desk: Desk, puppet: Puppet) -> None:
     heading("Motion")
     wide = imgui.get_content_region_avail().x
     imgui.text_unformatted(layer.take)
-    imgui.same_line(wide - 46)
+    imgui.same_line(wide - 52)
     if imgui.small_button("Remove##layer"):
         editor.edit("remove a layer", lambda project: remove_layer(project, puppet.id, number))
         return
@@ -72,24 +72,23 @@ def _slider(
 
 
 def draw_held(desk: Desk, puppet: Puppet) -> None:
-    """What is held hard at frames of the layer's take, and buttons for the chosen control point."""
-    editor = desk.editor
-    number = layer_of(puppet, editor.selection.puppet_layer)
-    if number is None:
+    """What is held hard at frames of the layer's take."""
+    number = layer_of(puppet, desk.editor.selection.puppet_layer)
+    found = held_of(desk.editor.project, puppet.id, number) if number is not None else ()
+    if number is None or not found:
         return
     heading("Held hard")
-    _adding(desk, puppet, number)
-    project = editor.project
-    for row, held in enumerate(held_of(project, puppet.id, number)):
+    for row, held in enumerate(found):
         _held_row(desk, puppet, number, row, held)
 
 
-def _adding(desk: Desk, puppet: Puppet, number: int) -> None:
-    """Hold the chosen control point at the playhead."""
+def draw_holding(desk: Desk, puppet: Puppet) -> None:
+    """Buttons that hold the chosen control point hard at the playhead."""
     editor, chosen = desk.editor, desk.editor.puppets.point
-    if chosen is None:
-        quiet("Choose a control point to hold it at the playhead.")
+    number = layer_of(puppet, editor.selection.puppet_layer)
+    if chosen is None or number is None:
         return
+    quiet("hold it hard, at the playhead")
     take = editor.project.takes[puppet.layers[number].take]
     frame = round(seconds_at(editor.project, puppet.layers[number], editor.time) / take.step)
     name = puppet.points[chosen].name

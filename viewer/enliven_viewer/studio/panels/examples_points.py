@@ -11,6 +11,7 @@ from enliven.project import Project
 from enliven.puppet import ControlPoint, Puppet
 from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.examples.edits import guessed, with_points
+from enliven_viewer.studio.panels.examples_motion import draw_holding
 from enliven_viewer.studio.panels.style import heading, packed, quiet, small, tinted
 from enliven_viewer.studio.puppets.mirrored import plane_for
 from enliven_viewer.studio.theme import ACCENT, INK, QUIET, RAISED, point_colour
@@ -103,6 +104,7 @@ def _chosen(desk: Desk, puppet: Puppet, point: ControlPoint) -> None:
             now = editor.project.puppets[puppet.id]
             last = now.points[now.index(name)].weight
             change("how hard it pulls", weight=last)
+    draw_holding(desk, puppet)
     imgui.unindent(22)
 
 

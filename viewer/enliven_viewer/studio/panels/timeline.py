@@ -9,12 +9,15 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.hud import clock
 from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small
+from enliven_viewer.studio.panels.timeline_puppets import draw_puppet_lanes
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.theme import ACCENT, DARK, INK, LANES, LINE, QUIET, RAISED
 from enliven_viewer.studio.timeline_layout import LABELS, LANE, RULER, Bar, TimelineLayout
 
 _START, _PLAY, _PAUSE, _LOOP = "\uf048", "\uf04b", "\uf04c", "\uf01e"
 _EYE, _CLOSED = "\uf06e", "\uf070"
+_NO_MOTION = "No motion yet. Take the Map tool (M), choose a chain of a take, then a chain of your shape."
+_NO_TAKE = "The puppet plays no take yet. Choose one in the performer's view."
 
 
 def draw_timeline(desk: Desk, area: Area) -> None:
@@ -70,11 +73,16 @@ def _listen(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
     at, hand = imgui.get_mouse_pos(), desk.timeline
     x, y = at.x - origin.x, at.y - origin.y
     if imgui.is_item_hovered():
-        if imgui.is_mouse_clicked(0):
+        if imgui.is_mouse_double_clicked(0) and hand.double(x, y):
+            pass
+        elif imgui.is_mouse_clicked(0):
             hand.press(x, y)
-        low = max(hand.layout.height - size.y, 0.0)
+        low = max(hand.height - size.y, 0.0)
         hand.scrolled = min(max(hand.scrolled - 24 * imgui.get_io().mouse_wheel, 0.0), low)
-        _cursor(hand.layout.grip(x, y).kind)
+        over = hand.puppets.lanes(hand.layout).grip(x, y) if y >= RULER else None
+        _cursor(over.kind if over is not None else hand.layout.grip(x, y).kind)
+    elif imgui.is_mouse_clicked(0):
+        hand.puppets.chosen = None
     if hand.busy and imgui.is_mouse_down(0):
         hand.drag(x)
     elif hand.busy:
@@ -82,9 +90,9 @@ def _listen(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
 
 
 def _cursor(kind: str) -> None:
-    if kind == "edge":
+    if kind in ("edge", "switch"):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
-    elif kind in ("bar", "mute"):
+    elif kind in ("bar", "mute", "pose", "suggested", "held", "found"):
         imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
 
 
@@ -104,10 +112,13 @@ def _lanes(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
     layout, bars = desk.timeline.layout, desk.timeline.layout.bars()
     for bar in bars:
         _lane(desk, layout, bar, origin, size)
-    if not bars:
+    lanes = desk.timeline.puppets.lanes(layout)
+    draw_puppet_lanes(desk, lanes, origin, size, colour_of)
+    if not bars and not lanes.rows():
         at = ImVec2(origin.x + LABELS + 8, origin.y + RULER + 12)
         imgui.set_cursor_screen_pos(at)
-        quiet("No motion yet. Take the Map tool (M), choose a chain of a take, then a chain of your shape.")
+        puppet = desk.editor.puppets.puppet is not None
+        quiet(_NO_TAKE if puppet else _NO_MOTION)
 
 
 def _lane(desk: Desk, layout: TimelineLayout, bar: Bar, origin: ImVec2, size: ImVec2) -> None:
