@@ -12,7 +12,7 @@ class BakeSettings:
     """When a bake is good enough, and what it may cost."""
 
     rms: float = setting(
-        0.002, "Root mean square error that is good enough.", unit="share of the mesh's size", low=0.0
+        0.001, "Root mean square error that is good enough.", unit="share of the mesh's size", low=0.0
     )
     worst: float = setting(
         0.02,
@@ -28,14 +28,14 @@ class BakeSettings:
     )
     candidates: int = setting(8, "Transforms, of those around a vertex, that it may follow.", low=4, high=16)
     smooth: float = setting(
-        0.002,
+        0.006,
         "Error that a vertex takes rather than be weighted wholly otherwise than its neighbours.",
         unit="share of the mesh's size",
         low=0.0,
         high=1.0,
     )
     rigid: float = setting(
-        1e-3,
+        0.03,
         "How strongly a transform is kept a rotation where the surface does not tell.",
         low=1e-9,
         high=10.0,

@@ -21,6 +21,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError, ResourceError
+from enliven.examples.bake_maps import stretch_axes
 from enliven.formats.gltf_scene import GltfScene
 from enliven.formats.gltf_shape import (
     bone_names,
@@ -36,7 +37,7 @@ from enliven.graph_shape import GraphShape
 from enliven.modeling.graph_pose import graph_pose
 from enliven.motion.evaluate import Player
 from enliven.project import Project
-from enliven.rotation import to_matrix
+from enliven.rotation import from_matrix, to_matrix
 from enliven.shape import Shape
 
 
@@ -75,9 +76,16 @@ class GraphPerformance:
 
     @property
     def lost(self) -> float:
-        """The largest part of a node's map that a joint cannot say: the shear that is left of its stretch."""
-        turns, scales = stretches_of(self.linear)
-        return float(np.abs(to_matrix(turns) * scales[..., None, :] - self.linear).max())
+        """The largest part of a node's map that a joint cannot say: stretch along axes that change."""
+        axes = self.axes
+        turns, scales = stretches_of(self.linear @ axes)
+        said = to_matrix(turns) * scales[..., None, :] @ axes.transpose(0, 2, 1)
+        return float(np.abs(said - self.linear).max())
+
+    @property
+    def axes(self) -> Float:
+        """(N, 3, 3) rotations: the axes along which each node stretches."""
+        return stretch_axes(self.linear)
 
 
 AnyPerformance = Performance | GraphPerformance | PuppetPerformance
@@ -196,12 +204,15 @@ def _add_graph(scene: GltfScene, performance: GraphPerformance) -> None:
     """The mesh, and a joint for each node of its graph, side by side under one that holds them."""
     graph, times = performance.shape, performance.times
     holder = scene.node(name=f"{graph.id} nodes", children=[])
-    turns, scales = stretches_of(performance.linear)
+    axes = performance.axes
+    turns, scales = stretches_of(performance.linear @ axes)
+    standing = from_matrix(axes)
     made = []
     for k, at in enumerate(graph.positions):
-        node = scene.node(holder, name=f"node {k}", translation=listed(at))
+        rest = listed(np.roll(standing[k], -1))
+        node = scene.node(holder, name=f"node {k}", translation=listed(at), rotation=rest)
         scene.animate(times, node, "translation", performance.positions[:, k])
         scene.animate(times, node, "rotation", np.roll(turns[:, k], -1, -1))
         scene.animate(times, node, "scale", scales[:, k])
         made.append(node)
-    scene.skinned(graph.id, graph.mesh, graph.skin, holder, made, graph.positions)
+    scene.skinned(graph.id, graph.mesh, graph.skin, holder, made, graph.positions, axes)
