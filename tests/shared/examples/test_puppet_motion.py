@@ -1,0 +1,344 @@
+"""What a puppet does: its key poses, wherever the performer stands; mixed, looped and played by others."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from puppet_worlds import JOINTS, PARENTS, REST, SIDES, STEP, puppet_project, walker
+
+from enliven.errors import InputError
+from enliven.examples.locomotion import Switch
+from enliven.examples.puppet_motion import (
+    clock,
+    in_world,
+    length_of_puppets,
+    missing,
+    motion_of,
+    pose_of_state,
+    state_of,
+)
+from enliven.examples.settings import ExampleSettings
+from enliven.modeling.puppets import add_point, change_layer, change_point, play_take, set_symmetry
+from enliven.motion.clip import Clip
+from enliven.project import Project
+from enliven.puppet import character_of_puppet
+from enliven.rotation import from_rotation_vector, multiply, rotate
+from enliven.skeleton import Skeleton
+
+seeds = st.integers(0, 10**6)
+few = settings(max_examples=8, deadline=None)
+
+
+def with_settings(project: Project, **changes: object) -> Project:
+    puppet = project.puppets["stool"]
+    return project.with_puppets(puppet.with_changes(examples=replace(puppet.examples, **changes)))
+
+
+def state(project, time):
+    return state_of(project, project.puppets["stool"], time)
+
+
+def motion(project, layer=0):
+    return motion_of(project, project.puppets["stool"], layer)
+
+
+@given(seeds)
+@few
+def test_key_poses_are_met_exactly_without_the_acceleration_term(seed):
+    project = with_settings(puppet_project(seed, level_feet=False), acceleration=0.0)
+    for pose in project.puppets["stool"].poses:
+        np.testing.assert_allclose(state(project, pose.time).places, pose.places, atol=1e-9)
+
+
+@given(seeds, st.floats(-3, 3), st.floats(-9, 9), st.floats(-9, 9))
+@few
+def test_where_the_performer_stands_and_looks_changes_nothing(seed, yaw, x, z):
+    clip = walker()
+    turn = from_rotation_vector(np.array([0.0, yaw, 0.0]))
+    moved = replace(
+        clip, turns=multiply(turn, clip.turns), root=rotate(turn, clip.root) + np.array([x, 0.0, z])
+    )
+    here, there = motion(puppet_project(seed, clip=clip)), motion(puppet_project(seed, clip=moved))
+    np.testing.assert_allclose(here.places, there.places, atol=1e-7)
+    np.testing.assert_allclose(here.yaw, there.yaw, atol=1e-9)
+    np.testing.assert_allclose(here.root, there.root, atol=1e-6)
+
+
+@given(seeds, st.floats(0.05, 0.95))
+@few
+def test_the_anchor_does_not_slide_also_between_frames(seed, part):
+    project = puppet_project(seed)
+    puppet, made = project.puppets["stool"], motion(project)
+    assert len(set(made.anchors)) > 1
+    standing = [f for f in range(1, made.frames) if made.anchors[f] >= 0 and made.anchors[f - 1] >= 0]
+    assert len(standing) > 30
+    for f in standing[::7]:
+        anchor = int(made.anchors[f])
+        spots = []
+        for time in ((f - 1) * STEP, (f - 1 + part) * STEP, f * STEP):
+            now = state(project, time)
+            spots.append(in_world(puppet, now, now.places[anchor])[[0, 2]])
+        np.testing.assert_allclose(spots, np.tile(spots[0], (3, 1)), atol=1e-9)
+
+
+def test_the_lowest_foot_is_as_high_as_at_rest_and_the_mesh_begins_where_it_was_modeled():
+    project = puppet_project(play=True)
+    puppet = project.puppets["stool"]
+    begin = state(project, 0.0)
+    assert begin.yaw == 0.0
+    np.testing.assert_allclose(begin.root[[0, 2]], 0.0)
+    for time in (0.0, 0.4, 1.3):
+        now = state(project, time)
+        feet = in_world(puppet, now, now.places[:2])
+        assert abs(feet[:, 1].min()) < 1e-9
+
+
+def test_two_feet_are_equally_high_where_one_takes_over():
+    changes = {}
+    for level in (True, False):
+        made = motion(puppet_project(level_feet=level))
+        frames = [f for f in range(1, made.frames) if made.anchors[f] != made.anchors[f - 1]]
+        frames = [f for f in frames if made.anchors[f] >= 0 and made.anchors[f - 1] >= 0]
+        gaps = [np.ptp(made.places[f, [made.anchors[f], made.anchors[f - 1]], 1]) for f in frames]
+        changes[level] = max(gaps)
+    assert changes[True] < 1e-6
+    assert changes[False] > 1e-3
+
+
+@given(seeds, st.floats(0, 4))
+@few
+def test_a_layer_of_no_weight_changes_nothing(seed, time):
+    alone = puppet_project(seed)
+    more = play_take(alone, "stool", "walk", weight=0.0, offset=0.3, speed=2.0)
+    a, b = state(alone, time), state(more, time)
+    assert np.array_equal(a.places, b.places) and a.yaw == b.yaw and np.array_equal(a.root, b.root)
+    nothing = puppet_project(seed, weight=0.0)
+    np.testing.assert_array_equal(state(nothing, time).places, nothing.puppets["stool"].rest)
+
+
+@given(seeds, st.floats(0, 3), st.floats(0, 1))
+@few
+def test_a_layer_moves_its_points_as_far_as_its_weight(seed, time, weight):
+    full = puppet_project(seed, points=("top", "left hand"))
+    part = change_layer(full, "stool", 0, weight=weight)
+    rest, whole, some = full.puppets["stool"].rest, state(full, time).places, state(part, time).places
+    np.testing.assert_array_equal(whole[[0, 1, 3]], rest[[0, 1, 3]])
+    np.testing.assert_allclose(some, rest + weight * (whole - rest), atol=1e-12)
+    assert np.abs(whole[[2, 4]] - rest[[2, 4]]).max() > 0.01
+
+
+def test_the_upper_layer_lies_on_the_lower_and_only_the_first_that_has_feet_travels():
+    project = puppet_project()
+    both = play_take(project, "stool", "walk", points=("top",), offset=-0.5)
+    now, under = state(both, 1.0), state(project, 1.0)
+    np.testing.assert_array_equal(now.places[:4], under.places[:4])
+    alone = change_layer(both, "stool", 0, muted=True)
+    np.testing.assert_allclose(now.places[4], state(alone, 1.0).places[4])
+    np.testing.assert_array_equal(now.root, under.root)
+    assert not np.array_equal(state(alone, 1.0).root, under.root)
+
+
+def test_who_does_not_travel_stays():
+    project = puppet_project(travel=False)
+    made = motion(project)
+    assert not made.travels and made.switches == ()
+    assert not made.yaw.any() and not made.root.any()
+    np.testing.assert_allclose(
+        made.places, motion(change_layer(project, "stool", 0, level_feet=False)).places
+    )
+
+
+@given(seeds, st.integers(-3, 5))
+@few
+def test_a_loop_joins_and_goes_on_from_where_it_ended(seed, rounds):
+    project = with_settings(puppet_project(seed, loop=True, level_feet=False), acceleration=0.0)
+    puppet, clip = project.puppets["stool"], project.takes["walk"]
+    seam = rounds * clip.duration
+    before, after = state(project, seam - 1e-7), state(project, seam + 1e-7)
+    # The walk ends as it began but for where it is: key poses are met at both ends alike.
+    np.testing.assert_allclose(before.places, after.places, atol=1e-5)
+    a, b = (in_world(puppet, now, now.places) for now in (before, after))
+    np.testing.assert_allclose(a, b, atol=1e-5)
+    a_round = clip.duration * 0.4
+    turn = state(project, seam + a_round).yaw - state(project, a_round).yaw
+    assert turn == pytest.approx(rounds * 0.4 * clip.duration, abs=1e-6)
+
+
+def test_rounds_are_one_motion_after_another():
+    """The closed form against going round by round."""
+    made = motion(puppet_project())
+    turn, offset = made._round()
+    yaw, root = made.way_at(7.3)
+    for rounds in range(1, 6):
+        c, s = np.cos(turn), np.sin(turn)
+        root = np.array([c * root[0] + s * root[2], root[1], c * root[2] - s * root[0]]) + offset
+        yaw += turn
+        there = made.way_at(7.3, rounds)
+        np.testing.assert_allclose(there[1], root, atol=1e-9)
+        assert there[0] == pytest.approx(yaw)
+    straight = motion(puppet_project(clip=walker(turning=0.0)))
+    _, offset = straight._round()
+    np.testing.assert_allclose(
+        straight.way_at(3.0, 1000)[1], straight.way_at(3.0)[1] + 1000 * offset, atol=1e-6
+    )
+
+
+@given(st.floats(0, 3))
+@few
+def test_backwards_is_from_the_end(time):
+    project = puppet_project()
+    back = change_layer(project, "stool", 0, speed=-1.0)
+    end = project.takes["walk"].duration
+    a, b = state(back, time), state(project, end - time)
+    np.testing.assert_allclose(a.places, b.places, atol=1e-9)
+    np.testing.assert_allclose(a.root, b.root, atol=1e-9)
+
+
+def test_the_clock_stops_at_both_ends_and_goes_round_where_it_loops():
+    project = puppet_project(offset=1.0, speed=2.0)
+    layer, made = project.puppets["stool"].layers[0], motion(project)
+    assert clock(layer, made, 0.5) == (0.0, 0)
+    assert clock(layer, made, 1.5)[0] == pytest.approx(1.0 / STEP)
+    assert clock(layer, made, 99.0) == (made.frames - 1, 0)
+    assert clock(replace(layer, loop=True), made, 1.0 + 3.5)[1] == 2
+    assert length_of_puppets(project) == pytest.approx(1.0 + 3.0 / 2.0)
+    assert length_of_puppets(change_layer(project, "stool", 0, muted=True)) == 0.0
+
+
+def test_a_motion_is_solved_once_and_forgotten_with_its_take():
+    project = puppet_project(seed=123)
+    made = motion(project)
+    assert motion(change_layer(project, "stool", 0, offset=3.0, speed=-0.5, loop=True, muted=False)) is made
+    assert motion(change_layer(project, "stool", 0, weight=0.5)) is not made
+    assert motion(change_point(project, "stool", "top", joint="Spine")) is not made
+    with pytest.raises(ValueError):
+        made.places[0] = 0.0
+    take = weakref.ref(project.takes["walk"])
+    del project, made
+    gc.collect()
+    assert take() is None
+
+
+def test_the_pose_on_the_wire_is_the_state():
+    project = puppet_project()
+    puppet = project.puppets["stool"].with_changes(
+        place=np.array([1.0, 0.0, 2.0]), turn=from_rotation_vector(np.array([0.0, 0.7, 0.0]))
+    )
+    project = project.with_puppets(puppet)
+    now = state(project, 1.1)
+    pose, character = pose_of_state(puppet, now, 77), character_of_puppet(puppet)
+    assert pose.time_ns == 77 and pose.positions.shape == character.pivots.shape
+    np.testing.assert_allclose(pose.positions[1:], in_world(puppet, now, now.places), atol=1e-6)
+    some = np.array([[0.1, 0.2, 0.3], [-1.0, 0.5, 0.0]])
+    np.testing.assert_allclose(
+        some @ pose.linear[0].T + pose.positions[0], in_world(puppet, now, some), atol=1e-5
+    )
+
+
+def child(names=JOINTS, front=0.0, size=0.6):
+    """The walker's motion by somebody smaller, whose joints are called otherwise and who rests elsewhere."""
+    clip = walker(names=names, size=size)
+    away = from_rotation_vector(np.array([0.0, front, 0.0]))
+    back = from_rotation_vector(np.array([0.0, -front, 0.0]))
+    skeleton = Skeleton(names, np.array(PARENTS, np.int32), rotate(away, REST * size))
+    return Clip("child", skeleton, multiply(clip.turns, back), clip.root, STEP)
+
+
+ODD = ("Pelvis", "foot.L", "foot.R", "back", "hand.L", "hand.R", "skull")
+
+
+@given(seeds, st.floats(-3, 3), st.sampled_from([JOINTS, ODD]))
+@few
+def test_a_child_drives_what_an_adult_posed(seed, front, names):
+    project = puppet_project(seed)
+    other = play_take(project.with_takes(child(names, front)), "stool", "child")
+    mine, theirs = motion(project), motion(other, 1)
+    np.testing.assert_allclose(theirs.places, mine.places, atol=1e-6)
+    # Strides are the mesh's own.
+    np.testing.assert_allclose(theirs.root, mine.root, atol=1e-5)
+    said = " ".join(theirs.notes)
+    assert ("'LeftHand' is taken to be 'hand.L'" in said) == (names is ODD)
+
+
+def test_key_poses_may_be_of_two_performers():
+    project = puppet_project(3)
+    puppet = project.puppets["stool"]
+    project = project.with_takes(child(ODD, 1.0))
+    poses = tuple(replace(p, take="child") if n % 2 else p for n, p in enumerate(puppet.poses))
+    mixed = project.with_puppets(puppet.with_changes(poses=poses))
+    np.testing.assert_allclose(motion(mixed).places, motion(project).places, atol=1e-6)
+
+
+def test_a_joint_that_nobody_has_is_named_with_those_that_there_are():
+    project = puppet_project()
+    names = tuple(f"j{n}" for n in range(3))
+    positions = np.array([[0, 1, 0], [0, 1.3, 0], [0, 1.6, 0]])
+    skeleton = Skeleton(names, np.array([-1, 0, 1]), positions)
+    pole = Clip("pole", skeleton, np.tile([1.0, 0, 0, 0], (9, 3, 1)), np.zeros((9, 3)), STEP)
+    with pytest.raises(InputError) as refused:
+        play_take(project.with_takes(pole), "stool", "pole")
+    assert "'pole'" in str(refused.value) and "'LeftFoot'" in str(refused.value)
+    assert "Known: j0, j1, j2" in str(refused.value)
+
+
+def test_what_is_missing_is_said_until_it_can_move():
+    project = Project().with_takes(walker())
+    project = puppet_project(poses=0, play=False)
+    assert missing(project, project.puppets["stool"]) == ("Pose two examples.",)
+    one = puppet_project(poses=1, play=False)
+    loose = add_point(one, "stool", 100, "tail")
+    assert missing(loose, loose.puppets["stool"]) == ("Pair 'tail' with a joint.", "Pose one more example.")
+    wrong = change_point(puppet_project(), "stool", "top", joint="Tail")
+    assert "has no 'Tail'" in missing(wrong, wrong.puppets["stool"])[0]
+    with pytest.raises(InputError, match="Pair 'tail' with a joint"):
+        motion(play_take(loose, "stool", "walk"))
+    odd = set_symmetry(add_point(puppet_project(), "stool", 100, "tail", "Spine"), "stool", SIDES)
+    assert missing(odd, odd.puppets["stool"])[0].startswith("Control point 'tail' has no mirror image")
+    ready = puppet_project()
+    assert missing(ready, ready.puppets["stool"]) == ()
+
+
+def test_what_is_shown_for_the_left_is_meant_for_the_right():
+    """In a walk feet are farther apart to and fro than across: left and right are those of the rest pose."""
+    project = with_settings(puppet_project(poses=2, level_feet=False), acceleration=0.0)
+    both = set_symmetry(project, "stool", SIDES)
+    swapped = [1, 0, 3, 2, 4]
+    clip = project.takes["walk"]
+    mirror = np.array([-1.0, 1.0, 1.0])
+    other = replace(
+        clip,
+        id="mirrored",
+        turns=clip.turns[:, [0, 2, 1, 3, 5, 4, 6]] * np.array([1.0, 1.0, -1.0, -1.0]),
+        root=clip.root * mirror,
+    )
+    played = play_take(both.with_takes(other), "stool", "mirrored", level_feet=False)
+    for pose in project.puppets["stool"].poses:
+        frame = round(pose.time / STEP)
+        np.testing.assert_allclose(motion(played, 1).places[frame][swapped] * mirror, pose.places, atol=1e-6)
+
+
+def test_switches_that_were_edited_are_used_and_wrong_ones_refused():
+    project = puppet_project(switches=(Switch(0, "contact"), Switch(30, "flight"), Switch(40, "contact")))
+    anchors = motion(project).anchors
+    assert (anchors[30:40] < 0).all() and (anchors[:30] >= 0).all()
+    with pytest.raises(InputError, match="switches at frames"):
+        change_layer(project, "stool", 0, switches=(Switch(3, "contact"),))
+
+
+def test_there_is_no_layer_of_that_number():
+    project = puppet_project()
+    with pytest.raises(InputError, match="there is no layer 4"):
+        motion(project, 4)
+
+
+def test_settings_are_part_of_what_a_motion_is_kept_by():
+    project = puppet_project()
+    puppet = project.puppets["stool"]
+    other = project.with_puppets(puppet.with_changes(examples=ExampleSettings(acceleration=3.0)))
+    assert np.abs(motion(project).places - motion(other).places).max() > 1e-3
