@@ -12,6 +12,7 @@ from enliven_edge.fusion.settings import CalibrationSettings, FusionSettings
 from enliven_edge.landmarks.settings import ColourSettings
 from enliven_edge.matching.settings import MatchingSettings
 from enliven_edge.physics.settings import PhysicsSettings
+from enliven_edge.puppets.settings import PuppetSettings
 from enliven_edge.sensors.sources import SourceSettings
 from enliven_edge.tracking.health import HealthSettings
 from enliven_edge.tracking.settings import TrackerSettings
@@ -40,6 +41,7 @@ class EdgeSettings:
     tracker: TrackerSettings = setting(TrackerSettings, "The tracker.")
     actor: ActorSettings = setting(ActorSettings, "How characters meet and follow their performers.")
     matching: MatchingSettings = setting(MatchingSettings, "Posing to choose a part of a rigged model.")
+    puppet: PuppetSettings = setting(PuppetSettings, "How puppets meet and follow their performers.")
     colour: ColourSettings = setting(ColourSettings, "The colour image, where there is one.")
     health: HealthSettings = setting(HealthSettings, "When something is said to be wrong.")
     physics: PhysicsSettings = setting(PhysicsSettings, "Loose boxes and balls.")

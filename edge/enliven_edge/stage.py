@@ -12,13 +12,17 @@ from enliven.matching.board import Board
 from enliven.matching.views import View
 from enliven_edge.actor import Actor, Cues, Mode
 from enliven_edge.matching.rig_actor import RigActor
+from enliven_edge.puppets.actor import PuppetActor
+
+AnyActor = Actor | RigActor | PuppetActor
+"""A mesh that is possessed, a rigged model of which parts are chosen, or a puppet."""
 
 
 class Stage:
     """Bodies in, one pose a character out."""
 
-    def __init__(self, actors: Sequence[Actor | RigActor]) -> None:
-        self.actors: dict[str, Actor | RigActor] = {actor.character.id: actor for actor in actors}
+    def __init__(self, actors: Sequence[AnyActor]) -> None:
+        self.actors: dict[str, AnyActor] = {actor.character.id: actor for actor in actors}
         self._bodies: list[Body] = []
 
     @property
@@ -118,7 +122,7 @@ class Stage:
     def _rigs(self) -> list[RigActor]:
         return [actor for actor in self.actors.values() if isinstance(actor, RigActor)]
 
-    def _actor(self, character: str) -> Actor | RigActor:
+    def _actor(self, character: str) -> AnyActor:
         if character not in self.actors:
             known = ", ".join(self.actors) or "none"
             what = f"there is no character {character!r}"

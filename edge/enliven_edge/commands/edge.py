@@ -23,13 +23,12 @@ from enliven_edge.settings import EdgeSettings, WireSettings
 
 if TYPE_CHECKING:
     from enliven.character import Character
-    from enliven_edge.actor import Actor
     from enliven_edge.fusion.fused_sensor import FusedSensors
     from enliven_edge.landmarks.eye import ColourEye
-    from enliven_edge.matching.rig_actor import RigActor
     from enliven_edge.physics.playground import Playground
     from enliven_edge.sensors.base import Sensor
     from enliven_edge.sensors.sources import Source
+    from enliven_edge.stage import AnyActor
 
 log = logging.getLogger(__name__)
 
@@ -52,7 +51,12 @@ def edge(
         float, typer.Option(min=0.0, help="Pace of a replay: 1 as recorded, 0 no waiting.")
     ] = 1.0,
     loop: Annotated[bool, typer.Option(help="Begin the replay again at its end.")] = False,
-    mesh: Annotated[str, typer.Option(help="The mesh to possess: a file, 'chair' or 'lamp'.")] = "chair",
+    mesh: Annotated[
+        str,
+        typer.Option(
+            help="What is moved: a mesh, 'chair', 'lamp', or a puppet: its session, project, or 'cactus'."
+        ),
+    ] = "chair",
     possess_at: Annotated[
         float | None, typer.Option(help="Take hold this many seconds after the start.")
     ] = None,
@@ -90,6 +94,7 @@ def edge(
       enliven edge --sensor left=oak --sensor right=oak --space space.toml
       enliven edge --sensor synthetic --physics boxes
       enliven edge --sensor oak --mesh spider.glb --drive skeleton
+      enliven edge --sensor oak --mesh cactus.toml
     """
     chosen = _settings(settings, name=name, host=host, port=port, control_port=control_port)
     if physics is not None:
@@ -115,9 +120,9 @@ def serve(
     folder: Path | None = None,
 ) -> None:
     """Opens everything, serves, and closes everything; heavy modules are imported only here."""
+    from enliven_edge.actor import Actor
     from enliven_edge.casting import parts_for
     from enliven_edge.controls.desk import open_controls
-    from enliven_edge.matching.rig_actor import RigActor
     from enliven_edge.outlet import Outlet
     from enliven_edge.service import Edge
     from enliven_edge.stage import Stage
@@ -135,7 +140,7 @@ def serve(
         playground = _playground(chosen.physics, [actor.character], live)
         outlet = stack.enter_context(Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite))
         outlet.introduce(actor.character)
-        if isinstance(actor, RigActor):
+        if not isinstance(actor, Actor):
             actor.preview(None, (parts or parts_for(mesh)).split("/")[0])
         service = Edge(
             sensor,
@@ -171,26 +176,29 @@ def _colour_eye(chosen: EdgeSettings, stack: contextlib.ExitStack) -> ColourEye 
     return ColourEye(stack.enter_context(MediaPipeSource(chosen.colour.mediapipe)), chosen.colour.lift)
 
 
-def _prepared(mesh: str, chosen: EdgeSettings) -> Actor | RigActor:
+def _prepared(mesh: str, chosen: EdgeSettings) -> AnyActor:
     """The actor, with every kernel compiled: most of a minute the first time, a second later on."""
+    from enliven_edge.actor import Actor
     from enliven_edge.casting import cast
     from enliven_edge.matching.casting import cast_rig
-    from enliven_edge.matching.rig_actor import RigActor
+    from enliven_edge.puppets.casting import cast_puppet, is_puppet
     from enliven_edge.warmup import warm_up_stage, warm_up_tracking
 
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(f"Preparing {mesh}: sampling, linking, weighting", total=3)
-        actor: Actor | RigActor
-        if chosen.drive == "skeleton":
+        actor: AnyActor
+        if is_puppet(mesh):
+            actor = cast_puppet(mesh, chosen.puppet)
+        elif chosen.drive == "skeleton":
             actor = cast_rig(mesh, chosen.matching)
         else:
             actor = cast(mesh, chosen.nodes, chosen.actor, chosen.up)
         progress.update(task, advance=1, description="Compiling the solver (kept for the next start)")
-        if isinstance(actor, RigActor):
-            actor.warm_up()
-        else:
+        if isinstance(actor, Actor):
             warm_up_stage(actor)
+        else:
+            actor.warm_up()
         progress.update(task, advance=1, description="Compiling the tracker (kept for the next start)")
         warm_up_tracking(chosen.tracker)
     return actor

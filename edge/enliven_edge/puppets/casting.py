@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
+from enliven.cactus_puppet import cactus_project
 from enliven.errors import InputError
 from enliven.examples.puppet_motion import missing
 from enliven.formats.example_session import read_session
@@ -17,20 +18,23 @@ from enliven_edge.puppets.settings import PuppetSettings
 
 log = logging.getLogger(__name__)
 
+MADE = {"cactus": cactus_project}
+"""The puppets that the project makes itself, by name instead of by path."""
 ENDINGS = (".toml", ".enliven")
 """Of files that a puppet is read from."""
 
 
 def is_puppet(spec: str) -> bool:
     """Whether what was asked for is a puppet: a session, or a project, perhaps with a name behind #."""
-    return Path(_file(spec)[0]).suffix.lower() in ENDINGS
+    return spec in MADE or Path(_file(spec)[0]).suffix.lower() in ENDINGS
 
 
 def cast_puppet(spec: str, settings: PuppetSettings | None = None) -> PuppetActor:
     """The actor of a puppet, ready to be moved.
 
     Args:
-        spec: a session (.toml), or a project (.enliven), of several puppets with "#" and its name behind.
+        spec: a name of :data:`MADE`, a session (.toml), or a project (.enliven), of several puppets with
+            "#" and its name behind.
 
     Raises:
         InputError: for a file that cannot be read, and for a puppet that cannot move yet, with what it lacks.
@@ -47,6 +51,9 @@ def cast_puppet(spec: str, settings: PuppetSettings | None = None) -> PuppetActo
 
 
 def _read(spec: str) -> tuple[Project, Puppet]:
+    if spec in MADE:
+        made = MADE[spec]()
+        return made, made.puppet(spec)
     file, name = _file(spec)
     if file.lower().endswith(".toml"):
         session = read_session(Path(file))

@@ -19,7 +19,9 @@ _FILM_SECONDS = 10.0
 def run(
     recording: Path | None = typer.Option(None, help="Replay this recording; without one, the shipped one."),
     sensor: str | None = typer.Option(None, help="Use this sensor instead of a recording."),
-    mesh: str = typer.Option("chair", help="The mesh to possess: a file, 'chair' or 'lamp'."),
+    mesh: str = typer.Option(
+        "chair", help="A mesh, 'chair', 'lamp', or a puppet: its session, project, or 'cactus'."
+    ),
     possess_at: float = typer.Option(1.5, help="Seconds after the first frame at which the body takes hold."),
     parts: str | None = typer.Option(None, help="What takes hold: 'legs', 'upper body', ...; else all."),
     out: Path = typer.Option(Path("out"), help="Folder for the film and the contact sheet."),
@@ -44,6 +46,8 @@ def run(
       enliven run --physics boxes
       enliven run --mesh horse.obj --settings edge.toml
       enliven run --mesh spider.glb --drive skeleton --parts arms
+      enliven run --mesh cactus
+      enliven run --mesh cactus.toml --recording take.mcap
     """
     _need_both_programs()
     for what, path in (("recording", recording), ("file of settings", settings)):
