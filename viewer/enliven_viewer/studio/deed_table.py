@@ -26,6 +26,7 @@ DEEDS = (
     Deed("File", "Save", ("ctrl+s",), lambda d: d.ask("save")),
     Deed("File", "Save as...", ("ctrl+shift+s",), lambda d: d.ask("save as")),
     Deed("File", "Export GLB...", ("ctrl+e",), lambda d: d.ask("export")),
+    Deed("File", "Save puppet's session...", ("ctrl+shift+e",), lambda d: d.ask("session")),
     Deed("File", "Quit", ("ctrl+q",), lambda d: d.ask("quit")),
     Deed("Edit", "Undo", ("ctrl+z",), lambda d: d.editor.undo()),
     Deed("Edit", "Redo", ("ctrl+shift+z", "ctrl+y"), lambda d: d.editor.redo()),

@@ -11,9 +11,20 @@ from enliven_viewer.studio.browser import Browser
 from enliven_viewer.studio.cabinet import PROJECT, Cabinet
 from enliven_viewer.studio.deeds import Deeds
 from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.examples.exporting import Exporting
 from enliven_viewer.studio.examples.going import begin_pose, edit_pose
 from enliven_viewer.studio.examples.performer import PerformerView
-from enliven_viewer.studio.files import MODELS, PERFORMANCES, TAKES, add_file, export
+from enliven_viewer.studio.files import (
+    MESHES,
+    MODELS,
+    PERFORMANCES,
+    SESSIONS,
+    TAKES,
+    add_file,
+    export,
+    moves,
+    save_session,
+)
 from enliven_viewer.studio.hand import Hand
 from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.timeline_hand import TimelineHand
@@ -44,6 +55,7 @@ class Desk:
         self.puppets = editor.puppets
         self.performer, self.coverages = PerformerView(editor), self.timeline.puppets.coverages
         self.cabinet = Cabinet(editor, folder)
+        self.exporting = Exporting(editor.toasts)
         self.widgets: dict[str, Rectangle] = {}
         self.asking = self.caption = self.pressed = ""
         self.browser: Browser | None = None
@@ -68,7 +80,9 @@ class Desk:
             self.over = True
         elif dialogue == "save" and self.cabinet.path is not None:
             self.attempt(self.cabinet.save)
-        elif dialogue in ("open", "save", "save as", "export"):
+        elif dialogue == "session" and self.editor.puppets.puppet is None:
+            self.editor.toasts.say("No puppet is chosen", "Click the one whose examples are to be saved.")
+        elif dialogue in ("open", "save", "save as", "export", "session"):
             self._browse("save as" if dialogue == "save" else dialogue)
         else:
             self.asking = dialogue
@@ -96,8 +110,10 @@ class Desk:
         if dialogue == "open":
             self.open(path)
         elif dialogue == "export":
-            count = export(self.editor.project, path)
-            self.editor.toasts.say(f"Wrote {count} shape{'s' * (count != 1)} to {path.name}")
+            self._export(path)
+        elif dialogue == "session":
+            save_session(self.editor.project, self.editor.selection.puppet or "", path)
+            self.editor.toasts.say(f"Saved {path.name}", "`enliven examples fit` plays it without a window.")
         else:
             try:
                 self.cabinet.save(path)
@@ -150,14 +166,24 @@ class Desk:
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self.widgets[name] = (low.x, low.y, high.x, high.y)
 
+    def _export(self, path: Path) -> None:
+        """Write the GLB: at once, or beside the window where a puppet is to be baked."""
+        project = self.editor.project
+        if any(moves(project, puppet) for puppet in project.puppets.values()):
+            self.exporting.begin(path.name, lambda: export(project, path))
+        else:
+            self.editor.toasts.say(export(project, path))
+
     def _browse(self, dialogue: str) -> None:
         folder = self.cabinet.path.parent if self.cabinet.path else Path.cwd()
         endings = {
-            "open": (PROJECT, *MODELS, *TAKES, *PERFORMANCES),
+            "open": (PROJECT, *MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS),
             "save as": (PROJECT,),
             "export": (".glb",),
+            "session": SESSIONS,
         }[dialogue]
-        name = "" if dialogue == "open" else self.cabinet.name + endings[0]
+        stem = self.editor.selection.puppet if dialogue == "session" else self.cabinet.name
+        name = "" if dialogue == "open" else f"{stem}{endings[0]}"
         own = self.cabinet.path if dialogue == "save as" else None
         self.browser = Browser(folder, endings, name, dialogue != "open", own)
         self.asking = dialogue

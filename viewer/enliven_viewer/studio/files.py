@@ -1,11 +1,15 @@
-"""Opening models and takes from files, and writing shapes out."""
+"""Opening models, meshes, takes and sessions from files, and writing shapes and puppets out."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from enliven.errors import InputError
-from enliven.formats.bvh import read_bvh
+from enliven.examples.puppet_motion import missing
+from enliven.formats.example_session import read_session
 from enliven.formats.gltf import read_gltf
 from enliven.formats.gltf_write import (
     GraphPerformance,
@@ -14,22 +18,32 @@ from enliven.formats.gltf_write import (
     performance_of,
     write_gltf,
 )
-from enliven.motion.capture_clip import clip_of_capture
-from enliven.project import Project, unused
+from enliven.formats.puppet_performance import PuppetPerformance, puppet_performance_of
+from enliven.formats.session_text import write_session
+from enliven.formats.takes import read_take
+from enliven.mesh import Mesh, fit_height
+from enliven.mesh_files import load_mesh
+from enliven.modeling.puppets import make_puppet
+from enliven.project import Project, same, unused
+from enliven.puppet import Puppet
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.possessed import with_performance
 
 MODELS = (".glb", ".gltf")
-TAKES = (".bvh",)
+MESHES = (".obj", ".ply", ".stl", ".off")
+TAKES = (".bvh", ".txt")
 PERFORMANCES = (".mcap",)
+SESSIONS = (".toml",)
 _LONGEST = 130
 """Letters of a file's note that are shown."""
 _BESIDE = 0.3
 """Metres between a model that is opened and what is there."""
+_LIKELY, _PERSON = (0.25, 6.0), 1.7
+"""Metres: heights of a mesh that are believed, and the one that others are given."""
 
 
 def add_file(editor: Editor, path: Path) -> None:
-    """Add a model or a take to the project.
+    """Add a model, a mesh, a take or a session to the project. A mesh without a rig becomes a puppet.
 
     Raises:
         InputError: where the file cannot be read, or is of no known kind.
@@ -37,37 +51,71 @@ def add_file(editor: Editor, path: Path) -> None:
     ending = path.suffix.lower()
     if ending in MODELS:
         _add_model(editor, path)
+    elif ending in MESHES:
+        _add_mesh(editor, path)
     elif ending in TAKES:
         _add_take(editor, path)
+    elif ending in SESSIONS:
+        _add_session(editor, path)
     elif ending in PERFORMANCES:
         _add_performance(editor, path)
     else:
-        known = ", ".join((*MODELS, *TAKES, *PERFORMANCES))
+        known = ", ".join((*MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS))
         what = f"{ending} is of no known kind" if ending else "its name has no ending"
         raise InputError(what, where=str(path), mend=f"Known: {known}.")
 
 
-def export(project: Project, path: Path) -> int:
-    """Write every shape that has a surface and every possessed mesh, with its motion, into one GLB.
+def export(project: Project, path: Path) -> str:
+    """Write every shape that has a surface, every possessed mesh and every puppet that moves into one GLB.
 
     Returns:
-        How many were written.
+        What was written, with how far baked puppets are from what is seen, as a sentence.
 
     Raises:
         InputError: where there is none.
         ResourceError: where the file cannot be written.
     """
     solid = [shape.id for shape in project.shapes.values() if shape.mesh is not None]
-    if not solid and not project.graphs:
-        raise InputError("no shape has a surface", where="export", mend="Sketch one, or open a model.")
-    moving: list[Performance | GraphPerformance] = [performance_of(project, name) for name in solid]
+    acting = [puppet.id for puppet in project.puppets.values() if moves(project, puppet)]
+    if not solid and not project.graphs and not acting:
+        mend = "Sketch one, or open a model."
+        if project.puppets:
+            name = next(iter(project.puppets))
+            mend = " ".join(missing(project, project.puppets[name])) or f"Choose a take for {name}."
+        raise InputError("nothing has a surface that moves", where="export", mend=mend)
+    moving: list[Performance | GraphPerformance | PuppetPerformance] = [
+        performance_of(project, name) for name in solid
+    ]
     moving += [graph_performance_of(project, name) for name in project.graphs]
-    write_gltf(path, moving, path.stem)
-    return len(moving)
+    baked = [puppet_performance_of(project, name) for name in acting]
+    write_gltf(path, [*moving, *baked], path.stem)
+    count = len(moving) + len(baked)
+    said = f"Wrote {count} shape{'s' * (count != 1)} to {path.name}"
+    for one in baked:
+        said += f". {one.name} is {one.error}"
+    return said
+
+
+def moves(project: Project, puppet: Puppet) -> bool:
+    """Whether a puppet plays something."""
+    return any(not layer.muted for layer in puppet.layers) and not missing(project, puppet)
+
+
+def save_session(project: Project, puppet_id: str, path: Path) -> None:
+    """Write a puppet with its examples as a session, with a project file beside it for mesh and takes.
+
+    Raises:
+        InputError: where there is no such puppet.
+        ResourceError: where the file cannot be written.
+    """
+    write_session(path, project, puppet_id)
 
 
 def _add_model(editor: Editor, path: Path) -> None:
     rig = read_gltf(path, floor=True, weld=True)
+    if rig.shape.mesh is not None and len(rig.shape.skeleton) == 2 and not rig.clips:
+        _add_puppet(editor, path, rig.shape.mesh, ())
+        return
     box = editor.box()
 
     def add(project: Project) -> Project:
@@ -83,14 +131,70 @@ def _add_model(editor: Editor, path: Path) -> None:
         editor.frame_all()
 
 
-def _add_take(editor: Editor, path: Path) -> None:
-    capture = read_bvh(path)
+def _add_mesh(editor: Editor, path: Path) -> None:
+    mesh, notes = load_mesh(path)
+    _add_puppet(editor, path, mesh, tuple(notes))
+
+
+def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) -> None:
+    """A mesh that has no rig, standing on the floor; of no likely size it becomes as tall as a person."""
+    tall = float(np.ptp(mesh.vertices[:, 1]))
+    height = tall if _LIKELY[0] <= tall <= _LIKELY[1] else _PERSON
+    box, made = editor.box(), []
+    fitted = fit_height(mesh, height)
+    if height != tall:
+        notes = (*notes, f"it was {tall:.3g} m tall, and was made {height} m tall")
 
     def add(project: Project) -> Project:
-        return project.with_takes(clip_of_capture(capture, unused(path.stem, project.takes)))
+        everything = {**project.shapes, **project.graphs, **project.puppets}
+        name = unused(path.stem, everything)
+        project = make_puppet(project, fitted, name)
+        made.append(name)
+        if box is None:
+            return project
+        aside = float(box[1][0] - fitted.vertices[:, 0].min()) + _BESIDE
+        return project.with_puppets(project.puppets[name].with_changes(place=[aside, 0.0, 0.0]))
 
     if editor.edit(f"open {path.name}", add):
-        _tell(editor, path, capture.notes, "Map it onto a shape with M.")
+        editor.puppets.choose(made[-1])
+        _tell(editor, path, notes, "It is a puppet: put control points on it with K.")
+        editor.frame_all()
+
+
+def _add_session(editor: Editor, path: Path) -> None:
+    session = read_session(path)
+    made: list[str] = []
+
+    def add(project: Project) -> Project:
+        puppet, names = session.project.puppets[session.puppet], dict[str, str]()
+        for take in session.project.takes.values():
+            known = project.takes.get(take.id)
+            names[take.id] = take.id if known is None or same(known, take) else unused(take.id, project.takes)
+            project = project.with_takes(replace(take, id=names[take.id]))
+        everything = {**project.shapes, **project.graphs, **project.puppets}
+        made.append(unused(puppet.id, everything))
+        poses = tuple(replace(pose, take=names[pose.take]) for pose in puppet.poses)
+        layers = tuple(replace(layer, take=names[layer.take]) for layer in puppet.layers)
+        return project.with_puppets(puppet.with_changes(id=made[-1], poses=poses, layers=layers))
+
+    if editor.edit(f"open {path.name}", add):
+        editor.puppets.choose(made[-1])
+        _tell(editor, path, session.notes, "")
+        editor.frame_all()
+
+
+def _add_take(editor: Editor, path: Path) -> None:
+    clip, notes = read_take(path)
+
+    def add(project: Project) -> Project:
+        return project.with_takes(replace(clip, id=unused(path.stem, project.takes)))
+
+    if editor.edit(f"open {path.name}", add):
+        puppet = editor.puppets.puppet
+        mend = (
+            f"Choose it in the performer's view for {puppet.id}." if puppet else "Map it onto a shape with M."
+        )
+        _tell(editor, path, notes, mend)
 
 
 def _add_performance(editor: Editor, path: Path) -> None:

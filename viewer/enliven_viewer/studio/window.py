@@ -252,6 +252,7 @@ class StudioWindow:
         draw_dialogs(self.desk)
         self._listen(places.viewport)
         self.desk.cabinet.keep()
+        self.desk.exporting.poll()
         if self.desk.over:
             self.desk.cabinet.close()
             self.close()

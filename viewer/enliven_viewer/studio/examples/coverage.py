@@ -12,7 +12,9 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import EnlivenError
 from enliven.examples.performer import performed
-from enliven.examples.puppet_motion import examples_of, missing
+from enliven.examples.puppet_examples import material_of
+from enliven.examples.puppet_motion import missing
+from enliven.examples.puppet_solve import seen_by
 from enliven.examples.suggest import Suggested, distance_to, further_poses, suggest_poses
 from enliven.motion.clip import Clip
 from enliven.project import Project
@@ -60,7 +62,8 @@ class Coverages:
         marks = tuple((pose.take, pose.time) for pose in puppet.poses)
         paired = tuple((point.joint, point.vertex) for point in puppet.points)
         values = (clip, puppet.mesh, puppet.symmetry, *shown)
-        key = (puppet.id, take, marks, paired)
+        plays = any(layer.take == take for layer in puppet.layers)
+        key = (puppet.id, take, marks, paired, plays)
         known = self._known.get(key)
         if known is None or any(a is not b for a, b in zip(known[0], values, strict=True)):
             known = (values, self._made(project, puppet, clip, take))
@@ -72,10 +75,16 @@ class Coverages:
         alone, poses = self._suggested(clip, joints)
         if alone is None:
             return None
-        known = _examples(project, puppet, joints)
+        seen = _seen(project, puppet, take)
+        known = _shown(project, puppet, joints) if seen is None else seen[0]
         if len(known) == 0:
-            nothing = np.zeros(len(poses))
-            return Coverage(take, nothing, alone.frames, alone.count, 1.0, clip.step)
+            return Coverage(take, np.zeros(len(poses)), alone.frames, alone.count, 1.0, clip.step)
+        if seen is not None:
+            poses = seen[1]
+            try:
+                alone = suggest_poses(poses)
+            except EnlivenError:
+                return None
         more = further_poses(poses, known)
         away = distance_to(poses, known) / alone.gaps[0]
         return Coverage(take, away, more.frames, more.count, float(more.gaps[0] / alone.gaps[0]), clip.step)
@@ -102,15 +111,20 @@ def _joints(puppet: Puppet, clip: Clip) -> tuple[str, ...]:
     return paired or clip.skeleton.names
 
 
-def _examples(project: Project, puppet: Puppet, joints: tuple[str, ...]) -> Float:
-    """(n, J, 3) metres, the performer in the examples, with their mirror images where there are such."""
-    if not missing(project, puppet):
-        try:
-            examples = examples_of(project, puppet)
-            columns = [examples.joints.index(name) for name in joints]
-            return np.asarray(examples.sources[:, columns])
-        except (EnlivenError, ValueError):
-            pass
+def _seen(project: Project, puppet: Puppet, take: str) -> tuple[Float, Float] | None:
+    """(n, P, 3) the examples and (F, P, 3) a take as they see it; None where it does not play it yet."""
+    number = next((k for k, layer in enumerate(puppet.layers) if layer.take == take), None)
+    if number is None or missing(project, puppet):
+        return None
+    try:
+        examples, took = seen_by(material_of(project, puppet, puppet.layers[number]))
+    except EnlivenError:
+        return None
+    return examples.sources, took.poses
+
+
+def _shown(project: Project, puppet: Puppet, joints: tuple[str, ...]) -> Float:
+    """(n, J, 3) metres, the performer in key poses of takes that have the joints."""
     found = []
     for pose in puppet.poses:
         clip = project.takes[pose.take]

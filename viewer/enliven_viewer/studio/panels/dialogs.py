@@ -16,7 +16,12 @@ from enliven_viewer.studio.theme import WAIT
 from enliven_viewer.studio.tools.shelf import TOOLS
 
 _FOLDER = "\uf07b"
-_TITLES = {"open": "Open", "save as": "Save the project", "export": "Export GLB"}
+_TITLES = {
+    "open": "Open",
+    "save as": "Save the project",
+    "export": "Export GLB",
+    "session": "Save the examples",
+}
 
 
 def draw_dialogs(desk: Desk) -> None:

@@ -18,6 +18,7 @@ _REMOVE = "\uf00d"
 _TOLD = {
     "loop": "Begin again at the end",
     "muted": "It does not play",
+    "mirrored": "Play the take's mirror image: left for right",
     "travel": "Go through the world with the performer, on its feet",
     "level_feet": "Where the weight goes from one foot to another, both have one height",
 }
@@ -41,7 +42,7 @@ def draw_layer(desk: Desk, puppet: Puppet) -> None:
     _slider(desk, puppet.id, number, layer, "weight", 0.0, 1.0, "weight %.2f")
     _slider(desk, puppet.id, number, layer, "offset", -5.0, 30.0, "begins at %.2f s")
     _slider(desk, puppet.id, number, layer, "speed", -3.0, 3.0, "speed %.2f")
-    for name in ("loop", "muted", "travel", "level_feet"):
+    for name in ("loop", "muted", "travel", "level_feet", "mirrored"):
         toggled, on = imgui.checkbox(_WORDS.get(name, name), getattr(layer, name))
         desk.remember(f"layer {name}")
         if imgui.is_item_hovered():
