@@ -1,0 +1,365 @@
+"""Edits of puppets: pure, undone by the value before, refused with the reason, and laws of what they keep."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from puppet_worlds import SIDES, STEP, places_for, puppet_project, stool, walker
+
+from enliven.deformation.puppet_surface import PuppetSurface
+from enliven.errors import InputError
+from enliven.examples.constraints import Coupling, Position, Velocity
+from enliven.examples.puppet_motion import in_world, motion_of, state_of
+from enliven.formats.project_file import project_bytes
+from enliven.mesh import Mesh
+from enliven.modeling.puppets import (
+    add_key_pose,
+    add_point,
+    change_key_pose,
+    change_layer,
+    change_point,
+    copy_puppet,
+    delete_puppet,
+    make_puppet,
+    mirror_key_pose,
+    mirror_puppet,
+    move_puppet,
+    paste_puppet,
+    play_take,
+    remove_key_pose,
+    remove_layer,
+    remove_point,
+    scale_puppet,
+    set_symmetry,
+    turn_puppet,
+)
+from enliven.project import Project, same
+from enliven.puppet import Plane
+from enliven.rotation import from_rotation_vector, rotate
+
+seeds = st.integers(0, 10**6)
+few = settings(max_examples=6, deadline=None)
+TIMES = (0.0, 0.37, 1.2, 2.9)
+
+
+def busy_project(seed=0):
+    """With constraints, a subset of points, and a second layer."""
+    project = puppet_project(seed, positions=(Position("top", 9, (0.0, 1.1, 0.0)),))
+    return play_take(
+        project,
+        "stool",
+        "walk",
+        points=("top", "left hand"),
+        offset=0.2,
+        weight=0.5,
+        velocities=(Velocity("top", 20, (0.1, 0.0, 0.0), "x"),),
+        couplings=(Coupling("top", "left hand", 30, "y", (0.0, 0.4, 0.0)),),
+    )
+
+
+def world(project, time, puppet="stool"):
+    """(P, 3) metres: where the control points are."""
+    made = project.puppets[puppet]
+    now = state_of(project, made, time)
+    return in_world(made, now, now.places)
+
+
+def test_an_edit_leaves_the_project_that_it_was_made_of():
+    project = busy_project()
+    before = project_bytes(project)
+    clip = walker(1, "other")
+    add_point(project, "stool", 100)
+    remove_point(project, "stool", "top")
+    change_point(project, "stool", "top", vertex=101, name="head")
+    add_key_pose(project, "stool", "walk", 2.0, project.puppets["stool"].rest)
+    mirror_key_pose(set_symmetry(project, "stool", SIDES), "stool", 0)
+    change_layer(project, "stool", 0, loop=True)
+    scale_puppet(project, "stool", 2.0)
+    mirror_puppet(project, "stool", [1, 0, 0])
+    move_puppet(project, "stool", [1, 0, 0])
+    delete_puppet(project, "stool")
+    play_take(project.with_takes(clip), "stool", "other")
+    assert project_bytes(project) == before
+
+
+@given(seeds, st.integers(0, 400))
+@few
+def test_adding_a_point_and_removing_it_is_nothing(seed, vertex):
+    project = busy_project(seed)
+    if vertex in [point.vertex for point in project.puppets["stool"].points]:
+        vertex += 1
+    more = add_point(project, "stool", vertex, "tail", "Spine", True)
+    assert more.puppets["stool"].points[-1].name == "tail"
+    assert same(remove_point(more, "stool", "tail"), project)
+
+
+def test_a_new_point_is_where_the_surface_is_in_each_key_pose():
+    project = puppet_project()
+    puppet = project.puppets["stool"]
+    made = add_point(project, "stool", 222).puppets["stool"]
+    surface = PuppetSurface(puppet.mesh, [point.vertex for point in puppet.points])
+    for before, after in zip(puppet.poses, made.poses, strict=True):
+        np.testing.assert_array_equal(after.places[:-1], before.places)
+        np.testing.assert_allclose(after.places[-1], surface.settle(before.places)[222], atol=1e-9)
+        assert (after.take, after.time) == (before.take, before.time)
+
+
+def test_a_point_on_another_vertex_keeps_the_others():
+    project = puppet_project()
+    puppet = project.puppets["stool"]
+    moved = change_point(project, "stool", "top", vertex=222).puppets["stool"]
+    for before, after in zip(puppet.poses, moved.poses, strict=True):
+        np.testing.assert_array_equal(after.places[:4], before.places[:4])
+        assert np.linalg.norm(after.places[4] - before.places[4]) > 1e-3
+
+
+@given(seeds)
+@few
+def test_a_name_is_changed_everywhere_and_back(seed):
+    project = busy_project(seed)
+    named = change_point(project, "stool", "top", name="head")
+    layers = named.puppets["stool"].layers
+    assert layers[1].points == ("head", "left hand") and layers[0].positions[0].point == "head"
+    assert layers[1].couplings[0].point == "head" and layers[1].velocities[0].point == "head"
+    np.testing.assert_array_equal(world(named, 1.0), world(project, 1.0))
+    assert same(change_point(named, "stool", "head", name="top"), project)
+
+
+def test_a_point_goes_with_its_constraints_and_with_layers_of_its_own():
+    project = play_take(busy_project(), "stool", "walk", points=("top",))
+    puppet = remove_point(project, "stool", "top").puppets["stool"]
+    assert len(puppet.layers) == 2
+    assert puppet.layers[0].positions == () and puppet.layers[1].points == ("left hand",)
+    assert puppet.layers[1].velocities == () and puppet.layers[1].couplings == ()
+
+
+@given(seeds)
+@few
+def test_a_key_pose_mirrored_twice_is_itself(seed):
+    project = set_symmetry(puppet_project(seed), "stool", SIDES)
+    once = mirror_key_pose(project, "stool", 2)
+    places = project.puppets["stool"].poses[2].places
+    swapped = places[[1, 0, 3, 2, 4]] * [-1.0, 1.0, 1.0]
+    np.testing.assert_allclose(once.puppets["stool"].poses[2].places, swapped, atol=1e-12)
+    twice = mirror_key_pose(once, "stool", 2)
+    np.testing.assert_allclose(twice.puppets["stool"].poses[2].places, places, atol=1e-12)
+
+
+@given(seeds, st.floats(-3, 3), st.floats(-2, 2))
+@few
+def test_a_moved_puppet_is_moved_at_every_time(seed, angle, x):
+    project = busy_project(seed)
+    turn, about = from_rotation_vector(np.array([0.0, angle, 0.0])), np.array([0.3, 0.0, -0.2])
+    moved = move_puppet(project, "stool", [x, 0.0, 1.0], turn, about)
+    for time in TIMES:
+        there = rotate(turn, world(project, time) - about) + about + [x, 0.0, 1.0]
+        np.testing.assert_allclose(world(moved, time), there, atol=1e-9)
+
+
+def test_a_turned_puppet_stays_where_it_stands():
+    project = move_puppet(puppet_project(), "stool", [3.0, 0.0, 1.0])
+    turned = turn_puppet(project, "stool", from_rotation_vector(np.array([0.0, 1.0, 0.0])))
+    rest = stool().vertices
+    for one in (project, turned):
+        puppet = one.puppets["stool"]
+        np.testing.assert_allclose(
+            (rotate(puppet.turn, rest) + puppet.place).mean(0)[[0, 2]], [3, 1], atol=1e-9
+        )
+
+
+@given(seeds, st.floats(0.2, 5.0))
+@few
+def test_a_scaled_puppet_is_scaled_at_every_time(seed, factor):
+    project = move_puppet(busy_project(seed), "stool", [1.0, 0.0, 2.0])
+    scaled = scale_puppet(project, "stool", factor)
+    foot = np.array([1.0, 0.0, 2.0])
+    for time in TIMES:
+        there = foot + factor * (world(project, time) - foot)
+        np.testing.assert_allclose(world(scaled, time), there, atol=1e-6 * factor)
+
+
+@given(seeds, st.floats(-3, 3))
+@few
+def test_a_mirrored_puppet_is_the_mirror_image_at_every_time(seed, angle):
+    project = move_puppet(
+        busy_project(seed), "stool", [1.0, 0.0, 2.0], from_rotation_vector(np.array([0.0, 0.4, 0.0]))
+    )
+    normal = np.array([np.cos(angle), 0.0, np.sin(angle)])
+    mirrored = mirror_puppet(project, "stool", normal)
+    foot = project.puppets["stool"].place
+    for time in TIMES:
+        here = world(project, time)
+        there = here - 2.0 * ((here - foot) @ normal)[:, None] * normal
+        np.testing.assert_allclose(world(mirrored, time), there, atol=1e-7)
+    again = mirror_puppet(mirrored, "stool", normal)
+    for time in TIMES:
+        np.testing.assert_allclose(world(again, time), world(project, time), atol=1e-7)
+    mesh = mirrored.puppets["stool"].mesh
+    outside = np.einsum("fc,fc->f", mesh.face_normals(), mesh.vertices[mesh.faces].mean(1) - [0, 0.5, 0])
+    assert (outside > 0).all()
+
+
+def test_a_copy_plays_later_and_elsewhere():
+    project, name = copy_puppet(busy_project(), "stool", offset=[2.0, 0.0, 0.0], delay=0.5)
+    assert name == "stool 2" and list(project.takes) == ["walk"]
+    for time in TIMES:
+        np.testing.assert_allclose(
+            world(project, time + 0.5, name), world(project, time) + np.array([2.0, 0, 0]), atol=1e-9
+        )
+
+
+def test_a_paste_brings_the_takes():
+    source = busy_project()
+    other = walker(1, "walk", turning=0.0)
+    target, name = paste_puppet(Project().with_takes(other), source, "stool")
+    assert name == "stool" and list(target.takes) == ["walk", "walk 2"]
+    assert {pose.take for pose in target.puppets["stool"].poses} == {"walk 2"}
+    np.testing.assert_array_equal(world(target, 1.2), world(source, 1.2))
+    once, _ = paste_puppet(target, source, "stool")
+    assert list(once.takes) == ["walk", "walk 2", "walk 3"]
+    twice, name = paste_puppet(source, source, "stool")
+    assert list(twice.takes) == ["walk"] and name == "stool 2"
+
+
+def test_removing_is_of_the_number_that_is_meant():
+    project = busy_project()
+    poses = remove_key_pose(project, "stool", 1).puppets["stool"].poses
+    assert poses == project.puppets["stool"].poses[:1] + project.puppets["stool"].poses[2:]
+    assert remove_layer(project, "stool", 0).puppets["stool"].layers == project.puppets["stool"].layers[1:]
+    gone = delete_puppet(project, "stool")
+    assert not gone.puppets and list(gone.takes) == ["walk"]
+
+
+def test_constraints_that_contradict_are_all_named_and_nothing_changes():
+    project = puppet_project()
+    kept = motion_of(project, project.puppets["stool"], 0)
+    with pytest.raises(InputError) as refused:
+        change_layer(
+            project,
+            "stool",
+            0,
+            positions=(Position("top", 5, (0, 1, 0), "y"), Position("left hand", 5, (0, 0.2, 0), "y")),
+            couplings=(Coupling("top", "left hand", 5),),
+        )
+    for name in ("position of 'top' at frame 5", "position of 'left hand' at frame 5", "coupling of 'top'"):
+        assert name in str(refused.value)
+    assert motion_of(project, project.puppets["stool"], 0) is kept
+
+
+def test_the_feet_that_a_user_puts_somewhere_are_not_levelled():
+    """Where equal heights contradict what was asked for, what was asked for goes first."""
+    free = puppet_project()
+    made = motion_of(free, free.puppets["stool"], 0)
+    frames = [f for f in range(1, made.frames) if made.anchors[f] != made.anchors[f - 1]]
+    frame = next(f for f in frames if made.anchors[f] >= 0 and made.anchors[f - 1] >= 0)
+    asked = (Position("left foot", frame, (0, 0.05, 0), "y"), Position("right foot", frame, (0, 0.0, 0), "y"))
+    project = change_layer(free, "stool", 0, positions=asked)
+    places = motion_of(project, project.puppets["stool"], 0).places[frame]
+    np.testing.assert_allclose(places[:2, 1], [0.05, 0.0], atol=1e-9)
+
+
+def scrap():
+    mesh = stool()
+    return Mesh(np.concatenate([mesh.vertices, [[0.0, 0.5, 0.0]]]), mesh.faces, "scrap")
+
+
+LOOSE = len(stool().vertices)
+FIVE = np.zeros((5, 3))
+
+
+@pytest.mark.parametrize(
+    ("edit", "said"),
+    [
+        (lambda p: add_point(p, "stool", 99999), "the mesh has no vertex 99999. It has 0.."),
+        (lambda p: add_point(p, "stool", -1), "the mesh has no vertex -1"),
+        (lambda p: add_point(p, "stool", 100, "top"), "there is a control point 'top' already"),
+        (lambda p: add_point(p, "stool", p.puppets["stool"].points[0].vertex), "'left foot' is on vertex"),
+        (lambda p: add_point(p, "chair", 1), "there is no puppet 'chair'. Known: stool."),
+        (lambda p: change_point(p, "stool", "nose", joint="Head"), "there is no control point 'nose'"),
+        (lambda p: change_point(p, "stool", "top", jiont="Head"), "it has no 'jiont'. Known: name, vertex"),
+        (lambda p: change_point(p, "stool", "top", weight=-1.0), "its weight is -1.0"),
+        (lambda p: change_point(p, "stool", "top", name="left foot"), "two control points have one name"),
+        (lambda p: remove_point(p, "stool", "nose"), "Known: left foot, right foot"),
+        (lambda p: add_key_pose(p, "stool", "run", 0.0, FIVE), "no take 'run'. Known: walk."),
+        (lambda p: add_key_pose(p, "stool", "walk", 9.0, FIVE), "9 s is outside of the take. It has 0..3 s"),
+        (lambda p: add_key_pose(p, "stool", "walk", np.nan, FIVE), "nan s is outside"),
+        (
+            lambda p: add_key_pose(p, "stool", "walk", 2.0, np.zeros((4, 3))),
+            "places (4, 3) of 5 control points",
+        ),
+        (lambda p: add_key_pose(p, "stool", "walk", 2.0, np.full((5, 3), np.nan)), "must be finite"),
+        (lambda p: add_key_pose(p, "stool", "walk", 0.0, FIVE), "key pose 0 is of frame 0 of 'walk' already"),
+        (lambda p: change_key_pose(p, "stool", 1, time=0.0), "key pose 0 is of frame 0 of 'walk' already"),
+        (lambda p: change_key_pose(p, "stool", 9, time=0.0), "there is no key pose 9"),
+        (lambda p: remove_key_pose(p, "stool", -1), "there is no key pose -1. It has 4."),
+        (lambda p: play_take(p, "stool", "run"), "there is no take 'run'. Known: walk."),
+        (lambda p: play_take(p, "stool", "walk", sped=2.0), "it has no 'sped'"),
+        (lambda p: play_take(p, "stool", "walk", speed=0.0), "cannot be played"),
+        (lambda p: play_take(p, "stool", "walk", points=("nose",)), "there is no control point 'nose'"),
+        (
+            lambda p: play_take(p, "stool", "walk", positions=(Position("top", 999, (0, 0, 0)),)),
+            "is at no frame of the motion. Frames are 0..90.",
+        ),
+        (lambda p: change_layer(p, "stool", 3, loop=True), "there is no layer 3. It has 1."),
+        (lambda p: remove_layer(p, "stool", 1), "there is no layer 1"),
+        (lambda p: scale_puppet(p, "stool", 0.0), "it cannot be 0.0 times as large"),
+        (lambda p: move_puppet(p, "stool", [np.nan, 0, 0]), "it cannot be moved by"),
+        (lambda p: mirror_puppet(p, "stool", [0, 0, 0]), "is no direction"),
+        (lambda p: copy_puppet(p, "stool", delay=np.inf), "s late"),
+        (lambda p: set_symmetry(p, "stool", Plane((0, 0, 0), (0, 0, 0))), "is none. Give a point"),
+        (lambda p: make_puppet(p, stool(), "stool"), "something has that name already"),
+        (lambda p: make_puppet(p, stool(), ""), "it needs a name"),
+        (lambda p: make_puppet(p, Mesh(np.zeros((3, 3)), np.zeros((0, 3), np.int32)), "a"), "has no faces"),
+        (lambda p: add_point(make_puppet(p, scrap(), "b"), "b", LOOSE), f"vertex {LOOSE} is loose: no face"),
+        (
+            lambda p: mirror_key_pose(
+                set_symmetry(add_point(p, "stool", 100, "tail"), "stool", SIDES), "stool", 0
+            ),
+            "'tail' has no mirror image",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused_with_the_reason(edit, said):
+    project = puppet_project()
+    before = project_bytes(project)
+    with pytest.raises(InputError) as refused:
+        edit(project)
+    assert said in str(refused.value)
+    assert project_bytes(project) == before
+
+
+def test_equal_examples_are_refused_by_number_and_the_last_good_motion_stays():
+    project = puppet_project()
+    puppet = project.puppets["stool"]
+    kept = motion_of(project, puppet, 0)
+    clip = project.takes["walk"]
+    still = replace(clip, id="still", turns=clip.turns[[0, 0]], root=clip.root[[0, 0]])
+    poses = (puppet.poses[0], replace(puppet.poses[1], take="still", time=STEP))
+    wrong = project.with_takes(still).with_puppets(puppet.with_changes(poses=poses))
+    with pytest.raises(InputError, match="examples 0 and 1 have the same pose of the performer"):
+        motion_of(wrong, wrong.puppets["stool"], 0)
+    one = remove_key_pose(remove_key_pose(remove_key_pose(project, "stool", 3), "stool", 2), "stool", 1)
+    with pytest.raises(InputError, match="Pose one more example"):
+        motion_of(one, one.puppets["stool"], 0)
+    assert motion_of(project, puppet, 0) is kept
+
+
+def test_a_take_that_is_not_finite_is_no_take():
+    clip = walker(1)
+    turns = clip.turns.copy()
+    turns[3, 2] = np.nan
+    with pytest.raises(InputError, match="something in it is not finite"):
+        replace(clip, turns=turns)
+
+
+def test_an_added_point_wants_places_of_its_own_size():
+    project = puppet_project(poses=0, play=False)
+    for number in range(3):
+        rest = project.puppets["stool"].rest
+        project = add_key_pose(project, "stool", "walk", number * 0.3, places_for(rest, number))
+        project = add_point(project, "stool", 100 + number)
+    assert {pose.places.shape for pose in project.puppets["stool"].poses} == {(8, 3)}
