@@ -14,6 +14,7 @@ from enliven.examples.constraints import Coupling, Position, Velocity
 from enliven.examples.locomotion import Kind, Switch
 from enliven.examples.pairing import guess_joints
 from enliven.examples.puppet_motion import motion_of
+from enliven.mesh import fit_height
 from enliven.modeling.puppets import (
     add_key_pose,
     add_point,
@@ -60,6 +61,27 @@ def spoken_joint(joint: str) -> str:
     words = [word.lower() for word in _WORD.findall(joint)]
     kept = [word for word in words if word not in _NO_WORDS]
     return " ".join(kept) or joint.lower() or "point"
+
+
+def stood(project: Project, puppet_id: str, axis: str) -> Project:
+    """A project with a puppet's mesh turned by a quarter within its own frame, standing on the floor again.
+
+    Args:
+        axis: "x": what points ahead points up, as meshes of programs with z up need it; "y": its left comes
+            to the front.
+
+    Raises:
+        InputError: where it has control points: what was shown for them would be lost.
+    """
+    puppet = project.puppet(puppet_id)
+    if puppet.points:
+        mend = "Turn it with Ctrl+Left and Ctrl+Right, or remove its points first."
+        raise InputError("it has control points already", where=f"puppet {puppet_id!r}", mend=mend)
+    x, y, z = puppet.mesh.vertices.T
+    turned = np.stack([x, z, -y] if axis == "x" else [-z, y, x], axis=1)
+    tall = float(np.ptp(turned[:, 1]))
+    mesh = fit_height(replace(puppet.mesh, vertices=turned), tall)
+    return project.with_puppets(puppet.with_changes(mesh=mesh))
 
 
 def with_points(project: Project, puppet_id: str, vertices: Sequence[int]) -> Project:

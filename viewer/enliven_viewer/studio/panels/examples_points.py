@@ -10,7 +10,7 @@ from enliven.modeling.puppets import change_point, set_symmetry
 from enliven.project import Project
 from enliven.puppet import ControlPoint, Puppet
 from enliven_viewer.studio.desk import Desk
-from enliven_viewer.studio.examples.edits import guessed, with_points
+from enliven_viewer.studio.examples.edits import guessed, stood, with_points
 from enliven_viewer.studio.panels.examples_motion import draw_holding
 from enliven_viewer.studio.panels.style import heading, packed, quiet, small, tinted
 from enliven_viewer.studio.puppets.mirrored import plane_for
@@ -26,6 +26,7 @@ def draw_points(desk: Desk, puppet: Puppet) -> None:
     """The heading, a row a point, what concerns the chosen one, and the buttons."""
     heading(f"Control points   {len(puppet.points) or ''}")
     if not puppet.points:
+        _standing(desk, puppet)
         quiet("Click the surface where you would hold it: hands, feet, head. Or let some be suggested.")
     for number, point in enumerate(puppet.points):
         _row(desk, puppet, number, point)
@@ -33,6 +34,27 @@ def draw_points(desk: Desk, puppet: Puppet) -> None:
             _chosen(desk, puppet, point)
     _buttons(desk, puppet)
     _symmetry(desk, puppet)
+
+
+def _standing(desk: Desk, puppet: Puppet) -> None:
+    """Buttons for a mesh that lies on its back, or looks aside."""
+    half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
+    for label, axis, said in (
+        ("Stand it up", "x", "For a mesh that lies on its back"),
+        ("Quarter turn", "y", "Until it looks at you with View > From the front (1)"),
+    ):
+        if imgui.button(label, half):
+            _stand(desk, puppet.id, label, axis)
+        desk.remember(label.lower())
+        if imgui.is_item_hovered():
+            imgui.set_tooltip(said)
+        if axis == "x":
+            imgui.same_line()
+
+
+def _stand(desk: Desk, puppet: str, label: str, axis: str) -> None:
+    if desk.editor.edit(label.lower(), lambda project: stood(project, puppet, axis)):
+        desk.editor.frame_all(reset=False)
 
 
 def _row(desk: Desk, puppet: Puppet, number: int, point: ControlPoint) -> None:
