@@ -20,13 +20,14 @@
     loop = true
 
 Metres in the mesh's frame, once it is fitted: upright, standing on y = 0, its box centred. Files are relative
-to the session's. All tables: :mod:`enliven.formats.session_tables`; written by
-:func:`enliven.formats.session_text.write_session`.
+to the session's, and may begin with a variable of the environment ("$MESHES/cactus.off"). All tables:
+:mod:`enliven.formats.session_tables`; written by :func:`enliven.formats.session_text.write_session`.
 """
 
 from __future__ import annotations
 
 import difflib
+import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -68,6 +69,7 @@ from enliven.modeling.puppets import (
 )
 from enliven.project import Project
 from enliven.puppet import Plane, Puppet
+from enliven.rotation import from_rotation_vector, rotate
 from enliven.settings import load_settings
 
 T = TypeVar("T")
@@ -248,7 +250,7 @@ class _Reader:
 
     def _beside(self, file: str) -> Path:
         """A file's path, relative to the session's."""
-        return self._path.parent / Path(file).expanduser()
+        return self._path.parent / Path(os.path.expandvars(file)).expanduser()
 
     def _one(self, name: str, kind: type[T]) -> T:
         """A table there is one of; as usual where it is not there."""
@@ -306,11 +308,14 @@ def listed(found: Mapping[str, Any], name: str, where: str) -> list[Mapping[str,
 
 def fitted(mesh: Mesh, table: MeshTable) -> Mesh:
     """The mesh as a session's table has it: upright, so tall, on the floor; from a project as it is there."""
-    if Path(table.file).suffix.lower() == ".enliven" and table.height is None and table.up == "y":
-        return mesh
-    axis = "xyz".index(table.up)
-    height = table.height or float(np.ptp(mesh.vertices[:, axis]))
-    return fit_height(mesh, height, table.up)
+    if Path(table.file).suffix.lower() != ".enliven" or table.height is not None or table.up != "y":
+        axis = "xyz".index(table.up)
+        height = table.height or float(np.ptp(mesh.vertices[:, axis]))
+        mesh = fit_height(mesh, height, table.up)
+    if table.turned:
+        turn = from_rotation_vector(np.array([0.0, np.radians(table.turned), 0.0]))
+        mesh = replace(mesh, vertices=rotate(turn, mesh.vertices))
+    return mesh
 
 
 def _mesh_of(path: Path, name: str) -> tuple[str, Mesh]:

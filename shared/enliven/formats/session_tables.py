@@ -22,6 +22,9 @@ class MeshTable:
         None, "How tall to make it; its own height if not given.", unit="m", low=1e-6
     )
     up: Literal["x", "y", "z"] = setting("y", "The file's axis that points up.")
+    turned: float = setting(
+        0.0, "How far it is turned about the upright then, to look to +Z.", unit="degrees"
+    )
     puppet: str = setting("", "Whose mesh of an .enliven project; the first puppet's if not given.")
 
 
