@@ -1,0 +1,258 @@
+"""Sessions: written by hand, written by a program, read back the same, and refused with table and key."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from puppet_worlds import SIDES, places_for, puppet_project, stool, walker
+
+from enliven.deformation.arap import ArapSettings
+from enliven.errors import InputError
+from enliven.examples.constraints import Coupling, Position, Velocity
+from enliven.examples.locomotion import LocomotionSettings, Switch
+from enliven.examples.puppet_motion import motion_of
+from enliven.examples.settings import ExampleSettings
+from enliven.formats.example_session import read_session
+from enliven.formats.project_file import write_project
+from enliven.formats.session_tables import MeshTable, TakeTable
+from enliven.formats.session_text import session_text, write_session
+from enliven.mesh import fit_height
+from enliven.mesh_files import load_mesh, save_mesh
+from enliven.modeling.puppets import add_key_pose, change_point, play_take, set_symmetry
+from enliven.motion.contacts import ContactSettings
+from enliven.project import Project, same
+
+BY_HAND = """
+[mesh]
+file = "stool.ply"
+height = 0.5
+
+[[take]]
+file = "moves.enliven"
+
+[[point]]
+name = "left foot"
+at = [0.15, 0.0, 0.1]
+joint = "LeftFoot"
+foot = true
+
+[[point]]
+name = "right foot"
+at = [-0.15, 0.0, 0.1]
+joint = "RightFoot"
+foot = true
+
+[[point]]
+vertex = 300
+joint = "Head"
+weight = 2.5
+
+[[pose]]
+time = 0.2
+moves = { "left foot" = [0.0, 0.1, 0.2] }
+
+[[pose]]
+take = "walk"
+frame = 30
+[pose.places]
+"right foot" = [-0.2, 0.05, 0.1]
+
+[symmetry]
+normal = [1, 0, 0]
+
+[settings.examples]
+acceleration = 0.1
+
+[[layer]]
+loop = true
+speed = 2
+[[layer.position]]
+point = "point 3"
+frame = 3
+place = [0, 0.5, 0]
+axes = "y"
+[[layer.switch]]
+frame = 0
+kind = "contact"
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    save_mesh(stool(), tmp_path / "stool.ply")
+    write_project(tmp_path / "moves.enliven", Project().with_takes(walker(), walker(1, "short")))
+    (tmp_path / "session.toml").write_text(BY_HAND)
+    return tmp_path
+
+
+def full_project(seed: int = 0) -> Project:
+    """A puppet with everything that one can have."""
+    asked = {
+        "positions": (Position("top", 9, (0.0, 1.1, 0.0)), Position("left foot", 2, (0.1, 0.0, 0.3), "x")),
+        "velocities": (Velocity("top", 20, (0.1, 0.0, 0.0), "x"),),
+        "couplings": (Coupling("top", "left hand", 30, "y", (0.0, 0.4, 0.0)),),
+        "switches": (Switch(0, "contact"), Switch(40, "flight")),
+    }
+    project = puppet_project(seed, **asked)
+    project = play_take(
+        project.with_takes(walker(1, "short")), "stool", "short", points=("top",), offset=0.25, speed=-0.5,
+        loop=True, weight=0.3, muted=True, travel=False, level_feet=False, mirrored=True,
+    )  # fmt: skip
+    project = set_symmetry(change_point(project, "stool", "top", weight=0.7), "stool", SIDES)
+    puppet = project.puppets["stool"].with_changes(
+        place=np.array([1.0, 0.0, -1 / 3]),
+        turn=np.array([np.cos(0.3), 0.0, np.sin(0.3), 0.0]),
+        surface=ArapSettings(iterations=5, hold=0.1),
+        examples=ExampleSettings(nearest=3, margin=0.1),
+        locomotion=LocomotionSettings(ContactSettings(height=0.2), landing="free"),
+    )
+    return project.with_puppets(puppet)
+
+
+def test_a_session_by_hand(folder):
+    read = read_session(folder / "session.toml")
+    puppet = read.project.puppets["stool"]
+    assert read.puppet == "stool"
+    np.testing.assert_allclose(puppet.mesh.bounds, [[-0.15, 0, -0.1], [0.15, 0.5, 0.1]], atol=1e-6)
+    np.testing.assert_allclose(puppet.rest[:2], [[0.15, 0, 0.1], [-0.15, 0, 0.1]], atol=1e-6)
+    assert [point.name for point in puppet.points] == ["left foot", "right foot", "point 3"]
+    assert puppet.points[2].vertex == 300 and puppet.points[2].weight == 2.5 and puppet.points[0].foot
+    np.testing.assert_allclose(puppet.poses[0].places[0], puppet.rest[0] + [0, 0.1, 0.2])
+    np.testing.assert_array_equal(puppet.poses[0].places[1:], puppet.rest[1:])
+    np.testing.assert_array_equal(puppet.poses[1].places[1], [-0.2, 0.05, 0.1])
+    assert puppet.poses[1].time == pytest.approx(1.0) and puppet.examples.acceleration == 0.1
+    layer = puppet.layers[0]
+    assert layer.take == "walk" and layer.loop and layer.speed == 2.0
+    assert layer.positions == (Position("point 3", 3, (0.0, 0.5, 0.0), "y"),)
+    assert layer.switches == (Switch(0, "contact"),)
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=5, deadline=None)
+def test_what_is_written_is_read_back_bit_for_bit(tmp_path_factory, seed):
+    path = tmp_path_factory.mktemp("session") / "a" / "stool.toml"
+    project = full_project(seed)
+    write_session(path, project, "stool")
+    read = read_session(path)
+    assert same(read.project.puppets["stool"], project.puppets["stool"])
+    assert same(read.project, project)
+    text = path.read_text()
+    write_session(path, read.project, "stool", read.mesh, read.takes)
+    assert path.read_text() == text
+
+
+def test_files_that_there_are_stay_where_the_mesh_and_the_takes_are(folder):
+    """What is said to come from files is not written again, and gives the same puppet."""
+    mesh = MeshTable("stool.ply", 1.0)
+    loaded = fit_height(load_mesh(folder / "stool.ply").mesh, 1.0)
+    project = full_project()
+    puppet = project.puppets["stool"].with_changes(mesh=loaded)
+    project = project.with_puppets(puppet)
+    takes = {name: TakeTable("moves.enliven", animation=name) for name in ("walk", "short")}
+    write_session(folder / "made.toml", project, "stool", mesh, takes)
+    assert not (folder / "made.enliven").exists()
+    assert same(read_session(folder / "made.toml").project.puppets["stool"], puppet)
+    # A take that has no file goes beside.
+    write_session(folder / "part.toml", project, "stool", mesh, {"walk": takes["walk"]})
+    assert same(read_session(folder / "part.toml").project, project)
+
+
+def test_what_is_not_posed_yet_is_written_as_no_move(folder):
+    project = puppet_project(poses=0, play=False)
+    rest = project.puppets["stool"].rest
+    project = add_key_pose(project, "stool", "walk", 0.5, rest)
+    project = add_key_pose(project, "stool", "walk", 1.0, places_for(rest, 1))
+    text = session_text(project.puppets["stool"], MeshTable("stool.ply"), {})
+    assert text.count("[pose.moves]") == 1 and text.count("[pose.places]") == 1
+    assert '"top" = [0.0, 0.0, 0.0]' in text
+
+
+def test_a_part_of_a_take(folder):
+    text = BY_HAND.replace(
+        'file = "moves.enliven"', 'file = "moves.enliven"\nname = "late"\nstart = 1.0\nend = 2.5'
+    )
+    (folder / "session.toml").write_text(text.replace('take = "walk"\n', ""))
+    read = read_session(folder / "session.toml")
+    assert read.project.takes["late"].duration == pytest.approx(1.5)
+    assert read.takes["late"].start == 1.0
+
+
+WRONG = [
+    ("[mesh]", "[msh]", "unknown table msh. Did you mean mesh?"),
+    ('file = "stool.ply"', 'fiel = "stool.ply"', "[mesh]: unknown key fiel. Did you mean file?"),
+    ('file = "stool.ply"', 'file = "stol.ply"', "[mesh]: "),
+    ("height = 0.5", 'height = "tall"', "[mesh]: height is 'tall'"),
+    ("height = 0.5", "height = 0.0", "[mesh]: height is 0.0, outside"),
+    ('file = "moves.enliven"', 'file = "moves.xyz"', "[[take]] 1: "),
+    ('file = "moves.enliven"', 'file = "moves.enliven"\nanimation = "run"', "no animation 'run'"),
+    ("vertex = 300", "vertex = 30000", "[[point]] 3: puppet 'stool': the mesh has no vertex 30000"),
+    ("vertex = 300", "", "[[point]] 3: it needs a vertex or a place. Say vertex = 4711 or at = [x, y, z]."),
+    ("vertex = 300", "at = [0, 1]", "[[point]] 3: at is [0, 1]"),
+    ("time = 0.2", "", "[[pose]] 1: it needs a time or a frame"),
+    ("time = 0.2", "time = 99.0", "[[pose]] 1: take 'walk': 99 s is outside of the take. It has 0..3 s."),
+    ("time = 0.2", "tiem = 0.2", "[[pose]] 1: unknown key tiem. Did you mean time?"),
+    ("frame = 30", "frame = 6", "[[pose]] 2: puppet 'stool': key pose 0 is of frame 6 of 'walk' already"),
+    ('take = "walk"', 'take = "run"', "[[pose]] 2: there is no take 'run'. Known: walk."),
+    ('"right foot" = [-0.2', '"wrong foot" = [-0.2', "no control point 'wrong foot'"),
+    ("moves = {", 'places = {"left foot" = [0, 0, 0]}\nmoves = {', "[[pose]] 1: it has places and moves"),
+    ("normal = [1, 0, 0]", "normal = [0, 0, 0]", "[symmetry]: "),
+    ("acceleration = 0.1", "accelleration = 0.1", "[settings]: unknown key examples.accelleration. Did"),
+    ("acceleration = 0.1", "acceleration = 99.0", "examples.acceleration is 99.0, outside 0.0..10.0"),
+    ("speed = 2", "speed = 0", "[[layer]] 1: layer of 'walk': offset 0.0, speed 0.0"),
+    ("speed = 2", "sped = 2", "[[layer]] 1: unknown key sped. Did you mean speed?"),
+    ("frame = 3\n", "frame = 3000\n", "[[layer]] 1: constraints: the position of 'point 3' at frame 3000"),
+    ('point = "point 3"', 'point = "nose"', "there is no control point 'nose'. Known: left foot, right"),
+    ('axes = "y"', 'axes = "up"', "the position of 'point 3' at frame 3 (up) has axes 'up'"),
+    ('kind = "contact"', 'kind = "hop"', "[[layer]] 1, switch 1: kind is 'hop', expected 'contact' or"),
+    ("[[layer.switch]]\nframe = 0", "[[layer.switch]]\nframe = 4", "[[layer]] 1: locomotion: switches at"),
+    ("[[layer]]", "[layer]", "layer must be tables. Write [[layer]] for each."),
+    ("[symmetry]", "[[symmetry]]", "symmetry must be one table. Write [symmetry], once."),
+    ('joint = "Head"', 'joint = "Tail"', "has no 'Tail'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("right", "wrong", "said"), WRONG)
+def test_an_error_says_which_table_which_key_and_what_to_do(folder, right, wrong, said):
+    assert right in BY_HAND
+    path = folder / "session.toml"
+    path.write_text(BY_HAND.replace(right, wrong, 1))
+    with pytest.raises(InputError) as refused:
+        read = read_session(path)
+        motion_of(read.project, read.project.puppets["stool"], 0)
+    assert said in str(refused.value)
+
+
+def test_files_that_are_no_session(folder):
+    with pytest.raises(InputError, match=r"nowhere\.toml: there is no such file"):
+        read_session(folder / "nowhere.toml")
+    (folder / "bad.toml").write_text("[mesh\n")
+    with pytest.raises(InputError, match=r"it is not readable TOML"):
+        read_session(folder / "bad.toml")
+    (folder / "empty.toml").write_text("")
+    with pytest.raises(InputError, match=r"it has no \[mesh\]"):
+        read_session(folder / "empty.toml")
+    (folder / "lonely.toml").write_text('[mesh]\nfile = "stool.ply"\n[[pose]]\ntime = 0\n')
+    with pytest.raises(InputError, match=r"\[\[pose\]\] 1: there is no take"):
+        read_session(folder / "lonely.toml")
+    with pytest.raises(InputError, match="a session is no project"):
+        write_session(folder / "made.enliven", full_project(), "stool")
+
+
+def test_contradictions_are_all_named(folder):
+    more = '[[layer.position]]\npoint = "point 3"\nframe = 3\nplace = [0, 0.7, 0]\n'
+    (folder / "session.toml").write_text(BY_HAND.replace("[[layer.switch]]", more + "[[layer.switch]]"))
+    with pytest.raises(InputError) as refused:
+        read_session(folder / "session.toml")
+    assert "(xyz) contradicts the position of 'point 3' at frame 3 (y)" in str(refused.value)
+
+
+def test_the_same_take_twice_needs_two_names(folder):
+    twice = '[[take]]\nfile = "moves.enliven"\n'
+    (folder / "session.toml").write_text(BY_HAND.replace("[[take]]", twice + "[[take]]", 1))
+    with pytest.raises(InputError, match=r"\[\[take\]\] 2: .*there is a take 'walk' already"):
+        read_session(folder / "session.toml")
+    named = twice + 'name = "again"\n'
+    (folder / "session.toml").write_text(BY_HAND + named)
+    assert list(read_session(folder / "session.toml").project.takes) == ["walk", "again"]
