@@ -32,9 +32,10 @@ from enliven.formats.gltf_shape import (
     stretches_of,
 )
 from enliven.formats.puppet_gltf import add_puppet
-from enliven.formats.puppet_performance import PuppetPerformance, frame_times
+from enliven.formats.puppet_performance import PuppetPerformance
 from enliven.graph_shape import GraphShape
 from enliven.modeling.graph_pose import graph_pose
+from enliven.modeling.puppet_baking import frame_times
 from enliven.motion.evaluate import Player
 from enliven.project import Project
 from enliven.rotation import from_matrix, to_matrix

@@ -2,7 +2,9 @@
 
     project = read_possessed("take.mcap")          # a graph shape and a stream for each possessed mesh
 
-The file is one that ``enliven run`` recorded: characters and poses as they went over the wire.
+The file is one that ``enliven run`` recorded: characters and poses as they went over the wire. Of a puppet
+that was performed live the control points were recorded: its surface is solved again and baked to nodes
+(:mod:`enliven.examples.bake`), with a note of the error.
 """
 
 from __future__ import annotations
@@ -14,10 +16,18 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.character import Character, Pose
+from enliven.deformation.arap import ArapSettings
 from enliven.errors import EnlivenError, InputError
+from enliven.examples.bake import bake_surface
+from enliven.examples.bake_frames import SurfaceFrames
+from enliven.examples.bake_settings import BakeSettings
 from enliven.graph_shape import GraphShape, PoseStream, graph_shape_of
+from enliven.mesh import Mesh
+from enliven.modeling.puppet_baking import graph_of
 from enliven.project import Project, unused
+from enliven.puppet import ControlPoint, Puppet
 from enliven.recording import Recording
+from enliven.rotation import conjugate, from_matrix, rotate, to_matrix
 from enliven.wire.convert import message_to_character, message_to_pose
 from enliven.wire.messages import CharacterMessage, PoseMessage
 from enliven.wire.posecode import PoseCodec
@@ -26,12 +36,15 @@ _FEWEST = 2
 """Poses that a mesh must have for it to have moved."""
 
 
-def read_possessed(path: str | Path) -> Project:
-    """The possessed meshes of a take with what they did, as a project.
+def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
+    """The possessed meshes and puppets of a take with what they did, as a project.
 
     Poses come as fast as the sensor did; a stream has them at even steps, their median, mixed between
     neighbours. A mesh that was taken up again with other nodes is another shape. All begin at the time that
     they had in the take, with its first pose at 0 seconds.
+
+    Args:
+        notes: takes how far baked puppets are from what was performed.
 
     Raises:
         InputError: where the file is no recording, or no possessed mesh moved in it.
@@ -42,9 +55,10 @@ def read_possessed(path: str | Path) -> Project:
     project = Project()
     for key, character in characters.items():
         found = poses.get(key, [])
-        if character.kind != "graph" or len(found) < _FEWEST:
+        if character.kind not in ("graph", "points") or len(found) < _FEWEST:
             continue
-        shape, stream = _played(character, found, begin, project)
+        told: list[str] = [] if notes is None else notes
+        shape, stream = _played(character, found, begin, project, told)
         project = project.with_streams(stream).with_graphs(shape)
     if not project.graphs:
         mend = "Possess a mesh and record it: enliven run."
@@ -77,7 +91,7 @@ def _read(recording: Recording) -> tuple[dict[tuple[str, int], Character], dict[
 
 
 def _played(
-    character: Character, poses: list[Pose], begin: int, project: Project
+    character: Character, poses: list[Pose], begin: int, project: Project, notes: list[str]
 ) -> tuple[GraphShape, PoseStream]:
     """The shape and its stream at even steps."""
     seconds = np.array([(pose.time_ns - begin) / 1e9 for pose in poses])
@@ -87,11 +101,49 @@ def _played(
         raise InputError("all its poses are of one moment", where=f"character {character.id!r}")
     step = float(np.median(np.diff(seconds)))
     grid = np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
-    shape, whole = graph_shape_of(character, poses, unused(character.id, project.streams), step)
+    ids = unused(character.id, project.graphs), unused(character.id, project.streams)
+    if character.kind == "points":
+        return _solved(character, poses, seconds, grid, ids, notes)
+    shape, whole = graph_shape_of(character, poses, ids[1], step)
     stream = PoseStream(whole.id, _at(whole.linear, seconds, grid), _at(whole.positions, seconds, grid), step)
     part = shape.parts[0]
     moved = type(part)(part.stream, part.nodes, offset=float(seconds[0]))
-    return shape.with_changes(id=unused(character.id, project.graphs), parts=(moved,)), stream
+    return shape.with_changes(id=ids[0], parts=(moved,)), stream
+
+
+def _solved(
+    character: Character,
+    poses: list[Pose],
+    seconds: Float,
+    grid: Float,
+    ids: tuple[str, str],
+    notes: list[str],
+) -> tuple[GraphShape, PoseStream]:
+    """A puppet: its surface is solved at the times ``grid`` (G,) and baked."""
+    turns = from_matrix(np.array([pose.linear[0] for pose in poses], np.float64))
+    world = np.array([pose.positions for pose in poses], np.float64)
+    local = rotate(conjugate(turns)[:, None], world[:, 1:] - world[:, :1])
+    turns = from_matrix(_at(to_matrix(turns), seconds, grid))
+    puppet = _puppet_of(character)
+    settings, places = BakeSettings(), _at(local, seconds, grid)
+    held = [point.vertex for point in puppet.points]
+    surface = bake_surface(puppet.mesh, SurfaceFrames(puppet, places, settings.kept), places, held, settings)
+    notes.append(f"The surface of {character.id!r} was baked, {surface.error}.")
+    roots, step = _at(world[:, 0], seconds, grid), float(grid[1] - grid[0])
+    return graph_of(puppet.mesh, surface, turns, roots, step, ids, float(seconds[0]))
+
+
+def _puppet_of(character: Character) -> Puppet:
+    """Its mesh with its control points, which play nothing."""
+    assert character.held is not None
+    pulls = np.zeros(len(character.held)) if character.pulls is None else character.pulls
+    points = tuple(
+        ControlPoint(str(number), int(vertex), weight=float(pull) or None)
+        for number, (vertex, pull) in enumerate(zip(character.held, pulls, strict=True))
+    )
+    vertices = character.vertices.astype(np.float64)
+    mesh = Mesh(vertices, character.faces, character.id, character.colours)
+    return Puppet(character.id, mesh, points, surface=character.surface or ArapSettings())
 
 
 def _at(values: Float, seconds: Float, grid: Float) -> Float:

@@ -8,17 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from enliven.arrays import Float
-from enliven.errors import InputError
 from enliven.examples.bake import BakedSurface, bake_surface
 from enliven.examples.bake_frames import SurfaceFrames, states_of
 from enliven.examples.bake_morphs import BakedMorphs, bake_morphs
 from enliven.examples.bake_settings import BakeError, BakeSettings
 from enliven.mesh import Mesh
+from enliven.modeling.puppet_baking import end_of_puppet, frame_times
 from enliven.project import Project
-from enliven.puppet import Puppet
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,22 +78,3 @@ def puppet_performance_of(
         surface = bake_surface(puppet.mesh, frames, places, held, settings)
     keys = settings.keys * surface.error.size
     return PuppetPerformance(name, puppet.mesh, times - start, turn, place, surface, keys)
-
-
-def end_of_puppet(project: Project, puppet: Puppet) -> float:
-    """Seconds until each of its layers that is not muted has played its take once; 0 without."""
-    layers = [layer for layer in puppet.layers if not layer.muted]
-    ends = [layer.offset + project.takes[layer.take].duration / abs(layer.speed) for layer in layers]
-    return max(ends, default=0.0)
-
-
-def frame_times(start: float, end: float, rate: float, name: str) -> Float:
-    """(T,) seconds from start to end.
-
-    Raises:
-        InputError: where they make no sense.
-    """
-    if not (np.isfinite([start, end, rate]).all() and end >= start and 0 < rate <= 1000):
-        what = f"from {start} s to {end} s at {rate} frames a second is no time"
-        raise InputError(what, where=f"shape {name!r}", mend="Give an end after the start.")
-    return np.asarray(start + np.arange(round((end - start) * rate) + 1) / rate)

@@ -1,18 +1,22 @@
 """A possessed mesh of a take becomes a shape that plays what was recorded, at even steps."""
 
+import made_puppets
 import msgspec
 import numpy as np
 import pytest
 
 from enliven.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
+from enliven.examples.bake_frames import SurfaceFrames, states_of
+from enliven.examples.puppet_motion import pose_of_state, state_of
 from enliven.formats.possessed import read_possessed
 from enliven.modeling.cut_surfaces import PlaneCut
 from enliven.modeling.graph_copying import paste_graph
-from enliven.modeling.graph_pose import graph_pose
+from enliven.modeling.graph_pose import graph_pose, graph_vertices
 from enliven.modeling.graph_surgery import cut_graph
+from enliven.puppet import PuppetLayer, character_of_puppet
 from enliven.recording import Recorder
-from enliven.rotation import from_rotation_vector, to_matrix
+from enliven.rotation import from_rotation_vector, rotate, to_matrix
 from enliven.wire.convert import character_to_message, pose_to_message
 from enliven.wire.posecode import PoseCodec
 
@@ -38,7 +42,7 @@ def pose(character, second):
     return Pose(character.id, round(second * 1e9), linear, moved.astype(np.float32))
 
 
-def write(path, *casts):
+def write(path, *casts, pose=pose):
     """A take of (character, revision, seconds of the poses)."""
     with Recorder(path) as recorder:
 
@@ -97,3 +101,27 @@ def test_a_take_without_possessed_meshes_is_refused(tmp_path):
             read_possessed(tmp_path / f"{name}.mcap")
     with pytest.raises(InputError):
         read_possessed(tmp_path / "nothing.mcap")
+
+
+def test_a_puppet_that_was_performed_moves_again_within_the_stated_error(tmp_path):
+    project = made_puppets.project(layers=(PuppetLayer("dance"),), place=np.array([0.5, 0.0, 1.0]))
+    puppet = project.puppet("bean")
+    seconds = np.arange(40) * STEP
+
+    def put(character, second):
+        return pose_of_state(puppet, state_of(project, puppet, second), round(second * 1e9))
+
+    write(tmp_path / "take.mcap", (character_of_puppet(puppet), 1, seconds), pose=put)
+    notes = []
+    read = read_possessed(tmp_path / "take.mcap", notes)
+    (note,) = notes
+    assert "'bean'" in note and "% of its size" in note
+    shape = read.graph("bean")
+    assert len(shape.positions) > 4 and read.streams["bean"].duration == pytest.approx(39 * STEP, abs=1e-3)
+    places, turns, roots = states_of(project, puppet, seconds)
+    size = np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0))
+    for frame, vertices in enumerate(SurfaceFrames(puppet, places)()):
+        if frame % 13 == 0:
+            expected = rotate(turns[frame], vertices) + roots[frame]
+            shown = graph_vertices(shape, *graph_pose(read, shape, seconds[frame]))
+            assert np.linalg.norm(shown - expected, axis=1).max() < 0.012 * size
