@@ -63,6 +63,7 @@ def _files(desk: Desk) -> None:
         if imgui.selectable(file.name, browser.name == file.name, flags)[0]:
             browser.name = file.name
             done = imgui.is_mouse_double_clicked(0)
+        desk.remember(f"file {file.name}")
     if browser.problem:
         quiet(browser.problem)
     imgui.end_child()

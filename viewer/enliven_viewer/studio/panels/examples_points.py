@@ -19,7 +19,7 @@ from enliven_viewer.studio.theme import ACCENT, INK, QUIET, RAISED, point_colour
 _ROW, _FOOT, _LOCKED, _SOFT = 24.0, "\uf063", "\uf023", "\uf09c"
 _SUGGESTED = 6
 """Control points that are suggested at once."""
-_AXES = ("left and right", "above and below", "front and back")
+_AXES = ("left to right", "above to below", "front to back")
 
 
 def draw_points(desk: Desk, puppet: Puppet) -> None:
@@ -179,26 +179,40 @@ def suggest(desk: Desk, puppet: Puppet) -> bool:
 
 
 def _symmetry(desk: Desk, puppet: Puppet) -> None:
-    """Symmetric on or off, and the plane that was found."""
+    """Whether examples count for their mirror images, in which plane, and whether both sides are edited."""
     editor = desk.editor
     toggled, on = imgui.checkbox("symmetric", puppet.symmetry is not None)
     desk.remember("symmetric")
     if imgui.is_item_hovered():
-        imgui.set_tooltip(
-            "What you put and pose at one side is put and posed at the other,\n"
-            "and every example counts for its mirror image too"
-        )
+        imgui.set_tooltip("Every example counts for its mirror image too: pose one side, and both are shown")
+    if toggled:
+        set_mirrored(desk, puppet, on)
+        return
+    if puppet.symmetry is None:
+        return
+    normal = [abs(value) for value in puppet.symmetry.normal]
+    imgui.same_line()
+    with small(), tinted(QUIET, imgui.Col_.text):
+        imgui.text_unformatted(_AXES[normal.index(max(normal))])
+    toggled, on = imgui.checkbox("edit both sides at once", editor.puppets.symmetric)
+    desk.remember("both sides")
+    if imgui.is_item_hovered():
+        imgui.set_tooltip("Control points are put and dragged together with their mirror image")
     if toggled:
         editor.puppets.set_symmetric(on)
-        plane = plane_for(puppet) if on and editor.puppets.symmetric else None
-        if (plane is None) != (puppet.symmetry is None):
-            word = "symmetric" if plane else "not symmetric"
-            editor.edit(word, lambda project: set_symmetry(project, puppet.id, plane))
-    if puppet.symmetry is not None:
-        imgui.same_line()
-        normal = [abs(value) for value in puppet.symmetry.normal]
-        with small(), tinted(QUIET, imgui.Col_.text):
-            imgui.text_unformatted(f"mirrors {_AXES[normal.index(max(normal))]}")
+
+
+def set_mirrored(desk: Desk, puppet: Puppet, on: bool) -> None:
+    """Take the mesh's plane of symmetry for the examples, or none; and edit both sides while they are few."""
+    editor = desk.editor
+    plane = plane_for(puppet) if on else None
+    editor.puppets.set_symmetric(on and not puppet.poses)
+    if (plane is None) == (puppet.symmetry is None):
+        if on:
+            editor.puppets.set_symmetric(True)  # tells that there is no plane
+        return
+    word = "symmetric" if plane else "not symmetric"
+    editor.edit(word, lambda project: set_symmetry(project, puppet.id, plane))
 
 
 def _tint(number: int) -> int:

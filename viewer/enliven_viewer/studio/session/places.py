@@ -74,6 +74,21 @@ class SourceJoint:
 
 
 @dataclass(frozen=True)
+class PerformerJoint:
+    """A joint of the performer beside the puppet, by name; needs a window."""
+
+    joint: str
+
+
+@dataclass(frozen=True)
+class OnLane:
+    """A second of the take of the chosen puppet's layer, in a row of it: "bar", "poses", "band" or "held"."""
+
+    row: str
+    seconds: float
+
+
+@dataclass(frozen=True)
 class Widget:
     """A widget by the name that its panel gives it; needs a window."""
 
@@ -88,7 +103,19 @@ class OnTimeline:
     lane: int | None = None
 
 
-Place = Joint | OnBone | OnPuppet | Spot | Near | Pixel | SourceJoint | Widget | OnTimeline
+Place = (
+    Joint
+    | OnBone
+    | OnPuppet
+    | Spot
+    | Near
+    | Pixel
+    | SourceJoint
+    | PerformerJoint
+    | Widget
+    | OnTimeline
+    | OnLane
+)
 
 
 class Stage(Protocol):
@@ -148,6 +175,10 @@ def where(place: Place, stage: Stage) -> Point:
         return stage.widget(place.name)
     if isinstance(place, OnTimeline):
         return _on_timeline(place, stage)
+    if isinstance(place, OnLane):
+        return _on_lane(place, stage)
+    if isinstance(place, PerformerJoint):
+        return _on_performer(place, stage)
     if isinstance(place, SourceJoint):
         source = source_of(stage.desk)
         stance = source.stance()
@@ -202,6 +233,23 @@ def _on_timeline(place: OnTimeline, stage: Stage) -> Point:
     layout = stage.desk.timeline.layout
     y = 8.0 if place.lane is None else layout.bars()[place.lane].top + 10.0
     return _shifted(stage.timeline(), np.array([layout.x(place.time), y]))
+
+
+def _on_lane(place: OnLane, stage: Stage) -> Point:
+    hand = stage.desk.timeline
+    lanes = hand.puppets.lanes(hand.layout)
+    row = next(row for row in lanes.rows() if row.kind == place.row and row.puppet == lanes.chosen)
+    return _shifted(stage.timeline(), np.array([lanes.x(row, place.seconds), row.top + row.height / 2]))
+
+
+def _on_performer(place: PerformerJoint, stage: Stage) -> Point:
+    view = stage.desk.performer
+    figure = view.figure()
+    if figure is None:
+        raise InputError("no performer is shown", where="session")
+    pixel = view.lens.project(figure.joints)[0][figure.skeleton.index(place.joint)]
+    left, top, _, _ = stage.desk.widget("performer")
+    return _shifted((left, top), pixel)
 
 
 def _shifted(corner: Point, at: np.ndarray) -> Point:
