@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import moderngl
 import numpy as np
@@ -15,6 +17,8 @@ from enliven.mesh import Mesh
 from enliven.shape import Shape, still_shape
 from enliven.skeleton import Skeleton
 from enliven_viewer.render.context import offscreen_context
+
+sys.path.insert(0, str(Path(__file__).parent))  # what tests share is found beside this
 
 SQUARES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 

@@ -51,6 +51,8 @@ class Surfaces:
         if not solver.new(places):
             return surface.pose
         small = len(puppet.mesh.vertices) < _SLOW
+        if not warm and np.array_equal(places, puppet.rest):
+            return solver.rest(surface, places)
         return solver.move(surface, places, settle=not warm and small, toasts=self._toasts)
 
     def aside(self, puppet: Puppet, places: Float) -> Future[Float] | None:
@@ -154,6 +156,12 @@ class _Solver:
     def new(self, places: Float) -> bool:
         """Whether these are other places (P, 3) than last time."""
         return self._places is None or not np.array_equal(places, self._places)
+
+    def rest(self, surface: PuppetSurface, places: Float) -> Float:
+        """(V, 3) the mesh at rest, without looking for it."""
+        self._places, self._rounds = np.array(places), 0
+        surface.hold([vertex for vertex, _ in self._held], [weight for _, weight in self._held])
+        return surface.pose
 
     def move(self, surface: PuppetSurface, places: Float, *, settle: bool, toasts: Toasts) -> Float:
         """(V, 3) the surface at other places; the last good one where they cannot be meant."""

@@ -41,6 +41,7 @@ class PuppetTool(Tool):
         self._grip: PointGrip | None = None
         self._click: Pointer | None = None
         self._last: Point = (0.0, 0.0)
+        self._turning = False
 
     @property
     def hint(self) -> str:
@@ -84,14 +85,12 @@ class PuppetTool(Tool):
     def press(self, pointer: Pointer) -> bool:
         self.hover(pointer)
         desk, standing = self.desk, self._standing()
-        self._last = pointer.at
+        self._last, self._turning = pointer.at, False
         if standing is not None and self.over and desk.point is not None:
             self._grip = PointGrip(self.editor, standing, desk.point, self.over, pointer.at)
         elif standing is not None and self.over_point is not None:
             desk.choose(standing.puppet.id, self.over_point)
             self._grip = PointGrip(self.editor, standing, self.over_point, "view", pointer.at)
-        elif self.over_vertex is not None or puppet_at(desk.standing, self.editor.lens, pointer.at):
-            self._click = pointer
         else:
             self._click = pointer
         self.editor.playing = False
@@ -100,9 +99,9 @@ class PuppetTool(Tool):
     def drag(self, pointer: Pointer) -> None:
         if self._grip is not None:
             self._grip.drag(pointer)
-        elif self._moved(pointer):
+        elif self._turning or (self._click is not None and self._far(pointer, self._click)):
             # What began as a click on the mesh, or beside it, turns the view as on the empty stage.
-            self._click = None
+            self._click, self._turning = None, True
             across, down = pointer.at[0] - self._last[0], pointer.at[1] - self._last[1]
             self.editor.camera.orbit(-_TURN * across, _TURN * down)
         self._last = pointer.at
@@ -110,6 +109,7 @@ class PuppetTool(Tool):
     def release(self, pointer: Pointer) -> None:
         grip, click = self._grip, self._click
         self._grip = self._click = None
+        self._turning = False
         if grip is not None:
             grip.drop()
         elif click is not None:
@@ -168,9 +168,8 @@ class PuppetTool(Tool):
         place = lens.view.eye + hit[2] * lens.ray(pointer.at)
         return vertex_hit(standing.vertices, standing.puppet.mesh.faces[hit[1]], place)
 
-    def _moved(self, pointer: Pointer) -> bool:
-        start = self._click
-        return start is None or float(np.hypot(*np.subtract(pointer.at, start.at))) > _STILL
+    def _far(self, pointer: Pointer, start: Pointer) -> bool:
+        return float(np.hypot(*np.subtract(pointer.at, start.at))) > _STILL
 
     def _clicked(self, pointer: Pointer) -> None:
         """A click on the mesh puts a control point; on another puppet it chooses that; beside all, none."""
@@ -192,7 +191,7 @@ class PuppetTool(Tool):
         if self._grip is not None or self._click is not None:
             self._grip = self._click = None
             desk.let_go()
-            return False  # the hand lets go of its button too
+            return True
         if desk.point is not None:
             self.editor.select(point=None)
             return True

@@ -1,0 +1,73 @@
+"""A studio with a puppet for tests: a star of five limbs, and the library's takes."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from enliven.mesh import Mesh
+from enliven.modeling.puppets import add_point, make_puppet, play_take
+from enliven.modeling.sketch import shape_from_stroke
+from enliven.project import Project
+from enliven.puppet import Plane
+from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.session import DeskStage
+from enliven_viewer.studio.settings import StudioSettings
+
+TIPS = {
+    "head": (0.0, 0.9),
+    "left": (-0.45, 0.55),
+    "foot": (-0.2, 0.0),
+    "other": (0.2, 0.0),
+    "right": (0.45, 0.55),
+}
+"""x, y metres of the limbs' ends."""
+_GAPS = ((-0.09, 0.66), (-0.1, 0.42), (0.0, 0.22), (0.1, 0.42), (0.09, 0.66))
+SIDES = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+JOINTS = {"head": "bone 3", "left": "bone 1", "right": "bone 2", "foot": "root"}
+"""Of the takes "sway" and "walk"."""
+
+
+@cache
+def star() -> Mesh:
+    """A figure with a head, two arms and two legs, symmetric in x = 0 but for rounding; it stands."""
+    ring: list[np.ndarray] = []
+    for tip, gap in zip(TIPS.values(), _GAPS, strict=True):
+        way = np.array(tip) - np.array([0.0, 0.5])
+        across = np.array([-way[1], way[0]]) / np.linalg.norm(way) * 0.05
+        ring += [np.array(tip) - across, np.array(tip) + across, np.array(gap)]
+    mesh = shape_from_stroke(np.array(ring), id="star").mesh
+    assert mesh is not None
+    return Mesh(mesh.vertices - [0.0, mesh.vertices[:, 1].min(), 0.0], mesh.faces, "star")
+
+
+def vertex(name: str) -> int:
+    """The star's vertex at the end of a limb."""
+    x, y = TIPS[name]
+    return int(np.linalg.norm(star().vertices - [x, y, 0.0], axis=1).argmin())
+
+
+def project_with(*names: str, take: str = "") -> Project:
+    """The library's takes and the star, with control points at the ends of limbs."""
+    from enliven_viewer.studio.motions import library
+
+    project = make_puppet(Project().with_takes(*library()), star(), "star")
+    for name in names:
+        project = add_point(
+            project, "star", vertex(name), name, joint=JOINTS.get(name, ""), foot=name == "foot"
+        )
+    return play_take(project, "star", take) if take else project
+
+
+def studio(folder: Path, *names: str, take: str = "") -> tuple[Desk, DeskStage]:
+    """A desk on such a project, its puppet chosen and its tool in hand, and a stage without a window."""
+    render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
+    desk = Desk.new(Editor(StudioSettings(render=render, width=1100, height=720)), folder)
+    desk.cabinet.new(project_with(*names, take=take))
+    desk.puppets.choose("star")
+    desk.hand.take("puppet")
+    return desk, DeskStage(desk)

@@ -1,0 +1,169 @@
+"""Rays, the manipulator's handles, control points under the pointer, and mirror images."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from made_studio_puppets import SIDES, TIPS, project_with, star, vertex
+
+from enliven.modeling.puppets import move_puppet, set_symmetry, turn_puppet
+from enliven.rotation import from_rotation_vector
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.picking import first_face
+from enliven_viewer.studio.puppets.manipulator import LENGTH, PARTS, Manipulator
+from enliven_viewer.studio.puppets.marks import point_at
+from enliven_viewer.studio.puppets.mirrored import mirrored_places, partner_vertex
+from enliven_viewer.studio.puppets.ray import first_hit, vertex_hit
+from enliven_viewer.studio.puppets.stage import puppet_at
+
+PLACE = np.array([0.1, 0.5, -0.2])
+
+
+def editor_with(*names: str) -> Editor:
+    editor = Editor(project=project_with(*names))
+    editor.size = (640.0, 480.0)
+    editor.frame_all(at_once=True)
+    editor.puppets.choose("star")
+    return editor
+
+
+def pixel_of(editor: Editor, place: np.ndarray) -> tuple[float, float]:
+    x, y = editor.lens.project(np.asarray(place)[None])[0][0]
+    return float(x), float(y)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**31))
+def test_the_compiled_ray_finds_what_the_slow_one_finds(seed: int) -> None:
+    rng, mesh = np.random.default_rng(seed), star()
+    eye = rng.normal(0, 1, 3) * 2 + [0, 0.5, 0]
+    way = rng.normal([0.0, 0.5, 0.0], 0.3) - eye
+    way /= np.linalg.norm(way)
+    face, distance = first_hit(mesh.vertices, mesh.faces, eye, way)
+    slow, metres = first_face(mesh.vertices, mesh.faces, eye, way)
+    assert face == slow or distance == pytest.approx(metres), "a ray through an edge may meet either face"
+    assert distance == pytest.approx(metres)
+
+
+def test_of_a_face_the_nearest_corner_is_taken() -> None:
+    mesh = star()
+    face = mesh.faces[7]
+    for corner in face:
+        near = 0.9 * mesh.vertices[corner] + 0.1 * mesh.vertices[face].mean(0)
+        assert vertex_hit(mesh.vertices, face, near) == corner
+
+
+@pytest.mark.parametrize("name", TIPS)
+def test_a_puppet_is_picked_where_it_stands(name: str) -> None:
+    editor = editor_with()
+    turn = from_rotation_vector(np.array([0.0, 0.7, 0.0]))
+    editor.edit("away", lambda p: turn_puppet(move_puppet(p, "star", [0.6, 0.2, -0.3]), "star", turn))
+    standing = editor.puppets.standing[0]
+    middle = standing.vertices.mean(0)
+    place = standing.vertices[vertex(name)] * 0.93 + middle * 0.07
+    hit = puppet_at(editor.puppets.standing, editor.lens, pixel_of(editor, place))
+    assert hit is not None and hit[0] is standing
+    met = editor.lens.view.eye + hit[2] * editor.lens.ray(pixel_of(editor, place))
+    assert np.linalg.norm(met - place) < 0.15
+    assert puppet_at(editor.puppets.standing, editor.lens, (3.0, 3.0)) is None
+
+
+def test_into_the_mesh_and_out_again() -> None:
+    editor = editor_with("head")
+    turn = from_rotation_vector(np.array([0.3, 0.7, -0.2]))
+    editor.edit("away", lambda p: turn_puppet(move_puppet(p, "star", [0.6, 0.2, -0.3]), "star", turn))
+    standing = editor.puppets.standing[0]
+    assert np.allclose(standing.into(standing.vertices), star().vertices)
+    assert np.allclose(standing.points[0], standing.vertices[vertex("head")])
+    assert np.allclose(standing.drawn, standing.vertices, atol=1e-6)
+
+
+def test_the_point_under_the_pointer_is_found_and_of_two_the_one_before() -> None:
+    editor = editor_with("head", "left")
+    standing, lens = editor.puppets.standing[0], editor.lens
+    x, y = pixel_of(editor, standing.points[1])
+    assert point_at(standing, lens, (x + 5, y - 5), 11.0) == 1
+    assert point_at(standing, lens, (x + 15, y), 11.0) is None
+    assert point_at(editor_with().puppets.standing[0], lens, (x, y), 11.0) is None
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_a_handle_is_where_it_is_drawn_and_moves_along_itself(part: str) -> None:
+    editor = editor_with()
+    editor.camera.orbit(0.5, 0.4)
+    editor.camera.advance(10.0)
+    tool = Manipulator(PLACE, editor.lens)
+    axes = np.eye(3)
+    if part == "view":
+        handle = PLACE
+    elif len(part) == 1:
+        handle = PLACE + axes[PARTS.index(part)] * 0.7 * LENGTH * tool.pixel
+    else:
+        missing = PARTS.index(part) - 3
+        handle = PLACE + (1 - axes[missing]) * 33 * tool.pixel
+    start = pixel_of(editor, handle)
+    assert tool.at(start) == part
+    way = tool.dragged(part, start, (start[0] + 31.0, start[1] - 23.0), snap=False)
+    seen = pixel_of(editor, handle + way)
+    if part == "view":
+        assert way @ editor.lens.forward == pytest.approx(0.0, abs=1e-9)
+    elif len(part) == 1:
+        assert np.count_nonzero(way) == 1 and way[PARTS.index(part)] != 0.0
+    else:
+        assert way[PARTS.index(part) - 3] == pytest.approx(0.0, abs=1e-9)
+    if len(part) > 1:
+        assert seen == pytest.approx((start[0] + 31.0, start[1] - 23.0), abs=1e-3), (
+            "it stays under the pointer"
+        )
+    assert not tool.dragged(part, start, start, snap=False).any()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(PARTS), st.floats(-300, 300), st.floats(-200, 200), st.floats(-3, 3), st.floats(-1, 1))
+def test_a_drag_is_finite_from_every_side_and_snaps_to_steps(part, across, down, azimuth, elevation) -> None:
+    editor = editor_with()
+    editor.camera.face(azimuth, elevation)
+    editor.camera.advance(10.0)
+    tool = Manipulator(PLACE, editor.lens)
+    start = pixel_of(editor, PLACE)
+    way = tool.dragged(part, start, (start[0] + across, start[1] + down), snap=True)
+    assert np.isfinite(way).all()
+    assert np.abs(way / tool.step - np.round(way / tool.step)).max() < 1e-6
+    power = tool.step / 10 ** np.floor(np.log10(tool.step) + 1e-9)
+    assert min(abs(power - round_number) for round_number in (1, 2, 5, 10)) < 1e-6
+
+
+def test_the_manipulator_is_as_large_wherever_it_is() -> None:
+    editor = editor_with()
+    sizes = []
+    for place in (PLACE, PLACE + editor.lens.forward * 1.5):
+        tool = Manipulator(place, editor.lens)
+        up = editor.lens.up * LENGTH * tool.pixel
+        sizes.append(np.linalg.norm(np.subtract(pixel_of(editor, place + up), pixel_of(editor, place))))
+    assert sizes == pytest.approx([LENGTH, LENGTH], rel=1e-6)
+
+
+def test_behind_the_eye_there_is_nothing_to_take() -> None:
+    editor = editor_with()
+    tool = Manipulator(editor.lens.view.eye - editor.lens.forward, editor.lens)
+    assert tool.at((320.0, 240.0)) == "" and tool.marks("") == ()
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.sampled_from(list(TIPS)), st.tuples(*[st.floats(-0.5, 0.5)] * 3))
+def test_mirroring_twice_changes_nothing(name: str, way: tuple[float, ...]) -> None:
+    names = ("left", "right", "head", "foot", "other")
+    editor = Editor(project=set_symmetry(project_with(*names), "star", SIDES))
+    puppet = editor.project.puppets["star"]
+    point = puppet.index(name)
+    assume(name != "head")
+    places = puppet.rest.copy()
+    places[point] += way
+    made = mirrored_places(puppet, places, point)
+    other = (
+        int(np.flatnonzero(np.abs(made - places).max(1) > 0)[0]) if not np.allclose(made, places) else point
+    )
+    assert np.allclose(mirrored_places(puppet, made, other), made)
+    assert partner_vertex(puppet, vertex("left")) is not None

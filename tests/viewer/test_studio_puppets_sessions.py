@@ -1,0 +1,264 @@
+"""Puppets in an artist's hands: the studio's own tools and keys, without a window."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from made_studio_puppets import star, studio, vertex
+
+from enliven.formats.project_file import read_project, write_project
+from enliven.modeling.puppets import add_key_pose
+from enliven.project import same
+from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.session import (
+    STEP,
+    Click,
+    Do,
+    Drag,
+    Key,
+    Near,
+    OnPuppet,
+    Pixel,
+    Spot,
+    play,
+)
+from enliven_viewer.studio.tools.puppet import PuppetTool
+
+
+def tool_of(desk: Desk) -> PuppetTool:
+    tool = desk.hand.tools["puppet"]
+    assert isinstance(tool, PuppetTool)
+    return tool
+
+
+def bad(desk: Desk) -> list[str]:
+    return [toast.text for toast in desk.editor.toasts.shown if toast.bad]
+
+
+def test_clicks_put_control_points_and_a_drag_makes_a_key_pose(tmp_path) -> None:
+    desk, stage = studio(tmp_path, take="sway")
+    hands = [OnPuppet("star", vertex(name)) for name in ("left", "right", "head")]
+    play([*(Click(hand) for hand in hands), Do(lambda d: d.editor.scrub(1.0))], stage)
+    puppet = desk.puppets.puppet
+    assert [np.linalg.norm(puppet.rest[k] - star().vertices[h.vertex]) < 0.03 for k, h in enumerate(hands)]
+    assert desk.puppets.point == 2 and not desk.puppets.posing
+    start = OnPuppet("star", point=0)
+    play([Drag((start, Near(start, -10, -90)))], stage)
+    puppet = desk.puppets.puppet
+    assert desk.puppets.number == 0 and puppet.poses[0].time == pytest.approx(1.0)
+    assert puppet.poses[0].places[0][1] > puppet.rest[0][1] + 0.1
+    assert np.array_equal(puppet.poses[0].places[1:], puppet.rest[1:])
+    play([Key("enter")], stage)
+    assert not desk.puppets.posing and not bad(desk)
+
+
+def test_arrows_move_along_their_axis(tmp_path) -> None:
+    desk, stage = studio(tmp_path, "head", "left", "foot", take="sway")
+    desk.editor.camera.orbit(0.4, 0.1)
+    desk.editor.camera.advance(10.0)
+    play([Click(OnPuppet("star", point=1))], stage)
+    manipulator = tool_of(desk).manipulator()
+    assert manipulator is not None
+    tip = manipulator.place + np.array([0.0, 60.0, 0.0]) * manipulator.pixel
+    play([Drag((Spot(*tip), Near(Spot(*tip), 12, -60)))], stage)
+    way = desk.puppets.places[1] - desk.puppets.puppet.rest[1]
+    assert way[1] > 0.05 and way[0] == way[2] == 0.0
+
+
+def test_escape_goes_back_step_by_step_and_loses_nothing(tmp_path) -> None:
+    desk, stage = studio(tmp_path, "head", "left", take="sway")
+    start = OnPuppet("star", point=1)
+    play([Drag((start, Near(start, 0, -60)))], stage)
+    kept = desk.puppets.puppet.poses
+    hand = desk.hand
+    at = desk.editor.lens.project(desk.puppets.standing[0].points)[0][1]
+    hand.press((at[0], at[1]))
+    hand.move((at[0] + 40, at[1]))
+    assert desk.puppets.dragging
+    hand.key("escape")
+    assert not desk.puppets.dragging and same(desk.puppets.puppet.poses, kept)
+    hand.move((at[0] + 80, at[1]))
+    hand.release((at[0] + 80, at[1]))
+    assert same(desk.puppets.puppet.poses, kept), "what was dropped stays dropped"
+    hand.key("escape")
+    assert desk.puppets.point is None and desk.puppets.posing
+    hand.key("escape")
+    assert not desk.puppets.posing and same(desk.puppets.puppet.poses, kept)
+
+
+def test_another_tool_leaves_the_key_pose_as_it_is(tmp_path) -> None:
+    desk, stage = studio(tmp_path, "head", "left", take="sway")
+    start = OnPuppet("star", point=1)
+    play([Drag((start, Near(start, 0, -60)))], stage)
+    kept = desk.puppets.puppet
+    play([Key("q")], stage)
+    assert not desk.puppets.posing and desk.puppets.puppet is kept and len(kept.poses) == 1
+
+
+def test_keys_nudge_reset_and_remove_the_chosen_point(tmp_path) -> None:
+    desk, stage = studio(tmp_path, "head", "left", "foot", take="sway")
+    play([Click(OnPuppet("star", point=1)), Do(lambda d: d.puppets.begin_pose("sway", 0.5))], stage)
+    time = desk.editor.time
+    play([Key("up"), Key("shift+up")], stage)
+    rise = desk.puppets.places[1][1] - desk.puppets.puppet.rest[1][1]
+    pixel = tool_of(desk).manipulator().pixel
+    assert rise == pytest.approx(11 * pixel, rel=0.1) and desk.editor.time == time
+    play([Key("r")], stage)
+    assert (
+        np.allclose(desk.puppets.places[1], desk.puppets.puppet.rest[1]) and desk.hand.tool.name == "puppet"
+    )
+    play([Key("delete")], stage)
+    assert [point.name for point in desk.puppets.puppet.points] == ["head", "foot"]
+    play([Key("enter"), Key("right")], stage)
+    assert desk.editor.time > time, "with nothing in the hand the arrows go through time"
+
+
+def test_dragging_the_mesh_turns_the_view_and_puts_no_point(tmp_path) -> None:
+    desk, stage = studio(tmp_path, "head")
+    before = desk.editor.lens.view.eye.copy()
+    belly = Spot(0.0, 0.5, 0.0)
+    play([Drag((belly, Near(belly, 120, 10)))], stage)
+    desk.editor.advance(5.0)
+    assert len(desk.puppets.puppet.points) == 1
+    assert np.linalg.norm(desk.editor.lens.view.eye - before) > 0.2
+
+
+def test_suggested_ends_are_clicked_nearly(tmp_path) -> None:
+    desk, stage = studio(tmp_path)
+    tool = tool_of(desk)
+    tool.suggested.of(desk.puppets.puppet)
+    tool.suggested.wait()
+    ends = tool.suggested.of(desk.puppets.puppet)
+    assert len(ends) >= 5
+    play([Click(Near(OnPuppet("star", ends[0]), 4, -3))], stage)
+    assert desk.puppets.puppet.points[0].vertex == ends[0]
+    assert ends[0] not in tool.suggested.of(desk.puppets.puppet)
+
+
+def test_faces_that_pass_through_one_another_are_told_but_not_at_rest(tmp_path) -> None:
+    desk, stage = studio(tmp_path, "head", "left", "right", "foot", "other", take="sway")
+    play([Do(lambda d: d.puppets.begin_pose("sway", 0.5))], stage)
+    desk.puppets.crossing.wait()
+    assert desk.hand.tool.warning == ""
+    places = desk.puppets.puppet.rest.copy()
+    places[1] = [0.3, 0.45, 0.0]
+    for share in np.linspace(0.1, 1.0, 10):
+        desk.puppets.drag(1, (1 - share) * desk.puppets.puppet.rest[1] + share * places[1])
+        desk.editor.advance(STEP)
+    desk.puppets.drop()
+    for _ in range(5):
+        desk.editor.advance(STEP)
+        desk.puppets.crossing.wait()
+    assert "left" in desk.hand.tool.warning and len(desk.puppets.crossing.faces) > 2
+    desk.puppets.warn = False
+    assert desk.hand.tool.warning == ""
+    desk.puppets.warn = True
+    play([Key("enter")], stage)
+    assert desk.hand.tool.warning == "" and len(desk.puppets.crossing.faces) == 0
+
+
+def test_a_puppet_is_moved_turned_copied_and_deleted_as_other_shapes(tmp_path) -> None:
+    desk, stage = studio(tmp_path, "head", take="sway")
+    belly = OnPuppet("star", int(np.linalg.norm(star().vertices - [0.0, 0.5, 0.2], axis=1).argmin()))
+    play([Key("g"), Drag((belly, Near(belly, 90, 0)))], stage)
+    moved = desk.puppets.puppet.place
+    assert np.linalg.norm(moved) > 0.1
+    play([Key("r"), Drag((belly, Near(belly, 90, 0)))], stage)
+    assert abs(desk.puppets.puppet.turn[0]) < 0.999 and desk.editor.history.undo_name == "turn star"
+    play([Key("ctrl+d"), Key("f")], stage)
+    assert (
+        list(desk.editor.project.puppets) == ["star", "star 2"] and desk.editor.selection.puppet == "star 2"
+    )
+    play([Key("ctrl+equal"), Key("ctrl+m"), Key("ctrl+left")], stage)
+    play([Key("ctrl+c"), Key("ctrl+v"), Key("ctrl+x"), Key("ctrl+v"), Key("delete")], stage)
+    assert len(desk.editor.project.puppets) == 2 and not bad(desk)
+    while desk.editor.history.undo_name is not None:
+        desk.editor.undo()
+    assert (
+        list(desk.editor.project.puppets) == ["star"] and not desk.editor.project.puppets["star"].place.any()
+    )
+
+
+def test_a_click_chooses_a_puppet_and_one_beside_all_none(tmp_path) -> None:
+    desk, stage = studio(tmp_path, "head")
+    play([Key("q"), Click(Pixel(0.02, 0.9))], stage)
+    assert desk.editor.selection.puppet is None
+    play([Click(Spot(0.0, 0.5, 0.0))], stage)
+    assert desk.editor.selection.puppet == "star"
+
+
+def test_a_puppet_is_made_of_a_shape_which_stays(tmp_path, make_limb) -> None:
+    desk, stage = studio(tmp_path)
+    desk.cabinet.new(desk.editor.project.with_shapes(make_limb("limb")))
+    desk.editor.select(shape="limb")
+    play([Key("ctrl+p")], stage)
+    made = desk.editor.project.puppets["limb puppet"]
+    assert "limb" in desk.editor.project.shapes and desk.editor.selection.puppet == "limb puppet"
+    assert made.mesh.vertices[:, 1].min() == 0.0 and made.place[1] == pytest.approx(0.2)
+    desk.editor.select(shape=None, puppet=None)
+    play([Key("ctrl+p")], stage)
+    assert "No shape" in desk.editor.toasts.shown[-1].text
+
+
+def test_it_plays_what_the_examples_say_and_the_project_comes_back(tmp_path) -> None:
+    desk, _ = studio(tmp_path, "head", "left", "right", "foot", take="sway")
+    rest = desk.puppets.puppet.rest
+    bent = np.add(rest, [[0.2, 0, 0], [0.1, 0.2, 0], [0.1, -0.2, 0], [0, 0, 0]])
+    for time, places in ((0.0, rest), (0.8, bent)):
+        desk.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "star", "sway", t, q))
+    desk.editor.solving.settle(desk.editor.project, "star")
+    seen = []
+    for _ in range(12):
+        desk.editor.playing = True
+        desk.editor.advance(0.1)
+        seen.append(desk.puppets.standing[0].vertices[vertex("head")])
+    assert np.ptp(np.array(seen)[:, 0]) > 0.05 and not bad(desk)
+    path = tmp_path / "star.enliven"
+    write_project(path, desk.editor.project)
+    assert same(read_project(path).puppets["star"], desk.puppets.puppet)
+
+
+def test_scrubbing_shows_the_same_whatever_came_before(tmp_path) -> None:
+    desk, _ = studio(tmp_path, "head", "left", "right", "foot", take="sway")
+    rest = desk.puppets.puppet.rest
+    bent = np.add(rest, [[0.2, 0, 0], [0.1, 0.2, 0], [0.1, -0.2, 0], [0, 0, 0]])
+    for time, places in ((0.0, rest), (0.8, bent)):
+        desk.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "star", "sway", t, q))
+    desk.editor.solving.settle(desk.editor.project, "star")
+    found = []
+    for before in (0.0, 2.5):
+        desk.editor.scrub(before)
+        _ = desk.puppets.standing
+        desk.editor.scrub(0.8)
+        found.append(desk.puppets.standing[0].vertices)
+    assert np.array_equal(found[0], found[1])
+
+
+def test_a_large_mesh_is_prepared_beside_the_window(tmp_path) -> None:
+    from enliven.mesh import refine
+
+    desk, _ = studio(tmp_path)
+    mesh = refine(star(), 0.008)
+    assert len(mesh.vertices) > 30_000
+    puppet = desk.puppets.puppet.with_changes(mesh=mesh)
+    desk.editor.edit("finer", lambda p: p.with_puppets(puppet))
+    assert np.array_equal(desk.puppets.standing[0].surface, mesh.vertices)
+    assert "takes a moment" in desk.editor.toasts.shown[-1].text
+    desk.puppets.add_point(0)
+    for _ in range(2000):
+        if desk.puppets.stage.surfaces.prepared(desk.puppets.puppet):
+            break
+        import time
+
+        time.sleep(0.01)
+    assert "can be dragged now" in desk.editor.toasts.shown[-1].text
+    desk.puppets.drag(0, mesh.vertices[0] + [0.0, 0.2, 0.0])
+    assert np.allclose(desk.puppets.standing[0].surface[0], mesh.vertices[0] + [0.0, 0.2, 0.0])
+
+
+def test_without_a_puppet_the_tool_does_nothing(tmp_path) -> None:
+    desk, stage = studio(tmp_path)
+    desk.cabinet.new()
+    assert "make one" in desk.hand.tool.hint
+    play([Click(Pixel(0.5, 0.5)), Key("delete"), Key("r"), Key("k"), Key("enter")], stage)
+    assert not desk.editor.project.puppets and not bad(desk)
