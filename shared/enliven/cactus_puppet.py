@@ -60,6 +60,7 @@ _DOWN = _Arm((0.14, -0.99, 0.0), (0.06, -0.99, 0.1), (0.42, 0.60, 0.02), (0.66, 
 _OUT = _Arm((1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.46, 0.63, 0.0), (0.88, 0.70, 0.0))
 _UP = _Arm((0.25, 0.97, 0.0), (0.05, 1.0, 0.0), (0.44, 0.74, 0.0), (0.37, 1.24, 0.0))
 _AHEAD = _Arm((0.05, -0.05, 1.0), (0.0, 0.0, 1.0), (0.36, 0.62, 0.20), (0.33, 0.72, 0.62))
+_FORE = _Arm((0.14, -0.99, 0.0), (0.0, -0.1, 1.0), (0.44, 0.62, 0.04), (0.52, 0.54, 0.42))
 _BENT = _Arm((0.99, -0.1, 0.0), (0.1, 1.0, 0.0), (0.44, 0.67, 0.0), (0.40, 1.10, 0.0))
 
 
@@ -88,6 +89,7 @@ _POSES: tuple[_Pose, ...] = (
     _Pose(_OUT, _OUT),
     _Pose(_UP, _UP),
     _Pose(_AHEAD, _AHEAD),
+    _Pose(_FORE, _FORE),
     _Pose(_BENT, _BENT),
     _Pose(lean=0.5),
     _Pose(bow=0.9),
@@ -96,11 +98,15 @@ _POSES: tuple[_Pose, ...] = (
 )
 
 
-def cactus_project() -> Project:
-    """A project with the puppet and the take of its poses."""
+def cactus_project(cell: float = 0.018) -> Project:
+    """A project with the puppet and the take of its poses.
+
+    Args:
+        cell: metres, about the length of an edge of the mesh.
+    """
     bodies = [_performer(pose) for pose in _POSES]
     take = clip_of_bodies(bodies, np.arange(len(bodies), dtype=np.float64), TAKE, step=1.0)
-    mesh = make_cactus()
+    mesh = make_cactus(cell)
     near = [int(np.linalg.norm(mesh.vertices - at, axis=1).argmin()) for _, at, _ in _POINTS]
     points = tuple(
         ControlPoint(name, vertex, BODY_NAMES[joint], foot="foot" in name)

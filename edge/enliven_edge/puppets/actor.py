@@ -12,6 +12,7 @@ from enliven.character import Pose
 from enliven.deformation.observed import Seen
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
+from enliven.examples.puppet_examples import reference_of
 from enliven.examples.puppet_motion import State, examples_of, pose_of_state
 from enliven.project import Project
 from enliven.puppet import Puppet, character_of_puppet
@@ -48,8 +49,7 @@ class PuppetActor:
         self.settings = settings or PuppetSettings()
         self._project, self._puppet = project, puppet
         self._examples = examples_of(project, puppet)
-        skeleton = project.takes[puppet.poses[0].take].skeleton
-        self._likeness = Likeness(skeleton, self._examples.joints)
+        self._likeness = Likeness(reference_of(project, puppet), self._examples.joints)
         self.character = character_of_puppet(puppet)
         self.holds: list[Hold] = []
         walks = self.settings.place == "walks"

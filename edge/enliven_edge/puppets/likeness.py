@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.body import Joint
+from enliven.body import Body, Joint
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, Limb, anatomy_of
 from enliven.mapping.facing import facing_of
 from enliven.motion.capture_clip import BODY_NAMES
 from enliven.skeleton import Skeleton
 from enliven_edge.placement import turn_about_y
-from enliven_edge.puppets.bones import Seen
+from enliven_edge.puppets.bones import Bones, Seen
 
 ARMS = (
     (Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT),
@@ -65,9 +65,10 @@ class Likeness:
 
     def __init__(self, skeleton: Skeleton, joints: Sequence[str]) -> None:
         self._skeleton = skeleton
-        self._facing = turn_about_y(facing_of(skeleton))
         numbers = [skeleton.index(name) for name in joints]
-        bones = _same_bones(skeleton) or _like_bones(skeleton)
+        same = _same_bones(skeleton)
+        bones = same or _like_bones(skeleton)
+        self._facing = turn_about_y(_front(skeleton, same) if same else facing_of(skeleton))
         self._paths = [skeleton.path(0, number)[1:] for number in numbers]
         used = sorted({joint for path in self._paths for joint in path})
         for joint in used:
@@ -104,6 +105,13 @@ def _same_bones(skeleton: Skeleton) -> dict[int, _Bone]:
     if {_plain(name) for name in skeleton.names} != set(known):
         return {}
     return {k: _Bone(known[_plain(name)]) for k, name in enumerate(skeleton.names)}
+
+
+def _front(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:
+    """Radians that who was tracked faces at rest: as later on, by the hips, whatever the arms do."""
+    joints = np.zeros((len(Joint), 3))
+    joints[[bone.joint for bone in bones.values()]] = skeleton.positions
+    return Bones(0.0).see(Body(0, joints, np.ones(len(Joint))), 0.0).yaw
 
 
 def _plain(name: str) -> str:

@@ -24,7 +24,7 @@ class PuppetSettings:
     )
     meet: bool = setting(True, "It begins beside its first performer; false: where it was modelled.")
     beside: float = setting(
-        0.5,
+        0.7,
         "How far beside the first performer's middle its own edge is, to the right as the sensor sees it.",
         unit="m",
     )
