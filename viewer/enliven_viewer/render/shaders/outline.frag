@@ -22,6 +22,6 @@ void main() {
         }
     }
     float line = smoothstep(0.04, 0.34, other / float(TAPS));
-    float veil = here > 0.0 ? 0.10 : 0.0;
+    float veil = here > 0.0 ? 0.06 : 0.0;
     colour = vec4(tint.rgb, tint.a * max(line, veil));
 }
