@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
+from enliven.deformation.arap import ArapSettings
+from enliven.examples.constraints import Coupling, Position, Velocity
+from enliven.examples.locomotion import LocomotionSettings, Switch
+from enliven.examples.settings import ExampleSettings
+from enliven.formats.session_text import write_session
 from enliven.mesh import Mesh
-from enliven.modeling.puppets import add_key_pose, add_point, make_puppet, play_take
+from enliven.modeling.puppets import (
+    add_key_pose,
+    add_point,
+    change_point,
+    make_puppet,
+    play_take,
+    remove_layer,
+    set_symmetry,
+)
 from enliven.motion.clip import Clip
+from enliven.motion.contacts import ContactSettings
 from enliven.project import Project
 from enliven.puppet import Plane
 from enliven.rotation import from_rotation_vector, multiply, rotate
@@ -114,3 +130,36 @@ def puppet_project(
         frame = round(number * 0.29 / STEP) % last
         project = add_key_pose(project, "stool", clip.id, frame * STEP, places_for(rest, seed + number))
     return play_take(project, "stool", clip.id, **layer) if play else project
+
+
+def full_project(seed: int = 0) -> Project:
+    """A puppet with everything that one can have."""
+    asked = {
+        "positions": (Position("top", 9, (0.0, 1.1, 0.0)), Position("left foot", 2, (0.1, 0.0, 0.3), "x")),
+        "velocities": (Velocity("top", 20, (0.1, 0.0, 0.0), "x"),),
+        "couplings": (Coupling("top", "left hand", 30, "y", (0.0, 0.4, 0.0)),),
+        "switches": (Switch(0, "contact"), Switch(40, "flight")),
+    }
+    project = puppet_project(seed, **asked)
+    project = play_take(
+        project.with_takes(walker(1, "short")), "stool", "short", points=("top",), offset=0.25, speed=-0.5,
+        loop=True, weight=0.3, muted=True, travel=False, level_feet=False, mirrored=True,
+    )  # fmt: skip
+    project = set_symmetry(change_point(project, "stool", "top", weight=0.7), "stool", SIDES)
+    puppet = project.puppets["stool"].with_changes(
+        place=np.array([1.0, 0.0, -1 / 3]),
+        turn=np.array([np.cos(0.3), 0.0, np.sin(0.3), 0.0]),
+        surface=ArapSettings(iterations=5, hold=0.1),
+        examples=ExampleSettings(nearest=3, margin=0.1),
+        locomotion=LocomotionSettings(ContactSettings(height=0.2), landing="free"),
+    )
+    return project.with_puppets(puppet)
+
+
+def full_session(path: Path, loose: bool = False) -> Project:
+    """A session file of it; ``loose`` without the layer that is muted."""
+    project = full_project()
+    if loose:
+        project = remove_layer(project, "stool", 1)
+    write_session(path, project, "stool")
+    return project

@@ -6,22 +6,19 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from puppet_worlds import SIDES, places_for, puppet_project, stool, walker
+from puppet_worlds import full_project, places_for, puppet_project, stool, walker
 
-from enliven.deformation.arap import ArapSettings
 from enliven.errors import InputError
-from enliven.examples.constraints import Coupling, Position, Velocity
-from enliven.examples.locomotion import LocomotionSettings, Switch
+from enliven.examples.constraints import Position
+from enliven.examples.locomotion import Switch
 from enliven.examples.puppet_motion import motion_of
-from enliven.examples.settings import ExampleSettings
 from enliven.formats.example_session import read_session
 from enliven.formats.project_file import write_project
 from enliven.formats.session_tables import MeshTable, TakeTable
 from enliven.formats.session_text import session_text, write_session
 from enliven.mesh import fit_height
 from enliven.mesh_files import load_mesh, save_mesh
-from enliven.modeling.puppets import add_key_pose, change_point, play_take, set_symmetry
-from enliven.motion.contacts import ContactSettings
+from enliven.modeling.puppets import add_key_pose
 from enliven.project import Project, same
 
 BY_HAND = """
@@ -85,30 +82,6 @@ def folder(tmp_path):
     write_project(tmp_path / "moves.enliven", Project().with_takes(walker(), walker(1, "short")))
     (tmp_path / "session.toml").write_text(BY_HAND)
     return tmp_path
-
-
-def full_project(seed: int = 0) -> Project:
-    """A puppet with everything that one can have."""
-    asked = {
-        "positions": (Position("top", 9, (0.0, 1.1, 0.0)), Position("left foot", 2, (0.1, 0.0, 0.3), "x")),
-        "velocities": (Velocity("top", 20, (0.1, 0.0, 0.0), "x"),),
-        "couplings": (Coupling("top", "left hand", 30, "y", (0.0, 0.4, 0.0)),),
-        "switches": (Switch(0, "contact"), Switch(40, "flight")),
-    }
-    project = puppet_project(seed, **asked)
-    project = play_take(
-        project.with_takes(walker(1, "short")), "stool", "short", points=("top",), offset=0.25, speed=-0.5,
-        loop=True, weight=0.3, muted=True, travel=False, level_feet=False, mirrored=True,
-    )  # fmt: skip
-    project = set_symmetry(change_point(project, "stool", "top", weight=0.7), "stool", SIDES)
-    puppet = project.puppets["stool"].with_changes(
-        place=np.array([1.0, 0.0, -1 / 3]),
-        turn=np.array([np.cos(0.3), 0.0, np.sin(0.3), 0.0]),
-        surface=ArapSettings(iterations=5, hold=0.1),
-        examples=ExampleSettings(nearest=3, margin=0.1),
-        locomotion=LocomotionSettings(ContactSettings(height=0.2), landing="free"),
-    )
-    return project.with_puppets(puppet)
 
 
 def test_a_session_by_hand(folder):

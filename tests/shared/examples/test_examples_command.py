@@ -1,0 +1,189 @@
+"""enliven examples, end to end: files in, a session to edit, a strictly right GLB out, errors that help."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from puppet_worlds import full_session, stool, walker
+
+from enliven.cli import run
+from enliven.examples.coverage import coverage_of, unposed
+from enliven.examples.performer import performed
+from enliven.examples.puppet_motion import pose_of_state, state_of
+from enliven.formats.example_session import read_session
+from enliven.formats.project_file import read_project, write_project
+from enliven.mesh_files import save_mesh
+from enliven.modeling.puppets import change_layer
+from enliven.project import Project, same
+from enliven.recording import Recording
+from enliven.wire.convert import message_to_character, message_to_pose
+from enliven.wire.messages import CharacterMessage, PoseMessage
+from enliven.wire.posecode import PoseCodec
+
+sys.path.append(str(Path(__file__).parents[1] / "formats"))
+import msgspec
+from strict_gltf import checked_glb
+
+
+@pytest.fixture
+def folder(tmp_path):
+    save_mesh(stool(), tmp_path / "stool.ply")
+    write_project(tmp_path / "walk.enliven", Project().with_takes(walker()))
+    return tmp_path
+
+
+def examples(folder, *words):
+    """The exit code; words with a dot name files of the folder."""
+    plain = [str(folder / w) if isinstance(w, str) and "." in w else str(w) for w in words]
+    return run(["examples", *plain])
+
+
+def test_from_a_mesh_and_a_motion_to_a_film_of_it(folder, capsys):
+    assert (
+        examples(folder, "new", "stool.ply", "walk.enliven", "-o", "s/made.toml", "--points", 8, "--poses", 3)
+        == 0
+    )
+    assert "control points and 3 key poses are in" in capsys.readouterr().out
+    read = read_session(folder / "s" / "made.toml")
+    puppet = read.project.puppets["stool"]
+    assert len(puppet.poses) == 3 and len(puppet.points) >= 8 and len(puppet.layers) == 1
+    assert len({point.joint for point in puppet.points}) > 3
+    for pose in puppet.poses:
+        np.testing.assert_array_equal(pose.places, puppet.rest)
+    # Nothing is posed yet, and that is said.
+    assert examples(folder, "check", "s/made.toml") == 3
+    assert "All key poses are alike: say where the control points are to be." in capsys.readouterr().out
+    text = (folder / "s" / "made.toml").read_text()
+    name = puppet.points[0].name
+    posed = text.replace(f'"{name}" = [0.0, 0.0, 0.0]', f'"{name}" = [0.1, 0.2, 0.0]', 1)
+    assert posed != text
+    (folder / "s" / "made.toml").write_text(posed)
+    assert examples(folder, "check", "s/made.toml") == 0
+    said = capsys.readouterr().out
+    assert "the pose farthest from all examples is" in said and f"{name} - " in said
+    assert examples(folder, "fit", "s/made.toml", "-o", "out.glb", "--end", 1, "--rate", 10) == 0
+    assert "3 key poses, 1.00 s are in" in capsys.readouterr().out
+    document = checked_glb((folder / "out.glb").read_bytes())
+    assert document["animations"]
+
+
+def test_the_project_that_is_made_is_the_session(folder):
+    full_session(folder / "full.toml")
+    assert examples(folder, "fit", "full.toml", "-o", "full2.enliven") == 0
+    assert same(read_project(folder / "full2.enliven"), read_session(folder / "full.toml").project)
+    # And a project is as good as a session.
+    assert examples(folder, "fit", "full2.enliven", "-o", "a.glb", "--puppet", "stool", "--end", 0.5) == 0
+    assert examples(folder, "fit", "full.toml", "-o", "b.glb", "--end", 0.5) == 0
+    assert (folder / "a.glb").read_bytes() == (folder / "b.glb").read_bytes()
+
+
+def test_a_take_has_the_states(folder):
+    full_session(folder / "full.toml")
+    assert (
+        examples(folder, "fit", "full.toml", "-o", "out.mcap", "--start", 0.5, "--end", 1.5, "--rate", 20)
+        == 0
+    )
+    project = read_session(folder / "full.toml").project
+    puppet = project.puppets["stool"]
+    recording = Recording(folder / "out.mcap")
+    [(_, data)] = recording.messages("character")
+    character = message_to_character(msgspec.msgpack.decode(data, type=CharacterMessage))
+    assert character.kind == "points" or character.pivots.shape == (6, 3)
+    codec = PoseCodec(character)
+    poses = [
+        message_to_pose(msgspec.msgpack.decode(data, type=PoseMessage), codec)
+        for _, data in recording.messages("pose")
+    ]
+    assert [pose.time_ns for pose in poses] == [round(n * 5e7) for n in range(21)]
+    for pose in poses[::5]:
+        there = pose_of_state(puppet, state_of(project, puppet, 0.5 + pose.time_ns / 1e9))
+        np.testing.assert_allclose(pose.positions, there.positions, atol=2e-3)
+
+
+def test_a_sheet_is_drawn_where_the_viewer_is(folder):
+    pytest.importorskip("moderngl")
+    from PIL import Image
+
+    full_session(folder / "full.toml")
+    assert examples(folder, "fit", "full.toml", "-o", "out.mcap", "--sheet", "out.png", "--end", 1) == 0
+    picture = np.asarray(Image.open(folder / "out.png"))
+    assert picture.shape[1] > 6 * 400
+    # Both rows have something drawn in each picture, and the pictures differ.
+    rows = picture[-880:-440], picture[-440:]
+    for row in rows:
+        tiles = np.array_split(row[:, : row.shape[1] // 6 * 6], 6, axis=1)
+        assert all(tile.std() > 5 for tile in tiles)
+        assert not np.array_equal(tiles[0], tiles[3])
+
+
+def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
+    """The slow obvious twin: all distances to all examples."""
+    project = full_session(folder / "full.toml")
+    puppet, clip = project.puppets["stool"], project.takes["walk"]
+    plain = project.with_puppets(puppet.with_changes(symmetry=None))
+    found = coverage_of(plain, plain.puppets["stool"], 0)
+    poses = performed(clip, [point.joint for point in puppet.points]).poses
+    known = [poses[round(pose.time / clip.step)] for pose in puppet.poses]
+    gaps = [min(np.sqrt(((pose - one) ** 2).sum(1).mean()) for one in known) for pose in poses]
+    assert found.frame == int(np.argmax(gaps)) and found.gap == pytest.approx(max(gaps))
+    assert found.time == pytest.approx(found.frame * clip.step)
+    assert unposed(puppet) == ()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("fit", "nowhere.toml", "-o", "out.glb"), "there is no such file"),
+        (("fit", "full.toml", "-o", "out.abc"), "abc cannot be made. Known: .glb, .mcap, .enliven."),
+        (("fit", "full.toml", "-o", "out.glb", "--start", 5, "--end", 2), "from 5 s to 2 s is nothing"),
+        (("fit", "full.toml", "-o", "out.glb", "--puppet", "chair"), "no puppet 'chair'. Known: stool."),
+        (("fit", "walk.enliven", "-o", "out.glb"), "it has no puppet. Make one of a mesh first."),
+        (("fit", "bare.toml", "-o", "out.glb"), "Put control points on the mesh."),
+        (("fit", "still.toml", "-o", "out.glb"), "it plays nothing. Say what it plays: [[layer]]."),
+        (
+            ("new", "stool.ply", "walk.enliven", "-o", "new.toml", "--up", "w"),
+            "'w' is no axis. Say x, y or z.",
+        ),
+        (("new", "stool.ply", "stool.ply", "-o", "new.toml"), "ply is no motion"),
+        (("new", "stool.ply", "walk.enliven", "-o", "new.enliven"), "a session is no project"),
+        (("new", "stool.ply", "walk.enliven", "-o", "new.toml", "--start", 9), "from 9 s to 3 s is nothing"),
+    ],
+)
+def test_what_cannot_be_done_is_said(folder, capsys, words, said):
+    full_session(folder / "full.toml", loose=True)
+    (folder / "bare.toml").write_text('[mesh]\nfile = "stool.ply"\n')
+    still = (folder / "full.toml").read_text().replace("[[layer]]\n", "[[layer]]\nmuted = true\n", 1)
+    (folder / "still.toml").write_text(still)
+    assert examples(folder, *words) == 3
+    error = capsys.readouterr().err
+    assert said in error and "Traceback" not in error
+    assert not (folder / "out.glb").exists() and not (folder / "new.toml").exists()
+
+
+def test_what_is_missing_is_said_before_anything_is_solved(folder, capsys):
+    (folder / "bare.toml").write_text('[mesh]\nfile = "stool.ply"\n[[point]]\nvertex = 3\n')
+    assert examples(folder, "check", "bare.toml") == 3
+    said = capsys.readouterr().out
+    for sentence in ("Pair 'point 1' with a joint.", "Pose two examples.", "Say what it plays: [[layer]]."):
+        assert sentence in said
+
+
+def test_help_has_worked_examples(capsys):
+    told = {
+        ("--help",): "fit cactus.toml",
+        ("fit", "--help"): "--sheet cactus.png",
+        ("new", "--help"): "--up z",
+        ("check", "--help"): "check show.enliven --puppet cactus",
+    }
+    for words, said in told.items():
+        assert run(["examples", *words]) == 0
+        assert said in capsys.readouterr().out
+
+
+def test_a_muted_layer_is_not_what_decides_how_long_it_is(folder, capsys):
+    project = full_session(folder / "full.toml")
+    muted = change_layer(project, "stool", 1, muted=True)
+    write_project(folder / "muted.enliven", muted)
+    assert examples(folder, "fit", "muted.enliven", "-o", "out.mcap") == 0
+    assert "3.00 s are in" in capsys.readouterr().out
