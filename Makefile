@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint bench films possess-films session-films setup setup-dev record-references clean
+.PHONY: help run test lint bench films possess-films session-films example-films setup setup-dev record-references clean
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -29,6 +29,9 @@ possess-films: setup-dev ## film what real people possess, into out/possess: mak
 
 session-films: setup-dev ## film the paper's sessions in the studio, into out/sessions: make session-films ONLY="squid"
 	@.venv/bin/python tests/benchmarks/session_films.py $(ONLY)
+
+example-films: setup-dev ## film meshes that act by a few example poses, into out/examples: make example-films ONLY="cactus"
+	@.venv/bin/python tests/benchmarks/example_films.py $(ONLY)
 
 record-references: setup-dev ## record the stored poses and picture of tests/system again, on purpose
 	@.venv/bin/python -m pytest tests/system --record-references

@@ -1,0 +1,170 @@
+"""A puppet's session as an animator states it: where the control points are, and what each key pose does.
+
+project = staged(ACTS["cactus"])                # a project with the puppet, its key poses and its take
+text = session_of(ACTS["cactus"], project)      # the same as a session file (TOML)
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from example_posing import Direction, Figure, Limb
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Float
+from enliven.deformation.arap import ArapSettings
+from enliven.examples.settings import ExampleSettings
+from enliven.formats.example_session import Session, fitted, read_session
+from enliven.formats.session_tables import MeshTable, TakeTable
+from enliven.formats.session_text import session_text
+from enliven.formats.takes import read_take
+from enliven.mesh import Axis, Mesh
+from enliven.mesh_files import load_mesh
+from enliven.modeling.mirror_plane import plane_of_symmetry
+from enliven.project import Project
+from enliven.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer
+
+DATA = Path(os.environ.setdefault("ENLIVEN_DATA", str(Path(__file__).parents[3] / "shared" / "data")))
+SESSIONS = Path(__file__).parent / "example_sessions"
+_TENTH_MM = 4
+"""Decimals of metres that key poses are kept with: a session says the same on every machine."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A control point: on the vertex nearest to a place (3,), metres, paired with a joint."""
+
+    name: str
+    near: tuple[float, float, float]
+    joint: str
+    foot: bool = False
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key pose: what the performer does at a time of the take, and what the puppet is to do then."""
+
+    seconds: float
+    sees: str
+    does: tuple[Direction, ...]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A piece of the take as it is filmed: from where to where in seconds, how fast, and from which side.
+
+    Attributes:
+        azimuth: degrees from the puppet's front towards its left.
+    """
+
+    first: float
+    last: float
+    azimuth: float = 14.0
+    speed: float = 1.0
+
+
+@dataclass(frozen=True)
+class Act:
+    """Who plays what, and how it was directed.
+
+    Attributes:
+        title: of the film.
+        mesh, take: files of the data.
+        height: metres.
+        up, turned: the file's own axis that points up, and degrees about it then, so that it looks to +Z.
+        points: control points.
+        limbs: what directions call them.
+        keys: the key poses.
+        mirrored: whether each key pose is shown mirrored as well.
+        shown: the film.
+        colour: sRGB.
+    """
+
+    title: str
+    mesh: str
+    take: str
+    height: float
+    points: tuple[Point, ...]
+    limbs: Mapping[str, Limb]
+    keys: tuple[Key, ...]
+    shown: tuple[Shown, ...]
+    colour: tuple[int, int, int]
+    up: Axis = "y"
+    turned: float = 0.0
+    mirrored: bool = False
+    examples: ExampleSettings = field(default_factory=ExampleSettings)
+    surface: ArapSettings = field(default_factory=lambda: ArapSettings(hold=0.03))
+    level_feet: bool = True
+
+    @property
+    def mesh_table(self) -> MeshTable:
+        """Where the session has its mesh from."""
+        return MeshTable(f"$ENLIVEN_DATA/{self.mesh}", self.height, self.up, self.turned)
+
+    @property
+    def missing(self) -> list[Path]:
+        """Files of the data that are not there."""
+        return [DATA / file for file in (self.mesh, self.take) if not (DATA / file).is_file()]
+
+
+def staged(act: Act, keys: int | None = None) -> Project:
+    """The project of an act, with its first key poses or all of them."""
+    mesh = fitted(load_mesh(DATA / act.mesh).mesh, act.mesh_table)
+    take = read_take(DATA / act.take)[0]
+    figure, points = figure_of(act, mesh)
+    poses = [
+        KeyPose(take.id, key.seconds, _rounded(figure.posed(*key.does)))
+        for key in act.keys[: keys or len(act.keys)]
+    ]
+    puppet = Puppet(
+        id=Path(act.mesh).stem,
+        mesh=mesh,
+        points=points,
+        poses=tuple(poses),
+        layers=(PuppetLayer(take.id, level_feet=act.level_feet),),
+        symmetry=_plane(mesh) if act.mirrored else None,
+        examples=act.examples,
+        surface=act.surface,
+    )
+    return Project(takes={take.id: take}, puppets={puppet.id: puppet})
+
+
+def figure_of(act: Act, mesh: Mesh) -> tuple[Figure, tuple[ControlPoint, ...]]:
+    """Who is directed, and the control points."""
+    used = np.unique(mesh.faces)
+    held = used[cKDTree(mesh.vertices[used]).query([point.near for point in act.points])[1]]
+    points = [
+        ControlPoint(point.name, int(vertex), point.joint, point.foot)
+        for point, vertex in zip(act.points, held, strict=True)
+    ]
+    names = tuple(point.name for point in points)
+    feet = tuple(point.name for point in points if point.foot)
+    return Figure(names, mesh.vertices[held], act.limbs, feet, act.height), tuple(points)
+
+
+def session_of(act: Act, project: Project) -> str:
+    """The text of the session."""
+    puppet = next(iter(project.puppets.values()))
+    takes = {name: TakeTable(f"$ENLIVEN_DATA/{act.take}") for name in project.takes}
+    return session_text(puppet, act.mesh_table, takes)
+
+
+def stored(name: str) -> Session:
+    """The session that is kept in the repository, as whoever opens it has it."""
+    return read_session(SESSIONS / f"{name}.toml")
+
+
+def _rounded(places: Float) -> Float:
+    return np.round(places, _TENTH_MM) + 0.0
+
+
+def _plane(mesh: Mesh) -> Plane:
+    """The mesh's plane of symmetry."""
+    found = plane_of_symmetry(mesh)
+    assert found is not None, f"{mesh.name} has no plane of symmetry"
+    point, normal = (tuple(float(c) for c in _rounded(np.array(v))) for v in (found.point, found.normal))
+    return replace(found, point=point, normal=normal)

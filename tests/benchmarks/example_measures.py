@@ -1,0 +1,157 @@
+"""How a puppet fares: what key poses are missed by, sliding, volume, faces that cross, jitter, times."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+from example_play import Shot
+
+from enliven.arrays import Float
+from enliven.deformation.self_intersection import SelfIntersection
+from enliven.examples.performer import performed
+from enliven.examples.puppet_motion import PuppetMotion, motion_of
+from enliven.mesh import Mesh, weld
+from enliven.project import Project
+from enliven.puppet import Puppet
+
+_EVERY = 10
+"""Pictures from one in which crossing faces are looked for to the next."""
+
+
+@dataclass(frozen=True)
+class Measures:
+    """What was found.
+
+    Attributes:
+        solve_s: seconds for the trajectories and the way in the world of the whole take.
+        surface_ms: median milliseconds of the surface in a picture.
+        missed_mm: how far a control point is from its key pose at the key pose's time, at most.
+        slide_mm: how far an anchor moves over the floor while it is one, at most, between frames too.
+        volume: (2,) least and most, over the volume at rest; NaN for an open mesh.
+        crossing: (2,) faces that pass through one another and do not at rest: mean and most, of all.
+        jitter: root mean square acceleration of the control points over the performer's, in sizes of each.
+        hands: correlation of the heights of what is paired with hands; NaN where there are none.
+    """
+
+    solve_s: float
+    surface_ms: float
+    missed_mm: float
+    slide_mm: float
+    volume: tuple[float, float]
+    crossing: tuple[float, float]
+    jitter: float
+    hands: float
+
+    def __str__(self) -> str:
+        parts = [
+            f"solved in {self.solve_s:.3f} s, surface {self.surface_ms:.1f} ms a picture",
+            f"key poses missed by {self.missed_mm:.1f} mm at most, the anchor slides {self.slide_mm:.3f} mm",
+            f"volume {self.volume[0]:.2f}..{self.volume[1]:.2f}",
+            f"crossing faces {100 * self.crossing[0]:.2f} % (most {100 * self.crossing[1]:.2f} %)",
+            f"jitter {self.jitter:.2f}, hands {self.hands:.2f}",
+        ]
+        return "; ".join(parts)
+
+
+def measure(project: Project, shots: list[Shot]) -> Measures:
+    """All of it, of a film's shots."""
+    puppet = next(iter(project.puppets.values()))
+    begun = time.perf_counter()
+    motion = motion_of(_fresh(project, puppet), puppet, 0)
+    solve_s = time.perf_counter() - begun
+    surfaces = [shot.local for shot in shots]
+    return Measures(
+        solve_s,
+        float(np.median([shot.solve_ms for shot in shots[1:]])),
+        1000.0 * missed(puppet, motion),
+        1000.0 * slide(motion),
+        volumes(puppet.mesh, surfaces),
+        crossings(puppet.mesh, surfaces[::_EVERY]),
+        jitter(project, puppet, motion),
+        hands(project, puppet, motion),
+    )
+
+
+def missed(puppet: Puppet, motion: PuppetMotion) -> float:
+    """Metres, at most, from key poses at their times."""
+    frames = [round(pose.time / motion.step) for pose in puppet.poses]
+    away = [motion.places[f] - pose.places for f, pose in zip(frames, puppet.poses, strict=True)]
+    return float(np.linalg.norm(away, axis=2).max())
+
+
+def slide(motion: PuppetMotion, parts: int = 4) -> float:
+    """Metres, at most, that an anchor moves over the floor from when it takes over until it gives way."""
+    most = 0.0
+    changes = np.flatnonzero(np.diff(motion.anchors)) + 1
+    for frames in np.split(np.arange(motion.frames), changes):
+        anchor = int(motion.anchors[frames[0]])
+        if anchor < 0 or len(frames) < 2:
+            continue
+        times = np.linspace(frames[0], frames[-1], parts * (len(frames) - 1) + 1)
+        stood = np.array([_stands(motion, frame, anchor) for frame in times])
+        most = max(most, float(np.linalg.norm((stood - stood[0])[:, [0, 2]], axis=1).max()))
+    return most
+
+
+def volumes(mesh: Mesh, surfaces: list[Float]) -> tuple[float, float]:
+    """Least and most volume over that at rest; NaN where the mesh, welded, is not closed."""
+    welded, of = weld(mesh)
+    faces = of[mesh.faces]
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
+    if (np.unique(edges, axis=0, return_counts=True)[1] != 2).any() or np.ptp(
+        welded.vertices, axis=0
+    ).min() == 0:
+        return float("nan"), float("nan")
+    all_of = [_volume(surface, mesh) for surface in surfaces]
+    rest = _volume(mesh.vertices, mesh)
+    return min(all_of) / rest, max(all_of) / rest
+
+
+def crossings(mesh: Mesh, surfaces: list[Float]) -> tuple[float, float]:
+    """Faces that cross and do not at rest, as a part of all: mean and most."""
+    asked = SelfIntersection(mesh)
+    found = np.array([len(asked.newly_crossing(surface)) for surface in surfaces]) / len(mesh.faces)
+    return float(found.mean()), float(found.max())
+
+
+def jitter(project: Project, puppet: Puppet, motion: PuppetMotion) -> float:
+    """How much more suddenly control points move than their joints, both in sizes of what moves."""
+    poses = performed(project.takes[puppet.layers[0].take], [point.joint for point in puppet.points]).poses
+    moves = [_sudden(motion.places), _sudden(poses)]
+    return moves[0] / moves[1]
+
+
+def hands(project: Project, puppet: Puppet, motion: PuppetMotion) -> float:
+    """Correlation of the heights of hands and of what is paired with them, the lowest of all pairs."""
+    rows = [k for k, point in enumerate(puppet.points) if point.joint.endswith(("Hand", "Wrist"))]
+    if not rows:
+        return float("nan")
+    poses = performed(project.takes[puppet.layers[0].take], [point.joint for point in puppet.points]).poses
+    return min(float(np.corrcoef(poses[5:, k, 1], motion.places[5:, k, 1])[0, 1]) for k in rows)
+
+
+def _fresh(project: Project, puppet: Puppet) -> Project:
+    """The same project with takes of its own, so that nothing is remembered; once to warm up."""
+    motion_of(project, puppet, 0)
+    return replace(project, takes={name: replace(take) for name, take in project.takes.items()})
+
+
+def _stands(motion: PuppetMotion, frame: float, point: int) -> Float:
+    """(3,) metres, a control point in the world."""
+    yaw, root = motion.way_at(frame)
+    x, y, z = motion.places_at(frame)[point]
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.array([cos * x + sin * z, y, cos * z - sin * x]) + root
+
+
+def _sudden(places: Float) -> float:
+    """Root mean square second differences of (F, P, 3) from frame 5 on, over how far the points move."""
+    moves = places[5:] - places[5:].mean(0)
+    return float(np.sqrt((np.diff(moves, 2, axis=0) ** 2).mean() / (moves**2).mean()))
+
+
+def _volume(vertices: Float, mesh: Mesh) -> float:
+    a, b, c = (vertices[mesh.faces[:, k]] for k in range(3))
+    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)

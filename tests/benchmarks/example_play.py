@@ -1,0 +1,123 @@
+"""Plays a puppet off-line: for each picture the performer, the control points and the solved surface."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from example_cast import DATA, Act, Shown
+from scipy.ndimage import gaussian_filter1d
+
+from enliven.arrays import Float, Float32
+from enliven.body import Body, J
+from enliven.character import Character, Pose
+from enliven.deformation.puppet_surface import PuppetSurface
+from enliven.examples.performer import yaw_of
+from enliven.examples.puppet_motion import in_world, pose_of_state, state_of
+from enliven.formats.bvh import read_bvh
+from enliven.formats.expmap import read_expmap
+from enliven.project import Project
+from enliven.puppet import Puppet, character_of_puppet
+from enliven.rotation import from_rotation_vector, multiply, rotate
+from enliven_edge.importing.motion_capture import bodies_of
+from enliven_edge.synthesis.capture_roles import find_roles
+
+_STEADY = 0.6
+"""Seconds over which the camera's way is smoothed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """One moment.
+
+    Attributes:
+        seconds: of the take.
+        local: (V, 3) metres, the surface in the mesh's frame.
+        vertices: (V, 3) metres, in the world.
+        pose: of the puppet's character.
+        body: the performer.
+        solve_ms: how long the surface took; of the first moment how long it took to settle.
+    """
+
+    seconds: float
+    local: Float
+    vertices: Float32
+    pose: Pose
+    body: Body
+    solve_ms: float
+
+
+class Play:
+    """A piece of an act as it is played, at a rate of pictures a second."""
+
+    def __init__(self, act: Act, project: Project, shown: Shown, rate: float) -> None:
+        self.act, self.project, self.shown = act, project, shown
+        self.puppet: Puppet = next(iter(project.puppets.values()))
+        take = project.takes[self.puppet.layers[0].take]
+        self.times = np.arange(shown.first, min(shown.last, take.duration), shown.speed / rate)
+        self._step = take.step
+
+    @cached_property
+    def character(self) -> Character:
+        """As it is drawn: only its control points are marked, in the colour of the act."""
+        plain = character_of_puppet(self.puppet)
+        colours = np.tile(np.array(self.act.colour, np.uint8), (len(plain.vertices), 1))
+        return replace(plain, colours=colours, edges=np.zeros((0, 2), np.int32))
+
+    @cached_property
+    def bodies(self) -> tuple[Float, Float]:
+        """(F, 20, 3) metres and (F, 20, 4) of the performer, who looks to +Z at first as puppets do."""
+        path = DATA / self.act.take
+        capture = read_expmap(path) if path.suffix == ".txt" else read_bvh(path)
+        joints, turns = bodies_of(capture, find_roles(capture))
+        joints = joints - [0.0, np.percentile(joints[..., 1].min(1), 2), 0.0]
+        begun = -yaw_of(self.project.takes[self.puppet.layers[0].take].turns[0, 0])
+        whole = from_rotation_vector([0.0, float(begun), 0.0])
+        return rotate(whole, joints), multiply(whole, turns)
+
+    def surface(self) -> PuppetSurface:
+        """A fresh surface."""
+        points = self.puppet.points
+        held, weights = [point.vertex for point in points], [point.weight for point in points]
+        return PuppetSurface(self.puppet.mesh, held, weights, self.puppet.surface)
+
+    def shots(self) -> Iterator[Shot]:
+        """All moments in turn, the surface warm from one to the next."""
+        surface = self.surface()
+        for number, seconds in enumerate(self.times):
+            state = state_of(self.project, self.puppet, seconds)
+            begun = time.perf_counter()
+            local = surface.settle(state.places) if number == 0 else surface.solve(state.places)
+            took = 1000.0 * (time.perf_counter() - begun)
+            vertices = in_world(self.puppet, state, local).astype(np.float32)
+            yield Shot(
+                float(seconds), local, vertices, pose_of_state(self.puppet, state), self.body(seconds), took
+            )
+
+    def body(self, seconds: float) -> Body:
+        """The performer at a time of the take."""
+        joints, turns = self.bodies
+        frame = min(round(seconds / self._step), len(joints) - 1)
+        return Body(0, joints[frame], np.ones(J), turns[frame])
+
+    @cached_property
+    def ways(self) -> tuple[Float, Float]:
+        """(N, 3) each: what the cameras of puppet and performer follow, smooth, on the floor."""
+        states = [state_of(self.project, self.puppet, seconds) for seconds in self.times]
+        puppet = np.array([in_world(self.puppet, state, state.places).mean(0) for state in states])
+        joints = self.bodies[0]
+        frames = np.minimum(np.round(self.times / self._step).astype(int), len(joints) - 1)
+        return _smooth(puppet, self._sigma), _smooth(joints[frames].mean(1), self._sigma)
+
+    @property
+    def _sigma(self) -> float:
+        step = self.times[1] - self.times[0]
+        return float(_STEADY / step)
+
+
+def _smooth(way: Float, sigma: float) -> Float:
+    """(N, 3) smoothed in time, with y 0."""
+    return np.asarray(gaussian_filter1d(way, sigma, axis=0, mode="nearest") * [1.0, 0.0, 1.0])

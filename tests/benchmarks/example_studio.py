@@ -1,0 +1,160 @@
+"""Draws a played act: on the left the performer, on the right the puppet, below its key poses."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from example_play import Play, Shot
+from PIL import Image
+
+from enliven.arrays import Float, UInt8
+from enliven_viewer.camera import OrbitCamera, View
+from enliven_viewer.encoder import FilmWriter
+from enliven_viewer.hud import clock
+from enliven_viewer.render.canvas import Canvas
+from enliven_viewer.render.context import offscreen_context
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import Actor, Look, Scene
+from enliven_viewer.sheet import Tile, write_sheet
+
+SIZE, RATE, BIT_RATE = (1280, 720), 30.0, 6.0
+_TILES, _TILE_WIDTH = 24, 480
+_PERFORMER = 0.30
+"""Share of the picture's width that the performer has."""
+_INK, _QUIET = (0.95, 0.96, 0.98, 0.95), (0.80, 0.83, 0.88, 0.85)
+_ABOVE = math.radians(9)
+
+
+class Panel:
+    """A part of the picture with a renderer and a camera of its own."""
+
+    def __init__(self, renderer: Renderer, canvas: Canvas) -> None:
+        self.renderer, self.canvas = renderer, canvas
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Pixels."""
+        return self.renderer.size
+
+    def view(self, middle: Float, half: Float, azimuth: float) -> View:
+        """A camera that has a box around a place on the floor in its picture."""
+        aspect = self.size[0] / self.size[1]
+        camera = OrbitCamera()
+        camera.face(azimuth, _ABOVE)
+        low = np.array([middle[0] - half[0], 0.0, middle[2] - half[2]])
+        camera.frame((low, low + 2 * half), aspect, at_once=True)
+        return camera.view(aspect)
+
+    def draw(self, scene: Scene, view: View, texts: list[tuple[float, float, str, int, float]]) -> UInt8:
+        """(H, W, 3): a scene, and lines of text (x, y, text, size, align)."""
+        self.renderer.draw(scene, view)
+        for x, y, text, size, align in texts:
+            self.canvas.text(x + 1, y + 1, text, size, (0.0, 0.0, 0.0, 0.5), align=align)
+            self.canvas.text(x, y, text, size, _INK if size > 16 else _QUIET, align=align)
+        self.canvas.draw(self.renderer.picture.resolved)
+        return self.renderer.pixels()
+
+
+class Studio:
+    """The two panels, for all films.
+
+    Args:
+        size: of the picture, pixels.
+    """
+
+    def __init__(self, size: tuple[int, int] = SIZE) -> None:
+        self.size = size
+        ctx = offscreen_context()
+        self._text = max(round(size[1] / 36), 8)
+        self._small = max(round(size[1] / 48), 7)
+        narrow = round(_PERFORMER * size[0]) // 2 * 2
+        sizes = ((narrow, size[1]), (size[0] - narrow, size[1]), (size[0] // 7, size[1] // 5))
+        self._left, self._right, self._thumb = (
+            Panel(Renderer(ctx, one), Canvas(ctx, (self._small, self._text))) for one in sizes
+        )
+
+    def film(self, plays: list[Play], path: Path) -> list[list[Shot]]:
+        """The film and its contact sheet; the shots that were drawn, of each piece."""
+        shots: list[list[Shot]] = []
+        tiles: list[Tile] = []
+        every = max(sum(len(play.times) for play in plays) // _TILES, 1)
+        with FilmWriter(path.with_suffix(".mp4"), self.size, RATE, BIT_RATE) as writer:
+            for play in plays:
+                strip = self.strip(play)
+                shots.append([])
+                for number, shot in enumerate(play.shots()):
+                    picture = self.picture(play, number, shot, strip)
+                    if writer.count % every == 0:
+                        tiles.append(Tile(writer.count / RATE, _smaller(picture, _TILE_WIDTH)))
+                    writer.add(picture)
+                    shots[-1].append(shot)
+            write_sheet(path.with_suffix(".png"), tiles, 4, plays[0].act.title, clock(writer.count / RATE))
+        return shots
+
+    def picture(self, play: Play, number: int, shot: Shot, strip: UInt8 | None) -> UInt8:
+        """(H, W, 3) one moment."""
+        azimuth = math.radians(play.shown.azimuth)
+        puppet, performer = (way[number] for way in play.ways)
+        margin, line = 1.1 * self._text, 1.35 * self._text
+        width, height = self._left.size
+        left = self._left.draw(
+            Scene((), (shot.body,), Look(body=1.0, reveal=0.0, cues=0.0)),
+            self._left.view(performer, np.array([0.95, 0.95, 0.4]), azimuth),
+            [
+                (margin, margin, "Performer", self._text, 0.0),
+                (margin, margin + line, Path(play.act.take).stem.replace("_", " "), self._small, 0.0),
+                (width - margin, height - 2 * margin, _pace(play, shot), self._small, 1.0),
+            ],
+        )
+        act, points = play.act, len(play.puppet.points)
+        told = f"{Path(act.mesh).name}, {len(play.puppet.mesh.vertices):,} vertices"
+        shown = f"{points} control points, {len(play.puppet.poses)} example poses"
+        actor = Actor(play.character, shot.pose, vertices=shot.vertices)
+        right = self._right.draw(
+            Scene((actor,), (), Look(body=0.0, reveal=0.0, cues=0.0, graph=0.55)),
+            self._right.view(puppet, half_of(play), azimuth),
+            [
+                (margin, margin, act.title, self._text, 0.0),
+                (margin, margin + line, f"{told}  ·  {shown}", self._small, 0.0),
+            ],
+        )
+        both = np.hstack([left, right])
+        if strip is not None:
+            both[-strip.shape[0] - 8 : -8, -strip.shape[1] - 8 : -8] = strip
+        return both
+
+    def strip(self, play: Play) -> UInt8:
+        """(h, w, 3) the key poses side by side."""
+        half, pictures = half_of(play), []
+        azimuth = math.radians(play.shown.azimuth)
+        surface = play.surface()
+        size = self._thumb.size
+        for key, pose in zip(play.act.keys, play.puppet.poses, strict=False):
+            vertices = surface.settle(pose.places).astype(np.float32)
+            actor = Actor(play.character, play.character.rest_pose(), vertices=vertices)
+            texts = [(size[0] / 2, size[1] - 1.7 * self._small, key.sees, self._small, 0.5)]
+            scene = Scene((actor,), (), Look(body=0.0, reveal=0.0, cues=0.0))
+            picture = self._thumb.draw(scene, self._thumb.view(np.zeros(3), half, azimuth), texts)
+            picture[[0, -1]] = picture[:, [0, -1]] = (90, 96, 110)
+            pictures.append(picture)
+        return np.hstack(pictures)
+
+
+def half_of(play: Play) -> Float:
+    """(3,) half of the box that the camera has in its picture."""
+    low, high = play.puppet.mesh.bounds
+    reach = 1.15 * max(high[0] - low[0], high[2] - low[2]) / 2
+    return np.array([reach, max(0.64 * play.act.height, 0.3 * reach), 0.6 * reach])
+
+
+def _pace(play: Play, shot: Shot) -> str:
+    """The time of the take, and how fast it plays where it is not as fast as it was."""
+    slow = "" if play.shown.speed == 1.0 else f"  ·  {play.shown.speed:g} of its speed"
+    return clock(shot.seconds) + slow
+
+
+def _smaller(picture: UInt8, width: int) -> UInt8:
+    height = round(picture.shape[0] * width / picture.shape[1])
+    return np.asarray(Image.fromarray(picture).resize((width, height), Image.Resampling.LANCZOS), np.uint8)
