@@ -26,21 +26,18 @@ to the session's, and may begin with a variable of the environment ("$MESHES/cac
 
 from __future__ import annotations
 
-import difflib
-import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.examples.constraints import Coupling, Position, Velocity
 from enliven.examples.locomotion import Switch
-from enliven.formats.project_file import read_project
+from enliven.formats.session_file import SessionFile
+from enliven.formats.session_mesh import fitted, mesh_of, nearest_vertex
 from enliven.formats.session_tables import (
     CouplingTable,
     LayerTable,
@@ -56,8 +53,6 @@ from enliven.formats.session_tables import (
     VelocityTable,
 )
 from enliven.formats.takes import read_take
-from enliven.mesh import Mesh, fit_height
-from enliven.mesh_files import load_mesh
 from enliven.modeling.mirror_plane import plane_of_symmetry
 from enliven.modeling.puppets import (
     add_key_pose,
@@ -69,13 +64,10 @@ from enliven.modeling.puppets import (
 )
 from enliven.project import Project
 from enliven.puppet import Plane, Puppet
-from enliven.rotation import from_rotation_vector, rotate
-from enliven.settings import load_settings
 
-T = TypeVar("T")
+__all__ = ["Session", "fitted", "read_session"]
 
-TABLES = ("mesh", "take", "puppet", "symmetry", "settings", "point", "pose", "layer")
-IN_LAYER = ("position", "velocity", "coupling", "switch")
+_IN_LAYER = ("position", "velocity", "coupling", "switch")
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,60 +95,45 @@ def read_session(path: Path | str) -> Session:
     Raises:
         InputError: for an unreadable file, and for what cannot be: which table says it, and which key.
     """
-    path = Path(path)
-    try:
-        found = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"it is not readable TOML ({error})", where=str(path)) from None
-    return _Reader(path, found).session()
+    return _Reader(SessionFile(Path(path))).session()
 
 
 class _Reader:
-    """The steps from tables to a project; each says in its errors which table was read."""
+    """The steps from tables to a project."""
 
-    def __init__(self, path: Path, found: Mapping[str, Any]) -> None:
-        self._path, self._found = path, found
-        check_tables(found, TABLES, str(path))
+    def __init__(self, file: SessionFile) -> None:
+        self._file, self._project, self._name = file, Project(), ""
         self._notes: list[str] = []
         self._takes: dict[str, TakeTable] = {}
-        self._project, self._name = Project(), ""
 
     def session(self) -> Session:
         """All of it."""
-        if "mesh" not in self._found:
-            raise InputError("it has no [mesh]", where=str(self._path), mend='Say [mesh] file = "...".')
-        table = self._one("mesh", MeshTable)
-        self._said("[mesh]", self._read_mesh, table)
-        for number, take in self._many("take", TakeTable):
-            self._said(f"[[take]] {number}", self._read_take, take)
-        for number, point in self._many("point", PointTable):
-            self._said(f"[[point]] {number}", self._read_point, point)
-        for number, pose in self._many("pose", PoseTable):
-            self._said(f"[[pose]] {number}", self._read_pose, pose)
-        if "symmetry" in self._found:
-            self._said("[symmetry]", self._read_symmetry, self._one("symmetry", SymmetryTable))
+        file, mesh = self._file, self._file.one("mesh", MeshTable)
+        file.said("[mesh]", self._read_mesh, mesh)
+        for where, take in file.many("take"):
+            file.said(where, self._read_take, file.table(where, TakeTable, take))
+        for where, point in file.many("point"):
+            file.said(where, self._read_point, file.table(where, PointTable, point))
+        for where, pose in file.many("pose"):
+            file.said(where, self._read_pose, file.table(where, PoseTable, pose))
+        if file.has("symmetry"):
+            file.said("[symmetry]", self._read_symmetry, file.one("symmetry", SymmetryTable))
         self._read_settings()
-        for number, layer in enumerate(self._listed("layer"), 1):
-            self._read_layer(number, layer)
-        return Session(self._project, self._name, tuple(self._notes), table, self._takes)
+        for where, layer in file.many("layer"):
+            told = file.table(where, LayerTable, {k: v for k, v in layer.items() if k not in _IN_LAYER})
+            file.said(where, self._read_layer, told, self._asked(where, layer))
+        return Session(self._project, self._name, tuple(self._notes), mesh, self._takes)
 
     def _read_mesh(self, table: MeshTable) -> None:
-        path = self._beside(table.file)
-        own = self._one("puppet", PuppetTable)
-        if path.suffix.lower() == ".enliven":
-            name, mesh = _mesh_of(path, table.puppet)
-        else:
-            mesh, notes = load_mesh(path)
-            self._notes += notes
-            name = path.stem
+        own = self._file.one("puppet", PuppetTable)
+        mesh, name, notes = mesh_of(table, self._file.beside(table.file))
+        self._notes += notes
         self._name = own.name or name
-        self._project = make_puppet(self._project, fitted(mesh, table), self._name)
+        self._project = make_puppet(self._project, mesh, self._name)
         self._put(self._puppet.with_changes(place=np.array(own.place), turn=np.array(own.turn)))
 
     def _read_take(self, table: TakeTable) -> None:
-        path = self._beside(table.file)
+        path = self._file.beside(table.file)
         clip, notes = read_take(path, table.animation, table.start, table.end)
         name = table.name or clip.id
         if name in self._takes:
@@ -171,7 +148,7 @@ class _Reader:
         if (vertex is None) == (table.at is None):
             raise InputError("it needs a vertex or a place", mend="Say vertex = 4711 or at = [x, y, z].")
         if vertex is None:
-            vertex = _nearest(self._puppet.mesh, np.array(table.at))
+            vertex = nearest_vertex(self._puppet.mesh, np.array(table.at))
         self._project = add_point(self._project, self._name, vertex, table.name, table.joint, table.foot)
         point = self._puppet.points[-1].name
         self._project = change_point(self._project, self._name, point, weight=table.weight)
@@ -201,37 +178,28 @@ class _Reader:
         self._project = set_symmetry(self._project, self._name, plane)
 
     def _read_settings(self) -> None:
-        told = self._one("settings", SettingsTable)
+        told = self._file.one("settings", SettingsTable)
         self._put(
             self._puppet.with_changes(
                 surface=told.surface, examples=told.examples, locomotion=told.locomotion
             )
         )
 
-    def _read_layer(self, number: int, table: Mapping[str, Any]) -> None:
-        where = f"[[layer]] {number}"
-        plain = {key: value for key, value in table.items() if key not in IN_LAYER}
-        told = self._table(where, LayerTable, plain)
-        parts = {
-            "positions": tuple(
-                Position(**vars(one)) for one in self._inner(where, table, "position", PositionTable)
-            ),
-            "velocities": tuple(
-                Velocity(**vars(one)) for one in self._inner(where, table, "velocity", VelocityTable)
-            ),
-            "couplings": tuple(
-                Coupling(**vars(one)) for one in self._inner(where, table, "coupling", CouplingTable)
-            ),
+    def _read_layer(self, table: LayerTable, asked: Mapping[str, Any]) -> None:
+        attributes = {one.name: getattr(table, one.name) for one in fields(table) if one.name != "take"}
+        self._project = play_take(self._project, self._name, self._take(table.take), **attributes, **asked)
+
+    def _asked(self, where: str, layer: Mapping[str, Any]) -> dict[str, Any]:
+        """The constraints and switches of a layer's table."""
+        inner = self._file.inner
+        asked: dict[str, Any] = {
+            "positions": tuple(Position(**vars(t)) for t in inner(where, layer, "position", PositionTable)),
+            "velocities": tuple(Velocity(**vars(t)) for t in inner(where, layer, "velocity", VelocityTable)),
+            "couplings": tuple(Coupling(**vars(t)) for t in inner(where, layer, "coupling", CouplingTable)),
         }
-        if "switch" in table:
-            found = self._inner(where, table, "switch", SwitchTable)
-            parts["switches"] = tuple(Switch(**vars(one)) for one in found)  # type: ignore[assignment]
-        attributes = {field.name: getattr(told, field.name) for field in fields(told) if field.name != "take"}
-
-        def play() -> None:
-            self._project = play_take(self._project, self._name, self._take(told.take), **attributes, **parts)
-
-        self._said(where, play)
+        if "switch" in layer:
+            asked["switches"] = tuple(Switch(**vars(t)) for t in inner(where, layer, "switch", SwitchTable))
+        return asked
 
     def _take(self, name: str) -> str:
         """The id of a take, the first where none is named."""
@@ -247,85 +215,3 @@ class _Reader:
 
     def _put(self, puppet: Puppet) -> None:
         self._project = self._project.with_puppets(puppet)
-
-    def _beside(self, file: str) -> Path:
-        """A file's path, relative to the session's."""
-        return self._path.parent / Path(os.path.expandvars(file)).expanduser()
-
-    def _one(self, name: str, kind: type[T]) -> T:
-        """A table there is one of; as usual where it is not there."""
-        value = self._found.get(name, {})
-        if not isinstance(value, Mapping):
-            mend = f"Write [{name}], once."
-            raise InputError(f"{name} must be one table", where=str(self._path), mend=mend)
-        return self._table(f"[{name}]", kind, value)
-
-    def _many(self, name: str, kind: type[T]) -> list[tuple[int, T]]:
-        """Tables there may be several of, with their numbers from 1."""
-        listed = enumerate(self._listed(name), 1)
-        return [(number, self._table(f"[[{name}]] {number}", kind, one)) for number, one in listed]
-
-    def _listed(self, name: str) -> list[Mapping[str, Any]]:
-        return listed(self._found, name, str(self._path))
-
-    def _inner(self, where: str, table: Mapping[str, Any], name: str, kind: type[T]) -> list[T]:
-        """The tables of a kind in a layer."""
-        found = enumerate(listed(table, name, f"{self._path}, {where}"), 1)
-        return [self._table(f"{where}, {name} {number}", kind, one) for number, one in found]
-
-    def _table(self, where: str, kind: type[T], value: Mapping[str, Any]) -> T:
-        return load_settings(kind, value, where=f"{self._path}, {where}")
-
-    def _said(self, where: str, step: Any, *arguments: Any) -> None:
-        """Does a step; what it complains of is said to be in this table."""
-        try:
-            step(*arguments)
-        except InputError as error:
-            what = f"{error.where}: {error.what}" if error.where else error.what
-            raise InputError(what, where=f"{self._path}, {where}", mend=error.mend) from None
-
-
-def check_tables(found: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
-    """That there are no tables but these.
-
-    Raises:
-        InputError: which names the nearest known one.
-    """
-    for name in found:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, n=1)
-            mend = f"Did you mean {near[0]}?" if near else f"Known: {', '.join(known)}."
-            raise InputError(f"unknown table {name}", where=where, mend=mend)
-
-
-def listed(found: Mapping[str, Any], name: str, where: str) -> list[Mapping[str, Any]]:
-    """The tables of an array of tables; none where it is not there."""
-    value = found.get(name, [])
-    if not isinstance(value, list) or not all(isinstance(one, Mapping) for one in value):
-        raise InputError(f"{name} must be tables", where=where, mend=f"Write [[{name}]] for each.")
-    return value
-
-
-def fitted(mesh: Mesh, table: MeshTable) -> Mesh:
-    """The mesh as a session's table has it: upright, so tall, on the floor; from a project as it is there."""
-    if Path(table.file).suffix.lower() != ".enliven" or table.height is not None or table.up != "y":
-        axis = "xyz".index(table.up)
-        height = table.height or float(np.ptp(mesh.vertices[:, axis]))
-        mesh = fit_height(mesh, height, table.up)
-    if table.turned:
-        turn = from_rotation_vector(np.array([0.0, np.radians(table.turned), 0.0]))
-        mesh = replace(mesh, vertices=rotate(turn, mesh.vertices))
-    return mesh
-
-
-def _mesh_of(path: Path, name: str) -> tuple[str, Mesh]:
-    """The name and the mesh of a puppet of a project; of the first where none is named."""
-    project = read_project(path)
-    puppet = project.puppet(name or next(iter(project.puppets), ""))
-    return puppet.id, puppet.mesh
-
-
-def _nearest(mesh: Mesh, place: Float) -> int:
-    """The vertex of a face that is nearest to a place (3,)."""
-    used = np.unique(mesh.faces)
-    return int(used[np.linalg.norm(mesh.vertices[used] - place, axis=1).argmin()])

@@ -1,0 +1,97 @@
+"""The tables of a session's file: which there are, what they say, and where an error was."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
+
+from enliven.errors import InputError
+from enliven.settings import load_settings
+
+T = TypeVar("T")
+P = ParamSpec("P")
+
+_TABLES = ("mesh", "take", "puppet", "symmetry", "settings", "point", "pose", "layer")
+
+
+class SessionFile:
+    """A session's TOML, asked for its tables.
+
+    Raises:
+        InputError: for an unreadable file, and for a table that is not known, with the nearest that is.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._found: Mapping[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise InputError(f"it is not readable TOML ({error})", where=str(path)) from None
+        for name in self._found:
+            if name not in _TABLES:
+                near = difflib.get_close_matches(name, _TABLES, n=1)
+                mend = f"Did you mean {near[0]}?" if near else f"Known: {', '.join(_TABLES)}."
+                raise InputError(f"unknown table {name}", where=str(path), mend=mend)
+        if "mesh" not in self._found:
+            raise InputError("it has no [mesh]", where=str(path), mend='Say [mesh] file = "...".')
+
+    def has(self, name: str) -> bool:
+        """Whether there is a table of that name."""
+        return name in self._found
+
+    def one(self, name: str, kind: type[T]) -> T:
+        """A table there is one of; as usual where it is not there."""
+        value = self._found.get(name, {})
+        if not isinstance(value, Mapping):
+            mend = f"Write [{name}], once."
+            raise InputError(f"{name} must be one table", where=str(self._path), mend=mend)
+        return self.table(f"[{name}]", kind, value)
+
+    def many(self, name: str) -> list[tuple[str, Mapping[str, Any]]]:
+        """Tables there may be several of, each with what it is called in errors."""
+        return [(f"[[{name}]] {n}", one) for n, one in enumerate(self._listed(self._found, name, ""), 1)]
+
+    def inner(self, where: str, table: Mapping[str, Any], name: str, kind: type[T]) -> list[T]:
+        """The tables of a kind in another."""
+        found = enumerate(self._listed(table, name, f", {where}"), 1)
+        return [self.table(f"{where}, {name} {number}", kind, one) for number, one in found]
+
+    def table(self, where: str, kind: type[T], value: Mapping[str, Any]) -> T:
+        """What a table says."""
+        return load_settings(kind, value, where=f"{self._path}, {where}")
+
+    def said(self, where: str, step: Callable[P, None], *values: P.args, **named: P.kwargs) -> None:
+        """Does a step; what it complains of is said to be in this table."""
+        try:
+            step(*values, **named)
+        except InputError as error:
+            what = f"{error.where}: {error.what}" if error.where else error.what
+            raise InputError(what, where=f"{self._path}, {where}", mend=error.mend) from None
+
+    def beside(self, file: str) -> Path:
+        """A file's path, relative to the session's; $NAME is what the environment says.
+
+        Raises:
+            InputError: for a name that the environment lacks.
+        """
+        text = os.path.expandvars(file)
+        unknown = re.search(r"\$\{?(\w+)", text)
+        if unknown:
+            mend = f"Set {unknown[1]} to a folder, or write its path."
+            raise InputError(f"{unknown[0].replace('{', '')} is not set", where=file, mend=mend)
+        return self._path.parent / Path(text).expanduser()
+
+    def _listed(self, found: Mapping[str, Any], name: str, where: str) -> list[Mapping[str, Any]]:
+        """The tables of an array of tables; none where it is not there."""
+        value = found.get(name, [])
+        if not isinstance(value, list) or not all(isinstance(one, Mapping) for one in value):
+            mend = f"Write [[{name}]] for each."
+            raise InputError(f"{name} must be tables", where=f"{self._path}{where}", mend=mend)
+        return value
