@@ -56,6 +56,11 @@ class Fading:
         """The next state may be far from what is shown."""
         self._torn = True
 
+    def skip(self, time_ns: int) -> None:
+        """Nothing was shown until now, whatever the clock says: closing goes on from here."""
+        self._start_ns += time_ns - self._time_ns
+        self._time_ns = time_ns
+
     def __call__(self, linear: Float, positions: Float, time_ns: int) -> State:
         """What to show of a computed state."""
         if self._torn and self.shown is not None and self.seconds > 0:

@@ -87,6 +87,8 @@ class PuppetActor:
             self._meet(bodies[0])
         self._hand_over(bodies, time_ns)
         paused = not 0 < time_ns - self._time_ns <= self.settings.pause * 1e9
+        if paused:
+            self._fading.skip(time_ns)
         self._look(bodies, time_ns)
         if self.holds:
             self._follow(time_ns, paused)
