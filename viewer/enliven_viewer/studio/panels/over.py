@@ -50,19 +50,26 @@ def _mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
 
 
 def _hint(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    """What the tool is and what to do next, and beneath what is wrong with it."""
     tool = desk.hand.tool
-    label, hint = tool.label, tool.hint
-    wide = imgui.calc_text_size(f"{label}   {hint}").x + 28
-    x, y = area.x + 14, area.y + 14
-    draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + 32), packed(GLASS), 9.0)
-    draw.add_text(ImVec2(x + 13, y + 8), packed(ACCENT), label)
-    shift = imgui.calc_text_size(f"{label}   ").x
-    draw.add_text(ImVec2(x + 13 + shift, y + 8), packed(INK), hint)
+    shift = imgui.calc_text_size(f"{tool.label}   ").x
+    room = max(area.width - shift - 54, 80.0)
+    lines = wrapped(tool.hint, room, lambda text: imgui.calc_text_size(text).x) or [""]
+    wide = shift + max(imgui.calc_text_size(line).x for line in lines) + 28
+    x, y, high = area.x + 14, area.y + 14, 32 + 19 * (len(lines) - 1)
+    draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + high), packed(GLASS), 9.0)
+    draw.add_text(ImVec2(x + 13, y + 8), packed(ACCENT), tool.label)
+    for row, line in enumerate(lines):
+        draw.add_text(ImVec2(x + 13 + shift, y + 8 + 19 * row), packed(INK), line)
     if tool.warning:
-        text = f"\uf071  {tool.warning}"
-        wide = imgui.calc_text_size(text).x + 26
-        draw.add_rect_filled(ImVec2(x, y + 38), ImVec2(x + wide, y + 68), packed(GLASS), 9.0)
-        draw.add_text(ImVec2(x + 13, y + 45), packed(BAD), text)
+        _warning(tool.warning, draw, x, y + high + 6)
+
+
+def _warning(said: str, draw, x: float, y: float) -> None:  # type: ignore[no-untyped-def]
+    text = f"\uf071  {said}"
+    wide = imgui.calc_text_size(text).x + 26
+    draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + 30), packed(GLASS), 9.0)
+    draw.add_text(ImVec2(x + 13, y + 7), packed(BAD), text)
 
 
 def _caption(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]

@@ -55,7 +55,7 @@ class PuppetTool(Tool):
             return f"Drag control points for {name}. Enter keeps it; R resets a point, Delete removes it."
         if not puppet.points:
             return "Click the mesh where it is to be held: the ends of its limbs, its feet, its head."
-        return "Click the mesh for another control point; drag one to show what the performer's pose means."
+        return "Drag a control point to make a key pose of this moment; click the mesh for another one."
 
     @property
     def warning(self) -> str:
@@ -146,9 +146,9 @@ class PuppetTool(Tool):
         return Overlay(marks_of(self, standing, self.editor.lens))
 
     def manipulator(self) -> Manipulator | None:
-        """At the chosen control point."""
+        """At the chosen control point; none while it plays."""
         standing, point = self._standing(), self.desk.point
-        if standing is None or point is None or point >= len(standing.points):
+        if self.editor.playing or standing is None or point is None or point >= len(standing.points):
             return None
         return Manipulator(standing.points[point], self.editor.lens)
 
