@@ -21,7 +21,8 @@ from enliven.character import Pose
 from enliven.errors import InputError
 from enliven.examples.performer import turned_about_y
 from enliven.examples.puppet_examples import Material, examples_of, material_of, missing
-from enliven.examples.puppet_solve import PuppetMotion, solved
+from enliven.examples.puppet_solve import solved
+from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.project import Project
 from enliven.puppet import Puppet, PuppetLayer
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix

@@ -2,119 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
-from enliven.arrays import Float, Int
+from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.examples.constraints import Constraint, Coupling, conditions_of
-from enliven.examples.locomotion import Placed, Switch, check_switches, find_switches, locate, standing_feet
+from enliven.examples.locomotion import Placed, check_switches, find_switches, locate, standing_feet
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.performer import Performance, performed, turned_about_y
+from enliven.examples.performer import Performance, performed
 from enliven.examples.performers import cast
 from enliven.examples.poses import Examples
 from enliven.examples.puppet_examples import Material, examples_with, material_of, reference_among, some_of
+from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.project import Project
 from enliven.puppet import Puppet, PuppetLayer
-
-
-@dataclass(frozen=True, eq=False)
-class PuppetMotion:
-    """What a layer makes of its whole take, one entry a frame of it.
-
-    Attributes:
-        step: seconds between frames.
-        points: numbers of the control points that it moves.
-        places: (F, P, 3) metres in the mesh's own frame; those that it does not move are at rest.
-        rest: (P, 3) metres, the control points at rest.
-        weight: of the layer.
-        yaw: (F,) radians since the first frame; 0 where it does not travel.
-        root: (F, 3) metres; 0 where it does not travel.
-        anchors: (F,) which control point stands; -1 in flight and where it does not travel.
-        switches: where contact and flight begin, as used; none where it does not travel.
-        travels: whether it goes through the world.
-        notes: what was guessed, as sentences for the user.
-    """
-
-    step: float
-    points: tuple[int, ...]
-    places: Float
-    rest: Float
-    weight: float
-    yaw: Float
-    root: Float
-    anchors: Int
-    switches: tuple[Switch, ...]
-    travels: bool
-    notes: tuple[str, ...] = ()
-
-    @property
-    def frames(self) -> int:
-        """How many frames it has."""
-        return len(self.places)
-
-    def at(self, seconds: float) -> tuple[Float, float, Float]:
-        """Places (P, 3), yaw and root (3,) at a time of the take; before and after it the first and last."""
-        frame = float(np.clip(seconds / self.step, 0.0, self.frames - 1))
-        return self.places_at(frame), *self.way_at(frame)
-
-    def places_at(self, frame: float) -> Float:
-        """(P, 3) metres, at a frame or between two."""
-        before, after, part = self._between(frame)
-        return np.asarray((1.0 - part) * self.places[before] + part * self.places[after])
-
-    def way_at(self, frame: float, rounds: int = 0) -> tuple[float, Float]:
-        """Yaw and root (3,) at a frame or between two, after the take was gone through ``rounds`` times.
-
-        Between frames the anchor stays where it is, as it does at them.
-        """
-        before, after, part = self._between(frame)
-        yaw = float((1.0 - part) * self.yaw[before] + part * self.yaw[after])
-        root = (1.0 - part) * self.root[before] + part * self.root[after]
-        anchor = int(self.anchors[after])
-        if anchor >= 0:
-            one, other = (self._standing(f, anchor) for f in (before, after))
-            at = (1.0 - part) * one + part * other
-            turned = [
-                _turned(place - self.root[f], -self.yaw[f]) for place, f in ((one, before), (other, after))
-            ]
-            root = at - _turned((1.0 - part) * turned[0] + part * turned[1], yaw)
-        return self._gone(yaw, np.asarray(root), rounds)
-
-    def _gone(self, yaw: float, root: Float, rounds: int) -> tuple[float, Float]:
-        """A yaw and a root after whole rounds, each of which begins where the one before ended.
-
-        Round n maps x to R^n x + (1 + R + ... + R^(n-1)) offset, R the turn of one: a geometric series, which
-        holds for n < 0 too.
-        """
-        if rounds == 0 or not self.travels:
-            return yaw, root
-        turn, offset = self._round()
-        half = np.sin(0.5 * turn)
-        series = rounds if abs(half) < 1e-9 else np.sin(0.5 * rounds * turn) / half
-        gone = series * _turned(offset, 0.5 * (rounds - 1) * turn)
-        return yaw + rounds * turn, _turned(root, rounds * turn) + gone
-
-    def _round(self) -> tuple[float, Float]:
-        """What a place in the world becomes with the next round: its turn about +Y, and an offset (3,).
-
-        The anchor of the last frame stays where it is; in flight the root does. Heights stay.
-        """
-        turn, anchor = float(self.yaw[-1] - self.yaw[0]), int(self.anchors[-1])
-        last, first = self.root[-1], self.root[0]
-        if anchor >= 0:
-            last, first = self._standing(-1, anchor), self._standing(0, anchor)
-        return turn, np.asarray((last - _turned(first, turn)) * [1.0, 0.0, 1.0])
-
-    def _standing(self, frame: int, point: int) -> Float:
-        """(3,) metres, where a control point is in the world at a frame, by this layer alone."""
-        mixed = self.rest[point] + self.weight * (self.places[frame, point] - self.rest[point])
-        return np.asarray(_turned(mixed, self.yaw[frame]) + self.root[frame])
-
-    def _between(self, frame: float) -> tuple[int, int, float]:
-        before = min(int(frame), self.frames - 1)
-        return before, min(before + 1, self.frames - 1), frame - before
 
 
 def solved(material: Material) -> PuppetMotion:
@@ -174,21 +78,24 @@ class _Solve:
         self._mapping = ExampleMap(self.examples, material.examples)
         take, joints = material.take(), self.examples.joints
         reference = reference_among([one.skeleton for one in shown], [point.joint for point in points])
-        role = cast(reference, take.skeleton, joints, take.id)
-        took = performed(take, role.joints)
-        self.took = replace(took, poses=role.seen(took.poses))
-        self._role = role
+        self._take, self._role = take, cast(reference, take.skeleton, joints, take.id)
         self._asked: tuple[Constraint, ...] = (
             *self._layer.positions,
             *self._layer.velocities,
             *self._layer.couplings,
         )
 
+    @cached_property
+    def took(self) -> Performance:
+        """What the layer plays, as the reference would have done it."""
+        took = performed(self._take, self._role.joints)
+        return replace(took, poses=self._role.seen(took.poses))
+
     def check(self) -> None:
         """That constraints and switches can be met."""
-        conditions_of(self._asked, self.examples, len(self.took.poses), self.took.step)
+        conditions_of(self._asked, self.examples, len(self._take.turns), self._take.step)
         if self._layer.switches is not None:
-            check_switches(self._layer.switches, len(self.took.poses))
+            check_switches(self._layer.switches, len(self._take.turns))
 
     def places(self, level: tuple[Coupling, ...]) -> Float:
         """(F, P, 3) metres in the mesh's frame, with feet coupled."""
@@ -234,7 +141,7 @@ class _Solve:
 
     def _legs(self) -> float:
         """Metres along the bones from the root to the feet, on the average."""
-        skeleton = self._material.take().skeleton
+        skeleton = self._take.skeleton
         joints = [self._role.joints[self._moved.index(k)] for k in self._feet]
         ways = [skeleton.path(0, skeleton.index(name)) for name in joints]
         return float(np.mean([skeleton.lengths[list(way)].sum() for way in ways])) or 1.0
@@ -246,7 +153,3 @@ def _agree(constraints: tuple[Constraint, ...], examples: Examples, frames: int,
     except InputError:
         return False
     return True
-
-
-def _turned(vector: Float, angle: float) -> Float:
-    return np.asarray(turned_about_y(vector, np.asarray(angle)))
