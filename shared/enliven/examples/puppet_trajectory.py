@@ -1,0 +1,113 @@
+"""What a layer makes of its whole take: places frame by frame, a way in the world, and rounds of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.examples.locomotion import Switch
+from enliven.examples.performer import turned_about_y
+
+
+@dataclass(frozen=True, eq=False)
+class PuppetMotion:
+    """What a layer makes of its whole take, one entry a frame of it.
+
+    Attributes:
+        step: seconds between frames.
+        points: numbers of the control points that it moves.
+        places: (F, P, 3) metres in the mesh's own frame; those that it does not move are at rest.
+        rest: (P, 3) metres, the control points at rest.
+        weight: of the layer.
+        yaw: (F,) radians since the first frame; 0 where it does not travel.
+        root: (F, 3) metres; 0 where it does not travel.
+        anchors: (F,) which control point stands; -1 in flight and where it does not travel.
+        switches: where contact and flight begin, as used; none where it does not travel.
+        travels: whether it goes through the world.
+        notes: what was guessed, as sentences for the user.
+    """
+
+    step: float
+    points: tuple[int, ...]
+    places: Float
+    rest: Float
+    weight: float
+    yaw: Float
+    root: Float
+    anchors: Int
+    switches: tuple[Switch, ...]
+    travels: bool
+    notes: tuple[str, ...] = ()
+
+    @property
+    def frames(self) -> int:
+        """How many frames it has."""
+        return len(self.places)
+
+    def at(self, seconds: float) -> tuple[Float, float, Float]:
+        """Places (P, 3), yaw and root (3,) at a time of the take; before and after it the first and last."""
+        frame = float(np.clip(seconds / self.step, 0.0, self.frames - 1))
+        return self.places_at(frame), *self.way_at(frame)
+
+    def places_at(self, frame: float) -> Float:
+        """(P, 3) metres, at a frame or between two."""
+        before, after, part = self._between(frame)
+        return np.asarray((1.0 - part) * self.places[before] + part * self.places[after])
+
+    def way_at(self, frame: float, rounds: int = 0) -> tuple[float, Float]:
+        """Yaw and root (3,) at a frame or between two, after the take was gone through ``rounds`` times.
+
+        Between frames the anchor stays where it is, as it does at them.
+        """
+        before, after, part = self._between(frame)
+        yaw = float((1.0 - part) * self.yaw[before] + part * self.yaw[after])
+        root = (1.0 - part) * self.root[before] + part * self.root[after]
+        anchor = int(self.anchors[after])
+        if anchor >= 0:
+            one, other = (self._standing(f, anchor) for f in (before, after))
+            at = (1.0 - part) * one + part * other
+            turned = [
+                _turned(place - self.root[f], -self.yaw[f]) for place, f in ((one, before), (other, after))
+            ]
+            root = at - _turned((1.0 - part) * turned[0] + part * turned[1], yaw)
+        return self._gone(yaw, np.asarray(root), rounds)
+
+    def _gone(self, yaw: float, root: Float, rounds: int) -> tuple[float, Float]:
+        """A yaw and a root after whole rounds, each of which begins where the one before ended.
+
+        Round n maps x to R^n x + (1 + R + ... + R^(n-1)) offset, R the turn of one: a geometric series, which
+        holds for n < 0 too.
+        """
+        if rounds == 0 or not self.travels:
+            return yaw, root
+        turn, offset = self._round()
+        half = np.sin(0.5 * turn)
+        series = rounds if abs(half) < 1e-9 else np.sin(0.5 * rounds * turn) / half
+        gone = series * _turned(offset, 0.5 * (rounds - 1) * turn)
+        return yaw + rounds * turn, _turned(root, rounds * turn) + gone
+
+    def _round(self) -> tuple[float, Float]:
+        """What a place in the world becomes with the next round: its turn about +Y, and an offset (3,).
+
+        The anchor of the last frame stays where it is; in flight the root does. Heights stay.
+        """
+        turn, anchor = float(self.yaw[-1] - self.yaw[0]), int(self.anchors[-1])
+        last, first = self.root[-1], self.root[0]
+        if anchor >= 0:
+            last, first = self._standing(-1, anchor), self._standing(0, anchor)
+        return turn, np.asarray((last - _turned(first, turn)) * [1.0, 0.0, 1.0])
+
+    def _standing(self, frame: int, point: int) -> Float:
+        """(3,) metres, where a control point is in the world at a frame, by this layer alone."""
+        mixed = self.rest[point] + self.weight * (self.places[frame, point] - self.rest[point])
+        return np.asarray(_turned(mixed, self.yaw[frame]) + self.root[frame])
+
+    def _between(self, frame: float) -> tuple[int, int, float]:
+        before = min(int(frame), self.frames - 1)
+        return before, min(before + 1, self.frames - 1), frame - before
+
+
+def _turned(vector: Float, angle: float) -> Float:
+    return np.asarray(turned_about_y(vector, np.asarray(angle)))
