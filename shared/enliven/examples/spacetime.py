@@ -17,8 +17,9 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
-from enliven.arrays import Bool, Float, Int
+from enliven.arrays import Float, Int
 from enliven.examples.banded import Band, accelerations, pulled
 from enliven.examples.bounded import Nodes
 from enliven.examples.constraints import Conditions
@@ -63,8 +64,9 @@ def solve(
 
     def one(group: list[int]) -> int:
         nodes = nodes_of(group, spare.pop() if spare and len(group) == 1 else None)
-        _hold(nodes, conditions.held[group], conditions.values[group])
-        mine = np.isin(conditions.first[:, 0], group)
+        held, values = conditions.held[group], conditions.values[group]
+        _hold(held, values, nodes.matrix, nodes.right, nodes.reach, nodes.offset, nodes.slack)
+        mine = np.isin(conditions.first[:, 0], group) if len(conditions.first) else np.zeros(0, np.bool_)
         if not mine.any():
             factored = solve_point(*nodes.arrays_of(0), weight, *bounds, places[group[0]])
             spare.append(nodes)
@@ -82,17 +84,27 @@ def solve(
     return Solution(places, work)
 
 
-def _hold(nodes: Nodes, held: Bool, values: Float) -> None:
-    """Eliminates the coordinates that are ``held`` (P, F, 3) at ``values``: changes the nodes.
+@njit(cache=True, nogil=True)
+def _hold(held, values, matrix, right, reach, offset, slack):  # type: ignore[no-untyped-def]
+    """Kernel: eliminates the coordinates that are ``held`` (P, F, 3) at ``values``: changes the nodes.
 
     What a held coordinate asks beyond C w is r, at its cost: it becomes part of the weights' energy.
     """
-    for p, f, axis in np.argwhere(held):
-        column, value = nodes.reach[p, f, :, axis].copy(), values[p, f, axis]
-        nodes.matrix[p, f] += np.outer(column, column) / nodes.slack[p, f, axis]
-        nodes.right[p, f] += column * value / nodes.slack[p, f, axis]
-        nodes.reach[p, f, :, axis] = 0.0
-        nodes.offset[p, f, axis], nodes.slack[p, f, axis] = value, 0.0
+    count = reach.shape[2]
+    for p in range(held.shape[0]):
+        for f in range(held.shape[1]):
+            for axis in range(3):
+                if not held[p, f, axis]:
+                    continue
+                value, cost = values[p, f, axis], slack[p, f, axis]
+                for a in range(count):
+                    column = reach[p, f, a, axis] / cost
+                    right[p, f, a] += column * value
+                    for b in range(count):
+                        matrix[p, f, a, b] += column * reach[p, f, b, axis]
+                for a in range(count):
+                    reach[p, f, a, axis] = 0.0
+                offset[p, f, axis], slack[p, f, axis] = value, 0.0
 
 
 def _groups(points: int, conditions: Conditions) -> list[list[int]]:
