@@ -19,6 +19,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int
 from enliven.errors import InputError
+from enliven.examples.anchoring import stand
 from enliven.examples.constraints import Coupling
 from enliven.examples.performer import turned_about_y
 from enliven.motion.contacts import ContactSettings, runs_of, touching
@@ -176,7 +177,7 @@ class _Way:
         self, turned: Float, feet: Int, step: float, settings: LocomotionSettings, stands: Bool | None
     ) -> None:
         self._turned, self._feet, self._step, self._settings = turned, feet, step, settings
-        self._stands = stands
+        self._stands = np.zeros((len(turned), len(feet)), np.bool_) if stands is None else stands
         self._lowest = -turned[:, feet, 1].min(1)
         self._grip = settings.grip * (float(np.linalg.norm(np.ptp(turned[0], axis=0))) or 1.0)
         self.root = np.zeros((len(turned), 3))
@@ -186,26 +187,9 @@ class _Way:
 
     def stand(self, first: int, last: int) -> None:
         """Contact from frame ``first`` to ``last``."""
-        for f in range(max(first, self._done), last + 1):
-            anchor = self._anchor(f, self.anchors[f - 1] if f > 0 else -1)
-            self.anchors[f] = anchor
-            if f > 0:
-                # The new anchor has not moved since the frame before, whoever was the anchor then.
-                self.root[f] = self.root[f - 1] + self._turned[f - 1, anchor] - self._turned[f, anchor]
-            self.root[f, 1] = self._lowest[f]
+        first = max(first, self._done)
+        stand(self._turned, self._feet, self._stands, self._grip, first, last, self.root, self.anchors)
         self._done = max(self._done, last + 1)
-
-    def _anchor(self, f: int, before: int) -> int:
-        """Who is the anchor at a frame after ``before`` was (-1: nobody)."""
-        heights = self._turned[f, self._feet, 1]
-        if self._stands is not None and self._stands[f].any():
-            stands = self._stands[f]
-            if before in self._feet[stands]:
-                return before
-            return int(self._feet[np.where(stands, heights, np.inf).argmin()])
-        if before >= 0 and self._turned[f, before, 1] <= heights.min() + self._grip:
-            return before
-        return int(self._feet[heights.argmin()])
 
     def fly(self, until: int) -> None:
         """Flight from the last frame that is done to the frame ``until``."""

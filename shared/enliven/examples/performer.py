@@ -43,17 +43,25 @@ def performed(clip: Clip, joints: Sequence[str]) -> Performance:
         InputError: for a joint that is not there.
     """
     numbers = [clip.skeleton.index(name) for name in joints]
-    world = joint_places(clip)[:, numbers]
+    world = joint_places(clip, numbers)[:, numbers]
     yaw = np.unwrap(yaw_of(clip.turns[:, 0]))
     return Performance(in_body(world, clip.root, yaw), world, clip.root, yaw, clip.step)
 
 
-def joint_places(clip: Clip) -> Float:
-    """(F, N, 3) metres, the joints of a clip in the world."""
-    places = np.empty((len(clip.turns), len(clip.skeleton), 3))
+def joint_places(clip: Clip, only: Sequence[int] | None = None) -> Float:
+    """(F, N, 3) metres, the joints of a clip in the world.
+
+    Args:
+        only: which of them are asked for; the others are anywhere. None for all.
+    """
+    skeleton = clip.skeleton
+    wanted = range(len(skeleton)) if only is None else {j for end in only for j in skeleton.path(0, end)}
+    places = np.zeros((len(clip.turns), len(skeleton), 3))
     places[:, 0] = clip.root
-    for j, parent in enumerate(clip.skeleton.parents[1:], 1):
-        places[:, j] = places[:, parent] + rotate(clip.turns[:, j], clip.skeleton.vectors[j])
+    for j in sorted(wanted):
+        if j:
+            turned = rotate(clip.turns[:, j], skeleton.vectors[j])
+            places[:, j] = places[:, skeleton.parents[j]] + turned
     return places
 
 

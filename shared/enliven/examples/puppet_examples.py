@@ -107,9 +107,8 @@ def examples_with(
     joints = tuple(point.joint for point in points)
     names = tuple(point.name for point in points)
     reference = reference_among([take.skeleton for take in takes], joints)
-    shown = [_shown(take, pose, joints, reference) for take, pose in zip(takes, poses, strict=True)]
     targets = np.stack([pose.places for pose in poses])
-    examples = Examples(joints, names, np.stack(shown), targets)
+    examples = Examples(joints, names, _shown(takes, poses, joints, reference), targets)
     if symmetry is None:
         return examples
     at, across = np.array(symmetry.point), np.array(symmetry.normal)
@@ -196,9 +195,15 @@ def frame_at(clip: Clip, seconds: float) -> int:
     return frame
 
 
-def _shown(take: Clip, pose: KeyPose, joints: tuple[str, ...], reference: Skeleton) -> Float:
-    """(P, 3) metres, the paired joints in the body frame at a key pose, as the reference would make it."""
-    frame = frame_at(take, pose.time)
-    role = cast(reference, take.skeleton, joints, take.id)
-    one = replace(take, turns=take.turns[frame : frame + 1], root=take.root[frame : frame + 1])
-    return np.asarray(role.seen(performed(one, role.joints).poses)[0])
+def _shown(
+    takes: Sequence[Clip], poses: Sequence[KeyPose], joints: tuple[str, ...], reference: Skeleton
+) -> Float:
+    """(n, P, 3) metres, the paired joints in the body frame at key poses, as the reference makes them."""
+    out = np.empty((len(poses), len(joints), 3))
+    for take in dict.fromkeys(takes):
+        mine = [n for n, other in enumerate(takes) if other is take]
+        frames = [frame_at(take, poses[n].time) for n in mine]
+        role = cast(reference, take.skeleton, joints, take.id)
+        some = replace(take, turns=take.turns[frames], root=take.root[frames])
+        out[mine] = role.seen(performed(some, role.joints).poses)
+    return out

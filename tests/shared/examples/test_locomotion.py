@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.errors import InputError
+from enliven.examples.anchoring import stand
 from enliven.examples.locomotion import LocomotionSettings, Switch, find_switches, locate, standing_feet
 
 STEP = 1 / 60
@@ -135,3 +136,35 @@ def test_who_shuffles_goes_on_by_the_performers_feet():
     assert np.diff(goes.root[:, 2]).min() > -1e-6
     seen = standing_feet(np.stack(feet, 1), STEP, 1.0)
     assert (seen == stands).mean() > 0.5
+
+
+def slow_stand(turned, feet, stands, grip, root, anchors):
+    """The slow obvious twin of the compiled contact, from frame 0 to the last."""
+    for f in range(len(turned)):
+        heights = turned[f, feet, 1]
+        before = anchors[f - 1] if f else -1
+        if stands[f].any():
+            anchor = (
+                before if before in feet[stands[f]] else feet[np.where(stands[f], heights, np.inf).argmin()]
+            )
+        elif before >= 0 and turned[f, before, 1] <= heights.min() + grip:
+            anchor = before
+        else:
+            anchor = feet[heights.argmin()]
+        anchors[f] = anchor
+        if f:
+            root[f] = root[f - 1] + turned[f - 1, anchor] - turned[f, anchor]
+        root[f, 1] = -heights.min()
+
+
+@given(st.integers(0, 10**6), st.booleans())
+@settings(max_examples=20, deadline=None)
+def test_compiled_contact_is_its_slow_twin(seed, known):
+    rng = np.random.default_rng(seed)
+    turned, feet = rng.normal(size=(60, 5, 3)) * 0.1, np.array([3, 0, 2])
+    stands = rng.random((60, 3)) < 0.4 if known else np.zeros((60, 3), np.bool_)
+    made, twin = [(np.zeros((60, 3)), np.full(60, -1, np.int64)) for _ in range(2)]
+    stand(turned, feet, stands, 0.05, 0, 59, *made)
+    slow_stand(turned, feet, stands, 0.05, *twin)
+    np.testing.assert_array_equal(made[1], twin[1])
+    np.testing.assert_allclose(made[0], twin[0], atol=1e-12)
