@@ -19,13 +19,16 @@ def plane_for(puppet: Puppet) -> Plane | None:
 
 
 def partner_vertex(puppet: Puppet, vertex: int) -> int | None:
-    """The vertex nearest to the mirror image of one; None where there is none."""
+    """The vertex nearest to the mirror image of one, itself near the plane; None where there is none."""
     plane = plane_for(puppet)
     if plane is None:
         return None
-    tree, used = tree_of(puppet.mesh)
-    away, nearest = tree.query(_image(puppet.mesh.vertices[vertex], plane))
-    return int(used[nearest]) if away <= _OFF * size_of(puppet.mesh) else None
+    (tree, used), most = tree_of(puppet.mesh), _OFF * size_of(puppet.mesh)
+    image = _image(puppet.mesh.vertices[vertex], plane)
+    if np.linalg.norm(image - puppet.mesh.vertices[vertex]) <= most:
+        return vertex
+    away, nearest = tree.query(image)
+    return int(used[nearest]) if away <= most else None
 
 
 def partner_point(puppet: Puppet, point: int) -> int | None:
