@@ -28,6 +28,9 @@ Frames = Callable[[], Iterable[Float]]
 """Gives the frames (V, 3) metres from the first to the last, each time that it is called."""
 _CHUNK = 16
 """Frames that are worked on together."""
+_AGAIN = 3
+"""How often frames that were not fitted to and are too far off are taken in."""
+_MOST_MISSED = 16
 _LAST = 2
 """Rounds with maps as a glTF node can say them."""
 
@@ -79,8 +82,13 @@ def bake_surface(
     chosen = farthest(traits.reshape(len(traits), -1), settings.frames)
     wanted = _gathered(frames, chosen, first)
     fit = _Fit(welded, wanted, [int(of[v]) for v in held], settings, shear)
-    fit.run()
-    linear, places, error = _measured(fit, frames, len(traits), first)
+    for _ in range(_AGAIN):
+        fit.run()
+        missed = Missed(settings.worst * fit.size)
+        linear, places, error = _measured(fit, frames, len(traits), first, missed)
+        if not missed.frames or not fit.room:
+            break
+        fit.take(missed.frames)
     skin = SkinWeights(fit.indices[of].astype(np.uint16), fit.weights[of].astype(np.float32))
     axes = fit.maps.axes
     return BakedSurface(fit.pivots, fit.seeds.edges(), skin, linear, places, axes, error)
@@ -96,6 +104,28 @@ def farthest(traits: Float, count: int) -> Int:
         chosen.append(int(np.argmax(away)))
         away = np.minimum(away, ((traits - traits[chosen[-1]]) ** 2).sum(1))
     return np.sort(np.array(chosen))
+
+
+class Missed:
+    """The frames that are farthest off of those that are too far off.
+
+    Attributes:
+        most: metres that are not too far.
+        frames: (V, 3) of each.
+    """
+
+    def __init__(self, most: float) -> None:
+        self.most = most
+        self._kept: list[tuple[float, Float]] = []
+
+    @property
+    def frames(self) -> list[Float]:
+        return [frame for _, frame in self._kept]
+
+    def see(self, worst: float, frame: Float) -> None:
+        """A frame whose farthest vertex is ``worst`` metres off."""
+        if worst > self.most:
+            self._kept = sorted([*self._kept, (worst, frame)], key=lambda kept: -kept[0])[:_MOST_MISSED]
 
 
 class _Fit:
@@ -144,6 +174,16 @@ class _Fit:
             self._better_maps()
             self._alternate(_LAST)
 
+    @property
+    def room(self) -> bool:
+        """Whether there may be more transforms."""
+        return len(self.pivots) < min(self._settings.nodes, len(self._rest))
+
+    def take(self, frames: list[Float]) -> None:
+        """Frames (V, 3) more to fit to."""
+        self._wanted = np.concatenate([self._wanted, np.stack(frames, 1)], 1)
+        self._better_maps()
+
     def _alternate(self, rounds: int) -> None:
         for _ in range(rounds):
             self._better_weights()
@@ -178,9 +218,10 @@ class _Fit:
 
     def _better_weights(self) -> None:
         smooth = self._wanted.shape[1] * (self._settings.smooth * self.size) ** 2
-        by_node = np.ascontiguousarray(self._found.transpose(1, 0, 2, 3))
+        flat = self._wanted.reshape(len(self._rest), -1)
+        by_node = np.ascontiguousarray(self._found.transpose(1, 2, 0, 3)).reshape(len(self.pivots), 4, -1)
         around = self._candidates, self._near, self._starts, smooth
-        fit_weights(self._rest, self._wanted, self.pivots, by_node, *around, self.indices, self.weights)
+        fit_weights(self._rest, flat, self.pivots, by_node, *around, self.indices, self.weights)
 
     def errors(self, maps: Float, wanted: Float) -> tuple[Float, Float, Float]:
         """(V,) sums and (V,) maxima of square errors, and (F,) the maxima of each frame."""
@@ -213,7 +254,9 @@ def _chunks(frames: Frames, first: Int) -> Iterator[Float]:
         yield np.stack(kept, 1)
 
 
-def _measured(fit: _Fit, frames: Frames, count: int, first: Int) -> tuple[Float, Float, BakeError]:
+def _measured(
+    fit: _Fit, frames: Frames, count: int, first: Int, missed: Missed
+) -> tuple[Float, Float, BakeError]:
     """The transforms of all frames, and how far the surface is off."""
     linear, places = np.empty((count, len(fit.pivots), 3, 3)), np.empty((count, len(fit.pivots), 3))
     total, worst, frame, vertex, at = 0.0, 0.0, 0, 0, 0
@@ -221,6 +264,8 @@ def _measured(fit: _Fit, frames: Frames, count: int, first: Int) -> tuple[Float,
         maps = fit.maps.of(wanted)
         squares, most, of_frame = fit.errors(maps, wanted)
         total += float(squares.sum())
+        for number, off in enumerate(np.sqrt(of_frame)):
+            missed.see(float(off), wanted[:, number])
         if most.max() > worst:
             worst, frame, vertex = float(most.max()), at + int(of_frame.argmax()), int(first[most.argmax()])
         linear[at : at + len(maps)] = maps[:, :, :3].transpose(0, 1, 3, 2)

@@ -58,11 +58,13 @@ class Maps:
 
     def of(self, vertices: Float) -> Float:
         """(F, K, 4, 3) maps of the frames ``vertices`` (V, F, 3): x = (v - pivot, 1) map."""
-        right = moments_of(*self._parts, vertices)
+        frames = vertices.shape[1]
+        moments = moments_of(*self._parts, np.ascontiguousarray(vertices).reshape(len(vertices), -1))
+        right = np.ascontiguousarray(moments.reshape(-1, 4, frames, 3).transpose(2, 0, 1, 3))
         turns, places = self._rigid(right)
         right[:, :, :3] += self._pull[None, :, :3, None] * turns
         right[:, :, 3] += self._pull[None, :, 3, None] * places
-        frames, count = len(right), right.shape[1]
+        count = right.shape[1]
         flat = right.reshape(frames, 4 * count, 3).transpose(1, 0, 2).reshape(4 * count, 3 * frames)
         found = (
             cho_solve((self._factor, True), flat, check_finite=False)
@@ -120,8 +122,8 @@ def factor_of(matrix):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def moments_of(rest, pivots, indices, weights, vertices):  # type: ignore[no-untyped-def]
-    """(F, K, 4, 3): sum_v w (v - pivot, 1) x' of each frame of ``vertices`` (V, F, 3)."""
-    out = np.zeros((vertices.shape[1], len(pivots), 4, 3))
+    """(K, 4, 3 F): sum_v w (v - pivot, 1) x' of the frames of ``vertices`` (V, 3 F)."""
+    out = np.zeros((len(pivots), 4, vertices.shape[1]))
     for v in range(len(rest)):
         for s in range(4):
             w, k = weights[v, s], indices[v, s]
@@ -129,13 +131,12 @@ def moments_of(rest, pivots, indices, weights, vertices):  # type: ignore[no-unt
                 continue
             a, b = w * (rest[v, 0] - pivots[k, 0]), w * (rest[v, 1] - pivots[k, 1])
             c = w * (rest[v, 2] - pivots[k, 2])
-            for f in range(vertices.shape[1]):
-                for e in range(3):
-                    x = vertices[v, f, e]
-                    out[f, k, 0, e] += a * x
-                    out[f, k, 1, e] += b * x
-                    out[f, k, 2, e] += c * x
-                    out[f, k, 3, e] += w * x
+            for j in range(vertices.shape[1]):
+                x = vertices[v, j]
+                out[k, 0, j] += a * x
+                out[k, 1, j] += b * x
+                out[k, 2, j] += c * x
+                out[k, 3, j] += w * x
     return out
 
 

@@ -12,10 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.examples.bake import Frames, farthest
+from enliven.examples.bake import Frames, Missed, farthest
 from enliven.examples.bake_settings import BakeError, BakeSettings
 from enliven.mesh import Mesh
 
+_AGAIN = 4
+"""How often frames that were not among the chosen and are too far off are taken in."""
 _RIDGE = 1e-4
 """Part of the targets' own size below which a change of normals is not believed."""
 
@@ -45,10 +47,17 @@ def bake_morphs(
     size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     chosen = farthest(traits.reshape(len(traits), -1), settings.frames)
     moved, normals = _gathered(mesh, frames, chosen.tolist())
-    shapes, spread = _components(moved, settings.targets)
-    count = _needed(moved, shapes, settings, size)
-    shapes, spread = shapes[:count], spread[:count]
-    weights, error = _measured(mesh, frames, len(traits), shapes, size)
+    for _ in range(_AGAIN):
+        shapes, spread = _components(moved, settings.targets)
+        count = _needed(moved, shapes, settings, size)
+        shapes, spread = shapes[:count], spread[:count]
+        missed = Missed(settings.worst * size)
+        weights, error = _measured(mesh, frames, len(traits), shapes, size, missed)
+        if not missed.frames or count == settings.targets:
+            break
+        more = [_seen(mesh, vertices) for vertices in missed.frames]
+        moved = np.concatenate([moved, [one for one, _ in more]])
+        normals = np.concatenate([normals, [other for _, other in more]])
     known = moved @ shapes.T / spread
     square = known.T @ known + _RIDGE * len(known) * np.eye(count)
     bent = np.asarray(np.linalg.solve(square, known.T @ normals), np.float64)
@@ -60,15 +69,19 @@ def bake_morphs(
 def _gathered(mesh: Mesh, frames: Frames, chosen: list[int]) -> tuple[Float, Float]:
     """(C, 3 V) how far the vertices are from rest in the chosen frames, and their normals."""
     moved, normals = np.empty((len(chosen), mesh.vertices.size)), np.empty((len(chosen), mesh.vertices.size))
-    row, rest = {frame: k for k, frame in enumerate(chosen)}, mesh.vertex_normals()
+    row = {frame: k for k, frame in enumerate(chosen)}
     for number, vertices in enumerate(frames()):
         if number in row:
-            moved[row[number]] = (vertices - mesh.vertices).ravel()
-            seen = Mesh(vertices, mesh.faces, mesh.name).vertex_normals()
-            normals[row[number]] = (seen - rest).ravel()
+            moved[row[number]], normals[row[number]] = _seen(mesh, vertices)
         if number == chosen[-1]:
             break
     return moved, normals
+
+
+def _seen(mesh: Mesh, vertices: Float) -> tuple[Float, Float]:
+    """(3 V,) how far vertices (V, 3) are from rest, and their normals."""
+    turned = Mesh(vertices, mesh.faces, mesh.name).vertex_normals() - mesh.vertex_normals()
+    return (vertices - mesh.vertices).ravel(), turned.ravel()
 
 
 def _components(moved: Float, most: int) -> tuple[Float, Float]:
@@ -97,7 +110,9 @@ def _needed(moved: Float, shapes: Float, settings: BakeSettings, size: float) ->
     return len(shapes)
 
 
-def _measured(mesh: Mesh, frames: Frames, count: int, shapes: Float, size: float) -> tuple[Float, BakeError]:
+def _measured(
+    mesh: Mesh, frames: Frames, count: int, shapes: Float, size: float, missed: Missed
+) -> tuple[Float, BakeError]:
     """(F, N) weights of all frames, and how far the surface is off."""
     weights, total, worst, at, vertex = np.empty((count, len(shapes))), 0.0, 0.0, 0, 0
     for number, vertices in enumerate(frames()):
@@ -105,6 +120,7 @@ def _measured(mesh: Mesh, frames: Frames, count: int, shapes: Float, size: float
         weights[number] = shapes @ moved
         off = ((moved - weights[number] @ shapes).reshape(-1, 3) ** 2).sum(1)
         total += float(off.mean())
+        missed.see(float(np.sqrt(off.max())), vertices)
         if off.max() > worst:
             worst, at, vertex = float(off.max()), number, int(off.argmax())
     return weights, BakeError(float(np.sqrt(total / count)), float(np.sqrt(worst)), at, vertex, size)

@@ -15,7 +15,7 @@ class BakeSettings:
         0.001, "Root mean square error that is good enough.", unit="share of the mesh's size", low=0.0
     )
     worst: float = setting(
-        0.02,
+        0.01,
         "Error of any vertex in any frame that is good enough.",
         unit="share of the mesh's size",
         low=0.0,

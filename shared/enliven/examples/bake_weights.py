@@ -21,16 +21,16 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
 
     Args:
         rest: (V, 3).
-        wanted: (V, F, 3) where the vertices are.
+        wanted: (V, 3 F) where the vertices are, frame by frame.
         pivots: (K, 3).
-        maps: (K, F, 4, 3) x = (v - pivot, 1) map.
+        maps: (K, 4, 3 F) x = (v - pivot, 1) map.
         candidates: (V, C) int32, -1 for none.
         near, starts: the neighbours of vertex v are near[starts[v]:starts[v + 1]].
         smooth: square metres that all frames together lose where the weights are not the neighbours'.
     """
-    count, frames, most = len(rest), wanted.shape[1], candidates.shape[1]
+    count, most = len(rest), candidates.shape[1]
     old_indices, old_weights = indices.copy(), weights.copy()
-    away = np.empty((most, 3))
+    away = np.empty((most, wanted.shape[1]))
     gram = np.empty((most, most))
     pull = np.empty(most)
     found = np.empty(most)
@@ -40,20 +40,11 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
         there = 0
         while there < most and candidates[v, there] >= 0:
             there += 1
-        gram[:, :] = 0.0
-        for f in range(frames):
-            for c in range(there):
-                k = candidates[v, c]
-                x, y, z = rest[v, 0] - pivots[k, 0], rest[v, 1] - pivots[k, 1], rest[v, 2] - pivots[k, 2]
-                for a in range(3):
-                    m = maps[k, f, 3, a] + x * maps[k, f, 0, a] + y * maps[k, f, 1, a] + z * maps[k, f, 2, a]
-                    away[c, a] = m - wanted[v, f, a]
-            for c in range(there):
-                for d in range(c + 1):
-                    gram[c, d] += away[c, 0] * away[d, 0] + away[c, 1] * away[d, 1] + away[c, 2] * away[d, 2]
         for c in range(there):
-            for d in range(c):
-                gram[d, c] = gram[c, d]
+            k = candidates[v, c]
+            _away(rest[v] - pivots[k], maps[k], wanted[v], away[c])
+            for d in range(c + 1):
+                gram[c, d] = gram[d, c] = _dot(away[c], away[d])
         _neighbours(v, candidates, there, near, starts, old_indices, old_weights, pull)
         for c in range(there):
             found[c] = 0.0
@@ -75,6 +66,22 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
                 slot += 1
         for s in range(slot, _MOST):
             indices[v, s], weights[v, s] = 0, 0.0
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _away(at, own, wanted, out):  # type: ignore[no-untyped-def]
+    """Into ``out`` (3 F) how far a transform (4, 3 F) takes ``at`` (3,) from where it is to be."""
+    x, y, z = at
+    for j in range(len(out)):
+        out[j] = own[3, j] + x * own[0, j] + y * own[1, j] + z * own[2, j] - wanted[j]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _dot(a, b):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for j in range(len(a)):
+        total += a[j] * b[j]
+    return total
 
 
 @njit(cache=True, nogil=True)

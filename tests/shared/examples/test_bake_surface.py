@@ -173,9 +173,8 @@ def test_maps_are_those_of_the_plain_system(seed):
     flat = design.reshape(len(rest), -1)
     gram = gram_of(rest, pivots, indices, weights)
     np.testing.assert_allclose(gram.reshape(flat.shape[1], -1), flat.T @ flat, atol=1e-12)
-    right = moments_of(rest, pivots, indices, weights, wanted)
-    expected = np.einsum("vka,vfc->fkac", design, wanted)
-    # Each has its weight once here, as the rotation is sought by it.
+    right = moments_of(rest, pivots, indices, weights, wanted.reshape(60, -1))
+    expected = np.einsum("vka,vj->kaj", design, wanted.reshape(60, -1))
     np.testing.assert_allclose(right, expected, atol=1e-12)
     rigid = 1e-9
     found = Maps(rest, pivots, indices, weights, rigid).of(wanted)
@@ -193,9 +192,10 @@ def test_weights_are_those_of_the_slow_way(seed, smooth):
     candidates[::3, 3:] = -1
     near = rng.integers(0, 20, 60)
     starts = np.sort(np.concatenate([[0, 60], rng.integers(0, 61, 19)]))
-    arguments = (rest, wanted, pivots, maps, candidates, near, starts, smooth)
-    expected = slow_weights(*arguments, indices, weights)
-    fit_weights(*arguments, indices, weights)
+    around = (candidates, near, starts, smooth)
+    expected = slow_weights(rest, wanted, pivots, maps, *around, indices, weights)
+    flat = maps.transpose(0, 2, 1, 3).reshape(5, 4, -1)
+    fit_weights(rest, wanted.reshape(20, -1), pivots, np.ascontiguousarray(flat), *around, indices, weights)
     for v in range(20):
         dense = np.zeros(5)
         np.add.at(dense, indices[v], weights[v])
