@@ -1,0 +1,172 @@
+"""The way of a puppet in the world: the anchor does not slide, jumps leave the floor, noise does not."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.body import Joint
+from enliven.cactus_puppet import cactus_project
+from enliven.examples.locomotion import LocomotionSettings, Switch, locate
+from enliven_edge.puppets.actor import PuppetActor
+from enliven_edge.puppets.settings import PuppetSettings
+from enliven_edge.puppets.way import Footing, Soles, Way
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from people_for_puppets import FRAME, person
+
+STEP = 1 / 60
+REST = np.array([[0.0, 1.0, 0.0], [0.2, 0.02, 0.0], [-0.2, 0.02, 0.0]])
+FEET = (1, 2)
+PROJECT = cactus_project(0.05)
+PUPPET = PROJECT.puppet("cactus")
+SOLES = [1 + k for k, point in enumerate(PUPPET.points) if point.foot]
+
+
+def walked(frames: int = 120, stride: float = 0.3) -> np.ndarray:
+    """(F, 3, 3) a head and two feet that go to and fro in turn, the one that goes ahead lifted."""
+    phase = 2 * np.pi * np.arange(frames) / 60
+    places = np.tile(REST, (frames, 1, 1))
+    for foot, shift in ((1, 0.0), (2, np.pi)):
+        places[:, foot, 2] += stride * np.sin(phase + shift)
+        places[:, foot, 1] += 0.15 * np.maximum(np.cos(phase + shift), 0.0)
+    return places
+
+
+def gone(places: np.ndarray, yaw=None, footings=None, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """(F, 3) roots and (F,) anchors."""
+    way = Way(REST, FEET, STEP, LocomotionSettings())
+    way.begin(np.zeros(3))
+    roots, anchors = [], []
+    for f, at in enumerate(places):
+        footing = Footing() if footings is None else footings[f]
+        roots.append(way.go(at, 0.0 if yaw is None else yaw[f], footing, size))
+        anchors.append(way.anchor)
+    return np.array(roots), np.array(anchors)
+
+
+def test_the_anchor_stays_where_it_is_and_the_puppet_goes_ahead() -> None:
+    places = walked()
+    roots, anchors = gone(places)
+    world = places + roots[:, None]
+    for f in range(1, len(places)):
+        before, now = world[f - 1, anchors[f]], world[f, anchors[f]]
+        np.testing.assert_allclose(now[[0, 2]], before[[0, 2]], atol=1e-9)
+    assert roots[-1, 2] > 0.8
+    np.testing.assert_allclose(world[:, list(FEET), 1].min(1), 0.02, atol=1e-9)
+
+
+def test_frame_by_frame_is_the_whole_take_where_it_stands() -> None:
+    places, yaw = walked(), np.linspace(0.0, 1.5, 120)
+    roots, anchors = gone(places, yaw)
+    whole = locate(places, yaw, STEP, (Switch(0, "contact"),), FEET)
+    np.testing.assert_array_equal(anchors, whole.anchors)
+    np.testing.assert_allclose(roots[:, [0, 2]], whole.root[:, [0, 2]], atol=1e-9)
+    np.testing.assert_allclose(roots[:, 1], whole.root[:, 1] + 0.02, atol=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.05, 0.5), st.floats(0.0, 0.3), st.integers(5, 40))
+def test_in_the_air_it_keeps_the_velocity_it_left_with_and_its_height_is_the_performers(
+    stride: float, lift: float, frames: int
+) -> None:
+    places = walked(60 + frames, stride)
+    footings = [Footing()] * 60 + [Footing(False, lift)] * frames
+    roots, anchors = gone(places, footings=footings, size=2.0)
+    assert (anchors[60:] == -1).all()
+    flown = np.diff(roots[60:, [0, 2]], axis=0)
+    np.testing.assert_allclose(flown - flown[0], 0.0, atol=1e-9)
+    np.testing.assert_allclose((places[60:, 1:, 1].min(1) + roots[60:, 1]), 0.02 + 2.0 * lift, atol=1e-9)
+    earlier = roots[59] - roots[53]
+    np.testing.assert_allclose(flown[0], earlier[[0, 2]] / 6, atol=1e-9)
+
+
+def test_without_feet_it_stays() -> None:
+    way = Way(REST, (), STEP, LocomotionSettings())
+    way.begin(np.array([1.0, 0.0, 2.0]))
+    assert not way.goes
+    np.testing.assert_array_equal(way.go(REST + 1.0, 2.0, Footing(False, 1.0), 1.0), [1.0, 0.0, 2.0])
+
+
+def test_only_who_is_seen_off_the_floor_is_in_the_air() -> None:
+    soles = Soles()
+    assert soles.see(person(), 0.0).touches
+    assert soles.see(person(up=0.02), STEP).touches
+    up = soles.see(person(up=0.25), STEP)
+    assert not up.touches
+    assert 0.08 < up.lift < 0.25 / 1.75
+    one = person(up=0.25, knees=(0.0, 0.9))
+    assert not soles.see(one, STEP).touches
+    one.confidence[[Joint.FOOT_LEFT, Joint.ANKLE_LEFT]] = 0.0
+    assert soles.see(one, STEP).touches
+    sure = replace(person(up=0.25), contacts=np.array([0.9, 0.0]))
+    assert soles.see(sure, STEP).touches
+    assert soles.see(person(knees=(1.2, 0.0)), STEP).touches
+
+
+def test_a_floor_that_is_not_quite_where_it_is_does_not_make_anybody_fly() -> None:
+    soles = Soles()
+    assert all(soles.see(person(up=0.12), STEP).touches for _ in range(30))
+    lost = person()
+    lost.joints[:] = np.nan
+    lost.confidence[:] = 0.0
+    assert soles.see(lost, STEP).touches
+
+
+def jumped(jump: float = 1.0) -> np.ndarray:
+    """(F,) metres of the lower sole of the cactus while its performer jumps by 0.3 m."""
+    actor = PuppetActor(PROJECT, PUPPET, PuppetSettings(fade=0.0, meet=False, jump=jump))
+    heights = []
+    for f in range(110):
+        seconds = f / 30
+        up = max(0.3 - 4.9 * (seconds - 2.0) ** 2, 0.0)
+        rng = np.random.default_rng(f)
+        noise = rng.normal(0.0, 0.002, (20, 3))
+        body = replace(person(), joints=person(up=up).joints + noise)
+        pose = actor.perform([body], (f + 1) * FRAME)
+        if f == 1:
+            actor.possess(body)
+        heights.append(pose.positions[SOLES, 1].min())
+    return np.array(heights)
+
+
+def test_it_jumps_when_the_performer_does_as_high_for_its_size() -> None:
+    heights = jumped()
+    size = float(np.ptp(PUPPET.mesh.vertices[:, 1]))
+    assert heights[5:50].max() < 0.01
+    assert 0.6 * 0.3 * size / 1.75 < heights.max() < 1.1 * 0.3 * size / 1.75
+    assert 58 < heights.argmax() < 70
+    assert heights[80:].max() < 0.01
+    assert np.abs(np.diff(heights)).max() < 0.1
+    assert jumped(jump=0.0).max() < 0.01
+
+
+def test_the_cactus_waddles_and_its_standing_foot_does_not_slide() -> None:
+    actor = PuppetActor(PROJECT, PUPPET, PuppetSettings(fade=0.0, meet=False))
+    poses = []
+    for f in range(240):
+        lift = 0.9 * np.sin(2 * np.pi * f / 60)
+        body = person(knees=(max(lift, 0.0), max(-lift, 0.0)), yaw=0.01 * f)
+        poses.append(actor.perform([body], (f + 1) * FRAME).positions)
+        if f == 1:
+            actor.possess(body)
+    at = np.array(poses)[30:, SOLES]
+    speeds = np.linalg.norm(np.diff(at[..., [0, 2]], axis=0), axis=2) * 30
+    assert np.percentile(speeds.min(1), 95) < 0.01  # somebody stands
+    assert np.median(speeds.max(1)) > 0.05
+    assert at[:, :, 1].max() > 0.05
+    assert np.isfinite(at).all()
+
+
+@pytest.mark.parametrize("contact", [(0.0, 0.0), (1.0, 1.0)])
+def test_contacts_of_the_tracker_alone_do_not_lift_it(contact: tuple[float, float]) -> None:
+    soles = Soles()
+    body = replace(person(), contacts=np.array(contact))
+    assert all(soles.see(body, STEP).touches for _ in range(10))
