@@ -68,6 +68,11 @@ class Coupling:
 Constraint = Position | Velocity | Coupling
 
 
+def names_in(one: Constraint) -> tuple[str, ...]:
+    """The control points that a constraint speaks of."""
+    return (one.point, one.other) if isinstance(one, Coupling) else (one.point,)
+
+
 @dataclass(frozen=True, eq=False)
 class Conditions:
     """Constraints that are independent, in sizes of the mesh.

@@ -15,7 +15,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.examples.bounded import Nodes
-from enliven.examples.constraints import Conditions, Constraint, conditions_of
+from enliven.examples.constraints import Conditions, Constraint, conditions_of, names_in
 from enliven.examples.nearest import Nearest
 from enliven.examples.poses import Examples
 from enliven.examples.settings import ExampleSettings
@@ -37,6 +37,7 @@ class ExampleMap:
         constraints: Sequence[Constraint] = (),
         *,
         workers: Executor | None = None,
+        known: Float | None = None,
     ) -> Float:
         """Trajectories of the control points.
 
@@ -45,6 +46,8 @@ class ExampleMap:
             step: seconds between frames.
             constraints: that must hold.
             workers: threads to share the control points among.
+            known: (F, P, 3) metres that were solved with fewer constraints: points that no constraint names
+                are as there, and not solved again.
 
         Returns:
             (F, P, 3) metres in the mesh's own frame.
@@ -55,7 +58,13 @@ class ExampleMap:
         """
         poses = self.checked(poses)
         conditions = conditions_of(constraints, self.examples, len(poses), step)
-        return self.in_metres(self.solution(poses, conditions, step, workers).places)
+        if known is None:
+            return self.in_metres(self.solution(poses, conditions, step, workers).places)
+        named = sorted({self.examples.point(name) for one in constraints for name in names_in(one)})
+        out = self.in_metres(self.solution(poses, conditions, step, workers, named).places)
+        others = np.setdiff1d(np.arange(out.shape[1]), named)
+        out[:, others] = known[:, others]
+        return out
 
     def checked(self, poses: Float) -> Float:
         """Poses (F, P, 3) that can be used."""
@@ -77,14 +86,19 @@ class ExampleMap:
         return Nearest(self.examples, self.settings, poses).nodes(range(len(self.examples.points)))
 
     def solution(
-        self, poses: Float, conditions: Conditions, step: float, workers: Executor | None = None
+        self,
+        poses: Float,
+        conditions: Conditions,
+        step: float,
+        workers: Executor | None = None,
+        only: Sequence[int] | None = None,
     ) -> Solution:
-        """Places in sizes of the mesh, for poses that were checked."""
+        """Places in sizes of the mesh, for poses that were checked; of some points ``only``, or of all."""
         # The same cost for the same acceleration in a second, whatever the rate.
         weight = self.settings.acceleration / (step * self.settings.rate) ** 2
         bounds = -self.settings.margin, 1.0 + self.settings.margin
         nearest = Nearest(self.examples, self.settings, poses)
-        return solve(nearest.nodes, conditions, weight, bounds, workers)
+        return solve(nearest.nodes, conditions, weight, bounds, workers, only)
 
     def in_metres(self, places: Float) -> Float:
         """(F, P, 3) metres in the mesh's frame of places (P, F, 3) in sizes of the mesh."""

@@ -28,7 +28,7 @@ def solved(material: Material) -> PuppetMotion:
         InputError: where something is missing, or constraints contradict one another.
     """
     solve = _Solve(material)
-    places = solve.places(())
+    places = solve.places()
     if not solve.travels:
         return solve.motion(places, None, np.zeros(len(places)))
     sense = -1.0 if material.layer.mirrored else 1.0
@@ -36,7 +36,7 @@ def solved(material: Material) -> PuppetMotion:
     placed = solve.located(places, yaw)
     level = solve.level(placed)
     if level:
-        places = solve.places(level)
+        places = solve.places(level, places)
         placed = solve.located(places, yaw)
     return solve.motion(places, placed, yaw)
 
@@ -97,10 +97,12 @@ class _Solve:
         if self._layer.switches is not None:
             check_switches(self._layer.switches, len(self._take.turns))
 
-    def places(self, level: tuple[Coupling, ...]) -> Float:
-        """(F, P, 3) metres in the mesh's frame, with feet coupled."""
+    def places(self, level: tuple[Coupling, ...] = (), known: Float | None = None) -> Float:
+        """(F, P, 3) metres in the mesh's frame; with feet coupled, upon what is ``known`` without."""
         out = np.tile(self._rest, (len(self.took.poses), 1, 1))
-        out[:, self._moved] = self._mapping.solve(self.took.poses, self.took.step, (*self._asked, *level))
+        how = self.took.poses, self.took.step, (*self._asked, *level)
+        before = None if known is None else known[:, self._moved]
+        out[:, self._moved] = self._mapping.solve(*how, known=before)
         return out
 
     def located(self, places: Float, yaw: Float) -> Placed:

@@ -12,7 +12,7 @@ step is a banded solve; a step is shortened where the dual would not fall.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
@@ -48,6 +48,7 @@ def solve(
     weight: float,
     bounds: tuple[float, float],
     workers: Executor | None = None,
+    only: Sequence[int] | None = None,
 ) -> Solution:
     """Solves for all points: each by itself, those that are coupled together.
 
@@ -57,8 +58,9 @@ def solve(
         weight: lambda, per frame.
         bounds: of the weights.
         workers: share the points among them; without, one after the other.
+        only: which points are asked for; the others are 0. None for all.
     """
-    places = np.empty(conditions.held.shape)
+    places = np.zeros(conditions.held.shape)
     # Fresh memory costs as much as the mathematics.
     spare: list[Nodes] = []
 
@@ -80,6 +82,8 @@ def solve(
         return system.work
 
     groups = _groups(len(places), conditions)
+    if only is not None:
+        groups = [group for group in groups if set(group) & set(only)]
     work = sum(workers.map(one, groups) if workers else map(one, groups))
     return Solution(places, work)
 

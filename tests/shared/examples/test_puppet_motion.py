@@ -13,9 +13,13 @@ from hypothesis import strategies as st
 from puppet_worlds import JOINTS, PARENTS, REST, SIDES, STEP, puppet_project, walker
 
 from enliven.errors import InputError
+from enliven.examples.constraints import Coupling, Position, Velocity
 from enliven.examples.locomotion import Switch
+from enliven.examples.mapping import ExampleMap
+from enliven.examples.performer import performed
 from enliven.examples.puppet_motion import (
     clock,
+    examples_of,
     in_world,
     length_of_puppets,
     missing,
@@ -109,6 +113,23 @@ def test_two_feet_are_equally_high_where_one_takes_over():
         changes[level] = max(gaps)
     assert changes[True] < 1e-6
     assert changes[False] > 1e-3
+
+
+def test_points_that_no_constraint_names_are_not_solved_again_and_the_same():
+    project = puppet_project()
+    puppet, took = project.puppets["stool"], project.takes["walk"]
+    mapping = ExampleMap(examples_of(project, puppet))
+    poses = performed(took, mapping.examples.joints).poses
+    first = mapping.solve(poses, STEP)
+    asked = (
+        Coupling("left foot", "right foot", 12),
+        Position("left foot", 12, (0, 0, 0), "y"),
+        Velocity("top", 3, (0, 0, 0)),
+    )
+    again = mapping.solve(poses, STEP, asked, known=first)
+    np.testing.assert_allclose(again, mapping.solve(poses, STEP, asked), atol=1e-12)
+    np.testing.assert_array_equal(again[:, 2:4], first[:, 2:4])
+    assert np.abs(again - first).max() > 1e-3
 
 
 @given(seeds, st.floats(0, 4))
