@@ -1,0 +1,221 @@
+"""A puppet over sockets and as processes: performers move it, viewers solve its surface, takes keep it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from PIL import Image
+
+from enliven.cactus_puppet import cactus_project
+from enliven.character import Character, Pose
+from enliven.formats.possessed import read_possessed
+from enliven.frames import BodyFrame, Frame
+from enliven.recording import Recording
+from enliven.wire.convert import message_to_character, message_to_pose
+from enliven.wire.messages import CharacterMessage, PoseMessage
+from enliven.wire.posecode import PoseCodec
+from enliven_edge.outlet import Outlet
+from enliven_edge.puppets.actor import PuppetActor
+from enliven_edge.puppets.settings import PuppetSettings
+from enliven_edge.service import Edge
+from enliven_edge.settings import WireSettings
+from enliven_edge.stage import Stage
+from enliven_edge.tracking.tracker import Tracker
+from enliven_viewer.app import App
+from enliven_viewer.document import Document
+from enliven_viewer.edge_feed import EdgeFeed
+from enliven_viewer.link import Link
+from enliven_viewer.puppets import Surfaces
+from enliven_viewer.render.scene import scene_of
+from enliven_viewer.takes import Take
+from enliven_viewer.timeline import Timeline
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "edge" / "puppets"))
+
+from people_for_puppets import FRAME, person
+
+PROJECT = cactus_project(0.05)
+PUPPET = PROJECT.puppet("cactus")
+NAMES = [point.name for point in PUPPET.points]
+LEFT, RIGHT = (1 + NAMES.index(name) for name in ("left hand", "right hand"))
+
+
+class Waving:
+    """A sensor of two people, whose left arms are as high as they are told to be."""
+
+    name = "waving"
+
+    def __init__(self) -> None:
+        self.left, self.right, self._count = 0.0, 0.0, 0
+
+    def read(self, timeout: float | None = None) -> Frame | None:
+        self._count += 1
+        bodies = [person(left=self.left), person(id=2, x=1.5, right=self.right)]
+        return BodyFrame(bodies, self._count * FRAME, self.name)
+
+    def close(self) -> None: ...
+
+
+class House:
+    """An edge with the cactus and a viewer without a window, stepped in turn."""
+
+    def __init__(self, outlet: Outlet) -> None:
+        self.actor = PuppetActor(PROJECT, PUPPET, PuppetSettings(fade=0.1))
+        self.actor.warm_up()
+        outlet.introduce(self.actor.character)
+        self.sensor = Waving()
+        self.edge = Edge(self.sensor, Tracker(), Stage([self.actor]), outlet)
+        self.document, self.outlet = Document(), outlet
+        self.feed = EdgeFeed(Link([outlet.publisher.endpoint]))
+        self.app, self.surfaces = App(self.feed, self.document), Surfaces()
+
+    def step(self) -> None:
+        frame = self.sensor.read()
+        assert frame is not None
+        self.edge.step(frame)
+        self.edge._listen()
+        self.feed.poll(self.document)
+        moment, look = self.app.playhead.moment(), self.app.look
+        self.app._scene = scene_of(self.document, moment, look, self.surfaces)
+        time.sleep(0.002)
+
+    def until(self, done) -> None:
+        deadline = time.monotonic() + 60
+        while not done():
+            assert time.monotonic() < deadline, "it never came to be"
+            self.step()
+
+    @property
+    def vertices(self) -> np.ndarray | None:
+        """(V, 3) metres, the surface that the viewer shows."""
+        actors = self.app._scene.actors
+        return actors[0].vertices if actors else None
+
+    def hand(self, point: int) -> float:
+        """Metres of the surface's height at a control point."""
+        return float(self.vertices[PUPPET.points[point - 1].vertex, 1])
+
+
+@pytest.fixture
+def house() -> Iterator[House]:
+    wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
+    with Outlet(wire, "waving") as outlet:
+        made = House(outlet)
+        made.until(lambda: made.vertices is not None)
+        yield made
+        made.feed.close()
+
+
+def test_the_viewer_solves_what_performers_do(house: House) -> None:
+    assert house.document.characters["cactus"].kind == "points"
+    house.app.possess()
+    house.until(lambda: house.app._scene.actors[0].cues.state == "possessed")
+    house.until(lambda: house.hand(LEFT) < 0.5)
+    house.sensor.left = 2.7
+    house.until(lambda: house.hand(LEFT) > 1.05)
+    assert house.hand(RIGHT) < 0.5
+    cues = house.app._scene.actors[0].cues
+    assert len(cues.nodes) == len(NAMES)
+    assert set(cues.owners.tolist()) == {1}
+
+
+def test_a_second_performer_joins_with_parts_and_lets_go(house: House) -> None:
+    house.app.possess()
+    house.until(lambda: house.app._scene.actors[0].cues.state == "possessed")
+    house.app.grasp.body, house.app.grasp.parts = 2, "right arm"
+    house.app.possess("join")
+    house.until(lambda: set(house.app._scene.actors[0].cues.owners.tolist()) == {1, 2})
+    house.sensor.right = 2.7
+    house.until(lambda: house.hand(RIGHT) > 1.05 and house.hand(LEFT) < 0.5)
+    house.app.release()
+    house.until(lambda: [hold.body for hold in house.actor.holds] == [1])
+    house.app.grasp.parts = "left foot"
+    house.app.possess()
+    house.until(lambda: "no control point goes with" in house.document.edge.message)
+
+
+def test_who_comes_late_sees_the_whole_of_it(house: House) -> None:
+    house.app.possess()
+    house.sensor.left = 2.7
+    house.until(lambda: house.hand(LEFT) > 1.05)
+    late, surfaces = Document(), Surfaces(wait=True)
+    feed = EdgeFeed(Link([house.outlet.publisher.endpoint]))
+    deadline = time.monotonic() + 30
+    while not (late.characters and len(late.timeline)):
+        assert time.monotonic() < deadline
+        house.step()
+        feed.poll(late)
+    (actor,) = scene_of(late, late.timeline.at(late.timeline.end_ns), house.app.look, surfaces).actors
+    assert actor.vertices is not None
+    assert actor.vertices[PUPPET.points[LEFT - 1].vertex, 1] > 1.05
+    feed.close()
+
+
+@pytest.fixture(scope="module")
+def road(tmp_path_factory) -> Path:
+    """The folder with film, sheet and take of the shipped cactus and the shipped recording."""
+    folder = tmp_path_factory.mktemp("cactus")
+    command = [sys.executable, "-m", "enliven", "run", "--mesh", "cactus", "--film", "--out", str(folder)]
+    command += ["--possess-at", "0.5", "--seconds", "3", "--record", str(folder / "take.mcap")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=400)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    return folder
+
+
+def taken(take: Path) -> tuple[Character, list[Pose], list[int]]:
+    """The character, its poses, and how many bytes each took."""
+    recording = Recording(take)
+    (_, data), *_ = recording.messages("character")
+    character = message_to_character(msgspec.msgpack.decode(data, type=CharacterMessage))
+    codec, raw = PoseCodec(character), [data for _, data in recording.messages("pose")]
+    poses = [message_to_pose(msgspec.msgpack.decode(one, type=PoseMessage), codec) for one in raw]
+    return character, poses, [len(one) for one in raw]
+
+
+@pytest.mark.system
+def test_the_shipped_recording_drives_the_shipped_cactus(road: Path) -> None:
+    character, poses, sizes = taken(road / "take.mcap")
+    assert character.kind == "points"
+    assert len(poses) == 90
+    assert np.median(sizes) < 160
+    local = np.array([(p.positions - p.positions[0]) @ p.linear[0] for p in poses])
+    np.testing.assert_allclose(local[10], character.pivots, atol=1e-3)
+    assert np.abs(local[60:] - character.pivots).max() > 0.4
+    paces = np.linalg.norm(np.diff([p.positions for p in poses], axis=0), axis=2) * 30
+    assert paces.max() < 5.0
+
+
+@pytest.mark.system
+def test_the_film_shows_a_cactus_that_acts(road: Path) -> None:
+    sheet = np.asarray(Image.open(road / "enliven.png").convert("RGB")).astype(int)
+    green = (sheet[..., 1] > sheet[..., 0] + 40) & (sheet[..., 1] > sheet[..., 2] + 30)
+    assert green.mean() > 0.01
+    assert (road / "enliven.mp4").stat().st_size > 20_000
+
+
+@pytest.mark.system
+def test_the_take_plays_back_as_it_was_and_opens_in_the_studio(road: Path) -> None:
+    character, poses, _ = taken(road / "take.mcap")
+    document, surfaces = Document(Timeline(bounded=False)), Surfaces(wait=True)
+    feed = Take(road / "take.mcap")
+    while feed.poll(document):
+        pass
+    held = np.asarray(character.held)
+    for pose in poses[40::12]:
+        (actor,) = scene_of(
+            document, document.timeline.at(pose.time_ns), App(feed, document).look, surfaces
+        ).actors
+        assert actor.vertices is not None
+        np.testing.assert_allclose(actor.vertices[held], pose.positions[1:], atol=2e-3)
+    project = read_possessed(road / "take.mcap")
+    assert len(project.graphs) == 1
+    assert next(iter(project.streams.values())).positions.shape[0] >= 89
