@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -137,6 +139,23 @@ def test_a_vertex_that_no_face_uses_is_refused() -> None:
     before = desk.editor.project
     assert not desk.add_point(len(mesh.vertices)) and desk.editor.project is before
     assert "loose" in desk.editor.toasts.shown[-1].text and desk.editor.toasts.shown[-1].bad
+
+
+def test_a_puppet_that_cannot_be_solved_is_told_and_mended() -> None:
+    desk = posing("head", "left")
+    mesh = star()
+    loose = type(mesh)(np.concatenate([mesh.vertices, [[0, 2.0, 0]]]), mesh.faces, "star")
+    puppet = puppet_of(desk)
+    points = (*puppet.points, replace(puppet.points[0], name="loose", vertex=len(mesh.vertices)))
+    wrong = puppet.with_changes(mesh=loose, points=points)
+    desk.editor.edit("as a file may have it", lambda p: p.with_puppets(wrong))
+    assert np.array_equal(desk.standing[0].surface, loose.vertices)
+    assert desk.editor.toasts.shown[-1].bad, "it is told"
+    desk.choose("star", 2)
+    desk.remove_point()
+    desk.begin_pose("sway", 0.5)
+    desk.drag(1, desk.places[1] + [0.0, 0.2, 0.0])
+    assert np.allclose(desk.standing[0].surface[vertex("left")], desk.places[1])
 
 
 def test_a_new_point_is_on_the_surface_of_every_key_pose() -> None:

@@ -32,11 +32,14 @@ from enliven_viewer.studio.puppets.crossing import Crossing
 from enliven_viewer.studio.puppets.kept import middle_of, size_of
 from enliven_viewer.studio.puppets.mirrored import mirrored_places, partner_vertex, plane_for
 from enliven_viewer.studio.puppets.playing import take_places
+from enliven_viewer.studio.puppets.solver import LARGE
 from enliven_viewer.studio.puppets.stage import PuppetStage, Standing
 
 if TYPE_CHECKING:
     from enliven_viewer.studio.editor import Editor
 
+_MANY = 200_000
+"""Faces."""
 _MOST_AWAY = 50.0
 """Sizes of the mesh beyond which a control point is not dragged: farther is a slip of the hand."""
 
@@ -71,6 +74,8 @@ class PuppetDesk:
             self.accept()
         self.stage.improve()
         standing = self.stage.standing_of(self.puppet.id) if self.puppet is not None else None
+        if standing is not None and self.dragging and len(standing.puppet.mesh.faces) > _MANY:
+            return  # so many are looked at when the drag is over
         if self.warn and self.shaping and standing is not None:
             self.crossing.look(standing.puppet, standing.surface)
         else:
@@ -245,6 +250,9 @@ class PuppetDesk:
         wanted = [vertex] if other is None or other in (vertex, *taken) else [vertex, other]
 
         poses = self.stage.surfaces.settled(puppet, [pose.places for pose in puppet.poses])
+        if poses is None and len(puppet.mesh.vertices) > LARGE:
+            self.editor.toasts.say(f"{puppet.id} is still being prepared", "Click again in a moment.")
+            return False
 
         def change(project: Project) -> Project:
             for one in wanted:

@@ -16,6 +16,8 @@ from enliven_viewer.studio.tools.base import Pointer, Tool
 
 _STILL = 4.0
 """Pixels that a click may move."""
+_MANY = 1_000_000
+"""Faces: where there are more, it is not looked which is under a pointer that only passes."""
 _TURN = 0.008
 """Radians a pixel of dragging, as when the stage is dragged."""
 _NUDGES: dict[str, tuple[float, float]] = {
@@ -79,7 +81,7 @@ class PuppetTool(Tool):
         if self.over:
             return
         self.over_point = point_at(standing, lens, pointer.at, self.editor.settings.reach)
-        if self.over_point is None:
+        if self.over_point is None and len(standing.puppet.mesh.faces) <= _MANY:
             self.over_vertex = self._vertex_at(standing, pointer)
 
     def press(self, pointer: Pointer) -> bool:

@@ -1,0 +1,151 @@
+"""One puppet's solver: prepared beside the window where the mesh is large, and what it was asked last."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor, Future
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.deformation.puppet_surface import PuppetSurface
+from enliven.errors import EnlivenError
+from enliven.puppet import Puppet
+from enliven_viewer.studio.puppets.kept import size_of
+from enliven_viewer.studio.toasts import Toasts
+
+AT_ONCE = 4000
+"""Vertices up to which a mesh is prepared without a thread: less than a tenth of a second."""
+LARGE = 30_000
+"""Vertices from which it is worth telling, and from which scrubbing does not settle every frame."""
+_STILL = 1e-4
+_MOST_ROUNDS = 60
+Held = tuple[tuple[int, float | None], ...]
+
+
+class Solver:
+    """The solver of one mesh.
+
+    Args:
+        pool: where what takes long is done.
+        toasts: where it is told that something takes a moment, or cannot be.
+    """
+
+    def __init__(self, puppet: Puppet, pool: Executor, toasts: Toasts) -> None:
+        self.mesh, self.settings = puppet.mesh, puppet.surface
+        self._name, self._pool, self._toasts = puppet.id, pool, toasts
+        self._count = len(puppet.mesh.vertices)
+        self._held = held_by(puppet)
+        self._shown: Float = puppet.mesh.vertices
+        self._places: Float | None = None
+        self._surface: PuppetSurface | None = None
+        self._rounds = 0
+        self._refused: Held | None = None
+        self._work: Future[PuppetSurface] | None = self._begin(puppet)
+        if self._count > LARGE:
+            toasts.say(
+                f"{puppet.id} has {self._count:,} vertices: it takes a moment until it can be dragged",
+                "Everything else goes on meanwhile.",
+            )
+
+    def of(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
+        """(V, 3) metres, the surface at ``places`` (P, 3); the last good one while or where it cannot be."""
+        surface = self.ready(puppet)
+        if surface is None:
+            return self._shown
+        if not puppet.points:
+            self._shown = self.mesh.vertices
+        elif self._places is None or not np.array_equal(places, self._places):
+            self._shown = self._moved(surface, places, warm=warm)
+        return self._shown
+
+    def ready(self, puppet: Puppet) -> PuppetSurface | None:
+        """The surface with the puppet's control points, or None while it is being prepared."""
+        held = held_by(puppet)
+        if self._refused == held or (self._work is not None and not self._work.done()):
+            return None
+        try:
+            if self._refused is not None:  # other control points: what was refused is mended
+                self._refused, self._held, self._places = None, held, None
+                self._work = self._begin(puppet)
+                return self.ready(puppet)
+            if self._work is not None:
+                work, self._work = self._work, None
+                self._take(work.result())
+            if held != self._held:
+                self._hold(held)
+        except EnlivenError as error:
+            self._toasts.complain(error)
+            self._refused = self._held
+            return None
+        return self._surface if self._work is None else None
+
+    def came(self) -> bool:
+        """Whether what was being prepared is there and was not looked at yet."""
+        return self._work is not None and self._work.done()
+
+    def improve(self) -> bool:
+        """One more frame towards where it comes to rest; whether anything moved."""
+        if self._rounds <= 0 or self._surface is None or self._places is None or self._work is not None:
+            return False
+        before = self._shown
+        self._rounds -= 1
+        try:
+            self._shown = self._surface.solve(self._places)
+        except EnlivenError:  # it was told when it was asked for
+            self._rounds = 0
+            return False
+        if float(np.abs(self._shown - before).max()) < _STILL * size_of(self.mesh):
+            self._rounds = 0
+        return True
+
+    def _moved(self, surface: PuppetSurface, places: Float, *, warm: bool) -> Float:
+        small = self._count <= LARGE
+        self._places, self._rounds = np.array(places), 0 if small and not warm else _MOST_ROUNDS
+        try:
+            if not warm and small and np.array_equal(places, self.mesh.vertices[[v for v, _ in self._held]]):
+                surface.hold(*_split(self._held))  # at rest, without looking for it
+                return surface.pose
+            return surface.settle(places) if small and not warm else surface.solve(places)
+        except EnlivenError as error:
+            self._toasts.complain(error)
+            self._rounds = 0
+            return self._shown
+
+    def _begin(self, puppet: Puppet) -> Future[PuppetSurface]:
+        held, weights = _split(self._held)
+        if self._count > AT_ONCE:
+            return self._pool.submit(PuppetSurface, puppet.mesh, held, weights, puppet.surface)
+        made: Future[PuppetSurface] = Future()
+        try:
+            made.set_result(PuppetSurface(puppet.mesh, held, weights, puppet.surface))
+        except EnlivenError as error:
+            made.set_exception(error)
+        return made
+
+    def _take(self, surface: PuppetSurface) -> None:
+        first, self._surface, self._places = self._surface is None, surface, None
+        if first and self._count > LARGE:
+            self._toasts.say(f"{self._name} can be dragged now", *surface.notes[:1])
+
+    def _hold(self, held: Held) -> None:
+        """Other control points; beside the window where that takes long."""
+        surface, self._held, self._places = self._surface, held, None
+        assert surface is not None
+
+        def work() -> PuppetSurface:
+            surface.hold(*_split(held))
+            return surface
+
+        if self._count > LARGE:
+            self._work = self._pool.submit(work)
+        else:
+            work()
+
+
+def held_by(puppet: Puppet) -> Held:
+    """What the surface depends on: the vertex and the weight of each control point."""
+    return tuple((point.vertex, point.weight) for point in puppet.points)
+
+
+def _split(held: Held) -> tuple[list[int], list[float | None]]:
+    return [vertex for vertex, _ in held], [weight for _, weight in held]
