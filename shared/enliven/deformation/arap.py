@@ -34,6 +34,7 @@ from enliven.deformation.arap_solves import backward, forward
 from enliven.deformation.arap_step import give, moved, plain
 from enliven.deformation.arap_surface import surface_of
 from enliven.deformation.arap_threads import shared
+from enliven.deformation.arap_volume import press
 from enliven.errors import InputError
 from enliven.mesh import Mesh
 from enliven.settings import setting
@@ -56,7 +57,10 @@ class ArapSettings:
     )
     squash_and_stretch: bool = setting(True, "Cells may scale, volume is kept; false is plain ARAP.")
     hold: float = setting(
-        0.3, "How much cells resist a change of size in the shape state; 0 is the paper's eq. 4.", low=0.0
+        0.05, "How much cells resist a change of size in the shape state; 0 is the paper's eq. 4.", low=0.0
+    )
+    volume: float = setting(
+        1.0, "How much of a closed surface's change of volume is taken back.", low=0.0, high=1.0
     )
     exaggeration: float = setting(
         1.0, "How far the volume follows squash and stretch: 0 not at all, 1 as it is.", low=0.0, high=5.0
@@ -72,7 +76,7 @@ class ArapSettings:
         1, "2 shares each cell's work with a second processor core; only where one is idle.", low=1, high=2
     )
     coarse_above: int = setting(
-        20_000, "A puppet's mesh of more vertices is solved coarsely, its detail carried along.", low=100
+        12_000, "A puppet's mesh of more vertices is solved coarsely, its detail carried along.", low=100
     )
     coarse_vertices: int = setting(8_000, "About how many vertices are solved then.", low=50)
     guide_vertices: int = setting(400, "About how many vertices of a puppet find the large bends.", low=20)
@@ -86,12 +90,13 @@ class ArapSolver:
     Args:
         mesh: any triangle mesh, in metres; soups, several shells, open borders, needles.
         settings: may be replaced between frames (all but ``most_vertices``).
-        links: (L, 2) vertices that hang together though no face says so.
+        links: (L, 2) vertices that hang together though no face says so; then no vertex is loose.
 
     Attributes:
         notes: sentences about what had to be mended in the mesh.
         pose: (V, 3) the last good answer, read-only.
         handles: by name.
+        pressure: of the last frame (:mod:`enliven.deformation.arap_volume`).
     """
 
     def __init__(self, mesh: Mesh, settings: ArapSettings | None = None, links: Int | None = None) -> None:
@@ -100,6 +105,7 @@ class ArapSolver:
         self.notes = self._surface.notes
         count = len(self._surface.rest)
         self._frames = np.zeros((count, 16))
+        self._shown, self._forces, self.pressure = np.zeros((count, 3)), np.zeros((count, 3)), 0.0
         self._z = np.zeros(4 * (count + 4), np.float32)
         self._room = np.zeros(4 * (self._surface.factor.tallest + 4), np.float32)
         self._columns: dict[int, tuple[Int32, Float]] = {}
@@ -115,6 +121,7 @@ class ArapSolver:
         self._frames[:, 12:15] = self._surface.rest
         self.pose = self.mesh.vertices.copy()
         self.pose.setflags(write=False)
+        self._shown[:], self.pressure = self._surface.rest, 0.0
         self._wanted = {name: self.mesh.vertices[list(h.vertices)] for name, h in self.handles.items()}
 
     def add_handle(self, handle: Handle) -> None:
@@ -180,7 +187,7 @@ class ArapSolver:
         wanted, held, rows = self.check(targets)
         settings, surface = self.settings, self._surface
         frames = self._frames.reshape(-1)
-        follow(held, frames, rows, settings.follow)
+        follow(held, frames, self._shown, rows, settings.follow)
         for _ in range(max(settings.iterations - settings.squash_and_stretch, 1)):
             self._fit()
             shift = self._global(held, rows)
@@ -189,17 +196,18 @@ class ArapSolver:
         if settings.squash_and_stretch:
             exaggeration, most = settings.exaggeration, settings.most_stretch
             self._share(turn_and_squash, surface.cells, frames, exaggeration, most)
-            shift = self._global(held, rows)
+            shift = self._global(held, rows, settings.volume)
         else:
             plain(self._z)
         pose = np.empty_like(self.pose)
         give(frames, self._z, shift, surface.cells.eliminated, surface.place_of, surface.centre, pose)
         if not np.isfinite(pose).all():
-            self.set_shape(self.pose)
+            self.set_shape(self.pose, 0.0)
             raise InputError("the handles leave no finite shape", where=WHERE, mend="Move them less far.")
         vertices, of = self._exact
         pose[vertices] = np.concatenate([wanted[name] for name in self.handles])[of]
         pose.setflags(write=False)
+        self._shown[surface.place_of] = pose - surface.centre
         self._wanted, self.pose = wanted, pose
         return pose
 
@@ -222,10 +230,13 @@ class ArapSolver:
         """The kernel over all vertices."""
         shared(kernel, len(self._surface.rest), self.settings.threads, *arguments)
 
-    def _global(self, held: Held, rows: Float) -> tuple[float, float, float]:
-        """The correction of eq. 9 (or 13) into ``_z``, and the shift of the whole."""
+    def _global(self, held: Held, rows: Float, volume: float = 0.0) -> tuple[float, float, float]:
+        """The correction of eq. 9 (or 13, with a pressure) into ``_z``, and the shift of the whole."""
         surface, frames = self._surface, self._frames.reshape(-1)
         self._share(residual, surface.cells, frames, self._z)
+        if volume > 0.0 and surface.volume is not None:
+            about = (surface.volume, frames, surface.cells.eliminated, self._shown, self._forces)
+            self.pressure = press(*about, self.pressure, volume, self._z)
         forward(surface.factor, self._z, self._room)
         shift: tuple[float, float, float] = pull(held, frames, rows, self._z)
         backward(surface.factor, self._z, self._room)
@@ -245,8 +256,15 @@ class ArapSolver:
         """(V, 3) the surface of the shape state, which the next frame starts from."""
         return self._frames[self._surface.place_of, 12:15] + self._surface.centre
 
-    def set_shape(self, vertices: Float) -> None:
-        """Go on from a surface (V, 3), of which the next frame is made."""
+    def set_shape(self, vertices: Float, pressure: float | None = None) -> None:
+        """Go on from a surface (V, 3), of which the next frame is made.
+
+        Args:
+            pressure: what holds its volume where it was shown like that; None goes on with the last.
+        """
+        if pressure is not None:
+            self._shown[self._surface.place_of] = vertices - self._surface.centre
+            self.pressure = pressure
         self._frames[:] = 0.0
         self._frames[:, [0, 5, 10]] = 1.0
         self._frames[self._surface.place_of, 12:15] = vertices - self._surface.centre
@@ -255,6 +273,7 @@ class ArapSolver:
         """Another solver of the same mesh and handles, at rest; it shares the factor."""
         other = copy(self)
         other._frames, other._z, other._room = self._frames.copy(), self._z.copy(), self._room.copy()
+        other._shown, other._forces = self._shown.copy(), self._forces.copy()
         other._columns, other.handles = dict(self._columns), dict(self.handles)
         other.reset()
         return other

@@ -2,9 +2,9 @@
 
 Equations of U. Celikcan, I. O. Yaz and T. Capin, "Example-based retargeting of human motion to arbitrary mesh
 models", 2015, section 4. Vertices are in an order that has neighbours near in memory; only the vector ``z``
-is in the factor's elimination order. The state of a vertex is 16 numbers, two
-cache lines, in ``frames`` (16 V,): the three columns of T_i (each with a 0), where T_i = s_i R_i in the shape
-state and V_i R_i in the pose state, then the position and a 0.
+is in the factor's elimination order. The state of a vertex is 16 numbers, two cache lines, in ``frames``
+(16 V,): the three columns of T_i, where T_i = s_i R_i in the shape state and V_i R_i in the pose state, then
+the position. Each has a fourth number: the first the last pose's s - 1 along the main axis, the others 0.
 """
 
 from __future__ import annotations
@@ -138,6 +138,7 @@ def turn_and_squash(cells, frames, exaggeration, most, first, last):  # type: ig
             for c in range(3):
                 to, row = 16 * (at + n) + 4 * c, 3 * c * 64 + n
                 frames[to], frames[to + 1], frames[to + 2] = spread[row], spread[row + 64], spread[row + 128]
+            frames[16 * (at + n) + 3] = spread[9 * 64 + n]
 
 
 @njit(cache=True, nogil=True)
@@ -170,7 +171,7 @@ def _gather_spread(cells, frames, spread, at, count):  # type: ignore[no-untyped
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _squash(block, exaggeration, most):  # type: ignore[no-untyped-def]
-    """Rows 0 to 8 of ``block`` <- V_i R_i, from the covariances there, the rotations, spreads and rests.
+    """Rows 0 to 8 of ``block`` <- V_i R_i, row 9 <- s - 1, from covariances, rotations, spreads and rests.
 
     One array with constant strides and no branch, for the compiler to make vector instructions of.
     """
@@ -221,6 +222,7 @@ def _squash(block, exaggeration, most):  # type: ignore[no-untyped-def]
         below = b00 * y00 + b11 * y11 + b22 * y22 + 2.0 * (b01 * y01 + b02 * y02 + b12 * y12)
         steady = _STEADY * block[30 * 64 + n] + 1e-300
         s = (above + steady) / (below + steady)
+        block[9 * 64 + n] = s - 1.0
         s = (s - 1.0) * exaggeration + 1.0
         s = s if s > least else least
         s = s if s < most else most

@@ -75,6 +75,11 @@ class Guide:
         self.carried, self._places = self._carry(), places
         return self.carried
 
+    @property
+    def pressure(self) -> float:
+        """What holds the likeness's volume; for a surface of any resolution it is the same."""
+        return self._solver.pressure
+
     def _carry(self) -> Float:
         out, coarse = np.empty_like(self._rest), self._coarse
         maps = self._solver.maps()

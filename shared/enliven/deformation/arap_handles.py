@@ -124,10 +124,13 @@ def pull(held, frames, targets, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def follow(held, frames, targets, share):  # type: ignore[no-untyped-def]
+def follow(held, frames, shown, targets, share):  # type: ignore[no-untyped-def]
     """Move the whole as the handles moved, where one rigid motion explains all but ``share`` of it.
 
     Without it, a turn of all handles would reach the inner cells only over many frames.
+
+    Args:
+        shown: (V, 3) the positions as they were shown last, which move too.
     """
     count = len(held.places)
     old, new = np.zeros(3), np.zeros(3)
@@ -159,7 +162,10 @@ def follow(held, frames, targets, share):  # type: ignore[no-untyped-def]
             after += gap * gap
     if not after < share * before:
         return
-    for at in range(12, len(frames), 16):
+    for i in range(len(shown)):
+        at = 16 * i + 12
         x, y, z = frames[at] - old[0], frames[at + 1] - old[1], frames[at + 2] - old[2]
+        u, v, w = shown[i, 0] - old[0], shown[i, 1] - old[1], shown[i, 2] - old[2]
         for r in range(3):
             frames[at + r] = m[r, 0] * x + m[r, 1] * y + m[r, 2] * z + new[r]
+            shown[i, r] = m[r, 0] * u + m[r, 1] * v + m[r, 2] * w + new[r]

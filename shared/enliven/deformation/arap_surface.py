@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from enliven.arrays import Bool, Float, Int
 from enliven.deformation.arap_cells import Cells, cells_of
 from enliven.deformation.arap_factor import Factor, factorise
+from enliven.deformation.arap_volume import Volume, volume_of
 from enliven.deformation.arap_weights import VIRTUAL, shells_of, surface_edges, virtual_edges
 from enliven.errors import InputError
 from enliven.mesh import Mesh, weld
@@ -27,6 +28,7 @@ class Surface(NamedTuple):
         loose: (V,) vertices that no face uses.
         edges: (E, 2) places; virtual ones last.
         weights: (E,) above 0.
+        volume: what it encloses, or None.
         notes: sentences for the user about what was mended.
     """
 
@@ -39,6 +41,7 @@ class Surface(NamedTuple):
     weights: Float
     cells: Cells
     factor: Factor
+    volume: Volume | None
     notes: tuple[str, ...]
 
 
@@ -46,7 +49,7 @@ def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> Surf
     """The surface of any mesh that has a face.
 
     Args:
-        links: (L, 2) vertices that hang together though no face says so.
+        links: (L, 2) vertices that hang together though no face says so; then no vertex is loose.
 
     Raises:
         InputError: without faces, with positions that are not finite, or with too many vertices.
@@ -65,7 +68,7 @@ def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> Surf
     used = np.zeros(len(points), bool)
     used[welded.faces] = True
     more = np.empty((0, 2), np.int64) if links is None else of[links]
-    used[more] = True
+    used |= links is not None
     if not used.all():
         notes.append(f"{(~used).sum()} vertices belong to no face; they follow the nearest surface.")
     edges, weights = surface_edges(points, welded.faces)
@@ -84,7 +87,10 @@ def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> Surf
     eliminated = np.empty(len(points), np.int32)
     eliminated[factor.order] = np.arange(len(points))
     cells = cells_of(rest, edges, weights, eliminated)
-    return Surface(place[of], rest, centre, extent, ~used[of], edges, weights, cells, factor, tuple(notes))
+    volume = volume_of(rest, place[welded.faces], cells, factor)
+    return Surface(
+        place[of], rest, centre, extent, ~used[of], edges, weights, cells, factor, volume, tuple(notes)
+    )
 
 
 def _neighbours_near(count: int, edges: Int) -> Int:

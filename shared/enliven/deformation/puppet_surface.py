@@ -131,7 +131,7 @@ class PuppetSurface:
         if self._guide is None:
             come(self._solver, self.mesh.vertices[self._held], wanted)
         else:
-            self._solver.set_shape(self._guide.settle(wanted))
+            self._solver.set_shape(self._guide.settle(wanted), self._guide.pressure)
         for _ in range(_LOCAL):
             self._solver.solve(rows_of(wanted))
         self.pose = self._carried(wanted)
