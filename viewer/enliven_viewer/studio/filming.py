@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from imgui_bundle import imgui
@@ -83,7 +83,7 @@ class WindowStage:
 
 
 def film(
-    actions: Sequence[Action],
+    actions: Iterable[Action],
     desk: Desk,
     path: Path,
     *,

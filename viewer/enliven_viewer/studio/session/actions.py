@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -85,13 +85,13 @@ class Do:
 Action = Say | Open | Key | Click | Drag | Name | Wait | Do
 
 
-def steps(actions: Sequence[Action], stage: Stage) -> Iterator[None]:
+def steps(actions: Iterable[Action], stage: Stage) -> Iterator[None]:
     """Does the actions; each step is one picture."""
     for action in actions:
         yield from _steps_of(action, stage)
 
 
-def play(actions: Sequence[Action], stage: Stage, each: Callable[[], object] | None = None) -> None:
+def play(actions: Iterable[Action], stage: Stage, each: Callable[[], object] | None = None) -> None:
     """Do everything without a window; ``each`` is called after every step of the studio's clock."""
     for _ in steps(actions, stage):
         stage.desk.editor.advance(STEP)
