@@ -1,0 +1,116 @@
+"""A puppet on the stage: the shipped cactus (10 control points); somebody waves, walks and turns.
+
+`puppets.frame_ms` is all that the edge does with it for a frame of the sensor: bones, examples (two samples
+a frame), the way in the world, easing. Its peer does the examples' part alone: the same windows of frames as
+one sparse least-squares system for each point, solved by scipy.sparse's spsolve, without bounds; both answers
+are compared. `puppets.surface_ms` is a viewer's picture of it but for the drawing: surface and normals.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from bench_examples import STEP, plain_solution
+from figure import Figure
+
+from enliven.arrays import Float
+from enliven.body import Body
+from enliven.cactus_puppet import cactus_project
+from enliven.character import Pose
+from enliven.examples.mapping import ExampleMap
+from enliven.examples.puppet_motion import examples_of
+from enliven.wire.convert import pose_to_message
+from enliven.wire.envelope import pack_stream
+from enliven.wire.posecode import PoseCodec
+from enliven_edge.puppets.actor import PuppetActor
+from enliven_edge.tracking import model
+from enliven_edge.tracking.posture import Posture, rotation
+from enliven_edge.tracking.ranges import standing
+from enliven_viewer.puppets import Surfaces
+from enliven_viewer.render.normals import placed
+from enliven_viewer.render.surface import split_creases
+
+FRAMES, RATE = 600, 30.0
+_OUT = 2
+"""Frames that are out already in a window that is solved live."""
+
+
+def figures() -> Iterator[Figure]:
+    """A frame on the edge, its delay and bytes, and a picture's surface in a viewer."""
+    project = cactus_project()
+    puppet = project.puppet("cactus")
+    actor = PuppetActor(project, puppet)
+    actor.warm_up()
+    poses, seen, took = _performed(actor)
+    frame = float(np.median(took[30:]))
+    mapping = ExampleMap(examples_of(project, puppet), puppet.examples)
+    samples = actor.settings.rate / RATE
+    theirs = samples * _plain(mapping, seen, 1.0 / actor.settings.rate, actor.settings.lag + 1 + _OUT)
+    yield Figure("puppets.frame_ms", 1000 * frame, "ms", "scipy spsolve", theirs / frame)
+    yield Figure("puppets.frame_p99_ms", 1000 * float(np.percentile(took[30:], 99)), "ms")
+    yield Figure("puppets.delay_ms", 1000 * actor.delay, "ms")
+    codec = PoseCodec(actor.character)
+    messages = [
+        pack_stream(pose_to_message(pose, codec, revision=1, sequence=k)) for k, pose in enumerate(poses)
+    ]
+    yield Figure("puppets.pose_bytes", float(np.median([len(one) for one in messages])), "bytes")
+    yield Figure("puppets.surface_ms", 1000 * _surface(actor, poses), "ms")
+
+
+def _performed(actor: PuppetActor) -> tuple[list[Pose], Float, Float]:
+    """Poses, the performer's poses (F, P, 3) as the examples have them, and seconds of each frame."""
+    poses, seen, took = [], [], []
+    for f in range(FRAMES):
+        body = _performer(f / RATE)
+        started = time.perf_counter()
+        poses.append(actor.perform([body], round((f + 1) * 1e9 / RATE)))
+        took.append(time.perf_counter() - started)
+        if f == 1:
+            actor.possess(body)
+        if actor.holds:
+            seen.append(actor.holds[0].pose)
+    return poses, np.array(seen), np.array(took)
+
+
+def _performer(seconds: float) -> Body:
+    """Somebody who waves with both arms, marches and turns."""
+    turns = standing(0.3 * seconds)
+    for bone, sign, speed in ((model.UPPER_ARM_L, 1.0, 2.0), (model.UPPER_ARM_R, -1.0, 2.7)):
+        turns[bone] = rotation(z=sign * (1.3 - 1.3 * np.cos(speed * seconds))) @ turns[bone]
+    for thigh, shin, sign in ((model.THIGH_L, model.SHIN_L, 1.0), (model.THIGH_R, model.SHIN_R, -1.0)):
+        lift = max(sign * np.sin(5.0 * seconds), 0.0)
+        turns[thigh], turns[shin] = rotation(x=-lift) @ turns[thigh], rotation(x=lift) @ turns[shin]
+    joints = Posture(np.array([0.0, 1.0, -2.5]), turns, model.lengths_for_height(1.75)).joints()
+    joints[:, 1] -= joints[:, 1].min()
+    return Body(1, joints, np.ones(20), stature=1.75)
+
+
+def _plain(mapping: ExampleMap, seen: Float, step: float, frames: int) -> float:
+    """Seconds of the peer for a window of so many frames."""
+    # The peer's step is another: the same cost for the same bend.
+    alike = mapping.settings.acceleration * (STEP / step) ** 2
+    free = ExampleMap(mapping.examples, replace(mapping.settings, margin=1e6, acceleration=alike))
+    windows = [seen[k : k + frames] for k in range(20, 380, 18)]
+    best = np.inf
+    for window in windows:
+        started = time.perf_counter()
+        plain = plain_solution(free, window)
+        best = min(best, time.perf_counter() - started)
+        np.testing.assert_allclose(free.solve(window, STEP), plain, atol=1e-6)
+    return best
+
+
+def _surface(actor: PuppetActor, poses: list[Pose]) -> float:
+    """Seconds of the surface and its normals, in the middle."""
+    character, surfaces, took = actor.character, Surfaces(wait=True), []
+    drawn = split_creases(character.vertices, character.faces)
+    for pose in poses[40:160]:
+        started = time.perf_counter()
+        vertices = surfaces.vertices(character, pose)
+        assert vertices is not None
+        placed(vertices, character.faces, drawn)
+        took.append(time.perf_counter() - started)
+    return float(np.median(took[5:]))
