@@ -1,0 +1,110 @@
+"""Opens the studio's window on a star and works in it as an artist does; prints what came of it as JSON."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from made_studio_puppets import studio, vertex
+
+from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.filming import WindowStage
+from enliven_viewer.studio.session import (
+    STEP,
+    Action,
+    Click,
+    Do,
+    Drag,
+    Key,
+    Near,
+    OnPuppet,
+    Spot,
+    Wait,
+    steps,
+)
+from enliven_viewer.studio.tools.puppet import PuppetTool
+from enliven_viewer.studio.window import StudioWindow
+
+said: dict[str, object] = {"done": False}
+pictures: dict[str, np.ndarray] = {}
+
+
+def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
+    """Points by clicks, a key pose by its arrow, the warning, undo, the end."""
+    desk = window.desk
+    snap = lambda name: Do(lambda _: wanted.append(name))  # noqa: E731
+    for name in ("left", "right", "head", "foot"):
+        yield Click(OnPuppet("star", vertex(name)))
+    said["points"] = len(desk.puppets.puppet.points)
+    yield Do(lambda d: d.editor.scrub(1.0))
+    yield Click(OnPuppet("star", point=0))
+    yield snap("chosen")
+    tool = desk.hand.tool
+    assert isinstance(tool, PuppetTool)
+    manipulator = tool.manipulator()
+    assert manipulator is not None
+    tip = Spot(*(manipulator.place + np.array([0.0, 60.0, 0.0]) * manipulator.pixel))
+    yield Drag((tip, Near(tip, 0, -50)), seconds=0.3)
+    said["pose"] = [desk.puppets.number, (desk.puppets.places - desk.puppets.puppet.rest)[0].tolist()]
+    yield snap("posed")
+    yield Do(lambda d: (d.puppets.drag(0, np.array([0.3, 0.45, 0.0])), d.puppets.drop()))
+    yield Wait(0.5)
+    yield Do(lambda d: d.puppets.crossing.wait())
+    yield Wait(0.1)
+    yield snap("warned")
+    said["warning"] = tool.warning
+    yield Key("ctrl+z")
+    yield Key("enter")
+    said["left"] = desk.puppets.posing
+    yield Key("space")
+    yield Wait(0.2)
+    said["playing"] = desk.editor.playing
+    yield Wait(0.1)
+    said["bad"] = [toast.text for toast in desk.editor.toasts.shown if toast.bad]
+    said["done"] = True
+
+
+def main() -> None:
+    desk: Desk = studio(Path(sys.argv[1]), take="sway")[0]
+    window = StudioWindow(desk, STEP)
+    wanted: list[str] = []
+    stages: list[WindowStage] = []
+    going: list[Iterator[None]] = []
+
+    def before(window: StudioWindow) -> None:
+        if window.pictures < 3:
+            return
+        if not going:
+            stages.append(WindowStage(window))
+            stages[0].pace = 0.1
+            going.append(steps(work(window, wanted), stages[0]))
+        stages[0].settle()
+        if next(going[0], StopIteration) is StopIteration:
+            desk.cabinet.forget()
+            window.close()
+
+    def after(window: StudioWindow) -> None:
+        while wanted:
+            pictures[wanted.pop()] = window.pixels()
+
+    window.run(before=before, after=after, seconds=150)
+    changed = np.abs(pictures["posed"].astype(int) - pictures["chosen"]).max(2) > 30
+    red = pictures["warned"].astype(int)
+    warning = (red[..., 0] > 200) & (red[..., 1] < 110) & (red[..., 2] < 110)
+    said["changed"], said["red"] = int(changed.sum()), int(warning.sum())
+    if len(sys.argv) > 2:
+        from PIL import Image
+
+        for name, picture in pictures.items():
+            Image.fromarray(picture).save(Path(sys.argv[2]) / f"star_{name}.png")
+    print(json.dumps(said))
+
+
+if __name__ == "__main__":
+    main()
