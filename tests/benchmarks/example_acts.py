@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from example_cast import Act, Key, Point, Shown
 from example_posing import Limb, bend, curl, lengthen, put, reach, shift, squash, turn, twist
 
@@ -278,4 +280,17 @@ ALLIGATOR = Act(
         ),
     ),
 )
-ACTS = {"cactus": CACTUS, "trex": TREX, "armadillo": ARMADILLO, "alligator": ALLIGATOR}
+MILLION = replace(
+    ARMADILLO,
+    title="The Armadillo boxes with a million vertices",
+    shown=(Shown(8.4, 12.9, 20),),
+    of="armadillo",
+    finer=0.0035,
+)
+ACTS = {
+    "cactus": CACTUS,
+    "trex": TREX,
+    "armadillo": ARMADILLO,
+    "alligator": ALLIGATOR,
+    "million": MILLION,
+}

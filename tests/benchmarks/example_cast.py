@@ -22,7 +22,7 @@ from enliven.formats.example_session import Session, fitted, read_session
 from enliven.formats.session_tables import MeshTable, TakeTable
 from enliven.formats.session_text import session_text
 from enliven.formats.takes import read_take
-from enliven.mesh import Axis, Mesh
+from enliven.mesh import Axis, Mesh, refine
 from enliven.mesh_files import load_mesh
 from enliven.modeling.mirror_plane import plane_of_symmetry
 from enliven.project import Project
@@ -30,6 +30,7 @@ from enliven.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer
 
 DATA = Path(os.environ.setdefault("ENLIVEN_DATA", str(Path(__file__).parents[3] / "shared" / "data")))
 SESSIONS = Path(__file__).parent / "example_sessions"
+_MOST_VERTICES = 3_000_000
 _TENTH_MM = 4
 """Decimals of metres that key poses are kept with: a session says the same on every machine."""
 
@@ -82,6 +83,8 @@ class Act:
         mirrored: whether each key pose is shown mirrored as well.
         shown: the film.
         colour: sRGB.
+        of: another act whose session this one plays; empty for its own.
+        finer: metres; the mesh is refined until no edge is longer, but for 0.
     """
 
     title: str
@@ -99,6 +102,8 @@ class Act:
     examples: ExampleSettings = field(default_factory=ExampleSettings)
     surface: ArapSettings = field(default_factory=lambda: ArapSettings(hold=0.03))
     level_feet: bool = True
+    of: str = ""
+    finer: float = 0.0
 
     @property
     def mesh_table(self) -> MeshTable:
@@ -156,6 +161,17 @@ def session_of(act: Act, project: Project) -> str:
 def stored(name: str) -> Session:
     """The session that is kept in the repository, as whoever opens it has it."""
     return read_session(SESSIONS / f"{name}.toml")
+
+
+def playing(name: str, act: Act) -> Project:
+    """The project that an act plays: its stored session, on a finer mesh where it says so."""
+    project = stored(act.of or name).project
+    if act.finer <= 0.0:
+        return project
+    puppet = next(iter(project.puppets.values()))
+    # Refining keeps the numbers of the vertices that were there.
+    mesh = refine(puppet.mesh, act.finer, _MOST_VERTICES)
+    return project.with_puppets(puppet.with_changes(mesh=mesh))
 
 
 def _rounded(places: Float) -> Float:

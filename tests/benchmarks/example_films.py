@@ -17,7 +17,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 from example_acts import ACTS
-from example_cast import DATA, SESSIONS, Act, session_of, staged, stored
+from example_cast import DATA, SESSIONS, Act, playing, session_of, staged
 from example_measures import measure
 from example_play import Play
 
@@ -41,6 +41,8 @@ def main(arguments: list[str]) -> int:
         )
         return 1
     for name, act in acts.items():
+        if "--sessions" in arguments and act.of:
+            continue
         if "--sessions" in arguments:
             path = SESSIONS / f"{name}.toml"
             path.parent.mkdir(exist_ok=True)
@@ -53,7 +55,7 @@ def main(arguments: list[str]) -> int:
 
 def _filmed(name: str, act: Act, film: bool) -> str:
     """The film of an act from its stored session; what was measured."""
-    project = stored(name).project
+    project = playing(name, act)
     plays = [Play(act, project, shown, RATE) for shown in act.shown]
     if film:
         from example_studio import Studio

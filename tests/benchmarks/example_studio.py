@@ -1,4 +1,4 @@
-"""Draws a played act: on the left the performer, on the right the puppet, below its key poses."""
+"""Draws a played act: on the left the performer, on the right the puppet, beside it its key poses."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Studio:
         self._text = max(round(size[1] / 36), 8)
         self._small = max(round(size[1] / 48), 7)
         narrow = round(_PERFORMER * size[0]) // 2 * 2
-        sizes = ((narrow, size[1]), (size[0] - narrow, size[1]), (size[0] // 7, size[1] // 5))
+        sizes = ((narrow, size[1]), (size[0] - narrow, size[1]), (size[0] // 8, size[1] // 5))
         self._left, self._right, self._thumb = (
             Panel(Renderer(ctx, one), Canvas(ctx, (self._small, self._text))) for one in sizes
         )
@@ -79,7 +79,7 @@ class Studio:
         """The film and its contact sheet; the shots that were drawn, of each piece."""
         shots: list[list[Shot]] = []
         tiles: list[Tile] = []
-        every = max(sum(len(play.times) for play in plays) // _TILES, 1)
+        every = -(-sum(len(play.times) for play in plays) // _TILES)
         with FilmWriter(path.with_suffix(".mp4"), self.size, RATE, BIT_RATE) as writer:
             for play in plays:
                 strip = self.strip(play)
@@ -122,12 +122,13 @@ class Studio:
         )
         both = np.hstack([left, right])
         if strip is not None:
-            both[-strip.shape[0] - 8 : -8, -strip.shape[1] - 8 : -8] = strip
+            high, wide = strip.shape[:2]
+            both[-high - 8 : -8, -wide - 8 : -8] = strip
         return both
 
     def strip(self, play: Play) -> UInt8:
-        """(h, w, 3) the key poses side by side."""
-        half, pictures = half_of(play), []
+        """(h, w, 3) the key poses, one below the other."""
+        half, pictures = 0.85 * half_of(play), []
         azimuth = math.radians(play.shown.azimuth)
         surface = play.surface()
         size = self._thumb.size
@@ -139,7 +140,7 @@ class Studio:
             picture = self._thumb.draw(scene, self._thumb.view(np.zeros(3), half, azimuth), texts)
             picture[[0, -1]] = picture[:, [0, -1]] = (90, 96, 110)
             pictures.append(picture)
-        return np.hstack(pictures)
+        return np.vstack(pictures)
 
 
 def half_of(play: Play) -> Float:
