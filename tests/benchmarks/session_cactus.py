@@ -135,6 +135,8 @@ def _joints(second: float) -> Float:
 
 def cactus(desk: Desk, folder: Path) -> Actions:
     """Open, put points, pair, pose four examples, adjust, export."""
+    folder = folder / "my models"
+    folder.mkdir()
     save_mesh(make_cactus(), folder / f"{CACTUS}.ply")
     write_take(folder / f"{TAKE}.mcap")
     yield Say("Open any mesh. It needs no skeleton")
