@@ -7,7 +7,7 @@ import pytest
 from made_studio_puppets import star, studio, vertex
 
 from enliven.formats.project_file import read_project, write_project
-from enliven.modeling.puppets import add_key_pose
+from enliven.modeling.puppets import add_key_pose, change_point
 from enliven.project import same
 from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.session import (
@@ -262,3 +262,22 @@ def test_without_a_puppet_the_tool_does_nothing(tmp_path) -> None:
     assert "make one" in desk.hand.tool.hint
     play([Click(Pixel(0.5, 0.5)), Key("delete"), Key("r"), Key("k"), Key("enter")], stage)
     assert not desk.editor.project.puppets and not bad(desk)
+
+
+def test_a_stroke_cuts_a_puppet_and_both_parts_go_on(tmp_path) -> None:
+    desk, stage = studio(tmp_path, "head", "left", "right", "foot", "other", take="sway")
+    rest = desk.puppets.puppet.rest
+    bent = np.add(rest, [[0.2, 0, 0], [0.1, 0.2, 0], [0.1, -0.2, 0], [0, 0, 0], [0, 0, 0]])
+    for time, places in ((0.0, rest), (0.8, bent)):
+        desk.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "star", "sway", t, q))
+    for point, joint in (("other", "root"),):
+        desk.editor.edit("pair", lambda p, n=point, j=joint: change_point(p, "star", n, joint=j))
+    desk.editor.camera.face(0.0, 0.0)
+    desk.editor.camera.advance(10.0)
+    stroke = (Spot(-0.25, 0.35), Spot(-0.25, 0.9))
+    play([Key("c"), Drag(stroke)], stage)
+    assert len(desk.editor.project.puppets) == 2, [toast.text for toast in desk.editor.toasts.shown]
+    assert not bad(desk) and desk.editor.selection.puppet in desk.editor.project.puppets
+    assert len(desk.puppets.standing) == 2
+    desk.editor.undo()
+    assert list(desk.editor.project.puppets) == ["star"]

@@ -5,13 +5,18 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from enliven.deformation.sampling import scatter
 from enliven.mesh import Mesh
 from enliven.modeling.extremities import extremities
 from enliven.puppet import Puppet
 from enliven_viewer.studio.puppets.kept import size_of
 
-_MOST = 10
+_MOST, _FEW = 14, 5
+_SAMPLES = 4000
+_NEAR, _ASIDE = 0.12, 0.36
+"""Of the mesh's size, what is near; of that, how far its middle lies aside where a limb ends."""
 _APART = 0.06
 """Of the mesh's size: nearer to a control point that is there nothing is suggested."""
 
@@ -48,4 +53,14 @@ class Suggested:
 
 
 def _ends(mesh: Mesh) -> tuple[int, ...]:
-    return tuple(int(vertex) for vertex in extremities(mesh, _MOST))
+    """The vertices that are ends of something: what is near them lies to one side. Else the most extreme."""
+    found = extremities(mesh, _MOST)
+    samples = scatter(mesh, _SAMPLES, np.random.default_rng(0)).positions
+    tree, reach = cKDTree(samples), _NEAR * size_of(mesh)
+    ends = []
+    for vertex in found:
+        near = tree.query_ball_point(mesh.vertices[vertex], reach)
+        aside = np.linalg.norm(samples[near].mean(0) - mesh.vertices[vertex]) if near else 0.0
+        if aside > _ASIDE * reach:
+            ends.append(int(vertex))
+    return tuple(ends) if len(ends) > 1 else tuple(int(vertex) for vertex in found[:_FEW])

@@ -8,6 +8,7 @@ from enliven.errors import EnlivenError
 from enliven.modeling.cut_stroke import cut_stroke
 from enliven.modeling.cut_surfaces import StrokeCut
 from enliven.modeling.graph_surgery import cut_graph
+from enliven.modeling.puppet_surgery import cut_puppet
 from enliven.project import Project
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.overlay import Disc, Line, Overlay, Point
@@ -82,30 +83,32 @@ class Cut(Tool):
             self.editor.toasts.say(said, "Both sides keep their pose now, and their motion.")
 
     def _cut_possessed(self, stroke: list[Point]) -> bool:
-        """Cut the possessed meshes that a stroke passes through; whether there is any."""
-        if not self.editor.project.graphs or len(stroke) < 2:
+        """Cut the possessed meshes and puppets that a stroke passes through; whether there is any."""
+        project, chosen = self.editor.project, self.editor.selection
+        graphs = [name for name in project.graphs if chosen.graph in (None, name) and chosen.puppet is None]
+        puppets = [name for name in project.puppets if chosen.puppet in (None, name) and chosen.graph is None]
+        if not (graphs or puppets) or len(stroke) < 2:
             return False
         time, surface, notes, parts = self.editor.time, self._surface(stroke), list[str](), list[str]()
-        chosen = self.editor.selection.graph
-        names = [chosen] if chosen is not None else list(self.editor.project.graphs)
 
         def change(project: Project) -> Project:
             refused: EnlivenError | None = None
-            for name in names:
-                try:
-                    project, made = cut_graph(project, name, surface, time, notes=notes)
-                    parts.append(made[1])
-                except EnlivenError as error:  # it does not pass through this one
-                    refused = error
+            for cut, names in ((cut_graph, graphs), (cut_puppet, puppets)):
+                for name in names:
+                    try:
+                        project, made = cut(project, name, surface, time, notes=notes)
+                        parts.append(made[1])
+                    except EnlivenError as error:  # it does not pass through this one
+                        refused = error
             if not parts and refused is not None:
                 raise refused
             return project
 
         if self.editor.edit("cut", change):
-            self.editor.select(graph=parts[-1])
-            self.editor.toasts.say(
-                f"Cut off: {', '.join(parts)}", "Both parts go on moving. Drag one with G."
-            )
+            is_puppet = parts[-1] in self.editor.project.puppets
+            self.editor.select(**{"puppet" if is_puppet else "graph": parts[-1]})
+            said = f"Cut off: {', '.join(parts)}" + "".join(f". {note}" for note in notes[:1])
+            self.editor.toasts.say(said, "Both parts go on moving. Drag one with G.")
         return True
 
     def _surface(self, stroke: list[Point]) -> StrokeCut:
