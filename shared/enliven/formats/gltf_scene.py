@@ -151,7 +151,7 @@ class GltfScene:
 def _is_rest(node: pygltflib.Node, path: str, value: Float) -> bool:
     """Whether a node without the channel stands so already."""
     if path == "translation":
-        rest = np.array(node.translation)
+        rest = np.zeros(3) if node.translation is None else np.array(node.translation)
     elif path == "rotation":
         rest = np.roll(IDENTITY, -1) if node.rotation is None else np.array(node.rotation)
     else:
