@@ -44,6 +44,9 @@ def new(
         float | None, typer.Option(help="Metres to make the mesh tall; its own if not given.")
     ] = None,
     up: Annotated[str, typer.Option(help="The mesh's axis that points up: x, y or z.")] = "y",
+    turned: Annotated[
+        float, typer.Option(help="Degrees to turn it about the upright then, to look to +Z.")
+    ] = 0.0,
     animation: Annotated[
         str | None, typer.Option(help="Which animation of a .glb or person of an .mcap; else the first.")
     ] = None,
@@ -57,7 +60,7 @@ def new(
 
     \b
       enliven examples new cactus.off traffic.bvh -o cactus.toml --height 1.5
-      enliven examples new trex.ply walk.bvh -o trex.toml --up z --points 8 --poses 4
+      enliven examples new trex.ply walk.bvh -o trex.toml --up z --turned 90 --poses 4
     """
     from enliven.formats.example_session import fitted
     from enliven.formats.session_tables import MeshTable, TakeTable
@@ -67,7 +70,7 @@ def new(
     from enliven.modeling.puppet_suggest import suggested_puppet
     from enliven.project import Project
 
-    mesh_from = MeshTable(_from(output, mesh), height, _axis(up))
+    mesh_from = MeshTable(_from(output, mesh), height, _axis(up), turned)
     take_from = TakeTable(_from(output, take), "", animation, start, end)
     loaded, notes = load_mesh(mesh)
     clip, more = read_take(take, animation, start, end)

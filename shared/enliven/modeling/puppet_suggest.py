@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from enliven.arrays import Float
@@ -10,7 +12,7 @@ from enliven.examples.pairing import guess_joints
 from enliven.examples.performer import performed
 from enliven.examples.suggest import suggest_poses
 from enliven.examples.symmetric import partners_of, reflected
-from enliven.mapping.anatomy import anatomy_of
+from enliven.mapping.anatomy import Limb, anatomy_of
 from enliven.mesh import Mesh
 from enliven.modeling.extremities import extremities
 from enliven.modeling.mirror_plane import plane_of_symmetry
@@ -18,9 +20,12 @@ from enliven.modeling.puppets import add_key_pose, add_point, make_puppet, play_
 from enliven.motion.clip import Clip
 from enliven.project import Project, unused
 from enliven.puppet import Plane
+from enliven.skeleton import Skeleton
 
 _LOW = 0.08
 """Share of the mesh's height below which a control point can be a foot."""
+_ACROSS = 0.7
+"""Cosine to the left-right axis from which on a plane's normal goes across."""
 _OFF = 0.1
 """Share of the control points' extent by which a mirror image may be off."""
 
@@ -45,21 +50,30 @@ def suggested_puppet(
         what = f"{points} control points and {poses} key poses are too few"
         raise InputError(what, where=f"puppet {puppet_id!r}", mend="At least one point and two poses.")
     project = make_puppet(project, mesh, puppet_id)
-    clip, plane = project.takes[take], plane_of_symmetry(mesh)
+    clip, plane = project.takes[take], _left_right(mesh)
     vertices = [int(vertex) for vertex in extremities(mesh, points)]
     if plane is not None:
         vertices = _with_images(mesh, vertices, plane)
     rest = mesh.vertices[vertices]
+    partners = None if plane is None else _partners(rest, plane)
     joints = guess_joints(clip.skeleton, rest)
+    if partners is not None:
+        joints = evened(clip.skeleton, joints, rest, partners)
     for vertex, joint, foot in zip(vertices, joints, _feet(clip, joints, rest, mesh), strict=True):
         taken = {point.name: point for point in project.puppets[puppet_id].points}
         project = add_point(project, puppet_id, vertex, unused(joint, taken), joint, foot)
     found = suggest_poses(performed(clip, joints).poses)
     for frame in sorted(found.frames[: poses or found.count]):
         project = add_key_pose(project, puppet_id, take, frame * clip.step, rest)
-    if plane is not None and _has_images(rest, plane):
+    if partners is not None:
         project = set_symmetry(project, puppet_id, plane)
     return play_take(project, puppet_id, take)
+
+
+def _left_right(mesh: Mesh) -> Plane | None:
+    """The plane of symmetry between left and right: a mesh looks to +Z."""
+    plane = plane_of_symmetry(mesh)
+    return plane if plane is not None and abs(plane.normal[0]) > _ACROSS else None
 
 
 def _with_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[int]:
@@ -79,13 +93,53 @@ def _with_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[int]:
     return out
 
 
-def _has_images(rest: Float, plane: Plane) -> bool:
-    """Whether every control point has a mirror image, one of them at least another than itself."""
+def _partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
+    """For each control point its mirror image; None where one has none, or all are on the plane."""
     try:
         partners = partners_of(rest, np.array(plane.point), np.array(plane.normal), _OFF)
     except InputError:
-        return False
-    return any(other != own for own, other in enumerate(partners))
+        return None
+    return partners if any(other != own for own, other in enumerate(partners)) else None
+
+
+def evened(
+    skeleton: Skeleton, joints: Sequence[str], rest: Float, partners: Sequence[int]
+) -> tuple[str, ...]:
+    """Joints so that mirror images follow the joints of both sides, and what is on the plane the middle.
+
+    Args:
+        joints: (P,) as they were guessed one by one.
+        rest: (P, 3) metres, the control points.
+        partners: (P,) who is whose mirror image.
+    """
+    anatomy, out = anatomy_of(skeleton), list(joints)
+    sides = {
+        skeleton.names[a]: skeleton.names[b]
+        for pair in anatomy.pairs
+        for left, right in (pair, pair[::-1])
+        for a, b in zip(_own(left)[::-1], _own(right)[::-1], strict=False)
+    }
+    limbs = {joint for pair in anatomy.pairs for limb in pair for joint in skeleton.below(_own(limb)[0])}
+    middle = [joint for joint in range(len(skeleton)) if joint not in limbs]
+    heights = _shares(skeleton.positions[:, 1])
+    for own, other in enumerate(partners):
+        if own < other:
+            shown = out[own] if out[own] in sides or out[other] not in sides else sides[out[other]]
+            out[own], out[other] = shown, sides.get(shown, shown)
+        elif own == other and skeleton.index(out[own]) in limbs and middle:
+            high = _shares(rest[:, 1])[own]
+            out[own] = skeleton.names[min(middle, key=lambda joint: abs(float(heights[joint] - high)))]
+    return tuple(out)
+
+
+def _own(limb: Limb) -> tuple[int, ...]:
+    """The joints of a limb without the fork that it leaves."""
+    return limb.chain[max(limb.start, 1) :]
+
+
+def _shares(heights: Float) -> Float:
+    """Heights as 0 to 1 from the lowest to the highest."""
+    return np.asarray((heights - heights.min()) / max(float(np.ptp(heights)), 1e-12))
 
 
 def _feet(clip: Clip, joints: tuple[str, ...], rest: Float, mesh: Mesh) -> list[bool]:

@@ -1,0 +1,60 @@
+"""Real meshes become puppets of real motions by the command line."""
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from enliven.cli import run
+from enliven.examples.puppet_motion import examples_of, motion_of
+from enliven.formats.example_session import read_session
+
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+TAKE = DATA / "cmu_expmap" / "train_directing_traffic_4.txt"
+pytestmark = [
+    pytest.mark.real,
+    pytest.mark.skipif(not TAKE.exists(), reason=f"no CMU motions in {DATA} (set ENLIVEN_DATA)"),
+]
+
+
+@pytest.mark.parametrize(
+    ("mesh", "options", "sides"),
+    [
+        ("cinolib/cactus.off", ["--up", "z", "--turned", "90", "--height", "1.6"], True),
+        ("amxx/armadillo.off", ["--height", "1.5"], True),
+        ("trex/trex_yana.obj", ["--height", "2.5"], False),
+    ],
+)
+def test_a_session_is_suggested_posed_and_fitted(tmp_path, capsys, mesh, options, sides):
+    file = DATA / "meshes" / mesh
+    if not file.exists():
+        pytest.skip(f"no {file}")
+    session = tmp_path / "made.toml"
+    window = ["--start", "1", "--end", "9", "--points", "8", "--poses", "4"]
+    assert run(["examples", "new", str(file), str(TAKE), "-o", str(session), *options, *window]) == 0
+    puppet = read_session(session).project.puppets[file.stem]
+    assert len(puppet.poses) == 4 and len(puppet.points) >= 8
+    places = {point.joint: place for point, place in zip(puppet.points, puppet.rest, strict=True)}
+    if sides:
+        assert places["LeftHandIndex1 end"][0] > 0.1 > -0.1 > places["RightHandIndex1 end"][0]
+    # Every control point is moved a little, each time elsewhere.
+    rng = np.random.default_rng(0)
+
+    def moved(found):
+        return f"= {[round(float(x), 3) for x in rng.normal(size=3) * 0.05]}"
+
+    session.write_text(re.sub(r"= \[0\.0, 0\.0, 0\.0\]$", moved, session.read_text(), flags=re.MULTILINE))
+    assert run(["examples", "check", str(session)]) == 0
+    assert "the pose farthest from all examples" in capsys.readouterr().out
+    assert run(["examples", "fit", str(session), "-o", str(tmp_path / "made.mcap")]) == 0
+    read = read_session(session)
+    posed = read.project.puppets[file.stem]
+    motion = motion_of(read.project, posed, 0)
+    reached = examples_of(read.project, posed).targets
+    # Weights stay in their bounds, so nothing goes far beyond what was posed.
+    room = 1.5 * np.ptp(reached, axis=0).max() + 0.05
+    assert (motion.places.min(0) > reached.min(0) - room).all()
+    assert (motion.places.max(0) < reached.max(0) + room).all()
+    assert np.ptp(motion.places, axis=0).max() > 0.05
