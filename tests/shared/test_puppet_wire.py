@@ -24,7 +24,10 @@ from enliven.wire.posecode import PoseCodec
 from enliven.wire.quantize import POSITION_STEP
 
 few = settings(max_examples=40, deadline=None)
-SOFT = ArapSettings(iterations=5, squash_and_stretch=False, hold=0.7, exaggeration=2.0, most_stretch=3.0)
+SOFT = ArapSettings(
+    iterations=5, squash_and_stretch=False, hold=0.7, exaggeration=2.0, most_stretch=3.0, volume=0.5,
+    coarse_above=900, coarse_vertices=300, guide_vertices=100,
+)  # fmt: skip
 CHAIR = make_chair()
 TWELVE = np.linspace(0, len(CHAIR.vertices) - 1, 12).astype(int)
 SMALL = Mesh(np.eye(3), np.array([[0, 1, 2]], np.int32))

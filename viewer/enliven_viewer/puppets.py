@@ -14,6 +14,7 @@ from concurrent.futures import Future
 from typing import TypeVar
 
 import numpy as np
+from numba import njit
 
 from enliven.arrays import Float, Float32
 from enliven.character import Character, Pose
@@ -70,6 +71,9 @@ class _Surface:
         self._places: Float | None = None
         self._alike, self._seconds = 0, 0.0
         self._told = False
+        self._world: Float32 | None = None
+        self._carried_from: Float32 | None = None
+        self._by: Float = np.zeros((3, 4))
 
     def vertices(self, pose: Pose, *, wait: bool) -> Float32 | None:
         """(V, 3) metres in the world, or None while it is not prepared, and where it cannot be."""
@@ -84,7 +88,17 @@ class _Surface:
             self._solve(surface, places, wait)
         if self._local is None:
             return None
-        return np.asarray((self._local - pivot) @ linear.T + position, np.float32)
+        return self._carried(linear, position - linear @ pivot)
+
+    def _carried(self, linear: Float, offset: Float) -> Float32:
+        """(V, 3) the surface in the world; the same array while nothing moves."""
+        assert self._local is not None
+        by = np.concatenate([linear, offset[:, None]], 1)
+        if self._world is None or self._carried_from is not self._local or not np.array_equal(by, self._by):
+            self._world = np.empty_like(self._local)
+            carry(self._local, by, self._world)
+            self._carried_from, self._by = self._local, by
+        return self._world
 
     def _surface(self, wait: bool) -> PuppetSurface | None:
         """What was prepared, once it is; why it could not be is said once."""
@@ -155,6 +169,15 @@ def _prepared(character: Character) -> PuppetSurface:
     held = character.held.tolist()
     pulls = [None] * len(held) if character.pulls is None else [w or None for w in character.pulls.tolist()]
     return PuppetSurface(mesh, held, pulls, character.surface)
+
+
+@njit(cache=True, nogil=True)
+def carry(local: Float32, by: Float, world: Float32) -> None:
+    """Kernel: places (V, 3) by linear | offset (3, 4)."""
+    for v in range(len(local)):
+        x, y, z = local[v, 0], local[v, 1], local[v, 2]
+        for c in range(3):
+            world[v, c] = by[c, 0] * x + by[c, 1] * y + by[c, 2] * z + by[c, 3]
 
 
 def _frame(pose: Pose) -> tuple[Float, Float] | None:

@@ -10,6 +10,7 @@ from enliven.wire.fields import MAX_FACES, MAX_TRANSFORMS, MAX_VERTICES, Count, 
 
 MAX_ITERATIONS = 100
 MAX_STIFF = 1e6
+MAX_SOLVED = 100_000
 
 
 class SurfaceMessage(Struct, frozen=True):
@@ -20,10 +21,14 @@ class SurfaceMessage(Struct, frozen=True):
 
     iterations: Annotated[int, Meta(ge=1, le=MAX_ITERATIONS)] = 3
     squash_and_stretch: bool = True
-    hold: Annotated[float, Meta(ge=0.0, le=MAX_STIFF)] = 0.3
+    hold: Annotated[float, Meta(ge=0.0, le=MAX_STIFF)] = 0.05
     exaggeration: Annotated[float, Meta(ge=0.0, le=5.0)] = 1.0
     most_stretch: Annotated[float, Meta(ge=1.0, le=MAX_STIFF)] = 4.0
     follow: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.01
+    volume: Annotated[float, Meta(ge=0.0, le=1.0)] = 1.0
+    coarse_above: Annotated[int, Meta(ge=100, le=MAX_VERTICES)] = 12_000
+    coarse_vertices: Annotated[int, Meta(ge=50, le=MAX_SOLVED)] = 8_000
+    guide_vertices: Annotated[int, Meta(ge=20, le=MAX_SOLVED)] = 400
 
 
 class CharacterMessage(Struct, tag=True, frozen=True):

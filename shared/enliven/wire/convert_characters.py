@@ -8,7 +8,7 @@ from enliven.arrays import Float32, UInt16
 from enliven.character import Character, SkinWeights
 from enliven.deformation.arap import ArapSettings
 from enliven.errors import InputError
-from enliven.wire.characters import MAX_ITERATIONS, MAX_STIFF, CharacterMessage, SurfaceMessage
+from enliven.wire.characters import MAX_ITERATIONS, MAX_SOLVED, MAX_STIFF, CharacterMessage, SurfaceMessage
 from enliven.wire.fields import MAX_FACES, MAX_VERTICES, from_bytes, to_bytes
 
 _RIGID_VERTICES = 100_000
@@ -91,6 +91,10 @@ def _surface_message(settings: ArapSettings) -> SurfaceMessage:
         settings.exaggeration,
         min(settings.most_stretch, MAX_STIFF),
         settings.follow,
+        settings.volume,
+        min(settings.coarse_above, MAX_VERTICES),
+        min(settings.coarse_vertices, MAX_SOLVED),
+        min(settings.guide_vertices, MAX_SOLVED),
     )
 
 

@@ -57,6 +57,7 @@ class SkinnedMesh:
         self._faces = ctx.buffer(surface.faces.tobytes())
         self._coarse_faces = ctx.buffer(clustered_faces(rest, surface.faces, _COARSE).tobytes())
         self._colours = ctx.buffer(_linear_colours(character)[surface.source].tobytes())
+        self._placed: Float32 | None = None
         self._skinned = ctx.buffer(reserve=self.count * 24)
         layouts = (("3f 3f", "in_rest", "in_rest_normal"), ("4u2", "in_nodes"), ("4f", "in_weights"))
         content = [(buffer, *layout) for buffer, layout in zip(self._inputs, layouts, strict=True)]
@@ -66,6 +67,7 @@ class SkinnedMesh:
 
     def skin(self, pose: Pose) -> None:
         """Move the vertices into a pose of this character."""
+        self._placed = None
         matrices = pose.matrices(self.character.pivots)
         self._staged[: len(matrices)] = np.nan_to_num(matrices, posinf=0.0, neginf=0.0)
         self._transforms.write(self._staged)
@@ -74,7 +76,9 @@ class SkinnedMesh:
 
     def place(self, vertices: Float32) -> None:
         """Put the vertices (V, 3), metres in the world, where somebody solved them to be."""
-        self._skinned.write(placed(vertices, self.character.faces, self._surface))
+        if vertices is not self._placed:
+            self._skinned.write(placed(vertices, self.character.faces, self._surface))
+        self._placed = vertices
 
     def render(self, program: moderngl.Program, *, coarse: bool = False) -> None:
         """Draw the skinned triangles with a program that takes ``in_position`` and perhaps more.
