@@ -202,7 +202,7 @@ class ArapSolver:
         pose = np.empty_like(self.pose)
         give(frames, self._z, shift, surface.cells.eliminated, surface.place_of, surface.centre, pose)
         if not np.isfinite(pose).all():
-            self.set_shape(self.pose, 0.0)
+            self.set_shape(self.pose, self.pose, 0.0)
             raise InputError("the handles leave no finite shape", where=WHERE, mend="Move them less far.")
         vertices, of = self._exact
         pose[vertices] = np.concatenate([wanted[name] for name in self.handles])[of]
@@ -256,15 +256,20 @@ class ArapSolver:
         """(V, 3) the surface of the shape state, which the next frame starts from."""
         return self._frames[self._surface.place_of, 12:15] + self._surface.centre
 
-    def set_shape(self, vertices: Float, pressure: float | None = None) -> None:
+    @property
+    def joints(self) -> Int:
+        """(J, 2) vertices that hang together though no face says so: what joins shells, and ``links``."""
+        return self._surface.joints
+
+    def set_shape(self, vertices: Float, shown: Float, pressure: float | None = None) -> None:
         """Go on from a surface (V, 3), of which the next frame is made.
 
         Args:
-            pressure: what holds its volume where it was shown like that; None goes on with the last.
+            shown: (V, 3) the pose that belongs to it.
+            pressure: what holds the volume of that; None goes on with the last.
         """
-        if pressure is not None:
-            self._shown[self._surface.place_of] = vertices - self._surface.centre
-            self.pressure = pressure
+        self._shown[self._surface.place_of] = shown - self._surface.centre
+        self.pressure = self.pressure if pressure is None else pressure
         self._frames[:] = 0.0
         self._frames[:, [0, 5, 10]] = 1.0
         self._frames[self._surface.place_of, 12:15] = vertices - self._surface.centre

@@ -1,9 +1,9 @@
 """A coarse surface within a fine one: some of its vertices, evenly spread along it, and who follows them.
 
-Samples are thrown in a fixed random order, no two nearer than a spacing along the surface; the control points
-are thrown first, so that each is a sample. Three samples whose lands meet in a face of the fine mesh make a
-face of the coarse one; two whose lands meet otherwise (around a thin limb) are linked. Shells smaller than a
-few spacings that no control point holds are no surface of their own: they ride on what is nearest.
+Samples are thrown in a fixed random order, none nearer than a spacing along the surface to those before; the
+control points come first and are all samples. Three samples whose lands meet in a face of the fine mesh make
+a face of the coarse one; two whose lands meet otherwise (around a thin limb) are linked. Shells smaller than
+a few spacings that no control point holds are no surface of their own: they ride on what is nearest.
 
 A fine vertex follows the samples near it *along the surface*, so that fingers that touch do not stick. The
 weights are those of R. Franke and G. Nielson, "Smooth interpolation of large sets of scattered data", 1980:
@@ -109,7 +109,7 @@ def _samples(whole: Mesh, net: tuple[Int, Int32, Float], first: Int, count: int)
     for _ in range(_MOST_ROUNDS):
         riding = _riding(whole, first, spacing)
         order = np.random.default_rng(0).permutation(np.flatnonzero(~riding))
-        chosen = thrown(*net, np.concatenate([first, order]), spacing)
+        chosen = thrown(*net, np.concatenate([first, order]), len(first), spacing)
         if 0.85 * count <= len(chosen) <= 1.15 * count or spacing <= finest:
             break
         spacing = max(spacing * float(np.sqrt(len(chosen) / count)), finest)
@@ -187,20 +187,21 @@ def edges_around(points, faces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def thrown(offsets, neighbours, lengths, order, spacing):  # type: ignore[no-untyped-def]
-    """(M,) of the vertices in ``order``, each one that is no nearer than ``spacing`` to those before it."""
+def thrown(offsets, neighbours, lengths, order, sure, spacing):  # type: ignore[no-untyped-def]
+    """(M,) of ``order`` the ``sure`` first, and each that is no nearer than ``spacing`` to those before."""
     metres, keys, items, reached = _room(offsets, neighbours)
     covered = np.zeros(metres.shape[0], np.bool_)
     chosen, size = np.empty(order.shape[0], np.int64), 0
-    for v in order:
-        if covered[v]:
+    for k in range(order.shape[0]):
+        v = order[k]
+        if covered[v] and k >= sure:
             continue
         chosen[size] = v
         size += 1
         settled = _settle(offsets, neighbours, lengths, v, spacing, metres, keys, items, reached)
-        for k in range(settled):
-            covered[reached[k]] = True
-            metres[reached[k]] = np.inf
+        for r in range(settled):
+            covered[reached[r]] = True
+            metres[reached[r]] = np.inf
     return chosen[:size].copy()
 
 

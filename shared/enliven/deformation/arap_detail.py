@@ -76,8 +76,11 @@ def carry(maps, start, near, weights, rest, out, first, last):  # type: ignore[n
     room = np.empty(4)
     for v in range(first, last):
         c0 = c1 = c2 = t = splat4(0.0)
-        for k in range(start[v], start[v + 1]):
-            w, at = np.float64(weights[k]), 16 * near[k]
+        # The last weight is what is left: float32 ones do not add up to 1, and a figure far out would shake.
+        left, last_one = 1.0, start[v + 1] - 1
+        for k in range(start[v], last_one + 1):
+            w, at = left if k == last_one else np.float64(weights[k]), 16 * near[k]
+            left -= w
             c0 = fma4(w, load4(maps, at), c0)
             c1 = fma4(w, load4(maps, at + 4), c1)
             c2 = fma4(w, load4(maps, at + 8), c2)

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.deformation.arap import ArapSettings, ArapSolver
+from enliven.deformation.arap import ArapSolver
 from enliven.deformation.arap_coarse import coarse_of
 from enliven.deformation.arap_detail import carry
 from enliven.deformation.arap_input import Handle
@@ -31,10 +31,9 @@ class Guide:
     """Takes a mesh along by a solver of a few hundred of its vertices.
 
     Args:
-        mesh, links: as of the fine solver.
+        fine: the solver of the mesh.
         held: (P,) the vertex of each control point.
         weights: (P,) None is hard.
-        settings: of the fine solver.
 
     Attributes:
         carried: (V, 3) the mesh as the likeness leaves it.
@@ -42,13 +41,12 @@ class Guide:
 
     def __init__(
         self,
-        mesh: Mesh,
-        links: Int,
+        fine: ArapSolver,
         held: Int,
         weights: Sequence[float | None],
-        settings: ArapSettings,
     ) -> None:
-        faces = np.concatenate([mesh.faces, links[:, [0, 1, 1]]]).astype(np.int32)
+        mesh, settings = fine.mesh, fine.settings
+        faces = np.concatenate([mesh.faces, fine.joints[:, [0, 1, 1]]]).astype(np.int32)
         self._coarse = coarse_of(Mesh(mesh.vertices, faces, mesh.name), held, settings.guide_vertices)
         own = replace(settings, iterations=_ITERATIONS, follow=max(settings.follow, _FOLLOW))
         self._solver = ArapSolver(self._coarse.mesh, own, self._coarse.links)
@@ -56,10 +54,10 @@ class Guide:
         self._rest, self._home, self._places = mesh.vertices, mesh.vertices[held], mesh.vertices[held]
         self.carried = mesh.vertices
 
-    def take(self, shape: Float, places: Float) -> Float:
-        """(V, 3) the fine surface ``shape`` gone along with the handles from where they were to ``places``.
+    def take(self, places: Float, *surfaces: Float) -> list[Float]:
+        """Surfaces (V, 3) gone along with the handles, from where they were to ``places``.
 
-        What it has beside the likeness is turned as the handles turn on the whole.
+        What they have beside the likeness is turned as the handles turn on the whole.
 
         Raises:
             InputError: for places that cannot be meant; nothing has changed.
@@ -67,7 +65,7 @@ class Guide:
         self._solver.solve(rows_of(places))
         turn, _, _ = rigid_between(self._places, places)
         before, self.carried, self._places = self.carried, self._carry(), places
-        return np.asarray(self.carried + (shape - before) @ turn.T, np.float64)
+        return [self.carried + (surface - before) @ turn.T for surface in surfaces]
 
     def settle(self, places: Float) -> Float:
         """(V, 3) the mesh at ``places``, come from rest in small steps: the same whatever was before."""

@@ -28,6 +28,7 @@ class Surface(NamedTuple):
         loose: (V,) vertices that no face uses.
         edges: (E, 2) places; virtual ones last.
         weights: (E,) above 0.
+        joints: (J, 2) vertices of the mesh that hang together though no face says so.
         volume: what it encloses, or None.
         notes: sentences for the user about what was mended.
     """
@@ -39,6 +40,7 @@ class Surface(NamedTuple):
     loose: Bool
     edges: Int
     weights: Float
+    joints: Int
     cells: Cells
     factor: Factor
     volume: Volume | None
@@ -79,6 +81,7 @@ def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> Surf
     if shells > 1:
         notes.append(f"{shells} separate shells were joined by {len(links)} virtual edges.")
     edges, weights = np.concatenate([edges, links]), np.concatenate([weights, held])
+    joints = np.unique(of, return_index=True)[1][np.concatenate([more, links])]
     order = _neighbours_near(len(points), edges)
     place = np.empty(len(points), np.int64)
     place[order] = np.arange(len(points))
@@ -89,7 +92,18 @@ def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> Surf
     cells = cells_of(rest, edges, weights, eliminated)
     volume = volume_of(rest, place[welded.faces], cells, factor)
     return Surface(
-        place[of], rest, centre, extent, ~used[of], edges, weights, cells, factor, volume, tuple(notes)
+        place[of],
+        rest,
+        centre,
+        extent,
+        ~used[of],
+        edges,
+        weights,
+        joints,
+        cells,
+        factor,
+        volume,
+        tuple(notes),
     )
 
 

@@ -30,7 +30,6 @@ _GUIDED = 3
 """A guide is worth its time where it has at most a third of the vertices."""
 _LOCAL = 6
 """Frames in which what is local settles."""
-_NO_LINKS = np.empty((0, 2), np.int64)
 
 
 class PuppetSurface:
@@ -75,13 +74,12 @@ class PuppetSurface:
         if len(pulls) != len(vertices):
             raise InputError(f"{len(pulls)} weights for {len(vertices)} control points", where=_WHERE)
         solver, coarse = self._solved(vertices)
-        mesh, solved = (self.mesh, vertices) if coarse is None else (coarse.mesh, coarse.held)
+        solved = vertices if coarse is None else coarse.held
         solver.set_handles(handles_of(solved, pulls))
         solver.reset()
         self._solver, self._coarse, self._guide = solver, coarse, None
-        if len(vertices) and len(mesh.vertices) > _GUIDED * self._settings.guide_vertices:
-            links = _NO_LINKS if coarse is None else coarse.links
-            self._guide = Guide(mesh, links, solved, pulls, self._settings)
+        if len(vertices) and len(solver.mesh.vertices) > _GUIDED * self._settings.guide_vertices:
+            self._guide = Guide(solver, solved, pulls)
         hard = np.array([k for k, weight in enumerate(pulls) if weight is None], np.int64)
         self._pins = (hard, hard) if coarse is None else _welded_to(coarse.welded, vertices, hard)
         self._body, self._held, self._aside = (solver, coarse), vertices, None
@@ -113,7 +111,9 @@ class PuppetSurface:
         wanted = self._checked(places)
         if len(wanted):
             if self._guide is not None:
-                self._solver.set_shape(self._guide.take(self._solver.shape(), wanted))
+                before = self._solver.shape(), self._solver.pose
+                shape, shown = self._guide.take(wanted, *before)
+                self._solver.set_shape(shape, shown)
             self._solver.solve(rows_of(wanted))
             self.pose = self._carried(wanted)
         return self.pose
@@ -131,7 +131,8 @@ class PuppetSurface:
         if self._guide is None:
             come(self._solver, self.mesh.vertices[self._held], wanted)
         else:
-            self._solver.set_shape(self._guide.settle(wanted), self._guide.pressure)
+            shape = self._guide.settle(wanted)
+            self._solver.set_shape(shape, shape, self._guide.pressure)
         for _ in range(_LOCAL):
             self._solver.solve(rows_of(wanted))
         self.pose = self._carried(wanted)

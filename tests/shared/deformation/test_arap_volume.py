@@ -46,7 +46,7 @@ def test_a_small_hole_does_not_make_the_volume_depend_on_the_place():
     surface = surface_of(blob(400, holes=3), 1000)
     volume, room = surface.volume, np.zeros((400, 3))
     here = gradient(surface.rest, volume.faces, volume.border, room)
-    there = gradient(surface.rest + [3.0, 9.0, 4.0], volume.faces, volume.border, room)
+    there = gradient(surface.rest + np.array([3.0, 9.0, 4.0]), volume.faces, volume.border, room)
     assert here == pytest.approx(there, rel=1e-9)
     assert here == pytest.approx(volume.rest)
 

@@ -39,7 +39,7 @@ def together(*meshes):
 
 
 def twin(vertices, faces):
-    """Every edge of every face against every other face: where on the edge, and where in the face, they meet."""
+    """Every edge of every face against every other face: where on the one and in the other they meet."""
     found = set()
     for f, corners in enumerate(faces):
         for g, others in enumerate(faces):
