@@ -27,6 +27,8 @@ from enliven_viewer.studio.stance import joints_of
 
 _TURN = 0.008
 _ROOM = 1.3
+_KEPT = 60
+"""Figures that are kept: those of the strip are asked for in every picture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,7 @@ class PerformerView:
         self._framed: tuple[object, ...] = ()
         self._facing: tuple[Skeleton, float] | None = None
         self._last: Point | None = None
+        self._figures: dict[tuple[str, int], tuple[Clip, Figure]] = {}
 
     @property
     def take(self) -> str | None:
@@ -143,6 +146,13 @@ class PerformerView:
             return None
         clip = self.editor.project.takes[moment[0]]
         frame = int(np.clip(round(moment[1] / clip.step), 0, len(clip.turns) - 1))
+        known = self._figures.get((moment[0], frame))
+        if known is None or known[0] is not clip:
+            known = (clip, self._made(clip, frame))
+            self._figures = {**dict(list(self._figures.items())[-_KEPT:]), (moment[0], frame): known}
+        return known[1]
+
+    def _made(self, clip: Clip, frame: int) -> Figure:
         joints = joints_of(still_shape("performer", clip.skeleton), clip.turns[frame], clip.root[frame])
         joints = joints - clip.root[frame] * [1.0, 0.0, 1.0]
         # As the mesh looks: without the performer's own yaw, and without where its rest pose looks.

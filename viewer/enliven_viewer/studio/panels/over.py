@@ -5,6 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.hud import wrapped
+from enliven_viewer.studio.axes import axes_marks
 from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.overlay import Disc, Fill, Line
 from enliven_viewer.studio.panels.menu import spoken
@@ -21,7 +22,10 @@ def draw_over(desk: Desk, area: Area) -> None:
     draw = imgui.get_background_draw_list()
     draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
     for mark in desk.hand.tool.overlay().marks:
-        _mark(draw, area, mark)
+        draw_mark(draw, area, mark)
+    if desk.puppets.puppet is not None:
+        for mark in axes_marks(desk.editor.lens, (area.width - 46, area.height - 42)):
+            draw_mark(draw, area, mark)
     _hint(desk, draw, area)
     _toasts(desk, draw, area)
     if desk.caption:
@@ -29,7 +33,8 @@ def draw_over(desk: Desk, area: Area) -> None:
     draw.pop_clip_rect()
 
 
-def _mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
+def draw_mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
+    """One mark, its pixels counted from the area's top left."""
     if isinstance(mark, Line):
         points = [ImVec2(area.x + x, area.y + y) for x, y in mark.points]
         closed = imgui.ImDrawFlags_.closed if mark.closed else 0

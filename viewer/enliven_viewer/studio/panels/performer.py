@@ -5,8 +5,10 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.hud import clock
+from enliven_viewer.studio.axes import axes_marks
 from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.examples.times import layer_of
+from enliven_viewer.studio.panels.over import draw_mark
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.theme import ACCENT, DARK, GLASS, INK, LINE, QUIET
@@ -94,6 +96,9 @@ def _words(desk: Desk, origin: ImVec2, area: Area) -> None:
     """The moment, at the lower left; the joint under the pointer beside it; what to do where nothing is."""
     view, moment = desk.performer, desk.performer.moment
     draw = imgui.get_window_draw_list()
+    if moment is not None:
+        for mark in axes_marks(view.lens, (46, area.height - 42)):
+            draw_mark(draw, area, mark)
     if moment is None:
         lines = ("No take yet.", "Open one (Ctrl+O), or choose one above.")
         for row, line in enumerate(lines):

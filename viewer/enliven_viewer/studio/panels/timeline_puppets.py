@@ -95,7 +95,7 @@ def _poses(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2) -> None:
     puppet = lanes.project.puppets[row.puppet]
     if coverage is not None and puppet.poses:
         start, end = (origin.x + x for x in lanes.span(row))
-        count = int(np.clip((end - start) / 3, 2, 600))
+        count = int(np.clip((end - start) / 5, 2, 400))
         away = np.interp(
             np.linspace(0, len(coverage.away) - 1, count), np.arange(len(coverage.away)), coverage.away
         )
