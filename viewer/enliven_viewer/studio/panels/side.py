@@ -41,8 +41,14 @@ def draw_side(desk: Desk, area: Area) -> None:
 def _shapes(desk: Desk) -> None:
     heading("Shapes")
     editor = desk.editor
-    if not editor.project.shapes and not editor.project.graphs:
-        quiet("Nothing yet. Sketch a part (S), or open a model (Ctrl+O).")
+    project = editor.project
+    if not project.shapes and not project.graphs and not project.puppets:
+        quiet("Nothing yet. Sketch a part (S), or open a model or a mesh (Ctrl+O).")
+    for name in project.puppets:
+        if imgui.selectable(f"{name}   puppet##puppet", editor.selection.puppet == name)[0]:
+            editor.puppets.choose(name)
+            desk.hand.take("puppet")
+        desk.remember(f"puppet {name}")
     for name in editor.project.graphs:
         if imgui.selectable(f"{name}   possessed##graph", editor.selection.graph == name)[0]:
             editor.select(graph=name)
