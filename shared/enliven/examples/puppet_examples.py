@@ -114,7 +114,7 @@ def examples_with(
     at, across = np.array(symmetry.point), np.array(symmetry.normal)
     rest = mesh.vertices[[point.vertex for point in points]]
     partners = partners_of(rest, at, across, names=names)
-    return doubled(examples, partners, at, across, _left_right(reference, joints, partners))
+    return doubled(examples, partners, rest, across, _left_right(reference, joints, partners))
 
 
 def some_of(examples: Examples, pairs: Sequence[int]) -> Examples:

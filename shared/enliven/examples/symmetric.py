@@ -1,7 +1,7 @@
 """Symmetric control points: what is shown for the left is shown for the right (section 6.1).
 
 partners = partners_of(rest (P, 3), point, normal)         # who is whose mirror image on the mesh
-more = doubled(examples, partners, point, normal)          # each example, and its mirror image
+more = doubled(examples, partners, rest, normal)           # each example, and its mirror image
 """
 
 from __future__ import annotations
@@ -49,14 +49,29 @@ def reflected(places: Float, point: Float, normal: Float) -> Float:
     return np.asarray(places - 2.0 * ((places - point) @ across)[..., None] * across)
 
 
+def mirrored_places(places: Float, rest: Float, partners: Sequence[int], normal: Float) -> Float:
+    """Places (..., P, 3) of control points in the mirror.
+
+    Each goes from its own rest (P, 3) as its partner went, reflected: so what is at rest is so in the mirror
+    too, also where the mesh is not quite symmetric.
+    """
+    order = list(partners)
+    return np.asarray(rest + reflected(places[..., order, :] - rest[order], np.zeros(3), normal))
+
+
 def doubled(
-    examples: Examples, partners: Sequence[int], point: Float, normal: Float, across: Float | None = None
+    examples: Examples,
+    partners: Sequence[int],
+    rest: Float,
+    normal: Float,
+    across: Float | None = None,
 ) -> Examples:
     """The examples and their mirror images, without those that are their own.
 
     Args:
         partners: (P,) of the control points; the paired joints are taken to be partners likewise.
-        point, normal: (3,) of the mesh's plane of symmetry.
+        rest: (P, 3) metres, the control points at rest.
+        normal: (3,) of the mesh's plane of symmetry.
         across: (3,) the performer's left-right axis in the body frame; None to take it from the joints.
 
     Raises:
@@ -67,7 +82,7 @@ def doubled(
         raise InputError(f"partners {tuple(partners)} are not each other's", where="symmetry")
     axis = _left_right(examples, order) if across is None else np.asarray(across, np.float64)
     sources = reflected(examples.sources[:, order], np.zeros(3), axis)
-    targets = reflected(examples.targets[:, order], point, normal)
+    targets = mirrored_places(examples.targets, np.asarray(rest, np.float64), list(order), normal)
     known, goals = list(examples.sources), list(examples.targets)
     for source, target in zip(sources, targets, strict=True):
         apart = [np.sqrt(((source - other) ** 2).sum(1).mean()) for other in known]

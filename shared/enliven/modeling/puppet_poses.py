@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import AnyArray
 from enliven.errors import InputError
 from enliven.examples.puppet_examples import frame_at
-from enliven.examples.symmetric import partners_of, reflected
+from enliven.examples.symmetric import mirrored_places, partners_of
 from enliven.modeling.mirror_plane import plane_of_symmetry
 from enliven.modeling.puppet_points import check_names
 from enliven.project import Project
@@ -76,7 +76,7 @@ def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
         raise InputError("its mesh has no plane of symmetry", where=f"puppet {puppet.id!r}", mend=mend)
     names = [point.name for point in puppet.points]
     partners = partners_of(puppet.rest, np.array(plane.point), np.array(plane.normal), names=names)
-    places = reflected(pose.places[list(partners)], np.array(plane.point), np.array(plane.normal))
+    places = mirrored_places(pose.places, puppet.rest, partners, np.array(plane.normal))
     return project.with_puppets(_with_pose(puppet, number, replace(pose, places=places)))
 
 

@@ -143,7 +143,8 @@ def test_a_key_pose_mirrored_twice_is_itself(seed):
     project = set_symmetry(puppet_project(seed), "stool", SIDES)
     once = mirror_key_pose(project, "stool", 2)
     places = project.puppets["stool"].poses[2].places
-    swapped = places[[1, 0, 3, 2, 4]] * [-1.0, 1.0, 1.0]
+    rest = project.puppets["stool"].rest
+    swapped = rest + (places - rest)[[1, 0, 3, 2, 4]] * [-1.0, 1.0, 1.0]
     np.testing.assert_allclose(once.puppets["stool"].poses[2].places, swapped, atol=1e-12)
     twice = mirror_key_pose(once, "stool", 2)
     np.testing.assert_allclose(twice.puppets["stool"].poses[2].places, places, atol=1e-12)

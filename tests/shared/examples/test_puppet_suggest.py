@@ -35,8 +35,7 @@ def test_what_is_suggested_lacks_nothing_but_to_be_posed():
     tall = puppet.mesh.bounds[1, 1]
     assert max(puppet.rest[:, 1]) > 0.9 * tall
     now = state_of(project, puppet, 1.0)
-    # But for how well the mesh mirrors itself.
-    np.testing.assert_allclose(now.places, puppet.rest, atol=0.01)
+    np.testing.assert_allclose(now.places, puppet.rest, atol=1e-9)
     hands = {point.joint: place for point, place in zip(puppet.points, puppet.rest, strict=True)}
     assert hands["LeftHand"][0] > 0.2 > -0.2 > hands["RightHand"][0]
 

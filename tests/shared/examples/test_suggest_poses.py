@@ -6,7 +6,7 @@ import pytest
 from enliven.errors import InputError
 from enliven.examples.poses import Examples
 from enliven.examples.suggest import SuggestSettings, distance_to, further_poses, suggest_poses
-from enliven.examples.symmetric import doubled, partners_of, reflected
+from enliven.examples.symmetric import doubled, mirrored_places, partners_of, reflected
 
 NAMES = ("left", "right", "middle")
 ORDER = (1, 0, 2)
@@ -45,7 +45,8 @@ def one_sided():
 
 def test_doubled_examples_are_their_own_mirror_image():
     examples, plane = one_sided(), (np.array([1.0, 0, 0]), np.array([2.0, 0, 0]))
-    more = doubled(examples, ORDER, *plane, across=np.array([1.0, 0, 0]))
+    rest = np.array([[2.0, 0, 1], [0, 0, 1], [1, 1, 1]])
+    more = doubled(examples, ORDER, rest, plane[1], across=np.array([1.0, 0, 0]))
     # The first is its own mirror image.
     assert len(more) == 5
     mirrored = reflected(more.sources[:, ORDER], np.zeros(3), np.array([1.0, 0, 0]))
@@ -54,7 +55,7 @@ def test_doubled_examples_are_their_own_mirror_image():
         assert away.min() < 1e-9
         if away.argmin() > 0:
             np.testing.assert_allclose(more.targets[away.argmin()], target, atol=1e-9)
-    again = doubled(more, ORDER, *plane, across=np.array([1.0, 0, 0]))
+    again = doubled(more, ORDER, rest, plane[1], across=np.array([1.0, 0, 0]))
     assert len(again) == 5
 
 
@@ -66,7 +67,18 @@ def test_partners_are_found_on_the_mesh():
             rest + np.array([[0.9, 0, 0], [0, 0, 0], [0, 0, 0]]), np.array([1.0, 0, 0]), np.array([1.0, 0, 0])
         )
     with pytest.raises(InputError, match="not each other's"):
-        doubled(one_sided(), (1, 2, 0), np.zeros(3), np.array([1.0, 0, 0]))
+        doubled(one_sided(), (1, 2, 0), rest, np.array([1.0, 0, 0]))
+
+
+def test_what_rests_does_so_in_the_mirror_where_the_mesh_is_not_quite_symmetric():
+    rng = np.random.default_rng(0)
+    rest = np.array([[2, 0, 1], [0.02, 0, 1], [1.05, 1, 1.0]])
+    normal = np.array([1.0, 0, 0])
+    np.testing.assert_array_equal(mirrored_places(rest, rest, ORDER, normal), rest)
+    places = rest + rng.normal(size=(4, 3, 3))
+    once = mirrored_places(places, rest, ORDER, normal)
+    np.testing.assert_allclose(once[:, 0] - rest[0], (places[:, 1] - rest[1]) * [-1, 1, 1], atol=1e-12)
+    np.testing.assert_allclose(mirrored_places(once, rest, ORDER, normal), places, atol=1e-12)
 
 
 def test_further_poses_are_the_farthest_from_what_there_is():
