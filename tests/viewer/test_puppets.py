@@ -60,7 +60,7 @@ def shown(surfaces: Surfaces, made: Pose, character: Character = CHARACTER) -> F
 
 
 def test_a_film_shows_what_the_solver_makes_of_each_pose() -> None:
-    solver = PuppetSurface(CHAIR, HELD)
+    solver = PuppetSurface(Mesh(CHARACTER.vertices.astype(np.float64), CHAIR.faces), HELD)
     surfaces = Surfaces(wait=True)
     for k, by in enumerate((0.1, 0.2, 0.15, -0.1)):
         places = bent(by).astype(np.float32).astype(np.float64)
