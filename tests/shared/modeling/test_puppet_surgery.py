@@ -1,0 +1,231 @@
+"""Puppets cut and merged: where they were at that time, as they were in their key poses, and still moving."""
+
+import made_puppets
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+from enliven.errors import InputError
+from enliven.examples.puppet_motion import in_world, missing, state_of
+from enliven.formats.project_file import project_bytes, project_of
+from enliven.modeling.cut_surfaces import PlaneCut
+from enliven.modeling.puppet_copying import copy_puppet, move_puppet
+from enliven.modeling.puppet_parts import shown, surface_of_puppet
+from enliven.modeling.puppet_surgery import PuppetCutSettings, cut_puppet, merge_puppets
+from enliven.project import same
+from enliven.puppet import Plane, PuppetLayer
+from enliven.rotation import from_rotation_vector
+
+laws = settings(deadline=None, max_examples=6)
+TOLERANCE = PuppetCutSettings().tolerance
+
+
+@pytest.fixture(scope="module")
+def bean():
+    turn = from_rotation_vector(np.array([0.0, 0.5, 0.0]))
+    return made_puppets.project(layers=(PuppetLayer("dance"),), place=np.array([1.0, 0.0, 0.5]), turn=turn)
+
+
+def seen(project, name, time):
+    """(V, 3) metres in the world."""
+    puppet = project.puppet(name)
+    state = state_of(project, puppet, time)
+    return in_world(puppet, state, surface_of_puppet(puppet).settle(state.places))
+
+
+def size_of(project, name="bean"):
+    return float(np.linalg.norm(np.ptp(project.puppet(name).mesh.vertices, axis=0)))
+
+
+def whence(part, whole):
+    """(N, 2) vertices of a part and the ones that they were in the whole, by where they are at rest."""
+    away, old = cKDTree(whole.vertices).query(part.vertices)
+    new = np.flatnonzero(away < 1e-9)
+    return new, old[new]
+
+
+@laws
+@given(st.floats(0.3, 0.7), st.floats(0.0, 2.4), st.floats(-0.4, 0.4))
+def test_at_the_time_of_a_cut_nothing_moves(bean, height, time, lean):
+    before, whole = seen(bean, "bean", time), bean.puppet("bean").mesh
+    at = before[int(np.abs(whole.vertices[:, 1] - height).argmin())]
+    notes = []
+    after, names = cut_puppet(bean, "bean", PlaneCut(at + 1e-3, [lean, 1.0, 0.1]), time, notes=notes)
+    assert names == ("bean", "bean 2") and len(notes) >= 2
+    found = 0
+    for name in names:
+        new, old = whence(after.puppet(name).mesh, whole)
+        off = np.linalg.norm(seen(after, name, time)[new] - before[old], axis=1)
+        assert off.max() < 3 * TOLERANCE * size_of(bean)
+        found += len(new)
+    assert found == len(whole.vertices)
+
+
+@laws
+@given(st.floats(0.3, 0.7), st.floats(0.0, 2.4))
+def test_in_key_poses_a_half_is_what_it_was(bean, height, time):
+    whole = bean.puppet("bean")
+    at = seen(bean, "bean", time)[int(np.abs(whole.mesh.vertices[:, 1] - height).argmin())]
+    after, names = cut_puppet(bean, "bean", PlaneCut(at + 1e-3, [0.1, 1.0, 0.0]), time)
+    was = shown(surface_of_puppet(whole), np.array([pose.places for pose in whole.poses]))
+    for name in names:
+        half = after.puppet(name)
+        assert not missing(after, half) and len(half.poses) >= len(whole.poses)
+        new, old = whence(half.mesh, whole.mesh)
+        now = shown(surface_of_puppet(half), np.array([pose.places for pose in half.poses[: len(was)]]))
+        assert np.linalg.norm(now[:, new] - was[:, old], axis=2).max() <= TOLERANCE * size_of(bean) + 1e-9
+
+
+def test_both_halves_go_on_moving_as_they_did():
+    still = made_puppets.project()
+    whole = still.puppet("bean")
+    after, names = cut_puppet(still, "bean", PlaneCut([0, 0.5, 0], [0, 1.0, 0.0]), 0.7)
+    for name in names:
+        new, old = whence(after.puppet(name).mesh, whole.mesh)
+        off, moved = [], []
+        for time in np.arange(0.0, 2.4, 0.3):
+            before = seen(still, "bean", time)[old]
+            off.append(np.linalg.norm(seen(after, name, time)[new] - before, axis=1))
+            moved.append(np.linalg.norm(before - whole.mesh.vertices[old], axis=1))
+        assert np.sqrt(np.mean(np.square(off))) < 0.15 * np.sqrt(np.mean(np.square(moved)))
+
+
+def test_who_keeps_the_feet_goes_on_and_the_other_stays_where_it_was(bean):
+    middle = seen(bean, "bean", 0.7).mean(0)
+    after, (low, high) = cut_puppet(bean, "bean", PlaneCut(middle, [0, 1.0, 0.0]), 0.7)
+    assert [layer.travel for layer in after.puppet(low).layers] == [True]
+    assert [layer.travel for layer in after.puppet(high).layers] == [False]
+    assert state_of(after, after.puppet(high), 2.0).yaw == 0.0
+    assert after.takes == bean.takes
+
+
+def test_a_half_without_paired_points_follows_through_new_ones():
+    project = made_puppets.project()
+    after, (low, _) = cut_puppet(project, "bean", PlaneCut([0, 0.3, 0], [0, 1.0, 0.0]), 0.0)
+    bare = project.puppet("bean")
+    kept = [p for p in bare.points if p.name == "top"]
+    assert kept and "top" not in [p.name for p in after.puppet(low).points]
+    tip = bare.with_changes(
+        points=bare.points[1:],
+        poses=[pose.__class__(pose.take, pose.time, pose.places[1:]) for pose in bare.poses],
+    )
+    after, (low, _) = cut_puppet(project.with_puppets(tip), "bean", PlaneCut([0, 0.3, 0], [0, 1, 0]), 0.0)
+    half = after.puppet(low)
+    assert half.points and all(p.joint for p in half.points) and not missing(after, half)
+    assert np.abs(seen(after, low, 1.1) - seen(after, low, 0.2)).max() > 0.01
+
+
+def test_symmetry_is_given_up_but_not_what_it_showed():
+    plane = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    project = made_puppets.project(symmetry=plane)
+    notes = []
+    after, names = cut_puppet(project, "bean", PlaneCut([0, 0.5, 0], [0, 1.0, 0.0]), 0.7, notes=notes)
+    assert any("symmetry" in note for note in notes)
+    for name in names:
+        half = after.puppet(name)
+        assert half.symmetry is None and len(half.poses) > len(project.puppet("bean").poses) + 1
+
+
+def test_edits_are_values(bean):
+    data = project_bytes(bean)
+    plane = PlaneCut(seen(bean, "bean", 0.7).mean(0), [0, 1.0, 0.0])
+    after, _ = cut_puppet(bean, "bean", plane, 0.7)
+    assert project_bytes(bean) == data and same(project_of(project_bytes(after)), after)
+    with pytest.raises(InputError, match="no part of the mesh"):
+        cut_puppet(bean, "bean", PlaneCut([0, 99.0, 0], [0, 1.0, 0.0]), 0.7)
+    with pytest.raises(InputError, match="time is nan"):
+        cut_puppet(bean, "bean", plane, float("nan"))
+    with pytest.raises(InputError, match="no puppet"):
+        cut_puppet(bean, "pea", plane, 0.7)
+
+
+def test_a_puppet_that_is_not_ready_is_cut_at_rest():
+    project = made_puppets.project(layers=())
+    puppet = project.puppet("bean").with_changes(poses=())
+    after, names = cut_puppet(project.with_puppets(puppet), "bean", PlaneCut([0, 0.5, 0], [0, 1, 0]), 0.0)
+    for name in names:
+        np.testing.assert_allclose(seen(after, name, 0.0), after.puppet(name).mesh.vertices, atol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def pair():
+    """A bean, and another that lies across it, where the first is at 0.7 s; it dances to its own take."""
+    project = made_puppets.project()
+    project = project.with_takes(
+        made_puppets.take(seed=5).__class__(
+            "sway",
+            *(getattr(made_puppets.take(seed=5), name) for name in ("skeleton", "turns", "root", "step")),
+        )
+    )
+    project, name = copy_puppet(project, "bean")
+    other = project.puppet(name)
+    layer = PuppetLayer("sway", travel=False)
+    project = project.with_puppets(other.with_changes(layers=(layer,)))
+    side = from_rotation_vector(np.array([0.0, 0.0, -1.3]))
+    place = seen(project, "bean", 0.7)[np.abs(other.mesh.vertices[:, 1] - 0.5).argmin()]
+    return move_puppet(project, name, place - [0.06, 0.0, 0.0], side), name
+
+
+def test_at_the_time_of_a_merge_both_are_where_they_were(pair):
+    project, other = pair
+    notes = []
+    merged = merge_puppets(project, "bean", other, 0.7, notes=notes)
+    assert list(merged.puppets) == ["bean"] and any("away from the seam" in note for note in notes)
+    whole = merged.puppet("bean")
+    assert not missing(merged, whole) and len({p.name for p in whole.points}) == len(whole.points)
+    now = cKDTree(seen(merged, "bean", 0.7))
+    host, graft = seen(project, "bean", 0.7), seen(project, other, 0.7)
+    for one, theirs in ((host, graft), (graft, host)):
+        away = one[cKDTree(theirs).query(one)[0] > 0.15]
+        assert len(away) > 60
+        assert now.query(away)[0].max() < 0.03 * size_of(merged)
+
+
+def test_key_poses_of_both_stay_and_both_go_on(pair):
+    project, other = pair
+    merged = merge_puppets(project, "bean", other, 0.7)
+    whole, host = merged.puppet("bean"), project.puppet("bean")
+    times = {(pose.take, round(pose.time, 6)) for pose in whole.poses}
+    for puppet in (host, project.puppet(other)):
+        assert {(pose.take, round(pose.time, 6)) for pose in puppet.poses} <= times
+    assert [layer.take for layer in whole.layers] == ["dance", "sway"]
+    for number, pose in enumerate(host.poses):
+        np.testing.assert_allclose(whole.poses[number].places[: len(host.points)], pose.places, atol=1e-9)
+    off, moved = [], []
+    for time in np.arange(0.0, 2.4, 0.3):
+        before, after = (state_of(p, p.puppet("bean"), time).places for p in (project, merged))
+        off.append(np.linalg.norm(after[: len(host.points)] - before, axis=1))
+        moved.append(np.linalg.norm(before - host.rest, axis=1))
+    assert np.sqrt(np.mean(np.square(off))) < 0.2 * np.sqrt(np.mean(np.square(moved)))
+    places = [state_of(merged, whole, time).places[len(host.points) :] for time in (0.2, 1.4)]
+    assert np.abs(places[0] - places[1]).max() > 0.03
+    assert same(project_of(project_bytes(merged)), merged)
+
+
+def test_a_cut_that_is_merged_again_is_whole():
+    project = made_puppets.project()
+    cut, (low, high) = cut_puppet(project, "bean", PlaneCut([0, 0.5, 0], [0, 1.0, 0.0]), 0.7)
+    cut = move_puppet(cut, high, [0.0, -0.03, 0.0])
+    whole = merge_puppets(cut, low, high, 0.7)
+    before, after = seen(project, "bean", 0.7), seen(whole, low, 0.7)
+    assert cKDTree(after).query(before)[0].max() < 0.05
+    assert len(whole.puppet(low).points) >= 4
+
+
+def test_what_cannot_be_merged_is_said(pair):
+    project, other = pair
+    with pytest.raises(InputError, match="with itself"):
+        merge_puppets(project, "bean", "bean", 0.7)
+    with pytest.raises(InputError, match="no puppet"):
+        merge_puppets(project, "bean", "pea", 0.7)
+    torn = project.puppet(other)
+    mesh = torn.mesh.__class__(torn.mesh.vertices, torn.mesh.faces[5:], "torn")
+    broken = project.with_puppets(torn.with_changes(mesh=mesh))
+    try:
+        merge_puppets(broken, "bean", other, 0.7)
+    except InputError as error:
+        assert "no union" in str(error)
+    loose = merge_puppets(broken, "bean", other, 0.7, loose=True)
+    assert np.isfinite(seen(loose, "bean", 1.5)).all()
