@@ -47,6 +47,12 @@ class LocomotionSettings:
         low=0.0,
         high=1.0,
     )
+    plant: float = setting(
+        0.0,
+        "How much of their sliding is taken from feet beside the anchor; they meet key poses less then.",
+        low=0.0,
+        high=1.0,
+    )
     throw: float = setting(
         0.1,
         "How long before it leaves the floor the mesh's velocity is measured.",

@@ -7,13 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.examples.constraints import Constraint, Coupling, conditions_of
 from enliven.examples.locomotion import Placed, check_switches, find_switches, locate, standing_feet
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import Performance, performed
 from enliven.examples.performers import cast
+from enliven.examples.planting import planted
 from enliven.examples.poses import Examples
 from enliven.examples.puppet_examples import Material, examples_with, material_of, reference_among, some_of
 from enliven.examples.puppet_trajectory import PuppetMotion
@@ -38,7 +39,7 @@ def solved(material: Material) -> PuppetMotion:
     if level:
         places = solve.places(level, places)
         placed = solve.located(places, yaw)
-    return solve.motion(places, placed, yaw)
+    return solve.motion(solve.planted(places, placed, yaw), placed, yaw)
 
 
 def seen_by(material: Material) -> tuple[Examples, Performance]:
@@ -108,15 +109,31 @@ class _Solve:
     def located(self, places: Float, yaw: Float) -> Placed:
         """The way of places (F, P, 3) in the world."""
         switches, how, step = self._layer.switches, self._material.locomotion, self.took.step
-        seen = self.took.world[:, [self._moved.index(k) for k in self._feet]]
         if switches is None:
-            switches = find_switches(seen, step, self._legs(), how)
-        stands = standing_feet(seen, step, self._legs(), how)
+            switches = find_switches(self._seen, step, self._legs(), how)
         mixed = self._rest + self._layer.weight * (places - self._rest)
-        placed = locate(mixed, yaw, step, switches, self._feet, how, stands)
+        placed = locate(mixed, yaw, step, switches, self._feet, how, self._stands)
         # The mesh stands at rest: that control points of feet are a little above its soles stays so.
         placed.root[:, 1] += self._rest[self._feet, 1].min()
         return placed
+
+    def planted(self, places: Float, placed: Placed, yaw: Float) -> Float:
+        """The same places (F, P, 3) with feet that stand still."""
+        how, weight = self._material.locomotion, self._layer.weight
+        if how.plant <= 0.0:
+            return places
+        still = planted(places, yaw, placed, self._feet, self._stands, self.took.step, how)
+        return places + (still - places) / weight
+
+    @cached_property
+    def _seen(self) -> Float:
+        """(F, K, 3) metres, the performer's feet in the world."""
+        return np.asarray(self.took.world[:, [self._moved.index(k) for k in self._feet]])
+
+    @cached_property
+    def _stands(self) -> Bool:
+        """(F, K) which of them stand."""
+        return standing_feet(self._seen, self.took.step, self._legs(), self._material.locomotion)
 
     def level(self, placed: Placed) -> tuple[Coupling, ...]:
         """Feet of equal height where the anchor changes, unless that contradicts what the user asked for."""
