@@ -121,6 +121,17 @@ def _mix(bits):  # type: ignore[no-untyped-def]
     return bits
 
 
+def space_curve(points: Float) -> Any:
+    """(N,) an order of points (N, 3) along a Z-curve through space: who is near comes near."""
+    low = points.min(0)
+    cells = ((points - low) * (1023.999 / max(float(np.ptp(points, axis=0).max()), 1e-300))).astype(np.int64)
+    code = np.zeros(len(points), np.int64)
+    for bit in range(10):
+        for c in range(3):
+            code |= ((cells[:, c] >> bit) & 1) << (3 * bit + c)
+    return np.argsort(code, kind="stable")
+
+
 def first_of_position(vertices: Float) -> Any:
     """(V,) int64: for each vertex the first vertex at exactly its position (-0.0 must be 0.0)."""
     return _first_equal(np.ascontiguousarray(vertices).view(np.uint64))

@@ -1,9 +1,9 @@
 """A coarse surface within a fine one: some of its vertices, evenly spread along it, and who follows them.
 
-Samples are thrown in a fixed random order, none nearer than a spacing along the surface to those before; the
-control points come first and are all samples. Three samples whose lands meet in a face of the fine mesh make
-a face of the coarse one; two whose lands meet otherwise (around a thin limb) are linked. Shells smaller than
-a few spacings that no control point holds are no surface of their own: they ride on what is nearest.
+Samples are thrown in a fixed random order, none nearer than a spacing along the surface to those before; then
+come the control points that are none yet. Three samples whose lands meet in a face of the fine mesh make a
+face of the coarse one; two whose lands meet otherwise (around a thin limb) are linked. Shells smaller than a
+few spacings that no control point holds are no surface of their own: they ride on what is nearest.
 
 A fine vertex follows the samples near it *along the surface*, so that fingers that touch do not stick. The
 weights are those of R. Franke and G. Nielson, "Smooth interpolation of large sets of scattered data", 1980:
@@ -22,7 +22,7 @@ from enliven.arrays import Bool, Float, Float32, Int, Int32
 from enliven.deformation.surface_kernels import _room, _settle, ways
 from enliven.errors import InputError
 from enliven.mesh import Mesh, weld
-from enliven.mesh_kernels import shells
+from enliven.mesh_kernels import shells, space_curve
 
 _WHERE = "puppet surface"
 _DENSITY = 0.45
@@ -38,98 +38,145 @@ _FINEST = 1.5
 """Edges of the mesh; samples are not nearer."""
 
 
+class Search(NamedTuple):
+    """What is known of a mesh of V vertices before there are control points.
+
+    Attributes:
+        whole: the mesh welded, W vertices, in an order that has neighbours near in memory.
+        welded: (V,) the vertex of ``whole`` of each.
+        net: the edges of ``whole`` as :func:`edges_around` gives them.
+        spacing: metres between samples.
+        samples: (B,) vertices of ``whole``.
+        riding: (W,) the vertices of tiny shells.
+        start, near, way: CSR over ``whole``: the samples near each vertex, and metres along the surface.
+    """
+
+    whole: Mesh
+    welded: Int
+    net: tuple[Int, Int32, Float]
+    spacing: float
+    samples: Int
+    riding: Bool
+    start: Int
+    near: Int32
+    way: Float
+
+
 class Coarse(NamedTuple):
-    """M samples of a mesh of V vertices.
+    """M samples of a mesh of V vertices; the same for the same control points, in whatever order they came.
 
     Attributes:
         mesh: the coarse surface, (M, 3) positions of samples.
         links: (L, 2) neighbours that share no coarse face.
         held: (P,) the sample of each control point.
-        welded: (V,) which vertices are at one position: they have one number.
         start: (V + 1,) where each vertex's samples begin.
-        own: (M,) the number in ``welded`` of each sample.
         near: (K,) the samples that it follows.
         weights: (K,) above 0, of sum 1 for each vertex.
         notes: sentences for the user about what was done.
+        base: what serves for other control points too.
+        added: (A,) the samples that are there for control points, vertices of ``base.whole``.
     """
 
     mesh: Mesh
     links: Int
     held: Int
-    welded: Int
-    own: Int
     start: Int
     near: Int32
     weights: Float32
     notes: tuple[str, ...]
-
-    def sample_of(self, vertices: Int) -> Int | None:
-        """(P,) the sample at each vertex, or None where one is at none."""
-        if len(vertices) and not 0 <= vertices.min() <= vertices.max() < len(self.welded):
-            return None
-        sample = self.near[self.start[:-1][vertices]]
-        same = self.own[sample] == self.welded[vertices]
-        return sample.astype(np.int64) if same.all() else None
+    base: Search
+    added: Int
 
 
 def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -> Coarse:
     """About ``count`` samples of the mesh, those of ``held`` (P,) among them.
 
     Args:
-        before: of the same mesh; where it has all that is held among its samples it serves again.
+        before: of the same mesh; what does not change is taken from it.
 
     Raises:
         InputError: for a control point that is not there, or that no face uses.
     """
-    if before is not None:
-        known = before.sample_of(held)
-        if known is not None:
-            return before._replace(held=known)
-    whole, of = weld(mesh)
+    base = _search(mesh, count) if before is None else before.base
+    _check_held(held, base)
+    own = base.welded[held]
+    if base.riding[own].any():
+        base = _search(mesh, count, base.whole.vertices[own])
+        own = base.welded[held]
+    added = np.setdiff1d(own, base.samples)
+    samples = np.concatenate([base.samples, added])
+    order = np.argsort(samples)
+    numbers = order[np.searchsorted(samples, own, sorter=order)]
+    if before is not None and before.base is base and np.array_equal(before.added, added):
+        return before._replace(held=numbers)
+    start, near, way = _with_more(base, added)
+    points, reach = base.whole.vertices, _REACH * base.spacing
+    faces, links = _lands(base.whole.faces, _nearest(start, near, way))
+    start, near, weights = followed(points, points[samples], start, near, way, reach, _DETOUR)
+    if base.riding.any():
+        start, near, weights = _with_riders(base.whole, base.riding, start, near, weights)
+    start, near, weights = _spread(base.welded, start, near, weights)
+    coarse = Mesh(points[samples], faces, mesh.name)
+    notes = _notes(base, len(samples))
+    return Coarse(coarse, links, numbers, start, near, weights, notes, base, added)
+
+
+def _search(mesh: Mesh, count: int, awake: Float | None = None) -> Search:
+    """Samples of the mesh, and who is near them; the shells at the positions ``awake`` (A, 3) do not ride."""
+    whole, welded = _in_order(*weld(mesh))
     net = edges_around(whole.vertices, whole.faces)
-    _check_held(held, of, net[0])
-    first, number = _firsts(of[held])
-    spacing, chosen, riding = _samples(whole, net, first, count)
-    points = whole.vertices
-    start, near, way = ways(*net, chosen, len(points), _DETOUR * _REACH * spacing)
-    faces, links = _lands(whole.faces, _nearest(start, near, way))
-    start, near, weights = followed(points, points[chosen], start, near, way, _REACH * spacing, _DETOUR)
-    if riding.any():
-        start, near, weights = _with_riders(whole, riding, start, near, weights)
-    start, near, weights = _spread(of, start, near, weights)
-    coarse = Mesh(points[chosen], faces, mesh.name)
-    notes = _notes(of, riding, len(chosen))
-    return Coarse(coarse, links, number, of, chosen, start, near, weights, notes)
-
-
-def _samples(whole: Mesh, net: tuple[Int, Int32, Float], first: Int, count: int) -> tuple[float, Int, Bool]:
-    """The spacing in metres, (M,) about ``count`` vertices, ``first`` the first, and (W,) who rides."""
+    label = shells(whole.faces, len(whole.vertices))
+    held = np.empty(0, np.int64)
+    if awake is not None:
+        held = label[cKDTree(whole.vertices).query(awake)[1]]
     spacing = float(np.sqrt(whole.area / (_DENSITY * count)))
-    finest = _FINEST * float(net[2].mean())
+    finest = _FINEST * float(net[2].mean()) if len(net[2]) else 0.0
     for _ in range(_MOST_ROUNDS):
-        riding = _riding(whole, first, spacing)
+        riding = _riding(whole.vertices, label, held, spacing)
         order = np.random.default_rng(0).permutation(np.flatnonzero(~riding))
-        chosen = thrown(*net, np.concatenate([first, order]), len(first), spacing)
-        if 0.85 * count <= len(chosen) <= 1.15 * count or spacing <= finest:
+        samples = thrown(*net, order, spacing)
+        if 0.85 * count <= len(samples) <= 1.15 * count or spacing <= finest:
             break
-        spacing = max(spacing * float(np.sqrt(len(chosen) / count)), finest)
-    return spacing, chosen, riding
+        spacing = max(spacing * float(np.sqrt(len(samples) / count)), finest)
+    near = ways(*net, samples, len(whole.vertices), _DETOUR * _REACH * spacing)
+    return Search(whole, welded, net, spacing, samples, riding, *near)
 
 
-def _firsts(places: Int) -> tuple[Int, Int]:
-    """(U,) each place once, in the order they come, and (P,) which of them each is."""
-    places, begin, inverse = np.unique(places, return_index=True, return_inverse=True)
-    order = np.argsort(begin)
-    rank = np.empty(len(order), np.int64)
-    rank[order] = np.arange(len(order))
-    return places[order], rank[inverse.reshape(-1)]
+def _in_order(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
+    """The mesh and its welding, vertices and faces along a curve through space, for searches in the cache."""
+    order = space_curve(whole.vertices)
+    place = np.empty(len(order), np.int64)
+    place[order] = np.arange(len(order))
+    faces: Int = place[whole.faces]
+    faces = faces[np.argsort(faces.min(1), kind="stable")]
+    return Mesh(whole.vertices[order], faces.astype(np.int32), whole.name), place[welded]
 
 
-def _check_held(held: Int, of: Int, offsets: Int) -> None:
+def _with_more(base: Search, added: Int) -> tuple[Int, Int32, Float]:
+    """The base's CSR with the samples ``added`` (A,), numbered after its own."""
+    if not len(added):
+        return base.start, base.near, base.way
+    limit = _DETOUR * _REACH * base.spacing
+    start, near, way = ways(*base.net, added, len(base.whole.vertices), limit)
+    sizes = np.diff(base.start), np.diff(start)
+    offsets = np.concatenate([[0], np.cumsum(sizes[0] + sizes[1])])
+    every, ways_to = np.empty(offsets[-1], np.int32), np.empty(offsets[-1])
+    for own, size, shift, number, metres in (
+        (base.start, sizes[0], 0, base.near, base.way),
+        (start, sizes[1], sizes[0], near + len(base.samples), way),
+    ):
+        to = np.repeat(offsets[:-1] + shift - own[:-1], size) + np.arange(own[-1])
+        every[to], ways_to[to] = number, metres
+    return offsets, every, ways_to
+
+
+def _check_held(held: Int, base: Search) -> None:
+    count, offsets = len(base.welded), base.net[0]
     for vertex in held.tolist():
-        if not 0 <= vertex < len(of):
-            raise InputError(f"there is no vertex {vertex}; the mesh has {len(of)}", where=_WHERE)
-        if offsets[of[vertex]] == offsets[of[vertex] + 1]:
+        if not 0 <= vertex < count:
+            raise InputError(f"there is no vertex {vertex}; the mesh has {count}", where=_WHERE)
+        own = base.welded[vertex]
+        if offsets[own] == offsets[own + 1]:
             raise InputError(
                 f"vertex {vertex} is loose: no face uses it, so that nothing would follow it",
                 where=_WHERE,
@@ -137,13 +184,14 @@ def _check_held(held: Int, of: Int, offsets: Int) -> None:
             )
 
 
-def _notes(of: Int, riding: Bool, count: int) -> tuple[str, ...]:
+def _notes(base: Search, count: int) -> tuple[str, ...]:
     """What the user is told."""
-    notes = [f"{len(of):,} vertices: {count:,} of them are solved and carry the others with their detail."]
-    if len(riding) < len(of):
-        notes.append(f"{len(of) - len(riding)} vertices were welded to others at the same position.")
-    if riding.any():
-        notes.append(f"{int(riding.sum())} vertices of tiny shells follow the surface nearest to them.")
+    vertices, points = len(base.welded), len(base.riding)
+    notes = [f"{vertices:,} vertices: {count:,} of them are solved and carry the others with their detail."]
+    if points < vertices:
+        notes.append(f"{vertices - points} vertices were welded to others at the same position.")
+    if base.riding.any():
+        notes.append(f"{int(base.riding.sum())} vertices of tiny shells follow the surface nearest to them.")
     return tuple(notes)
 
 
@@ -187,14 +235,13 @@ def edges_around(points, faces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def thrown(offsets, neighbours, lengths, order, sure, spacing):  # type: ignore[no-untyped-def]
-    """(M,) of ``order`` the ``sure`` first, and each that is no nearer than ``spacing`` to those before."""
+def thrown(offsets, neighbours, lengths, order, spacing):  # type: ignore[no-untyped-def]
+    """(M,) of ``order`` each that is no nearer than ``spacing`` to those before, along the surface."""
     metres, keys, items, reached = _room(offsets, neighbours)
     covered = np.zeros(metres.shape[0], np.bool_)
     chosen, size = np.empty(order.shape[0], np.int64), 0
-    for k in range(order.shape[0]):
-        v = order[k]
-        if covered[v] and k >= sure:
+    for v in order:
+        if covered[v]:
             continue
         chosen[size] = v
         size += 1
@@ -251,18 +298,17 @@ def followed(points, samples, start, near, way, reach, detour):  # type: ignore[
     return offsets, kept[:size].copy(), weights[:size].copy()
 
 
-def _riding(whole: Mesh, held: Int, spacing: float) -> Bool:
-    """(W,) the vertices of shells that are smaller than a few spacings, and of none."""
-    label = shells(whole.faces, len(whole.vertices))
+def _riding(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
+    """(W,) the vertices of shells, numbered by ``label``, that are small and not ``awake``."""
     count = int(label.max()) + 1
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     for c in range(3):
-        np.minimum.at(low[:, c], label, whole.vertices[:, c])
-        np.maximum.at(high[:, c], label, whole.vertices[:, c])
+        np.minimum.at(low[:, c], label, points[:, c])
+        np.maximum.at(high[:, c], label, points[:, c])
     size = np.linalg.norm(high - low, axis=1)
     small = size < _DUST * spacing
     small[size.argmax()] = False
-    small[label[held]] = False
+    small[awake] = False
     return np.asarray(small[label])
 
 

@@ -81,7 +81,7 @@ class PuppetSurface:
         if len(vertices) and len(solver.mesh.vertices) > _GUIDED * self._settings.guide_vertices:
             self._guide = Guide(solver, solved, pulls)
         hard = np.array([k for k, weight in enumerate(pulls) if weight is None], np.int64)
-        self._pins = (hard, hard) if coarse is None else _welded_to(coarse.welded, vertices, hard)
+        self._pins = (hard, hard) if coarse is None else _welded_to(coarse.base.welded, vertices, hard)
         self._body, self._held, self._aside = (solver, coarse), vertices, None
         self.notes = solver.notes if coarse is None else coarse.notes
         self.pose = _frozen(self.mesh.vertices.copy())

@@ -15,7 +15,7 @@ from numba import njit
 
 from enliven.arrays import Float, Int, Int32
 from enliven.mesh import Mesh
-from enliven.mesh_kernels import first_of_position
+from enliven.mesh_kernels import first_of_position, space_curve
 
 _LEAF = 4
 """Faces to a leaf."""
@@ -76,15 +76,7 @@ def _curve(vertices: Float, faces: Int32) -> Int:
     middles = vertices[faces[:, 0]] + vertices[faces[:, 1]] + vertices[faces[:, 2]]
     if not len(middles):
         return np.empty(0, np.int64)
-    low = middles.min(0)
-    cells = ((middles - low) * (1023.999 / max(float(np.ptp(middles, axis=0).max()), 1e-300))).astype(
-        np.int64
-    )
-    code = np.zeros(len(faces), np.int64)
-    for bit in range(10):
-        for c in range(3):
-            code |= ((cells[:, c] >> bit) & 1) << (3 * bit + c)
-    return np.asarray(np.argsort(code, kind="stable"), np.int64)
+    return np.asarray(space_curve(middles))
 
 
 @njit(cache=True, nogil=True)
