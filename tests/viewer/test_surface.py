@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections import defaultdict
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from enliven_viewer.render.surface import clustered_faces, is_closed, longest_edge, split_creases
 
@@ -87,3 +92,57 @@ def test_clusters_are_fewer_faces_of_the_same_vertices() -> None:
 def test_a_mesh_smaller_than_a_cluster_keeps_its_faces(make_box) -> None:
     vertices, faces = make_box((0.1, 0.1, 0.1), (0.2, 0.2, 0.2))
     assert np.array_equal(clustered_faces(vertices, faces, 10.0), faces)
+
+
+def slow_groups(vertices: np.ndarray, faces: np.ndarray, crease: float) -> set[frozenset[int]]:
+    """Corners (numbers 3 f + k) that share a normal: neighbours at an edge, one face after the other."""
+    normals = []
+    for f in faces:
+        a, b, c = vertices[f].astype(float)
+        n = np.cross(b - a, c - a)
+        normals.append(n / np.linalg.norm(n) if np.linalg.norm(n) > 1e-14 else np.zeros(3))
+    group = {k: {k} for k in range(3 * len(faces))}
+    last: dict[frozenset[tuple[float, ...]], int] = {}
+    for f, face in enumerate(faces):
+        for k in range(3):
+            ends = [tuple(vertices[face[i]].tolist()) for i in (k, (k + 1) % 3)]
+            g = last.get(frozenset(ends))
+            last[frozenset(ends)] = f
+            if g is None or len(set(ends)) < 2 or normals[f] @ normals[g] < math.cos(crease):
+                continue
+            for end, i in zip(ends, (k, (k + 1) % 3), strict=True):
+                other = next(j for j in range(3) if tuple(vertices[faces[g, j]].tolist()) == end)
+                joined = group[3 * f + i] | group[3 * g + other]
+                for corner in joined:
+                    group[corner] = joined
+    return {frozenset(corners) for corners in group.values()}
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(4, 14), st.integers(1, 30), st.integers(0, 10**6), st.floats(0.1, 2.0))
+def test_corners_share_a_normal_as_the_slow_twin_says(count: int, triangles: int, seed: int, crease) -> None:
+    rng = np.random.default_rng(seed)
+    vertices = rng.integers(0, 3, (count, 3)).astype(np.float32)
+    vertices[rng.integers(0, count, 2)] = -0.0
+    triples = np.array([rng.choice(count, 3, replace=False) for _ in range(triangles)], np.int32)
+    distinct = [len({tuple(v) for v in vertices[t].tolist()}) == 3 for t in triples]
+    faces = triples[distinct]
+    if not len(faces):
+        return
+    surface = split_creases(vertices, faces, crease)
+    found = defaultdict(set)
+    for k, group in enumerate(surface.groups.reshape(-1)):
+        found[int(group)].add(k)
+    assert {frozenset(corners) for corners in found.values()} == slow_groups(vertices, faces, crease)
+    np.testing.assert_array_equal(surface.source[surface.faces], faces)
+    np.testing.assert_array_equal(surface.group[surface.faces], surface.groups)
+
+
+def test_a_fan_of_many_faces_is_smooth_in_one_piece() -> None:
+    around = np.linspace(0, 2 * np.pi, 200, endpoint=False)
+    vertices = np.vstack([[0, 0.1, 0], np.stack([np.cos(around), 0 * around, -np.sin(around)], -1)])
+    k = np.arange(200)
+    faces = np.stack([np.zeros(200, int), 1 + k, 1 + (k + 1) % 200], 1).astype(np.int32)
+    surface = split_creases(vertices.astype(np.float32), faces)
+    assert len(surface.source) == 201
+    assert (surface.normals[:, 1] > 0.9).all()

@@ -1,0 +1,239 @@
+"""Single passes over meshes of any size for :mod:`enliven_viewer.render.surface`: hashed, not sorted."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_EMPTY = np.int64(-1)
+_MANY = 64
+"""Edges at a vertex, of which more are sorted."""
+
+
+@njit(cache=True, nogil=True)
+def _room(count):  # type: ignore[no-untyped-def]
+    """Keys and values of a table for so many keys, a power of two with room to spare."""
+    size = 16
+    while size < 1.4 * count:
+        size *= 2
+    return np.full(size, _EMPTY), np.empty(size, np.int32)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _slot(keys, key):  # type: ignore[no-untyped-def]
+    """Where a key is, or the empty place where it belongs."""
+    mask = np.uint64(len(keys) - 1)
+    mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
+    at = (mixed ^ (mixed >> np.uint64(32))) & mask
+    while keys[np.int64(at)] != _EMPTY and keys[np.int64(at)] != key:
+        at = (at + np.uint64(1)) & mask
+    return np.int64(at)
+
+
+@njit(cache=True, nogil=True)
+def places_of(bits):  # type: ignore[no-untyped-def]
+    """(V,) a number of each vertex; those of the same position (V, 3), as int32 bits, have the same."""
+    count = len(bits)
+    size = 16
+    while size < 1.4 * count:
+        size *= 2
+    mask = np.uint64(size - 1)
+    first = np.full(size, -1, np.int32)
+    out, found = np.empty(count, np.int32), 0
+    for v in range(count):
+        mixed = np.uint64(0)
+        for c in range(3):
+            mixed = (mixed ^ np.uint64(np.uint32(bits[v, c]))) * np.uint64(0x9E3779B97F4A7C15)
+            mixed ^= mixed >> np.uint64(29)
+        at = mixed & mask
+        while True:
+            other = first[np.int64(at)]
+            if other < 0:
+                first[np.int64(at)] = v
+                out[v] = found
+                found += 1
+                break
+            if bits[other, 0] == bits[v, 0] and bits[other, 1] == bits[v, 1] and bits[other, 2] == bits[v, 2]:
+                out[v] = out[other]
+                break
+            at = (at + np.uint64(1)) & mask
+    return out
+
+
+@njit(cache=True, nogil=True)
+def corners_of(vertices, faces):  # type: ignore[no-untyped-def]
+    """(F, 3) unit normals (zero for a face without area) and (F, 3) angles at the corners."""
+    normals, angles = np.zeros((len(faces), 3)), np.empty((len(faces), 3))
+    edges, lengths = np.empty((3, 3)), np.empty(3)
+    for f in range(len(faces)):
+        for k in range(3):
+            total = 0.0
+            for c in range(3):
+                edges[k, c] = float(vertices[faces[f, (k + 1) % 3], c]) - float(vertices[faces[f, k], c])
+                total += edges[k, c] * edges[k, c]
+            lengths[k] = np.sqrt(total)
+        n0 = edges[0, 1] * edges[1, 2] - edges[0, 2] * edges[1, 1]
+        n1 = edges[0, 2] * edges[1, 0] - edges[0, 0] * edges[1, 2]
+        n2 = edges[0, 0] * edges[1, 1] - edges[0, 1] * edges[1, 0]
+        area = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+        if area > 1e-14:
+            normals[f, 0], normals[f, 1], normals[f, 2] = n0 / area, n1 / area, n2 / area
+        for k in range(3):
+            before = (k + 2) % 3
+            dot = 0.0
+            for c in range(3):
+                dot -= edges[k, c] * edges[before, c]
+            cosine = dot / max(lengths[k] * lengths[before], 1e-14)
+            angles[f, k] = np.arccos(min(max(cosine, -1.0), 1.0))
+    return normals, angles
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _top(parents, k):  # type: ignore[no-untyped-def]
+    while parents[k] != k:
+        parents[k] = parents[parents[k]]
+        k = parents[k]
+    return k
+
+
+@njit(cache=True, nogil=True)
+def groups_of(place, normals, cosine):  # type: ignore[no-untyped-def]
+    """(3 F,) the smoothing group of every corner of every face (F, 3), and how many there are.
+
+    A union over mild edges: each face with the one before it at the same edge.
+    """
+    count = len(place)
+    most = np.int64(place.max()) + 1 if count else 1
+    starts = np.zeros(most + 1, np.int64)
+    for k in range(3 * count):
+        starts[_low(place, k) + 1] += 1
+    for v in range(most):
+        starts[v + 1] += starts[v]
+    halves, filled = np.empty(3 * count, np.int64), starts[:-1].copy()
+    for k in range(3 * count):
+        low = _low(place, k)
+        halves[filled[low]] = k
+        filled[low] += 1
+    parents = np.arange(3 * count)
+    for v in range(most):
+        around = halves[starts[v] : starts[v + 1]]
+        highs = np.empty(len(around), np.int64)
+        for i in range(len(around)):
+            highs[i] = _high(place, around[i])
+        if len(around) > _MANY:
+            order = np.argsort(highs, kind="mergesort")
+            for i in range(1, len(order)):
+                if highs[order[i]] == highs[order[i - 1]]:
+                    _link(place, normals, cosine, parents, around[order[i - 1]], around[order[i]])
+            continue
+        for i in range(1, len(around)):
+            for j in range(i - 1, -1, -1):
+                if highs[j] == highs[i]:
+                    _link(place, normals, cosine, parents, around[j], around[i])
+                    break
+    return _numbered(parents)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _low(place, half):  # type: ignore[no-untyped-def]
+    """The lower end of the edge that begins at a corner."""
+    return min(place[half // 3, half % 3], place[half // 3, (half % 3 + 1) % 3])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _high(place, half):  # type: ignore[no-untyped-def]
+    """The higher end."""
+    return max(place[half // 3, half % 3], place[half // 3, (half % 3 + 1) % 3])
+
+
+@njit(cache=True, nogil=True)
+def _link(place, normals, cosine, parents, one, other):  # type: ignore[no-untyped-def]
+    """One group for the corners of two faces at both ends of an edge, where it is mild."""
+    f, g = one // 3, other // 3
+    mild = 0.0
+    for c in range(3):
+        mild += normals[f, c] * normals[g, c]
+    if mild < cosine:
+        return
+    a, b = one, 3 * f + (one % 3 + 1) % 3
+    c, d = other, 3 * g + (other % 3 + 1) % 3
+    if place[f, a % 3] != place[g, c % 3]:
+        c, d = d, c
+    parents[_top(parents, a)] = _top(parents, c)
+    parents[_top(parents, b)] = _top(parents, d)
+
+
+@njit(cache=True, nogil=True)
+def _numbered(parents):  # type: ignore[no-untyped-def]
+    """(K,) numbers of the groups of a union of (K,), from 0, and how many there are."""
+    numbers, found = np.full(len(parents), -1), 0
+    for k in range(len(parents)):
+        top = _top(parents, k)
+        if numbers[top] < 0:
+            numbers[top] = found
+            found += 1
+        parents[k] = top
+    for k in range(len(parents)):
+        parents[k] = numbers[parents[k]]
+    return parents, found
+
+
+@njit(cache=True, nogil=True)
+def drawn_of(group, faces, vertices):  # type: ignore[no-untyped-def]
+    """(3 F,) the drawn vertex of every corner, and (N,) the corner at which each was first met.
+
+    One is drawn for each group and vertex.
+    """
+    keys, number = _room(len(group))
+    corner, first, found = np.empty(len(group), np.int32), np.empty(len(group), np.int64), 0
+    for k in range(len(group)):
+        key = group[k] * vertices + faces[k // 3, k % 3]
+        at = _slot(keys, key)
+        if keys[at] == _EMPTY:
+            keys[at], number[at] = key, found
+            first[found] = k
+            found += 1
+        corner[k] = number[at]
+    return corner, first[:found].copy()
+
+
+@njit(cache=True, nogil=True)
+def summed(group, count, normals, angles):  # type: ignore[no-untyped-def]
+    """(G, 3) the normals of the faces around each group, by their angles."""
+    sums = np.zeros((count, 3))
+    for k in range(len(group)):
+        f = k // 3
+        for c in range(3):
+            sums[group[k], c] += normals[f, c] * angles[f, k % 3]
+    return sums
+
+
+@njit(cache=True, nogil=True)
+def bounds_something(faces, vertices):  # type: ignore[no-untyped-def]
+    """Whether every edge is there once in each direction."""
+    keys, _ = _room(3 * len(faces))
+    for f in range(len(faces)):
+        for k in range(3):
+            key = np.int64(faces[f, k]) * vertices + faces[f, (k + 1) % 3]
+            at = _slot(keys, key)
+            if keys[at] != _EMPTY:
+                return False
+            keys[at] = key
+    for f in range(len(faces)):
+        for k in range(3):
+            if keys[_slot(keys, np.int64(faces[f, (k + 1) % 3]) * vertices + faces[f, k])] == _EMPTY:
+                return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def firsts_of(cells):  # type: ignore[no-untyped-def]
+    """(V,) the first vertex that has the same number of (V,)."""
+    keys, first = _room(len(cells))
+    out = np.empty(len(cells), np.int32)
+    for v in range(len(cells)):
+        at = _slot(keys, cells[v])
+        if keys[at] == _EMPTY:
+            keys[at], first[at] = cells[v], v
+        out[v] = first[at]
+    return out
