@@ -96,7 +96,8 @@ def respond(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def workspace(most):  # type: ignore[no-untyped-def]
-    """What :func:`answer` writes into: weights, gradient, free ones, factor, states that are tried."""
+    """What :func:`answers` writes into: weights, what is asked of them (b - C q), the numbers of the free
+    ones, the factor of their part, and the states that are tried."""
     factor, trial = np.empty((most, most)), np.empty(most, np.int8)
     return np.empty(most), np.empty(most), np.empty(most, np.int64), factor, trial
 
@@ -125,6 +126,7 @@ def answers(node, known, pull, a, b, low, high, work, places, marks):  # type: i
                 if state[f, e] == 0:
                     fits &= low - 1e-12 <= w[e] <= high + 1e-12
                 else:
+                    # At a bound: the energy must not fall towards the inside.
                     slope = reach[f, e, 0] * qx + reach[f, e, 1] * qy + reach[f, e, 2] * qz - right[f, e]
                     for k in range(most):
                         slope += matrix[f, e, k] * w[k]
@@ -178,7 +180,7 @@ def _is_wrong(matrix, f, g, state, w, low, high, e):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True, inline="always")
 def _pivot(matrix, f, work, low, high):  # type: ignore[no-untyped-def]
-    """Finds the states and weights that g asks for, starting at the states that are tried."""
+    """Finds the states and weights that g = b - C q asks for, starting at the states that are tried."""
     w, g, _, _, state = work
     most = len(w)
     for turn in range(_AT_ONCE + 50 * 2 ** min(most, 12)):

@@ -25,7 +25,11 @@ _HALVINGS = 20
 def solve_point(node, known, weight, low, high, places):  # type: ignore[no-untyped-def]
     """Kernel: ``places`` (F, 3) of one point; returns how many block rows were factored.
 
-    ``node`` and ``known`` are the point's arrays (:func:`enliven.examples.bounded.answers`).
+    ``node`` and ``known`` are the point's arrays (:func:`enliven.examples.bounded.answers`). What the
+    functions below are handed along: y (F - 2, 3), the accelerations times lambda; ``goal``, where a step
+    goes to; ``how``, (lambda, low, high); ``work``, the nodes' workspace; ``marks`` (F,), frames whose piece
+    changed; ``band``, room for the factor (inverse, one, two), a right-hand side (F - 2, 3, 1) and the pull
+    (F, 3).
     """
     frames = len(places)
     rows = max(frames - 2, 0)
@@ -66,9 +70,9 @@ def _windows(node, known, y, goal, how, work, places, marks, band):  # type: ign
     """Solves the rows around each marked frame by themselves; returns how many rows were factored."""
     rows, factored = len(y), 0
     wanted = marks.copy()
-    end = 0
+    done = 0
     for f in range(len(wanted)):
-        if not wanted[f] or f < end:
+        if not wanted[f] or f < done:
             continue
         start, end = max(f - 2 - _AROUND, 0), min(f + 1 + _AROUND, rows)
         # Windows that meet are one.
@@ -77,10 +81,11 @@ def _windows(node, known, y, goal, how, work, places, marks, band):  # type: ign
             if wanted[ahead]:
                 end = min(ahead + 1 + _AROUND, rows)
             ahead += 1
+        # All rows together are the next whole step.
         if end - start < rows:
             _, steps = _range(node, known, y, goal, start, end, how, work, places, marks, band, _MOST_STEPS)
             factored += steps * (end - start)
-        end = max(end, f + 1)
+        done = max(end, f + 1)
     return factored
 
 
@@ -118,13 +123,14 @@ def _value(node, known, y, a, b, how, work, places, marks, band):  # type: ignor
     for r in range(a, b):
         value += 0.5 * (y[r, 0] * y[r, 0] + y[r, 1] * y[r, 1] + y[r, 2] * y[r, 2])
     for f in range(a, last):
-        x, u, z = 0.0, 0.0, 0.0
+        # q = lambda A' y: row r is about frames r, r + 1 and r + 2.
+        qx, qy, qz = 0.0, 0.0, 0.0
         for k in range(3):
             r = f - k
             if 0 <= r < rows:
-                times = weight if k != 1 else -2.0 * weight
-                x, u, z = x + times * y[r, 0], u + times * y[r, 1], z + times * y[r, 2]
-        pull[f, 0], pull[f, 1], pull[f, 2] = x, u, z
+                entry = weight if k != 1 else -2.0 * weight
+                qx, qy, qz = qx + entry * y[r, 0], qy + entry * y[r, 1], qz + entry * y[r, 2]
+        pull[f, 0], pull[f, 1], pull[f, 2] = qx, qy, qz
     changed, energy = answers(node, known, pull, a, last, low, high, work, places, marks)
     return changed, value - energy
 
@@ -146,10 +152,10 @@ def _step(node, known, y, goal, a, b, how, band):  # type: ignore[no-untyped-def
             continue
         for s in range(max(r - 2, a), min(r + 3, b)):
             for f in range(max(r, s), min(r, s) + 3):
-                times = weight * weight * (-2.0 if f == r + 1 else 1.0) * (-2.0 if f == s + 1 else 1.0)
+                entry = weight * weight * (-2.0 if f == r + 1 else 1.0) * (-2.0 if f == s + 1 else 1.0)
                 for i in range(3):
                     for j in range(3):
-                        right[s - a, i, 0] -= times * give[f, i, j] * y[r, j]
+                        right[s - a, i, 0] -= entry * give[f, i, j] * y[r, j]
     substitute(inverse, one, two, right)
     for r in range(a, b):
         for i in range(3):

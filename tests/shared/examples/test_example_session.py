@@ -229,3 +229,29 @@ def test_the_same_take_twice_needs_two_names(folder):
     named = twice + 'name = "again"\n'
     (folder / "session.toml").write_text(BY_HAND + named)
     assert list(read_session(folder / "session.toml").project.takes) == ["walk", "again"]
+
+
+def test_a_mesh_that_looks_elsewhere_is_turned(folder):
+    (folder / "session.toml").write_text(BY_HAND.replace("height = 0.5", "height = 0.5\nturned = 90"))
+    low, high = read_session(folder / "session.toml").project.puppets["stool"].mesh.bounds
+    # 0.3 m wide and 0.2 m deep before.
+    np.testing.assert_allclose(high - low, [0.2, 0.5, 0.3], atol=1e-6)
+
+
+def test_files_may_be_where_the_environment_says(folder, monkeypatch):
+    path = folder / "deeper" / "session.toml"
+    path.parent.mkdir()
+    text = BY_HAND.replace("stool.ply", "$MODELS/stool.ply").replace(
+        "moves.enliven", "${MODELS}/moves.enliven"
+    )
+    path.write_text(text)
+    monkeypatch.delenv("MODELS", raising=False)
+    with pytest.raises(InputError) as refused:
+        read_session(path)
+    assert "[mesh]: $MODELS/stool.ply: $MODELS is not set. Set MODELS to a folder" in str(refused.value)
+    monkeypatch.setenv("MODELS", str(folder))
+    read = read_session(path)
+    assert read.mesh.file == "$MODELS/stool.ply" and list(read.project.takes) == ["walk"]
+    write_session(path.parent / "again.toml", read.project, "stool", read.mesh, read.takes)
+    assert 'file = "$MODELS/stool.ply"' in (path.parent / "again.toml").read_text()
+    assert same(read_session(path.parent / "again.toml").project, read.project)
