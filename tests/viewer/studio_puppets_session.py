@@ -39,6 +39,8 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
     """Points by clicks, a key pose by its arrow, the warning, undo, the end."""
     desk = window.desk
     snap = lambda name: Do(lambda _: wanted.append(name))  # noqa: E731
+    yield Wait(0.1)
+    yield Do(lambda d: d.hand.tool.suggested.wait())
     for name in ("left", "right", "head", "foot"):
         yield Click(OnPuppet("star", vertex(name)))
     said["points"] = len(desk.puppets.puppet.points)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 from made_studio_puppets import SIDES, TIPS, project_with, star, vertex
 
 from enliven.modeling.puppets import move_puppet, set_symmetry, turn_puppet
+from enliven.puppet import Puppet
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.picking import first_face
@@ -29,12 +32,25 @@ def editor_with(*names: str) -> Editor:
     return editor
 
 
+@cache
+def seen() -> Editor:
+    """One whose camera may be turned."""
+    return editor_with()
+
+
+@cache
+def five() -> Puppet:
+    """The star with a control point at each end, and its plane."""
+    names = ("left", "right", "head", "foot", "other")
+    return set_symmetry(project_with(*names), "star", SIDES).puppets["star"]
+
+
 def pixel_of(editor: Editor, place: np.ndarray) -> tuple[float, float]:
     x, y = editor.lens.project(np.asarray(place)[None])[0][0]
     return float(x), float(y)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**31))
 def test_the_compiled_ray_finds_what_the_slow_one_finds(seed: int) -> None:
     rng, mesh = np.random.default_rng(seed), star()
@@ -120,19 +136,30 @@ def test_a_handle_is_where_it_is_drawn_and_moves_along_itself(part: str) -> None
     assert not tool.dragged(part, start, start, snap=False).any()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.sampled_from(PARTS), st.floats(-300, 300), st.floats(-200, 200), st.floats(-3, 3), st.floats(-1, 1))
 def test_a_drag_is_finite_from_every_side_and_snaps_to_steps(part, across, down, azimuth, elevation) -> None:
-    editor = editor_with()
+    editor = seen()
     editor.camera.face(azimuth, elevation)
     editor.camera.advance(10.0)
     tool = Manipulator(PLACE, editor.lens)
     start = pixel_of(editor, PLACE)
     way = tool.dragged(part, start, (start[0] + across, start[1] + down), snap=True)
+    assume(way is not None)
     assert np.isfinite(way).all()
     assert np.abs(way / tool.step - np.round(way / tool.step)).max() < 1e-6
     power = tool.step / 10 ** np.floor(np.log10(tool.step) + 1e-9)
     assert min(abs(power - round_number) for round_number in (1, 2, 5, 10)) < 1e-6
+
+
+def test_beyond_the_horizon_of_a_plane_there_is_no_place() -> None:
+    editor = editor_with()
+    editor.camera.face(0.0, 0.2)
+    editor.camera.advance(10.0)
+    tool = Manipulator(PLACE, editor.lens)
+    start = pixel_of(editor, PLACE)
+    assert tool.dragged("zx", start, (start[0], -5000.0), snap=False) is None
+    assert tool.dragged("zx", start, (start[0], start[1] + 20.0), snap=False) is not None
 
 
 def test_the_manipulator_is_as_large_wherever_it_is() -> None:
@@ -154,9 +181,7 @@ def test_behind_the_eye_there_is_nothing_to_take() -> None:
 @settings(max_examples=30, deadline=None)
 @given(st.sampled_from(list(TIPS)), st.tuples(*[st.floats(-0.5, 0.5)] * 3))
 def test_mirroring_twice_changes_nothing(name: str, way: tuple[float, ...]) -> None:
-    names = ("left", "right", "head", "foot", "other")
-    editor = Editor(project=set_symmetry(project_with(*names), "star", SIDES))
-    puppet = editor.project.puppets["star"]
+    puppet = five()
     point = puppet.index(name)
     assume(name != "head")
     places = puppet.rest.copy()

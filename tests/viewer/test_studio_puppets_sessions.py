@@ -38,6 +38,8 @@ def bad(desk: Desk) -> list[str]:
 def test_clicks_put_control_points_and_a_drag_makes_a_key_pose(tmp_path) -> None:
     desk, stage = studio(tmp_path, take="sway")
     hands = [OnPuppet("star", vertex(name)) for name in ("left", "right", "head")]
+    tool_of(desk).suggested.of(desk.puppets.puppet)
+    tool_of(desk).suggested.wait()  # ends are on the silhouette: their rings can be clicked
     play([*(Click(hand) for hand in hands), Do(lambda d: d.editor.scrub(1.0))], stage)
     puppet = desk.puppets.puppet
     assert [np.linalg.norm(puppet.rest[k] - star().vertices[h.vertex]) < 0.03 for k, h in enumerate(hands)]

@@ -124,6 +124,7 @@ class Editor:
     def begin(self, project: Project) -> None:
         """Another project, with no past."""
         self.history, self.draft = History(project), None
+        self.puppets.accept()
         self.selection, self.time, self.playing = Selection(), 0.0, False
         self.frame_all()
 

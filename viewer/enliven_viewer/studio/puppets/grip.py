@@ -32,7 +32,7 @@ class PointGrip:
     def drag(self, pointer: Pointer) -> None:
         """The pointer moved: the surface follows."""
         way = self._manipulator.dragged(self.part, self._start, pointer.at, snap=pointer.shift)
-        if not self.moved and not way.any():
+        if way is None or (not self.moved and not way.any()):
             return
         self.moved = True
         self.editor.puppets.drag(self.point, self._standing.into(self._from + way))

@@ -60,8 +60,11 @@ class Manipulator:
                 return PARTS[3 + axis]
         return ""
 
-    def dragged(self, part: str, start: Point, now: Point, *, snap: bool) -> Float:
-        """(3,) metres in the world: how far the place goes when a part is dragged between two pixels."""
+    def dragged(self, part: str, start: Point, now: Point, *, snap: bool) -> Float | None:
+        """(3,) metres in the world: how far the place goes when a part is dragged between two pixels.
+
+        None where a pixel sees nothing of the part's plane: beyond its horizon.
+        """
         if part == "view":
             way = self.lens.on_plane(now, self.place) - self.lens.on_plane(start, self.place)
         elif len(part) == 1:
@@ -69,7 +72,10 @@ class Manipulator:
             way = np.eye(3)[axis] * (self._on_axis(axis, now) - self._on_axis(axis, start))
         else:
             normal = np.eye(3)[PARTS.index(part) - 3]
-            way = self._on_plane(normal, now) - self._on_plane(normal, start)
+            first, last = self._on_plane(normal, start), self._on_plane(normal, now)
+            if first is None or last is None:
+                return None
+            way = last - first
         step = self.step
         return np.asarray(np.round(way / step) * step if snap else way)
 
@@ -155,13 +161,13 @@ class Manipulator:
         between, slant = self.place - self.lens.view.eye, float(ray @ line)
         return float((slant * (ray @ between) - line @ between) / max(1.0 - slant * slant, 1e-6))
 
-    def _on_plane(self, normal: Float, at: Point) -> Float:
-        """(3,) where a pixel's ray meets the plane through the place."""
+    def _on_plane(self, normal: Float, at: Point) -> Float | None:
+        """(3,) where a pixel's ray meets the plane through the place; None where it does not."""
         ray, eye = self.lens.ray(at), self.lens.view.eye
-        steep = float(ray @ normal)
-        if abs(steep) < 1e-3:
-            return self.place
-        return np.asarray(eye + ray * (((self.place - eye) @ normal) / steep))
+        steep, away = float(ray @ normal), float((self.place - eye) @ normal)
+        if abs(steep) < 1e-3 or away / steep <= 0.0:
+            return None
+        return np.asarray(eye + ray * (away / steep))
 
 
 def _inside(corners: Float, at: Float) -> bool:

@@ -16,11 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.errors import InputError
 from enliven.examples.puppet_motion import State
 from enliven.modeling.puppets import (
     add_key_pose,
-    add_point,
     change_key_pose,
     remove_key_pose,
     remove_point,
@@ -28,11 +26,11 @@ from enliven.modeling.puppets import (
 from enliven.motion.clip import Clip
 from enliven.project import Project
 from enliven.puppet import KeyPose, Puppet
+from enliven_viewer.studio.puppets.chosen import Chosen
 from enliven_viewer.studio.puppets.crossing import Crossing
 from enliven_viewer.studio.puppets.kept import middle_of, size_of
-from enliven_viewer.studio.puppets.mirrored import mirrored_places, partner_vertex, plane_for
+from enliven_viewer.studio.puppets.mirrored import mirrored_places
 from enliven_viewer.studio.puppets.playing import take_places
-from enliven_viewer.studio.puppets.solver import LARGE
 from enliven_viewer.studio.puppets.stage import PuppetStage, Standing
 
 if TYPE_CHECKING:
@@ -44,33 +42,32 @@ _MOST_AWAY = 50.0
 """Sizes of the mesh beyond which a control point is not dragged: farther is a slip of the hand."""
 
 
-class PuppetDesk:
+class PuppetDesk(Chosen):
     """The state that the stage and the example panel share.
 
     Attributes:
         moment: the take and the second of it that the performer's view shows; a drag begins a key pose
             there. None: of the lowest layer, at the project's time.
-        symmetric: whether control points are put and dragged with their mirror image.
         silhouette: whether the key pose before is outlined while one is edited.
         warn: whether faces that pass through one another are shown.
         way: how the puppet stood when the key pose was begun: there it stays while it is edited.
     """
 
     def __init__(self, editor: Editor) -> None:
-        self.editor = editor
+        super().__init__(editor, PuppetStage(editor, self))
         self.moment: tuple[str, float] | None = None
-        self.symmetric, self.silhouette, self.warn = False, True, True
-        self._key: tuple[str, int] | None = None
-        self._before: Float | None = None
-        self._dragged: Float | None = None
+        self.silhouette, self.warn = True, True
         self.way: State | None = None
-        self.stage = PuppetStage(editor, self)
         self.crossing = Crossing()
+        self._key: tuple[str, int] | None = None
+        self._before: dict[int, Float] | None = None
+        self._dragged: Float | None = None
         self._at = 0.0
 
     def advance(self) -> None:
-        """A picture went by: surfaces come to rest; playing on leaves the key pose."""
-        if self.posing and (self.editor.playing or abs(self.editor.time - self._at) > 1e-9):
+        """A picture went by: surfaces come to rest. Another time or another puppet leaves the key pose."""
+        elsewhere = self.editor.playing or abs(self.editor.time - self._at) > 1e-9
+        if self._key is not None and (elsewhere or self.editor.selection.puppet != self._key[0]):
             self.accept()
         self.stage.improve()
         standing = self.stage.standing_of(self.puppet.id) if self.puppet is not None else None
@@ -85,27 +82,6 @@ class PuppetDesk:
     def shaping(self) -> bool:
         """Whether a key pose is edited, or a control point dragged."""
         return self.posing or self.dragging
-
-    @property
-    def standing(self) -> tuple[Standing, ...]:
-        """Every puppet as it is shown now."""
-        return self.stage.standing
-
-    @property
-    def puppet(self) -> Puppet | None:
-        """The chosen puppet."""
-        return self.editor.project.puppets.get(self.editor.selection.puppet or "")
-
-    @property
-    def point(self) -> int | None:
-        """The number of the chosen control point."""
-        chosen, puppet = self.editor.selection.point, self.puppet
-        return chosen if puppet is not None and chosen is not None and chosen < len(puppet.points) else None
-
-    def choose(self, puppet: str | None, point: int | None = None) -> None:
-        """Choose a puppet, and perhaps a control point of it."""
-        self.editor.select(puppet=puppet)
-        self.editor.select(point=point, puppet_layer=None)
 
     @property
     def number(self) -> int | None:
@@ -161,19 +137,18 @@ class PuppetDesk:
         puppet, clip = self.puppet, self.editor.project.takes.get(take)
         if puppet is None or clip is None:
             return None
-        near = [
-            n
-            for n, pose in enumerate(puppet.poses)
-            if pose.take == take and _same_frame(clip, pose.time, time)
-        ]
-        return near[0] if near else None
+        for number, pose in enumerate(puppet.poses):
+            if pose.take == take and _same_frame(clip, pose.time, time):
+                return number
+        return None
 
     def edit_pose(self, number: int) -> bool:
         """Edit a key pose that is there."""
         puppet = self._wanted()
         if puppet is None or not 0 <= number < len(puppet.poses):
             return False
-        self._edit(puppet.id, number, puppet.poses[number].places, self.stage.standing_of(puppet.id))
+        before = dict(zip((p.vertex for p in puppet.points), puppet.poses[number].places, strict=True))
+        self._edit(puppet.id, number, before, self.stage.standing_of(puppet.id))
         return True
 
     def accept(self) -> None:
@@ -188,18 +163,21 @@ class PuppetDesk:
             return
         if before is None:
             self.editor.edit("drop the key pose", lambda p: remove_key_pose(p, puppet.id, number))
-        elif len(before) == len(puppet.points) and not np.array_equal(before, puppet.poses[number].places):
+            return
+        now = puppet.poses[number].places
+        places = np.array([before.get(point.vertex, now[k]) for k, point in enumerate(puppet.points)])
+        if not np.array_equal(places, now):
             self.editor.edit(
-                "drop the changes", lambda p: change_key_pose(p, puppet.id, number, places=before)
+                "drop the changes", lambda p: change_key_pose(p, puppet.id, number, places=places)
             )
 
     def drag(self, point: int, place: Float) -> None:
         """Show a control point at a place (3,) of the mesh's frame; with symmetry its partner follows."""
-        puppet = self.puppet
-        if puppet is None or not 0 <= point < len(puppet.points):
+        puppet, place = self.puppet, np.asarray(place, np.float64)
+        if puppet is None or not 0 <= point < len(puppet.points) or not np.isfinite(place).all():
             return
         places = np.array(self._start(puppet))
-        places[point] = _near(puppet, np.asarray(place, np.float64))
+        places[point] = _near(puppet, place)
         if self.symmetric:
             places = mirrored_places(puppet, places, point)
         self._dragged = places
@@ -236,35 +214,6 @@ class PuppetDesk:
         self.drag(point, puppet.rest[point])
         return self.drop(f"reset {puppet.points[point].name}")
 
-    def add_point(self, vertex: int) -> bool:
-        """Put a control point on a vertex, with symmetry on its mirror image too; one edit."""
-        puppet = self._wanted()
-        if puppet is None:
-            return False
-        taken = [point.vertex for point in puppet.points]
-        if vertex in taken:
-            self.choose(puppet.id, taken.index(vertex))
-            self.editor.toasts.say(f"{puppet.points[taken.index(vertex)].name} is there already")
-            return False
-        other = partner_vertex(puppet, vertex) if self.symmetric else None
-        wanted = [vertex] if other is None or other in (vertex, *taken) else [vertex, other]
-
-        poses = self.stage.surfaces.settled(puppet, [pose.places for pose in puppet.poses])
-        if poses is None and len(puppet.mesh.vertices) > LARGE:
-            self.editor.toasts.say(f"{puppet.id} is still being prepared", "Click again in a moment.")
-            return False
-
-        def change(project: Project) -> Project:
-            for one in wanted:
-                places = None if poses is None else np.array([pose[one] for pose in poses]).reshape(-1, 3)
-                project = add_point(project, puppet.id, one, places=places)
-            return project
-
-        if not self.editor.edit("put a control point" + "s" * (len(wanted) - 1), change):
-            return False
-        self.choose(puppet.id, len(taken))
-        return True
-
     def remove_point(self) -> bool:
         """Take the chosen control point away, also from all key poses; one edit."""
         puppet, point = self.puppet, self.point
@@ -273,7 +222,6 @@ class PuppetDesk:
         name, used = puppet.points[point].name, len(puppet.poses)
         if not self.editor.edit(f"remove {name}", lambda p: remove_point(p, puppet.id, name)):
             return False
-        self._before = None if self._before is None else np.delete(self._before, point, axis=0)
         self.editor.select(point=None)
         if used:
             self.editor.toasts.say(
@@ -281,25 +229,21 @@ class PuppetDesk:
             )
         return True
 
-    def set_symmetric(self, on: bool) -> None:
-        """Turn symmetric control points on or off; a mesh without a plane of symmetry says so."""
-        puppet = self.puppet
-        self.symmetric = on
-        if on and puppet is not None and plane_for(puppet) is None:
-            self.symmetric = False
-            self.editor.toasts.say(
-                f"{puppet.id} has no plane of symmetry", "Put and drag its control points one by one."
-            )
-
-    def _edit(self, puppet: str, number: int, before: Float | None, standing: Standing | None) -> None:
+    def _edit(
+        self, puppet: str, number: int, before: dict[int, Float] | None, standing: Standing | None
+    ) -> None:
+        """Work on a key pose; ``before``: each vertex's place then, None where it is new."""
         self.way = standing.state if standing is not None and self.way is None else self.way
         self._key, self._before, self._dragged = (puppet, number), before, None
         self.editor.playing, self._at = False, self.editor.time
 
     def _start(self, puppet: Puppet) -> Float:
-        """(P, 3) what a drag starts from."""
-        places = self.places
-        return places if places is not None else self.shown(puppet)
+        """(P, 3) what a drag starts from: the key pose of this moment, or what is shown."""
+        if self.places is not None:
+            return self.places
+        moment = self._moment(puppet)
+        there = None if moment is None else self.pose_at(*moment)
+        return self.shown(puppet) if there is None else puppet.poses[there].places
 
     def shown(self, puppet: Puppet) -> Float:
         """(P, 3) metres in the mesh's frame, where its control points are now on the stage."""
@@ -308,12 +252,8 @@ class PuppetDesk:
 
     def _begin_here(self, puppet: Puppet, places: Float) -> bool:
         """Make what was dragged the key pose of the moment that the performer's view shows."""
-        moment = self.moment
-        if moment is None and puppet.layers:
-            layer = puppet.layers[0]
-            length = self.editor.project.takes[layer.take].duration
-            moment = (layer.take, min(max((self.editor.time - layer.offset) * layer.speed, 0.0), length))
-        if moment is None or moment[0] not in self.editor.project.takes:
+        moment = self._moment(puppet)
+        if moment is None:
             self.editor.toasts.say(
                 "No take is shown, so this pose means nothing yet",
                 "Choose a take in the performer's view, go to a moment of it, and drag again.",
@@ -324,6 +264,15 @@ class PuppetDesk:
             return self._add(puppet, *moment, places)
         self.edit_pose(there)
         return self.editor.edit("pose", lambda p: change_key_pose(p, puppet.id, there, places=places))
+
+    def _moment(self, puppet: Puppet) -> tuple[str, float] | None:
+        """The take and the second of it that are shown; None where no take is."""
+        takes, moment = self.editor.project.takes, self.moment
+        if moment is None and puppet.layers:
+            layer = puppet.layers[0]
+            played = (self.editor.time - layer.offset) * layer.speed
+            moment = (layer.take, min(max(played, 0.0), takes[layer.take].duration))
+        return moment if moment is not None and moment[0] in takes else None
 
     def _add(self, puppet: Puppet, take: str, time: float, places: Float) -> bool:
         """A key pose more, which is edited from now on; one edit."""
@@ -340,11 +289,6 @@ class PuppetDesk:
         self._edit(puppet.id, len(puppet.poses), None, standing)
         return True
 
-    def _wanted(self) -> Puppet | None:
-        if self.puppet is None:
-            self.editor.toasts.say("No puppet is chosen", "Click one first.")
-        return self.puppet
-
 
 def _same_frame(clip: Clip, a: float, b: float) -> bool:
     return round(a / clip.step) == round(b / clip.step)
@@ -355,6 +299,4 @@ def _near(puppet: Puppet, place: Float) -> Float:
     middle, most = middle_of(puppet.mesh), _MOST_AWAY * size_of(puppet.mesh)
     way = place - middle
     away = float(np.linalg.norm(way))
-    if not np.isfinite(away):
-        raise InputError("the control point is dragged to no place", where=f"puppet {puppet.id!r}")
     return place if away <= most else middle + way * (most / away)

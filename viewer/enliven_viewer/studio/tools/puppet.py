@@ -44,6 +44,7 @@ class PuppetTool(Tool):
         self._click: Pointer | None = None
         self._last: Point = (0.0, 0.0)
         self._turning = False
+        self._fresh: int | None = None
 
     @property
     def hint(self) -> str:
@@ -91,6 +92,7 @@ class PuppetTool(Tool):
         if standing is not None and self.over and desk.point is not None:
             self._grip = PointGrip(self.editor, standing, desk.point, self.over, pointer.at)
         elif standing is not None and self.over_point is not None:
+            self._fresh = None
             desk.choose(standing.puppet.id, self.over_point)
             self._grip = PointGrip(self.editor, standing, self.over_point, "view", pointer.at)
         else:
@@ -148,8 +150,13 @@ class PuppetTool(Tool):
         return Overlay(marks_of(self, standing, self.editor.lens))
 
     def manipulator(self) -> Manipulator | None:
-        """At the chosen control point; none while it plays."""
+        """At the chosen control point; none while it plays, nor where a click has just put it.
+
+        There it would be in the way of the next click on the mesh.
+        """
         standing, point = self._standing(), self.desk.point
+        if point == self._fresh and not self.desk.posing:
+            return None
         if self.editor.playing or standing is None or point is None or point >= len(standing.points):
             return None
         return Manipulator(standing.points[point], self.editor.lens)
@@ -178,7 +185,7 @@ class PuppetTool(Tool):
         standing = self._standing()
         vertex = self._vertex_at(standing, pointer) if standing is not None else None
         if vertex is not None:
-            self.desk.add_point(vertex)
+            self._fresh = self.desk.point if self.desk.add_point(vertex) else None
             return
         hit = puppet_at(self.desk.standing, self.editor.lens, pointer.at)
         if hit is not None:
