@@ -9,6 +9,7 @@ twice while there are others.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,8 @@ from enliven.skeleton import Skeleton
 
 _MIDDLE, _TRUNK, _OTHER = 0.25, 0.35, 0.6
 """What it costs, in widths and heights, to follow the middle of a limb, the trunk, or a finger."""
+_END = 0.4
+"""Share of a limb, from its end, that counts as its end."""
 _DEPTH = 0.3
 """How much depth counts beside width and height."""
 _SIDE = 0.3
@@ -37,10 +40,17 @@ class _Candidate(NamedTuple):
     side: int
 
 
-def guess_joints(skeleton: Skeleton, rest: Float) -> tuple[str, ...]:
+def guess_joints(
+    skeleton: Skeleton, rest: Float, taken: Collection[str] = (), wanted: Sequence[int] | None = None
+) -> tuple[str, ...]:
     """(P,) names of joints for control points at ``rest`` (P, 3) metres, in the mesh's own frame.
 
     A joint is guessed twice only where there are more control points than joints.
+
+    Args:
+        taken: joints that others follow already.
+        wanted: numbers of the control points that need one; None for all. The others only say how large
+            and how wide the mesh is.
     """
     rest = np.asarray(rest, np.float64).reshape(-1, 3)
     if len(rest) == 0:
@@ -50,30 +60,53 @@ def guess_joints(skeleton: Skeleton, rest: Float) -> tuple[str, ...]:
         rest = turned_level(rest, -np.pi / 2)
     anatomy = anatomy_of(skeleton)
     level = turned_level(skeleton.positions - skeleton.positions[0], -anatomy.facing)
-    found = _candidates(anatomy, len(skeleton))
+    level = _arms_out(level, anatomy)
+    found = [one for one in _candidates(anatomy, skeleton) if skeleton.names[one.joint] not in taken]
+    found = found or _candidates(anatomy, skeleton)
     joints = [one.joint for one in found]
-    theirs, ours = _normal(level, level[joints]), _normal(rest, rest)
+    rows_wanted = list(range(len(rest))) if wanted is None else list(wanted)
+    theirs, ours = _normal(level, level[joints]), _normal(rest, rest[rows_wanted])
     away = np.abs(ours[:, None] - theirs[None]) @ [1.0, 1.0, _DEPTH]
     apart = np.abs(_sides(ours)[:, None] - [one.side for one in found])
     cost = away + [one.cost for one in found] + _SIDE * apart
-    times = -(-len(rest) // len(joints))
+    times = max(-(-len(ours) // len(joints)), 1)
     rows, columns = linear_sum_assignment(np.concatenate([cost + 10.0 * k for k in range(times)], axis=1))
     return tuple(skeleton.names[joints[column % len(joints)]] for column in columns[np.argsort(rows)])
 
 
-def _candidates(anatomy: Anatomy, count: int) -> list[_Candidate]:
-    """Every joint once, the cheapest of what it is: the end of a limb, its middle, the trunk, or anything."""
-    cost, side = np.full(count, _OTHER), np.zeros(count, np.int64)
+def _arms_out(level: Float, anatomy: Anatomy) -> Float:
+    """(N, 3) joints with arms held out to the sides: hanging down, a hand would be lower than its elbow."""
+    out = level.copy()
+    for left, right in anatomy.arms:
+        for limb, side in ((left, 1.0), (right, -1.0)):
+            for joint, before in zip(limb.proper[1:], limb.proper, strict=False):
+                long = float(np.linalg.norm(level[joint] - level[before]))
+                out[joint] = out[before] + [side * long, 0.0, 0.0]
+    return out
+
+
+def _candidates(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
+    """Every joint once, the cheapest of what it is: the end of a limb, its middle, the trunk, or anything.
+
+    What is near the end, as a wrist before fingers, is neither: the end says as much.
+    """
+    cost, side = np.full(len(skeleton), _OTHER), np.zeros(len(skeleton), np.int64)
     singles: list[Limb] = [limb for limb in (anatomy.head, anatomy.tail) if limb is not None]
     limbs = [limb for pair in anatomy.pairs for limb in pair] + singles
     cost[list(anatomy.trunk)] = _TRUNK
     for limb in limbs:
-        cost[list(limb.proper)] = _MIDDLE
+        proper = list(limb.proper)
+        left = np.cumsum(skeleton.lengths[proper[1:]][::-1])[::-1]
+        middle = [joint for joint, rest in zip(proper, left, strict=False) if rest > _END * left[0]]
+        cost[middle] = _MIDDLE
     for limb in limbs:
         cost[limb.chain[-1]] = 0.0
-    for left, right in anatomy.pairs:
-        side[list(left.proper)], side[list(right.proper)] = 1, -1
-    return [_Candidate(joint, float(cost[joint]), int(side[joint])) for joint in range(count)]
+    if anatomy.head is None:  # too short for a limb
+        single = np.setdiff1d(np.arange(len(skeleton)), [joint for limb in limbs for joint in limb.chain[1:]])
+        cost[single[skeleton.positions[single, 1].argmax()]] = 0.0
+    for one, other in anatomy.pairs:
+        side[list(one.proper)], side[list(other.proper)] = 1, -1
+    return [_Candidate(joint, float(cost[joint]), int(side[joint])) for joint in range(len(skeleton))]
 
 
 def _normal(all_points: Float, points: Float) -> Float:

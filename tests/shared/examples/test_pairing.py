@@ -8,10 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 sys.path.append(str(Path(__file__).parents[1] / "mapping"))
+sys.path.append(str(Path(__file__).parents[1] / "motion"))
 from made_bodies import man, turned_body
+from test_capture_clip import STANDING
 
+from enliven.body import Body
 from enliven.examples.pairing import guess_joints
 from enliven.mapping.facing import turned_level
+from enliven.motion.capture_clip import clip_of_bodies
 
 CACTUS = np.array([[0.4, 0.8, 0.0], [-0.35, 0.7, 0.0], [0.0, 1.2, 0.0], [0.12, 0.0, 0.0], [-0.12, 0.0, 0.0]])
 MEANT = ("Left finger", "Right finger", "top", "Left toe", "Right toe")
@@ -32,6 +36,25 @@ def test_a_mesh_that_is_wide_from_the_side_looks_at_x():
 def test_what_is_in_the_middle_follows_the_trunk():
     joints = guess_joints(man(), np.concatenate([CACTUS, [[0.0, 0.55, 0.0]]]))
     assert joints[:5] == MEANT and joints[5] in ("hips", "spine", "chest")
+
+
+def test_elbows_are_below_hands_that_are_raised_and_nobody_follows_who_is_taken():
+    arms = np.array([[0.44, 1.07, 0.0], [-0.44, 1.07, 0.0], [0.4, 0.66, 0.0], [-0.4, 0.66, 0.0]])
+    rest = np.concatenate([arms, [[0.0, 1.3, 0.0], [0.15, 0.0, 0.0], [-0.15, 0.0, 0.0]]])
+    hanging = man()
+    joints = guess_joints(hanging, rest)
+    assert joints == (
+        "Left finger", "Right finger", "Left elbow", "Right elbow", "top", "Left toe", "Right toe",
+    )  # fmt: skip
+    others = guess_joints(hanging, rest, taken=joints)
+    assert not set(others) & set(joints)
+
+
+def test_a_head_that_is_too_short_for_a_limb_is_still_the_head():
+    joints = guess_joints(
+        clip_of_bodies([Body(1, STANDING, np.ones(20))] * 2, [0.0, 1.0], "one").skeleton, CACTUS
+    )
+    assert joints == ("hand left", "hand right", "head", "foot left", "foot right")
 
 
 def test_more_points_than_joints_share_them():

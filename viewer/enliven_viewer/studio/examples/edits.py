@@ -33,34 +33,40 @@ _FOOT = 0.06
 Held = Position | Velocity | Coupling
 
 
-def guessed(project: Project, puppet_id: str, take: str, only: Sequence[str] = ()) -> Project:
+def guessed(project: Project, puppet_id: str, take: str) -> Project:
     """A project in which control points without a joint follow the likeliest one of a take.
 
     Those with a name that nobody chose are called after it; those at the bottom are feet.
-
-    Args:
-        only: names of control points; empty for all that have no joint.
     """
     puppet = project.puppet(puppet_id)
     if take not in project.takes:
         raise InputError("no take is shown", where="joints", mend="Choose one in the performer's view.")
-    joints = guess_joints(project.takes[take].skeleton, puppet.rest)
+    taken = [point.joint for point in puppet.points if point.joint]
+    wanted = [k for k, point in enumerate(puppet.points) if not point.joint]
+    joints = guess_joints(project.takes[take].skeleton, puppet.rest, taken, wanted)
     low, high = puppet.mesh.bounds[:, 1]
-    for point, joint in zip(puppet.points, joints, strict=True):
-        if (point.name in only) if only else not point.joint:
-            name = point.name
-            if _AUTOMATIC.fullmatch(name):
-                name = unused(spoken_joint(joint), {p.name: p for p in project.puppet(puppet_id).points})
-            foot = point.foot or puppet.mesh.vertices[point.vertex, 1] < low + _FOOT * (high - low)
-            project = change_point(project, puppet_id, point.name, joint=joint, name=name, foot=bool(foot))
+    for number, joint in zip(wanted, joints, strict=True):
+        point = puppet.points[number]
+        foot = point.foot or puppet.mesh.vertices[point.vertex, 1] < low + _FOOT * (high - low)
+        project = paired(project, puppet_id, point.name, joint)
+        name = project.puppet(puppet_id).points[number].name
+        project = change_point(project, puppet_id, name, foot=bool(foot))
     return project
+
+
+def paired(project: Project, puppet_id: str, point: str, joint: str) -> Project:
+    """A project with a control point paired with a joint; called after it where nobody named it."""
+    names = {one.name: one for one in project.puppet(puppet_id).points}
+    name = unused(spoken_joint(joint), names) if _AUTOMATIC.fullmatch(point) else point
+    return change_point(project, puppet_id, point, joint=joint, name=name)
 
 
 def spoken_joint(joint: str) -> str:
     """A joint as people call it: "LeftHandIndex1 end" is "left hand"."""
     words = [word.lower() for word in _WORD.findall(joint)]
     kept = [word for word in words if word not in _NO_WORDS]
-    return " ".join(kept) or joint.lower() or "point"
+    sides = [word for word in kept if word in ("left", "right")]
+    return " ".join([*sides, *(word for word in kept if word not in sides)]) or joint.lower() or "point"
 
 
 def stood(project: Project, puppet_id: str, axis: str) -> Project:

@@ -14,12 +14,13 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.examples.performer import turned_about_y, yaw_of
 from enliven.mapping.facing import facing_of
-from enliven.modeling.puppets import change_point, play_take
+from enliven.modeling.puppets import play_take
 from enliven.motion.clip import Clip
 from enliven.shape import still_shape
 from enliven.skeleton import Skeleton
 from enliven_viewer.camera import OrbitCamera
 from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.examples.edits import paired
 from enliven_viewer.studio.examples.times import layer_of, seconds_at
 from enliven_viewer.studio.overlay import Point
 from enliven_viewer.studio.picking import Lens
@@ -190,9 +191,7 @@ class PerformerView:
             return
         name, chosen = puppet.id, puppet.points[number]
         if chosen.joint != joint:
-            editor.edit(
-                f"pair {chosen.name}", lambda project: change_point(project, name, chosen.name, joint=joint)
-            )
+            editor.edit(f"pair {chosen.name}", lambda project: paired(project, name, chosen.name, joint))
 
     def move(self, at: Point) -> None:
         """Light what is under the pointer, or turn the view (and the stage with it)."""
