@@ -101,6 +101,16 @@ class Examples:
                 raise InputError(what, where=_WHERE, mend="Remove one, or choose another frame for it.")
 
 
+def distinct(sources: Float) -> list[int]:
+    """The poses (n, P, 3) that are no earlier one again."""
+    kept: list[int] = []
+    least = _EQUAL * max(_size(sources), 1e-12)
+    for number, pose in enumerate(sources):
+        if all(np.sqrt(((pose - sources[other]) ** 2).mean()) > least for other in kept):
+            kept.append(number)
+    return kept
+
+
 def _size(poses: Float) -> float:
     """Root mean square length of (n, P, 3); 1 where all is zero."""
     return float(np.sqrt((poses**2).sum(2).mean())) or 1.0

@@ -14,7 +14,7 @@ from enliven.errors import InputError
 from enliven.examples.locomotion import LocomotionSettings
 from enliven.examples.performer import performed
 from enliven.examples.performers import cast
-from enliven.examples.poses import Examples
+from enliven.examples.poses import Examples, distinct
 from enliven.examples.settings import ExampleSettings
 from enliven.examples.symmetric import doubled, partners_of
 from enliven.mesh import Mesh
@@ -118,9 +118,11 @@ def examples_with(
 
 
 def some_of(examples: Examples, pairs: Sequence[int]) -> Examples:
-    """The examples of some of the pairs alone."""
+    """The examples of some of the pairs alone; of those that their joints do not tell apart the first."""
     joints, points = (tuple(names[k] for k in pairs) for names in (examples.joints, examples.points))
-    return Examples(joints, points, examples.sources[:, pairs], examples.targets[:, pairs])
+    sources, targets = examples.sources[:, pairs], examples.targets[:, pairs]
+    kept = distinct(sources)
+    return Examples(joints, points, sources[kept], targets[kept])
 
 
 def _left_right(reference: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> Float | None:

@@ -269,23 +269,25 @@ class _Merge:
     def _layers(
         self, ours: dict[str, ControlPoint], theirs: dict[str, ControlPoint]
     ) -> tuple[PuppetLayer, ...]:
-        """The layers of both, each for its own control points."""
-        out = []
-        for puppet, side in ((self._host.puppet, ours), (self._graft.puppet, theirs)):
-            old = {point.name for point in puppet.points}
-            new = [point.name for name, point in side.items() if name not in old]
-            for layer in puppet.layers:
-                names = layer.points or tuple(point.name for point in puppet.points)
-                points = (*(side[name].name for name in names), *new)
-                if side is theirs:
-                    bare = replace(layer, positions=(), velocities=(), couplings=(), travel=False)
-                    out.append(replace(bare, points=points))
-                else:
-                    out.append(replace(layer, points=points))
-        if not self._graft.puppet.layers:
+        """The layers of both, each for its own control points; one for both where they play the same."""
+        host, graft = (
+            [self._moving(layer, puppet, side) for layer in puppet.layers]
+            for puppet, side in ((self._host.puppet, ours), (self._graft.puppet, theirs))
+        )
+        bare = [replace(one, positions=(), velocities=(), couplings=(), travel=False) for one in graft]
+        if not bare:
             carried = tuple(point.name for point in theirs.values())
-            out = [replace(layer, points=(*layer.points, *carried)) for layer in out]
-        return tuple(out)
+            return tuple(replace(layer, points=(*layer.points, *carried)) for layer in host)
+        if self.rides and len(bare) == len(host):
+            both = zip(host, bare, strict=True)
+            return tuple(replace(one, points=(*one.points, *other.points)) for one, other in both)
+        return (*host, *bare)
+
+    def _moving(self, layer: PuppetLayer, puppet: Puppet, side: dict[str, ControlPoint]) -> PuppetLayer:
+        """A layer of one of the two, its control points by their new names, with those that are new."""
+        old = [point.name for point in puppet.points]
+        new = [point.name for name, point in side.items() if name not in old]
+        return replace(layer, points=(*(side[name].name for name in layer.points or old), *new))
 
 
 def _in_step(host: Puppet, graft: Puppet) -> bool:

@@ -131,18 +131,22 @@ def points_needed(
     """
     held, added = [point.vertex for point in puppet.points], [int(vertex) for vertex in among]
     weights = [point.weight for point in puppet.points]
-    surface = PuppetSurface(puppet.mesh, [], None, puppet.surface)
+    surface, asked = PuppetSurface(puppet.mesh, [], None, puppet.surface), np.arange(len(was))
     while True:
         all_held = [*held, *added]
         if not all_held or not len(was):
             return added, 0.0
         surface.hold(all_held, [*weights, *[None] * len(added)])
-        off = np.linalg.norm(shown(surface, was[:, all_held]) - was, axis=2).max(0)
-        off[~known] = 0.0
-        worst = float(off.max())
+        each = np.linalg.norm(shown(surface, was[asked][:, all_held]) - was[asked], axis=2) * known
+        off, worst = each.max(0), float(each.max())
         off[all_held] = 0.0
         if worst <= tolerance or len(added) >= most or off.max() <= 0.0:
-            return added, worst
+            if len(asked) == len(was):
+                return added, worst
+            # Those that were near enough before are looked at again at the end.
+            asked, most = np.arange(len(was)), 0 if worst > tolerance else most
+            continue
+        asked = asked[each.max(1) > tolerance]
         added += _worst(puppet.mesh.vertices, off, tolerance, min(_AT_ONCE, most - len(added)))
 
 
@@ -234,7 +238,7 @@ def without_points(layer: PuppetLayer, names: set[str]) -> PuppetLayer:
     )
 
 
-_AT_ONCE = 3
+_AT_ONCE = 4
 """Control points that are added before the surface is looked at again."""
 _STILL = 0.02
 """A joint tells nothing that moves less than this share of what another does."""

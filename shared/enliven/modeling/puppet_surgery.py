@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from enliven.arrays import Int
-from enliven.deformation.puppet_surface import PuppetSurface
+from enliven.arrays import Float, Int
 from enliven.examples.puppet_motion import in_world
 from enliven.modeling.cut_pieces import Piece
 from enliven.modeling.cut_surfaces import CutSurface
@@ -86,10 +85,14 @@ def cut_puppet(
     cut = cut_by_stroke(puppet.mesh, None, stroke, seen)
     told.extend(cut.notes)
     far_id = unused(puppet_id, {**project.shapes, **project.graphs, **project.puppets})
-    whole = with_moment(project, puppet, time)
+    whole = unfolded(project, with_moment(project, puppet, time))
+    places = [pose.places for pose in whole.poses]
+    was = shown(surface, np.array(places).reshape(len(places), len(whole.points), 3))
+    if puppet.symmetry is not None:
+        told.append("The halves have no plane of symmetry; mirrored key poses became their own.")
     halves = []
     for piece, name in ((cut.near, puppet_id), (cut.far, far_id)):
-        half = _Half(project, whole, surface, piece, settings or PuppetCutSettings()).made(name, told)
+        half = _Half(project, whole, was, piece, settings or PuppetCutSettings()).made(name, told)
         now = state_at(project.with_puppets(half), half, time)
         halves.append(stood_as(half, now, puppet, before))
     return project.with_puppets(*halves), (puppet_id, far_id)
@@ -102,14 +105,12 @@ class _Half:
         self,
         project: Project,
         whole: Puppet,
-        surface: PuppetSurface,
+        was: Float,
         piece: Piece,
         settings: PuppetCutSettings,
     ) -> None:
-        self._folded, self._whole, self._piece = whole, unfolded(project, whole), piece
+        self._whole, self._piece = whole, piece
         self._project, self._settings, self._telling = project, settings, telling(project, self._whole)
-        places = [pose.places for pose in self._whole.poses]
-        was = shown(surface, np.array(places).reshape(len(places), len(whole.points), 3))
         self._old = piece.kept >= 0
         self._number = np.full(len(whole.mesh.vertices), -1)
         self._number[piece.kept[self._old]] = np.flatnonzero(self._old)
@@ -165,8 +166,6 @@ class _Half:
             f"{name!r} got {added} control points; in its key poses it is within {1000 * worst:.1f} mm "
             f"({100 * worst / size:.2f} % of the whole's size) of what it was."
         )
-        if self._folded.symmetry is not None:
-            notes.append(f"{name!r} has no plane of symmetry any more; mirrored key poses became its own.")
 
     def _border(self) -> Int:
         """The kept vertices that the cut is next to."""
