@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from enliven.errors import InputError, ResourceError
+from enliven.commands.example_files import Job, opened, sheet_maker, span_of, writer
+from enliven.errors import InputError
 
 if TYPE_CHECKING:
     from enliven.mesh import Axis
-    from enliven.project import Project
-    from enliven.puppet import Puppet
 
 examples = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
@@ -99,10 +95,10 @@ def check(
       enliven examples check show.enliven --puppet cactus
     """
     from enliven.examples.coverage import coverage_of, unposed
-    from enliven.examples.puppet_motion import missing
+    from enliven.examples.puppet_motion import missing, motion_of
 
-    opened = _opened(session, puppet)
-    project, made = opened.project, opened.puppet
+    found = opened(session, puppet)
+    project, made = found.project, found.puppet
     pairs = ", ".join(f"{p.name} - {p.joint or 'nothing'}{' (foot)' if p.foot else ''}" for p in made.points)
     typer.echo(f"enliven: {made.id}: {len(made.points)} control points: {pairs or 'none'}")
     shown = ", ".join(f"{pose.time:.2f} s of {pose.take}" for pose in made.poses)
@@ -116,6 +112,7 @@ def check(
         raise typer.Exit(3)
     for number in range(len(made.layers)):
         typer.echo(f"enliven: {coverage_of(project, made, number)}")
+        _say(*motion_of(project, made, number).notes)
     if lacking:
         raise typer.Exit(3)
 
@@ -149,107 +146,24 @@ def fit(
     """
     from enliven.examples.puppet_motion import missing, motion_of
 
-    write = _writer(output)
-    draw = _sheet_maker() if sheet else None
-    opened = _opened(session, puppet)
-    project, made = opened.project, opened.puppet
+    write = writer(output)
+    draw = sheet_maker() if sheet else None
+    found = opened(session, puppet)
+    project, made = found.project, found.puppet
     lacking = missing(project, made)
     if lacking:
         raise InputError(lacking[0], where=str(session), mend=" ".join(lacking[1:]))
     if not any(not layer.muted for layer in made.layers):
         raise InputError("it plays nothing", where=str(session), mend="Say what it plays: [[layer]].")
-    _say(*opened.notes)
+    _say(*found.notes)
     for number, layer in enumerate(made.layers):
         if not layer.muted:
             _say(*motion_of(project, made, number).notes)
-    span = _span(project, made, start, end)
-    said = write(_Job(project, made, output, span, rate, morphs))
+    span = span_of(project, made, start, end)
+    said = write(Job(project, made, output, span, rate, morphs))
     if sheet and draw:
         draw(sheet, project, made, span)
     typer.echo(f"enliven: {len(made.poses)} key poses, {span[1] - span[0]:.2f} s are in {output}{said}")
-
-
-@dataclass(frozen=True)
-class _Opened:
-    """What a file has: a project, the puppet that is meant, and what was odd."""
-
-    project: Project
-    puppet: Puppet
-    notes: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class _Job:
-    """What is to be written."""
-
-    project: Project
-    puppet: Puppet
-    output: Path
-    span: tuple[float, float]
-    rate: float
-    morphs: bool
-
-
-def _opened(path: Path, name: str | None) -> _Opened:
-    """A session, or a puppet of a project: the one of that name, or the first."""
-    from enliven.formats.example_session import read_session
-    from enliven.formats.project_file import read_project
-
-    if path.suffix.lower() == ".enliven":
-        project, notes = read_project(path), ()
-        if name is None and not project.puppets:
-            raise InputError("it has no puppet", where=str(path), mend="Make one of a mesh first.")
-        return _Opened(project, project.puppet(name or next(iter(project.puppets))), notes)
-    session = read_session(path)
-    return _Opened(session.project, session.project.puppet(name or session.puppet), session.notes)
-
-
-def _writer(output: Path) -> Callable[[_Job], str]:
-    """What makes a file of that kind."""
-    kinds = {".glb": _write_glb, ".mcap": _write_take, ".enliven": _write_project}
-    kind = output.suffix.lower()
-    if kind not in kinds:
-        what = f"{kind or 'a file without an ending'} cannot be made"
-        raise InputError(what, where=str(output), mend=f"Known: {', '.join(kinds)}.")
-    return kinds[kind]
-
-
-def _write_glb(job: _Job) -> str:
-    from enliven.formats.gltf_write import write_gltf
-    from enliven.formats.puppet_performance import puppet_performance_of
-
-    made = puppet_performance_of(
-        job.project, job.puppet.id, *job.span, job.rate, how="morphs" if job.morphs else "skin"
-    )
-    write_gltf(job.output, [made], job.puppet.id)
-    return f"; {made.error}"
-
-
-def _write_take(job: _Job) -> str:
-    from enliven.formats.example_take import write_puppet_take
-
-    write_puppet_take(job.output, job.project, job.puppet, *job.span, job.rate)
-    return ""
-
-
-def _write_project(job: _Job) -> str:
-    from enliven.formats.project_file import write_project
-
-    write_project(job.output, job.project)
-    return ""
-
-
-def _span(project: Project, puppet: Puppet, start: float, end: float | None) -> tuple[float, float]:
-    """Seconds from when to when."""
-    from enliven.examples.puppet_motion import length_of_puppets
-    from enliven.project import Project
-
-    alone = Project(takes=project.takes, puppets={puppet.id: puppet})
-    stop = length_of_puppets(alone) if end is None else end
-    if stop <= start:
-        what = f"from {start:g} s to {stop:g} s is nothing"
-        raise InputError(what, where=f"puppet {puppet.id!r}", mend="Choose other --start and --end.")
-    return start, stop
 
 
 def _from(session: Path, file: Path) -> str:
@@ -268,14 +182,3 @@ def _axis(name: str) -> Axis:
 def _say(*notes: str) -> None:
     for note in notes:
         typer.echo(f"enliven: {note}", err=True)
-
-
-def _sheet_maker() -> Callable[..., None]:
-    """The function that draws sheets, of whichever package brings it."""
-    for entry in entry_points(group="enliven.pictures"):
-        if entry.name == "puppet":
-            made: Callable[..., None] = entry.load()
-            return made
-    raise ResourceError(
-        "a sheet cannot be drawn", where="--sheet", mend="Install the viewer's package, enliven-viewer."
-    )

@@ -63,7 +63,7 @@ def paste_shape(
         ids[name] = unused(name, taken)
         taken[ids[name]] = None
         made.append(replace(layer, id=ids[name], take=takes[layer.take], offset=layer.offset + delay))
-    copy_id = unused(shape_id, project.shapes)
+    copy_id = unused(shape_id, {**project.shapes, **project.graphs, **project.puppets})
     copy = _with_layers(shape, ids).with_changes(id=copy_id, place=shape.place + offset)
     return project.with_layers(*made).with_shapes(copy), copy_id
 

@@ -39,7 +39,7 @@ def paste_graph(
             stream = replace(stream, id=unused(stream.id, project.streams))
             project = project.with_streams(stream)
         ids.setdefault(part.stream, stream.id)
-    copy_id = unused(shape_id, {**project.shapes, **project.graphs})
+    copy_id = unused(shape_id, {**project.shapes, **project.graphs, **project.puppets})
     parts = tuple(replace(part, stream=ids[part.stream], offset=part.offset + delay) for part in shape.parts)
     return project.with_graphs(shape.with_changes(id=copy_id, parts=parts)), copy_id
 

@@ -1,0 +1,109 @@
+"""What ``enliven examples`` opens and makes: sessions, projects, films for other programs, takes, sheets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from enliven.errors import InputError, ResourceError
+
+if TYPE_CHECKING:
+    from enliven.project import Project
+    from enliven.puppet import Puppet
+
+
+@dataclass(frozen=True)
+class Opened:
+    """What a file has: a project, the puppet that is meant, and what was odd."""
+
+    project: Project
+    puppet: Puppet
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is to be written."""
+
+    project: Project
+    puppet: Puppet
+    output: Path
+    span: tuple[float, float]
+    rate: float
+    morphs: bool
+
+
+def opened(path: Path, name: str | None) -> Opened:
+    """A session, or a puppet of a project: the one of that name, or the first."""
+    from enliven.formats.example_session import read_session
+    from enliven.formats.project_file import read_project
+
+    if path.suffix.lower() == ".enliven":
+        project, notes = read_project(path), ()
+        if name is None and not project.puppets:
+            raise InputError("it has no puppet", where=str(path), mend="Make one of a mesh first.")
+        return Opened(project, project.puppet(name or next(iter(project.puppets))), notes)
+    session = read_session(path)
+    return Opened(session.project, session.project.puppet(name or session.puppet), session.notes)
+
+
+def writer(output: Path) -> Callable[[Job], str]:
+    """What makes a file of that kind."""
+    kinds = {".glb": _write_glb, ".mcap": _write_take, ".enliven": _write_project}
+    kind = output.suffix.lower()
+    if kind not in kinds:
+        what = f"{kind or 'a file without an ending'} cannot be made"
+        raise InputError(what, where=str(output), mend=f"Known: {', '.join(kinds)}.")
+    return kinds[kind]
+
+
+def _write_glb(job: Job) -> str:
+    from enliven.formats.gltf_write import write_gltf
+    from enliven.formats.puppet_performance import puppet_performance_of
+
+    made = puppet_performance_of(
+        job.project, job.puppet.id, *job.span, job.rate, how="morphs" if job.morphs else "skin"
+    )
+    write_gltf(job.output, [made], job.puppet.id)
+    return f"; {made.error}"
+
+
+def _write_take(job: Job) -> str:
+    from enliven.formats.example_take import write_puppet_take
+
+    write_puppet_take(job.output, job.project, job.puppet, *job.span, job.rate)
+    return ""
+
+
+def _write_project(job: Job) -> str:
+    from enliven.formats.project_file import write_project
+
+    write_project(job.output, job.project)
+    return ""
+
+
+def span_of(project: Project, puppet: Puppet, start: float, end: float | None) -> tuple[float, float]:
+    """Seconds from when to when."""
+    from enliven.examples.puppet_motion import length_of_puppets
+    from enliven.project import Project
+
+    alone = Project(takes=project.takes, puppets={puppet.id: puppet})
+    stop = length_of_puppets(alone) if end is None else end
+    if stop <= start:
+        what = f"from {start:g} s to {stop:g} s is nothing"
+        raise InputError(what, where=f"puppet {puppet.id!r}", mend="Choose other --start and --end.")
+    return start, stop
+
+
+def sheet_maker() -> Callable[..., None]:
+    """The function that draws sheets, of whichever package brings it."""
+    for entry in entry_points(group="enliven.pictures"):
+        if entry.name == "puppet":
+            made: Callable[..., None] = entry.load()
+            return made
+    raise ResourceError(
+        "a sheet cannot be drawn", where="--sheet", mend="Install the viewer's package, enliven-viewer."
+    )
