@@ -7,7 +7,7 @@ import pytest
 from made_studio_puppets import star, studio, vertex
 
 from enliven.formats.project_file import read_project, write_project
-from enliven.modeling.puppets import add_key_pose, change_point
+from enliven.modeling.puppets import add_key_pose, add_point, change_point, make_puppet, play_take
 from enliven.project import same
 from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.session import (
@@ -29,6 +29,14 @@ def tool_of(desk: Desk) -> PuppetTool:
     tool = desk.hand.tools["puppet"]
     assert isinstance(tool, PuppetTool)
     return tool
+
+
+def two_poses(desk: Desk) -> None:
+    """The first two key poses of the chosen star: at rest, and bent to its left."""
+    rest = desk.puppets.puppet.rest
+    bent = rest + np.linspace(0.0, 0.3, len(rest))[::-1, None] * [1.0, 0.3, 0.0]
+    for time, places in ((0.0, rest), (0.8, bent)):
+        desk.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "star", "sway", t, q))
 
 
 def bad(desk: Desk) -> list[str]:
@@ -204,10 +212,7 @@ def test_a_puppet_is_made_of_a_shape_which_stays(tmp_path, make_limb) -> None:
 
 def test_it_plays_what_the_examples_say_and_the_project_comes_back(tmp_path) -> None:
     desk, _ = studio(tmp_path, "head", "left", "right", "foot", take="sway")
-    rest = desk.puppets.puppet.rest
-    bent = np.add(rest, [[0.2, 0, 0], [0.1, 0.2, 0], [0.1, -0.2, 0], [0, 0, 0]])
-    for time, places in ((0.0, rest), (0.8, bent)):
-        desk.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "star", "sway", t, q))
+    two_poses(desk)
     desk.editor.solving.settle(desk.editor.project, "star")
     seen = []
     for _ in range(12):
@@ -222,10 +227,7 @@ def test_it_plays_what_the_examples_say_and_the_project_comes_back(tmp_path) -> 
 
 def test_scrubbing_shows_the_same_whatever_came_before(tmp_path) -> None:
     desk, _ = studio(tmp_path, "head", "left", "right", "foot", take="sway")
-    rest = desk.puppets.puppet.rest
-    bent = np.add(rest, [[0.2, 0, 0], [0.1, 0.2, 0], [0.1, -0.2, 0], [0, 0, 0]])
-    for time, places in ((0.0, rest), (0.8, bent)):
-        desk.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "star", "sway", t, q))
+    two_poses(desk)
     desk.editor.solving.settle(desk.editor.project, "star")
     found = []
     for before in (0.0, 2.5):
@@ -268,12 +270,8 @@ def test_without_a_puppet_the_tool_does_nothing(tmp_path) -> None:
 
 def test_a_stroke_cuts_a_puppet_and_both_parts_go_on(tmp_path) -> None:
     desk, stage = studio(tmp_path, "head", "left", "right", "foot", "other", take="sway")
-    rest = desk.puppets.puppet.rest
-    bent = np.add(rest, [[0.2, 0, 0], [0.1, 0.2, 0], [0.1, -0.2, 0], [0, 0, 0], [0, 0, 0]])
-    for time, places in ((0.0, rest), (0.8, bent)):
-        desk.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "star", "sway", t, q))
-    for point, joint in (("other", "root"),):
-        desk.editor.edit("pair", lambda p, n=point, j=joint: change_point(p, "star", n, joint=j))
+    two_poses(desk)
+    desk.editor.edit("pair", lambda p: change_point(p, "star", "other", joint="root"))
     desk.editor.camera.face(0.0, 0.0)
     desk.editor.camera.advance(10.0)
     stroke = (Spot(-0.25, 0.35), Spot(-0.25, 0.9))
@@ -283,3 +281,50 @@ def test_a_stroke_cuts_a_puppet_and_both_parts_go_on(tmp_path) -> None:
     assert len(desk.puppets.standing) == 2
     desk.editor.undo()
     assert list(desk.editor.project.puppets) == ["star"]
+
+
+def test_a_puppet_dropped_with_shift_on_another_becomes_one_with_it(tmp_path) -> None:
+    desk, stage = studio(tmp_path, "head", "left", "right", "foot", take="sway")
+    two_poses(desk)
+    desk.editor.camera.face(0.0, 0.0)
+    desk.editor.camera.advance(10.0)
+    play([Key("ctrl+d"), Key("f"), Key("g")], stage)
+    belly = int(np.linalg.norm(star().vertices - [0.0, 0.5, 0.2], axis=1).argmin())
+    arm = int(np.linalg.norm(star().vertices - [0.3, 0.57, 0.1], axis=1).argmin())
+    play([Drag((OnPuppet("star 2", belly), OnPuppet("star", arm)), shift=True)], stage)
+    assert list(desk.editor.project.puppets) == ["star"], [t.text for t in desk.editor.toasts.shown]
+    assert len(desk.puppets.puppet.points) >= 8 and not bad(desk)
+    desk.editor.undo()
+    assert len(desk.editor.project.puppets) == 2
+
+
+def test_a_puppet_is_baked_beside_the_window(tmp_path, make_limb) -> None:
+    desk, stage = studio(tmp_path, take="sway")
+    mesh = make_limb("post").mesh
+    desk.editor.edit("post", lambda p: play_take(make_puppet(p, mesh, "post"), "post", "sway"))
+    for number, joint in ((0, "root"), (len(mesh.vertices) - 1, "bone 3")):
+        desk.editor.edit("put", lambda p, n=number, j=joint: add_point(p, "post", n, j, joint=j))
+    desk.puppets.choose("post")
+    rest = desk.puppets.puppet.rest
+    for time, way in ((0.0, 0.0), (0.8, 0.3)):
+        places = np.add(rest, [[0.0, 0.0, 0.0], [way, 0.0, 0.0]])
+        desk.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "post", "sway", t, q))
+    desk.hand.deeds.puppets.bake()
+    assert "Baking" in desk.editor.toasts.shown[-1].text and "post" in desk.editor.project.puppets
+    desk.puppets.baking.finish()
+    assert (
+        desk.editor.selection.graph == "post" and "post" not in desk.editor.project.puppets and not bad(desk)
+    )
+    play([Key("ctrl+z")], stage)
+    desk.puppets.choose("post")
+    desk.hand.deeds.puppets.bake()
+    desk.puppets.add_point(20)
+    desk.puppets.baking.finish()
+    assert "post" in desk.editor.project.puppets and "changed while" in bad(desk)[-1]
+
+
+def test_what_cannot_move_cannot_be_baked(tmp_path) -> None:
+    desk, _ = studio(tmp_path, "head", take="sway")
+    desk.hand.deeds.puppets.bake()
+    desk.puppets.baking.finish()
+    assert bad(desk) and "star" in desk.editor.project.puppets

@@ -47,6 +47,7 @@ DEEDS = (
     Deed("Shape", "Turn right by 15 degrees", ("ctrl+right",), lambda d: d.turn(-15.0)),
     Deed("Shape", "Turn over", ("ctrl+up",), lambda d: d.turn(180.0)),
     Deed("Shape", "Make a puppet of it", ("ctrl+p",), lambda d: d.puppets.make()),
+    Deed("Shape", "Bake the puppet to a possessed mesh", (), lambda d: d.puppets.bake()),
     Deed("View", "Play or stop", ("space",), Deeds.play),
     Deed("View", "A frame back", ("left",), lambda d: d.step(-1)),
     Deed("View", "A frame on", ("right",), lambda d: d.step(1)),

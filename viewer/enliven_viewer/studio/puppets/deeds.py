@@ -111,6 +111,15 @@ class PuppetDeeds:
         self.editor.toasts.say(f"{name} stays; its puppet stands beside it", "K puts control points on it.")
         return True
 
+    def bake(self) -> bool:
+        """Make a possessed mesh of the puppet, which does what it does and can be merged with others."""
+        puppet = self.editor.puppets.puppet
+        if puppet is None:
+            self.editor.toasts.say("No puppet is chosen", "Click one first.")
+            return False
+        self.editor.puppets.baking.begin(puppet)
+        return True
+
     def _chosen_mesh(self) -> tuple[str, Mesh] | None:
         editor, chosen = self.editor, self.editor.selection
         if chosen.shape is not None:

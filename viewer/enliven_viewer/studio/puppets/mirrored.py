@@ -42,13 +42,16 @@ def partner_point(puppet: Puppet, point: int) -> int | None:
 
 
 def mirrored_places(puppet: Puppet, places: Float, point: int) -> Float:
-    """(P, 3) places, the partner of ``point`` at its mirror image; on the plane it stays on it."""
+    """(P, 3) places, the partner of ``point`` gone from its rest as that did, mirrored.
+
+    A control point that is its own partner goes along the plane only.
+    """
     plane, other = plane_for(puppet), partner_point(puppet, point)
     if plane is None or other is None:
         return places
-    made = np.array(places)
-    image = _image(places[point], plane)
-    made[other] = (image + places[point]) / 2 if other == point else image
+    made, way = np.array(places), places[point] - puppet.rest[point]
+    mirrored = reflected(way, np.zeros(3), np.asarray(plane.normal))
+    made[other] = puppet.rest[other] + ((mirrored + way) / 2 if other == point else mirrored)
     return made
 
 

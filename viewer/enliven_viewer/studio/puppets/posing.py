@@ -26,6 +26,7 @@ from enliven.modeling.puppets import (
 from enliven.motion.clip import Clip
 from enliven.project import Project
 from enliven.puppet import KeyPose, Puppet
+from enliven_viewer.studio.puppets.baking import Baking
 from enliven_viewer.studio.puppets.chosen import Chosen
 from enliven_viewer.studio.puppets.crossing import Crossing
 from enliven_viewer.studio.puppets.kept import middle_of, size_of
@@ -59,6 +60,7 @@ class PuppetDesk(Chosen):
         self.silhouette, self.warn = True, True
         self.way: State | None = None
         self.crossing = Crossing()
+        self.baking = Baking(editor)
         self._key: tuple[str, int] | None = None
         self._before: dict[int, Float] | None = None
         self._dragged: Float | None = None
@@ -70,6 +72,7 @@ class PuppetDesk(Chosen):
         if self._key is not None and (elsewhere or self.editor.selection.puppet != self._key[0]):
             self.accept()
         self.stage.improve()
+        self.baking.poll()
         standing = self.stage.standing_of(self.puppet.id) if self.puppet is not None else None
         if standing is not None and self.dragging and len(standing.puppet.mesh.faces) > _MANY:
             return  # so many are looked at when the drag is over

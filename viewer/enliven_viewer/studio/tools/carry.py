@@ -34,6 +34,8 @@ class Carry(Tool):
             return "Let go to merge here; the motions of both are kept."
         if self._grip is not None:
             return "Let go anywhere; with Shift over another possessed mesh to make one of the two."
+        if self._puppet is not None:
+            return "Let go anywhere; with Shift over another puppet to make one of the two."
         if self._held is not None:
             return "Bring the red root onto a node of another shape to merge, or let go anywhere."
         return "Drag a shape to move it. Drop its red root on another shape's node to merge the two."
@@ -76,7 +78,7 @@ class Carry(Tool):
             grip.drop(pointer)
         puppet, self._puppet = self._puppet, None
         if puppet is not None and self.editor.draft is not None:
-            self.editor.edit(f"move {puppet.puppet}", lambda project: puppet.moved(project, pointer))
+            puppet.drop(pointer)
         if self._held is None:
             return
         held, graft, dragged = self._held, self._graft, self.editor.draft is not None

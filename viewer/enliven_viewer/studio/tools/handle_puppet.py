@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.modeling.puppet_surgery import merge_puppets
 from enliven.modeling.puppets import move_puppet, turn_puppet
 from enliven.project import Project
 from enliven.rotation import from_rotation_vector
@@ -43,3 +44,20 @@ class PuppetHold:
         """The project with the puppet turned about the upright, by as much as the pointer went across."""
         angle = _TURN * (pointer.at[0] - self._start.at[0])
         return turn_puppet(project, self.puppet, from_rotation_vector(_UPRIGHT * angle))
+
+    def drop(self, pointer: Pointer) -> None:
+        """Let go: there, or with Shift as one with the puppet that is under the pointer."""
+        editor, time = self.editor, self.editor.time
+        others = [one for one in editor.puppets.standing if one.puppet.id != self.puppet]
+        under = puppet_at(others, editor.lens, pointer.at) if pointer.shift else None
+        if under is None:
+            editor.edit(f"move {self.puppet}", lambda project: self.moved(project, pointer))
+            return
+        host, notes = under[0].puppet.id, list[str]()
+
+        def change(project: Project) -> Project:
+            return merge_puppets(self.moved(project, pointer), host, self.puppet, time, notes=notes)
+
+        if editor.edit(f"merge {self.puppet}", change):
+            editor.puppets.choose(host)
+            editor.toasts.say(f"{self.puppet} is now part of {host}", *notes[:1])
