@@ -206,9 +206,10 @@ def _add_performance(editor: Editor, path: Path) -> None:
         return project
 
     if editor.edit(f"open {path.name}", add):
-        editor.toasts.say(
-            f"{path.name} brought {', '.join(added)}", "What was possessed can be cut and merged."
-        )
+        mend = "What was possessed can be cut and merged."
+        if editor.puppets.puppet is not None:
+            mend = f"Choose a take in the performer's view for {editor.puppets.puppet.id}."
+        editor.toasts.say(f"{path.name} brought {', '.join(added)}", mend)
         editor.frame_all()
 
 
