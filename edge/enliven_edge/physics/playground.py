@@ -19,6 +19,7 @@ from enliven_edge.physics.performers import body_spheres
 from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.physics.towers import Towers
 from enliven_edge.physics.world import PropSpecs, World
+from enliven_edge.puppets.skin import roughly_skinned
 
 log = logging.getLogger(__name__)
 
@@ -72,7 +73,7 @@ class Playground:
 
     def introduce(self, character: Character) -> None:
         """A character, or a new version of one: its spheres are packed now, not when it first moves."""
-        proxies = pack_spheres(character, self.settings.spheres)
+        proxies = pack_spheres(roughly_skinned(character), self.settings.spheres)
         self._proxies[character.id] = character, proxies
         log.info("%s is %d spheres of %.3f m", character.id, len(proxies), proxies.radius)
 

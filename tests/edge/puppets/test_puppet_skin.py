@@ -1,0 +1,41 @@
+"""A puppet that loose things bump into is near where its surface is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.cactus_puppet import cactus_project
+from enliven.character import Pose
+from enliven.deformation.puppet_surface import PuppetSurface
+from enliven.puppet import character_of_puppet
+from enliven_edge.puppets.skin import roughly_skinned
+
+PUPPET = cactus_project(0.05).puppet("cactus")
+CHARACTER = character_of_puppet(PUPPET)
+
+
+def skinned(character, pose: Pose) -> np.ndarray:
+    matrices = pose.matrices(character.pivots)[character.skin.indices]
+    vertices = np.concatenate([character.vertices, np.ones((len(character.vertices), 1))], 1)
+    return np.einsum("vk,vkab,vb->va", character.skin.weights, matrices, vertices)
+
+
+def test_arms_are_nearly_where_they_are_solved_to_be() -> None:
+    rough = roughly_skinned(CHARACTER)
+    assert rough.kind == "bones"
+    rigid = near = 0.0
+    for key in PUPPET.poses[1:5]:
+        surface = PuppetSurface(PUPPET.mesh, [p.vertex for p in PUPPET.points], None, PUPPET.surface)
+        solved = surface.settle(key.places)
+        linear = np.tile(np.eye(3, dtype=np.float32), (len(CHARACTER.pivots), 1, 1))
+        pose = Pose("cactus", 0, linear, np.vstack([np.zeros(3), key.places]).astype(np.float32))
+        rigid += np.linalg.norm(CHARACTER.vertices - solved, axis=1).mean()
+        near += np.linalg.norm(skinned(rough, pose) - solved, axis=1).mean()
+    assert near < 0.6 * rigid
+    at_rest = skinned(rough, CHARACTER.rest_pose())
+    np.testing.assert_allclose(at_rest, CHARACTER.vertices, atol=1e-5)
+
+
+def test_other_characters_stay_as_they_are() -> None:
+    bones = roughly_skinned(CHARACTER)
+    assert roughly_skinned(bones) is bones
