@@ -130,7 +130,8 @@ def renamed_puppet(project: Project, old: str, new: str) -> Project:
 
 
 def with_setting(project: Project, puppet_id: str, group: str, name: str, value: Any) -> Project:
-    """A project with one number of a puppet's settings changed: ``group`` is "examples" or "surface"."""
+    """A project with one number of a puppet's settings changed: ``group`` is "examples", "surface"
+    or "locomotion"."""
     puppet = project.puppet(puppet_id)
     return project.with_puppets(
         puppet.with_changes(**{group: replace(getattr(puppet, group), **{name: value})})
@@ -140,9 +141,8 @@ def with_setting(project: Project, puppet_id: str, group: str, name: str, value:
 def with_default_settings(project: Project, puppet_id: str) -> Project:
     """A project with a puppet's settings as they are by default."""
     puppet = project.puppet(puppet_id)
-    return project.with_puppets(
-        puppet.with_changes(examples=type(puppet.examples)(), surface=type(puppet.surface)())
-    )
+    plain = {name: type(getattr(puppet, name))() for name in ("examples", "surface", "locomotion")}
+    return project.with_puppets(puppet.with_changes(**plain))
 
 
 def held_of(project: Project, puppet_id: str, layer: int) -> tuple[Held, ...]:
