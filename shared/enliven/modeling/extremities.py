@@ -1,31 +1,98 @@
-"""The ends of a mesh's limbs, where control points are suggested."""
+"""The ends of a mesh's limbs, where control points are suggested.
+
+How far a point of the surface is from all others, along the surface, in the mean (M. Hilaga et al., "Topology
+matching", 2001) is largest at the ends of limbs. An end counts by how far one must come back from it to get
+to one that is farther out (its persistence): a hand first by its longest finger, then by its other ones.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-from enliven.arrays import Int
+from enliven.arrays import Float, Int
 from enliven.deformation.surface import Net, net_of
+from enliven.errors import InputError
 from enliven.mesh import Mesh
+from enliven.union_find import root_of
 
 _NODES = 200
 """The net has some forty points for each."""
+_SOURCES = 32
+_LEAST = 0.02
+"""Part of the longest way along the mesh; ends that stand out less are none."""
 
 
 def extremities(mesh: Mesh, most: int = 12) -> Int:
-    """(K,) vertices at the ends of limbs, K at most ``most``, the most extreme first."""
+    """(K,) vertices at the ends of limbs, K at most ``most``, those that stand out most first.
+
+    Raises:
+        InputError: for a mesh without area.
+    """
+    if not mesh.area > 0:
+        raise InputError("the mesh has no area", where=mesh.name, mend="Give a mesh with faces.")
     net = net_of(mesh, float(np.sqrt(mesh.area / _NODES)))
     ways = _ways(net)
-    middle = int(np.argmin(np.linalg.norm(net.points - net.points.mean(0), axis=1)))
-    near = dijkstra(ways, indices=middle)
-    chosen: list[int] = []
-    while len(chosen) < most:
-        chosen.append(int(near.argmax()))
-        near = np.minimum(near, dijkstra(ways, indices=chosen[-1]))
-    return _vertices_of(net, mesh, chosen)
+    from_sources = _spread_out(ways, _SOURCES)
+    far = from_sources.mean(0)
+    tips, persistence = _peaks(ways.indptr, ways.indices, far, np.argsort(-far, kind="stable"))
+    persistence[np.argmax(persistence)] = np.inf
+    order = np.argsort(-persistence, kind="stable")
+    longest = float(from_sources.max())
+    chosen = [int(tips[k]) for k in order[:most] if persistence[k] > _LEAST * longest]
+    used = np.unique(mesh.faces)
+    return np.asarray(used[cKDTree(mesh.vertices[used]).query(net.points[chosen])[1]], np.int64)
+
+
+def _spread_out(ways: csr_matrix, count: int) -> Float:
+    """(S, C) metres along the surface from some points that are far from each other."""
+    rows = [dijkstra(ways, indices=0)]
+    near = rows.pop()
+    for _ in range(min(count, ways.shape[0])):
+        rows.append(dijkstra(ways, indices=int(near.argmax())))
+        near = rows[0] if len(rows) == 1 else np.minimum(near, rows[-1])
+    return np.array(rows)
+
+
+@njit(cache=True, nogil=True)
+def _peaks(offsets, neighbours, height, order):  # type: ignore[no-untyped-def]
+    """The points that are higher than all around them, and how far each stands over its pass to a higher one.
+
+    The surface comes out of the water from the highest point down; where two islands meet, the lower one's
+    peak has found its pass.
+
+    Args:
+        order: (C,) the points from the highest down.
+    """
+    count = height.shape[0]
+    parent, peak = np.full(count, -1), np.empty(count, np.int64)
+    over = np.zeros(count)
+    tips, size = np.empty(count, np.int64), 0
+    for v in order:
+        parent[v], peak[v] = v, v
+        alone = True
+        for e in range(offsets[v], offsets[v + 1]):
+            u = neighbours[e]
+            if parent[u] < 0 or u == v:
+                continue
+            alone = False
+            a, b = root_of(parent, u), root_of(parent, v)
+            if a == b:
+                continue
+            if height[peak[a]] < height[peak[b]]:
+                a, b = b, a
+            over[peak[b]] = height[peak[b]] - height[v]
+            parent[b] = a
+        if alone:
+            tips[size] = v
+            size += 1
+    for k in range(size):
+        if peak[root_of(parent, tips[k])] == tips[k]:
+            over[tips[k]] = height[tips[k]]
+    return tips[:size].copy(), over[tips[:size]]
 
 
 def _ways(net: Net) -> csr_matrix:
@@ -44,9 +111,3 @@ def _ways(net: Net) -> csr_matrix:
         rows = np.append(rows, np.flatnonzero(inside)[first])
         columns = np.append(columns, np.flatnonzero(~inside)[other[first]])
         lengths = np.append(lengths, max(float(distance[first]), 1e-12))
-
-
-def _vertices_of(net: Net, mesh: Mesh, points: list[int]) -> Int:
-    """(K,) for each point of the net the nearest vertex of the mesh that a face uses."""
-    used = np.unique(mesh.faces)
-    return np.asarray(used[cKDTree(mesh.vertices[used]).query(net.points[points])[1]], np.int64)
