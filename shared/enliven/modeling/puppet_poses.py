@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray
 from enliven.errors import InputError
-from enliven.examples.puppet_examples import frame_at
+from enliven.examples.puppet_examples import examples_of, frame_at, missing
 from enliven.examples.symmetric import mirrored_places, partners_of
 from enliven.modeling.mirror_plane import plane_of_symmetry
 from enliven.modeling.puppet_points import check_names
@@ -26,12 +26,12 @@ def add_key_pose(project: Project, puppet_id: str, take: str, time: float, place
         places: (P, 3) metres in the mesh's own frame, a row a control point.
 
     Raises:
-        InputError: for a take that is not there, a time outside of it or with a key pose already, and for
-            places that are not finite or not one a control point.
+        InputError: for a take that is not there, a time outside of it or with a key pose already, for places
+            that are not finite or not one a control point, and where the performer's pose is another's.
     """
     puppet = project.puppet(puppet_id)
     pose = _checked(project, puppet, KeyPose(take, float(time), np.asarray(places, np.float64)), None)
-    return project.with_puppets(puppet.with_changes(poses=(*puppet.poses, pose)))
+    return _told_apart(project, puppet.with_changes(poses=(*puppet.poses, pose)))
 
 
 def change_key_pose(project: Project, puppet_id: str, number: int, **changes: Any) -> Project:
@@ -43,9 +43,8 @@ def change_key_pose(project: Project, puppet_id: str, number: int, **changes: An
     puppet = project.puppet(puppet_id)
     old = _pose(puppet, number)
     check_names(changes, KeyPose, f"key pose {number}")
-    return project.with_puppets(
-        _with_pose(puppet, number, _checked(project, puppet, replace(old, **changes), number))
-    )
+    pose = _checked(project, puppet, replace(old, **changes), number)
+    return _told_apart(project, _with_pose(puppet, number, pose))
 
 
 def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
@@ -95,6 +94,14 @@ def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Proje
             what = f"a plane at {plane.point} across {plane.normal} is none"
             raise InputError(what, where=f"puppet {puppet.id!r}", mend="Give a point and a direction.")
     return project.with_puppets(puppet.with_changes(symmetry=plane))
+
+
+def _told_apart(project: Project, puppet: Puppet) -> Project:
+    """The project with the puppet, whose examples must differ as soon as they can be compared."""
+    made = project.with_puppets(puppet)
+    if not missing(made, puppet):
+        examples_of(made, puppet)
+    return made
 
 
 def _pose(puppet: Puppet, number: int) -> KeyPose:

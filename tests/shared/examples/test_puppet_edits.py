@@ -75,7 +75,7 @@ def test_an_edit_leaves_the_project_that_it_was_made_of():
     add_point(project, "stool", 100)
     remove_point(project, "stool", "top")
     change_point(project, "stool", "top", vertex=101, name="head")
-    add_key_pose(project, "stool", "walk", 2.0, project.puppets["stool"].rest)
+    add_key_pose(project, "stool", "walk", 1.9, project.puppets["stool"].rest)
     mirror_key_pose(set_symmetry(project, "stool", SIDES), "stool", 0)
     change_layer(project, "stool", 0, loop=True)
     scale_puppet(project, "stool", 2.0)
@@ -347,6 +347,18 @@ def test_equal_examples_are_refused_by_number_and_the_last_good_motion_stays():
     with pytest.raises(InputError, match="Pose one more example"):
         motion_of(one, one.puppets["stool"], 0)
     assert motion_of(project, puppet, 0) is kept
+
+
+def test_a_key_pose_of_a_pose_that_there_is_is_refused():
+    """The walk is periodic: a second on, the performer is as before."""
+    project = puppet_project(poses=2)
+    rest = project.puppets["stool"].rest
+    with pytest.raises(InputError, match="examples 0 and 2 have the same pose of the performer"):
+        add_key_pose(project, "stool", "walk", 1.0, rest)
+    with pytest.raises(InputError, match="examples 0 and 1 have the same pose of the performer"):
+        change_key_pose(project, "stool", 1, time=2.0)
+    loose = change_point(project, "stool", "top", joint="")
+    assert len(add_key_pose(loose, "stool", "walk", 1.0, rest).puppets["stool"].poses) == 3
 
 
 def test_a_take_that_is_not_finite_is_no_take():
