@@ -20,6 +20,7 @@ from enliven_viewer.studio.session import (
     OnPuppet,
     Pixel,
     Spot,
+    Wait,
     play,
 )
 from enliven_viewer.studio.tools.puppet import PuppetTool
@@ -199,9 +200,9 @@ def test_a_click_chooses_a_puppet_and_one_beside_all_none(tmp_path) -> None:
 
 def test_a_puppet_is_made_of_a_shape_which_stays(tmp_path, make_limb) -> None:
     desk, stage = studio(tmp_path)
-    desk.cabinet.new(desk.editor.project.with_shapes(make_limb("limb")))
-    desk.editor.select(shape="limb")
-    play([Key("ctrl+p")], stage)
+    desk.cabinet.new(desk.editor.project.without_puppet("star").with_shapes(make_limb("limb")))
+    assert desk.editor.selection.shape is None
+    play([Key("f"), Wait(1.0), Click(Spot(0.0, 0.8, 0.05)), Key("ctrl+p")], stage)
     made = desk.editor.project.puppets["limb puppet"]
     assert "limb" in desk.editor.project.shapes and desk.editor.selection.puppet == "limb puppet"
     assert made.mesh.vertices[:, 1].min() == 0.0 and made.place[1] == pytest.approx(0.2)
@@ -263,7 +264,7 @@ def test_a_large_mesh_is_prepared_beside_the_window(tmp_path) -> None:
 def test_without_a_puppet_the_tool_does_nothing(tmp_path) -> None:
     desk, stage = studio(tmp_path)
     desk.cabinet.new()
-    assert "make one" in desk.hand.tool.hint
+    assert "Ctrl+P makes one" in desk.hand.tool.hint
     play([Click(Pixel(0.5, 0.5)), Key("delete"), Key("r"), Key("k"), Key("enter")], stage)
     assert not desk.editor.project.puppets and not bad(desk)
 

@@ -47,6 +47,12 @@ def middle_of(mesh: Mesh) -> Float:
 
 
 @by_mesh
+def normals_of(mesh: Mesh) -> Float:
+    """(V, 3) unit normals of its vertices at rest."""
+    return mesh.vertex_normals()
+
+
+@by_mesh
 def plane_of(mesh: Mesh) -> Plane | None:
     """Its plane of symmetry, or None where it has none."""
     return plane_of_symmetry(mesh)

@@ -22,7 +22,7 @@ LENGTH, _NEAR, _FAR = 84.0, 24.0, 42.0
 _REACH, _RING = 8.0, 13.0
 _EDGE_ON = 0.2
 """A square that is seen nearly from its edge, or an arrow nearly along it, is not offered."""
-_CONE = 0.24
+_CONE, _TRACK = 0.24, 260.0
 PARTS = ("x", "y", "z", "yz", "zx", "xy", "view")
 _STEPS = np.array([1.0, 2.0, 5.0, 10.0])
 
@@ -102,6 +102,8 @@ class Manipulator:
         if not np.isfinite(centre).all():
             return ()
         found: list[Fill | Line | Disc] = []
+        if len(alone) == 1:
+            found += self._track(PARTS.index(alone))
         for axis in range(3):
             part = PARTS[3 + axis]
             if not self._square_seen(axis) or (alone and alone != part):
@@ -114,6 +116,15 @@ class Manipulator:
             tint = _float(HELD_AXIS) if lit == "view" else (1.0, 1.0, 1.0, 0.85)
             found.append(Disc((float(centre[0]), float(centre[1])), _RING, tint, 2.0))
         return tuple(found)
+
+    def _track(self, axis: int) -> list[Line]:
+        """The line along which an arrow is dragged."""
+        ends = self.place + np.outer([-_TRACK, _TRACK], np.eye(3)[axis]) * self.pixel
+        pixels = self.lens.project(ends)[0]
+        if not np.isfinite(pixels).all():
+            return []
+        first, last = ((float(x), float(y)) for x, y in pixels)
+        return [Line((first, last), (*_float(AXES[axis])[:3], 0.55), 1.2)]
 
     def _arrow(self, axis: int, colour: tuple[int, int, int]) -> Float32:
         way, pixel = np.eye(3)[axis] * self.pixel, self.pixel

@@ -11,6 +11,7 @@ from enliven_viewer.render.skinned import linear
 from enliven_viewer.render.tubes import tube_rows
 from enliven_viewer.studio.overlay import Disc, Fill, Line, Point, Words
 from enliven_viewer.studio.picking import Lens
+from enliven_viewer.studio.puppets.kept import normals_of
 from enliven_viewer.studio.puppets.mirrored import partner_vertex
 from enliven_viewer.studio.puppets.stage import Standing
 from enliven_viewer.studio.theme import ACCENT, INK, QUIET, Colour, point_colour
@@ -75,12 +76,16 @@ def _suggestions(tool: PuppetTool, standing: Standing, lens: Lens) -> list[Mark]
     """Rings at the ends of limbs; only before key poses are made, then they are in the way."""
     if standing.puppet.poses or tool.desk.posing:
         return []
-    vertices = tool.suggested.of(standing.puppet)
     found: list[Mark] = []
-    for pixel in _pixels(lens, standing.vertices[list(vertices)]):
-        found.append(Disc(pixel, _GHOST, (0.0, 0.0, 0.0, 0.35), 3.5))
-        found.append(Disc(pixel, _GHOST, (1.0, 1.0, 1.0, 0.75), 1.5))
-        found.append(Disc(pixel, 1.6, (1.0, 1.0, 1.0, 0.75)))
+    for vertex in tool.suggested.of(standing.puppet):
+        place = standing.vertices[vertex]
+        # At the far side it is fainter.
+        seen = standing.way_into(lens.view.eye - place) @ normals_of(standing.puppet.mesh)[vertex] > 0.0
+        white, dark = ((1.0, 1.0, 1.0, 0.8), 0.35) if seen else ((1.0, 1.0, 1.0, 0.3), 0.12)
+        for pixel in _pixels(lens, place[None]):
+            found.append(Disc(pixel, _GHOST, (0.0, 0.0, 0.0, dark), 3.5))
+            found.append(Disc(pixel, _GHOST, white, 1.5))
+            found.append(Disc(pixel, 1.6, white))
     return found
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven_viewer.studio.overlay import Overlay, Point
+from enliven_viewer.studio.possessed import possessed_at
 from enliven_viewer.studio.puppets.grip import PointGrip
 from enliven_viewer.studio.puppets.manipulator import Manipulator
 from enliven_viewer.studio.puppets.marks import ghost_at, marks_of, point_at
@@ -52,7 +53,7 @@ class PuppetTool(Tool):
         if self._grip is not None:
             return "Let go to keep it; Shift goes in steps, Esc drops it."
         if puppet is None:
-            return "Click a puppet, or make one of a mesh at the right."
+            return "Click a puppet. Ctrl+P makes one of the chosen shape, Ctrl+O opens a mesh to make one of."
         if desk.posing:
             name = f"key pose {desk.number + 1}" if desk.number is not None else ""
             return f"Drag control points for {name}. Enter keeps it; R resets a point, Delete removes it."
@@ -193,6 +194,17 @@ class PuppetTool(Tool):
             self.desk.choose(hit[0].puppet.id)
         elif self.desk.point is not None:
             self.editor.select(point=None)
+        elif standing is None:
+            self._choose_shape(pointer)
+
+    def _choose_shape(self, pointer: Pointer) -> None:
+        """Choose the shape or the possessed mesh under the pointer: a puppet can be made of it."""
+        shape = self.shape_at(pointer)
+        graph = possessed_at(self.editor.possessed, self.editor.lens, pointer.at)
+        if shape is not None:
+            self.editor.select(shape=shape.shape)
+        elif graph is not None:
+            self.editor.select(graph=graph[0])
 
     def _step_back(self) -> bool:
         """Escape: first what is in the hand, then the chosen control point, then the key pose."""
