@@ -1,0 +1,126 @@
+"""Opens the studio's window on a star, makes it act through the example panel, and prints what came of it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from made_studio_puppets import project_with
+
+from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.filming import WindowStage
+from enliven_viewer.studio.session import (
+    Action,
+    Click,
+    Do,
+    Drag,
+    Key,
+    Near,
+    OnLane,
+    OnPuppet,
+    PerformerJoint,
+    Wait,
+    Widget,
+    steps,
+)
+from enliven_viewer.studio.session import actions as pace
+from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.window import StudioWindow
+
+said: dict[str, object] = {}
+STEP = pace.STEP = 0.12
+"""Seconds a picture: a third of the pictures of a film."""
+
+
+def work(desk: Desk) -> Iterator[Action]:
+    """Choose a take, pair by hand and by guessing, pose twice, retime, change a setting, play."""
+
+    def star():  # type: ignore[no-untyped-def]
+        return desk.editor.project.puppets["star"]
+
+    yield Wait(0.2)
+    said["chosen"] = desk.puppets.puppet is star()
+    yield Click(Widget("takes"))
+    yield Click(Widget("pick sway"))
+    said["plays"] = [layer.take for layer in star().layers]
+    yield Click(Widget("point head"))
+    yield Click(PerformerJoint("bone 3"))
+    said["paired"] = star().points[0].joint
+    yield Click(Widget("foot"))
+    said["foot"] = star().points[0].foot
+    yield Click(Widget("foot"))
+    yield Click(Widget("guess joints"))
+    said["joints"] = all(point.joint for point in star().points)
+    yield Key("escape")
+    for number in (1, 2):
+        yield Click(Widget("suggested 1"))
+        yield Wait(0.3)
+        hand = OnPuppet("star", point=number)
+        yield Drag((hand, Near(hand, 24, -30 * number)), 0.2)
+    said["editing"] = desk.puppets.number
+    yield Click(Widget("pose Done"))
+    yield Wait(1.0)
+    desk.editor.solving.settle(desk.editor.project, "star")
+    said["problem"] = str(desk.editor.solving.problem("star"))
+    said["poses"] = len(star().poses)
+    first = min(star().poses, key=lambda pose: pose.time).time
+    yield Drag((OnLane("poses", first), OnLane("poses", first + 0.2)), 0.2)
+    said["retimed"] = min(pose.time for pose in star().poses) > first
+    yield Click(Widget("key pose 1"))
+    yield Click(Widget("pose Duplicate"))
+    said["duplicated"] = len(star().poses)
+    yield Click(Widget("pose Remove"))
+    said["removed"] = len(star().poses)
+    yield Key("space")
+    yield Wait(0.4)
+    yield Key("space")
+    said["time"] = desk.editor.time
+    yield Click(Widget("point left"))
+    yield Click(Widget("hold still"))
+    said["held"] = len(star().layers[0].velocities)
+    yield Click(Widget("all shapes"))
+    said["left"] = desk.puppets.puppet is None
+    yield Click(Widget("puppet star"))
+    said["again"] = desk.puppets.puppet is star()
+    yield Do(lambda desk: said.update(bad=[t.text for t in desk.editor.toasts.shown if t.bad]))
+    said["done"] = True
+
+
+def main() -> None:
+    render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
+    desk = Desk.new(Editor(StudioSettings(render=render, width=1200, height=800)), Path(sys.argv[1]))
+    project = project_with("head", "left", "right", "foot")
+    puppet = project.puppets["star"]
+    bare = tuple(type(point)(point.name, point.vertex) for point in puppet.points)
+    desk.cabinet.new(project.with_puppets(puppet.with_changes(points=bare)))
+    desk.puppets.choose("star")
+    desk.hand.take("puppet")
+    window = StudioWindow(desk, STEP)
+    playing: list[tuple[WindowStage, Iterator[None]]] = []
+
+    def before(window: StudioWindow) -> None:
+        if window.pictures < 3:
+            return
+        if not playing:
+            stage = WindowStage(window)
+            stage.pace = 0.05
+            playing.append((stage, steps(work(desk), stage)))
+        stage, going = playing[0]
+        stage.settle()
+        if next(going, StopIteration) is StopIteration:
+            window.close()
+
+    def after(window: StudioWindow) -> None:
+        if window.pictures == 40:
+            said["spread"] = float(window.pixels().std())
+
+    window.run(before=before, after=after)
+    print(json.dumps(said))
+
+
+if __name__ == "__main__":
+    main()
