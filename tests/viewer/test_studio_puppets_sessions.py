@@ -161,10 +161,12 @@ def test_faces_that_pass_through_one_another_are_told_but_not_at_rest(tmp_path) 
         desk.editor.advance(STEP)
         desk.puppets.crossing.wait()
     assert "left" in desk.hand.tool.warning and len(desk.puppets.crossing.faces) > 2
-    desk.puppets.warn = False
-    assert desk.hand.tool.warning == ""
-    desk.puppets.warn = True
-    play([Key("enter")], stage)
+    play([Key("w"), Key("o")], stage)
+    assert (
+        desk.hand.tool.warning == "" and len(desk.puppets.crossing.faces) == 0 and not desk.puppets.silhouette
+    )
+    play([Key("w"), Key("o"), Key("enter")], stage)
+    assert desk.puppets.warn and desk.puppets.silhouette
     assert desk.hand.tool.warning == "" and len(desk.puppets.crossing.faces) == 0
 
 

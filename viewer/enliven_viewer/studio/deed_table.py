@@ -60,6 +60,8 @@ DEEDS = (
     Deed("View", "From above", ("7",), lambda d: d.editor.camera.face(0.0, np.pi / 2)),
     Deed("View", "Where most is seen", ("v",), Deeds.best_view),
     Deed("View", "Bones", ("b",), Deeds.bones),
+    Deed("View", "Outline of the key pose before", ("o",), lambda d: d.puppets.outline()),
+    Deed("View", "Faces that pass through one another", ("w",), lambda d: d.puppets.warn()),
     Deed("Help", "Keys", ("f1", "h"), lambda d: d.ask("help")),
 )
 """Every command."""

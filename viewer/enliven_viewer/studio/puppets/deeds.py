@@ -111,6 +111,21 @@ class PuppetDeeds:
         self.editor.toasts.say(f"{name} stays; its puppet stands beside it", "K puts control points on it.")
         return True
 
+    def outline(self) -> None:
+        """Outline the key pose before while one is edited, or not."""
+        desk = self.editor.puppets
+        desk.silhouette = not desk.silhouette
+        said = "is outlined" if desk.silhouette else "is not outlined any more"
+        self.editor.toasts.say(f"The key pose before {said}")
+
+    def warn(self) -> None:
+        """Show faces that pass through one another while a key pose is edited, or not."""
+        desk = self.editor.puppets
+        desk.warn = not desk.warn
+        self.editor.toasts.say(
+            "Faces that pass through one another are " + ("red" if desk.warn else "not shown")
+        )
+
     def bake(self) -> bool:
         """Make a possessed mesh of the puppet, which does what it does and can be merged with others."""
         puppet = self.editor.puppets.puppet
