@@ -26,7 +26,7 @@ from enliven_edge.puppets.hold import Hold
 from enliven_edge.puppets.likeness import Likeness
 from enliven_edge.puppets.live import Live, Sample
 from enliven_edge.puppets.settings import PuppetSettings
-from enliven_edge.puppets.way import Way
+from enliven_edge.puppets.way import Soles, Way, side_of_foot
 
 _STEP = 33_333_333
 """Nanoseconds between the frames of a rehearsal."""
@@ -54,7 +54,8 @@ class PuppetActor:
         self.holds: list[Hold] = []
         walks = self.settings.place == "walks"
         feet = [k for k, point in enumerate(puppet.points) if point.foot and walks]
-        way = Way(puppet.rest, feet, 1.0 / self.settings.rate, puppet.locomotion)
+        sides = [side_of_foot(self._likeness.joints[k]) for k in feet]
+        way = Way(puppet.rest, feet, 1.0 / self.settings.rate, puppet.locomotion, sides)
         mapping = ExampleMap(self._examples, puppet.examples)
         self._way, self._live = way, Live(mapping, way, self.settings.rate, self.settings.lag)
         self._live.rest = puppet.rest
@@ -122,7 +123,7 @@ class PuppetActor:
         own = next((hold for hold in self.holds if hold.body == body.id), None)
         if own is not None and mode == "extend":
             points |= own.points
-        hold = own or Hold(body.id, points, Bones(self.settings.ease))
+        hold = own or self._new(body.id, points)
         hold.points = points
         hold.see(body, self._likeness, self._time_ns, mirror=self.settings.mirror)
         others = [] if mode == "alone" else [other for other in self.holds if other is not hold]
@@ -175,6 +176,12 @@ class PuppetActor:
             rehearsal.perform([body], frame * _STEP)
             if frame == 1:
                 rehearsal.possess(body)
+
+    def _new(self, body: int, points: frozenset[int]) -> Hold:
+        """A hold of somebody who held nothing."""
+        how = self._puppet.locomotion
+        soles = Soles(how.contact, how.runner)
+        return Hold(body, points, Bones(self.settings.ease), soles, seen_ns=self._time_ns)
 
     def _points(self, parts: str) -> frozenset[int]:
         """The control points that go with some parts of the performer's own body."""
@@ -255,7 +262,7 @@ class PuppetActor:
         idle = present - {hold.body for hold in self.holds}
         if patience > 0 and away and len(idle) == 1:
             old = max(away, key=lambda hold: hold.away(time_ns))
-            new = Hold(idle.pop(), old.points, Bones(self.settings.ease), seen_ns=time_ns)
+            new = self._new(idle.pop(), old.points)
             body = next(body for body in bodies if body.id == new.body)
             new.see(body, self._likeness, time_ns, mirror=self.settings.mirror)
             self._hold([new if hold is old else hold for hold in self.holds])

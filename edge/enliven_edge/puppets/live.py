@@ -120,6 +120,6 @@ def _between(a: Sample, b: Sample, share: float) -> Sample:
     return Sample(
         a.pose + share * (b.pose - a.pose),
         a.yaw + share * (b.yaw - a.yaw),
-        Footing((a if share < 0.5 else b).footing.touches, lift),
+        replace((a if share < 0.5 else b).footing, lift=lift),
         b.size,
     )

@@ -1,6 +1,7 @@
 """Where a puppet is in the world, as somebody performs: :mod:`enliven.examples.locomotion` frame by frame.
 
-In contact the anchor, its lowest foot until another is clearly lower, does not move over the floor. In the
+In contact the anchor does not move over the floor: a foot that the performer stands on until they lift it,
+or, where that is not known, the lowest foot until another is clearly lower. In the
 air the puppet keeps the velocity it left with. How high it is then is the performer's own height over the
 floor at the puppet's size: when they will land nobody knows yet, but they fall as they fall.
 """
@@ -13,18 +14,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import Float, Int
+from enliven.arrays import Bool, Float, Int
 from enliven.body import Body, Joint
+from enliven.examples.anchoring import stand
 from enliven.examples.locomotion import LocomotionSettings
 from enliven.examples.performer import turned_about_y
 from enliven.examples.puppet_motion import State
+from enliven.motion.contacts import ContactSettings
 
-_SOLES = (Joint.FOOT_LEFT, Joint.FOOT_RIGHT, Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT)
+_SIDES = ((Joint.FOOT_LEFT, Joint.ANKLE_LEFT), (Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT))
 _CREEP = 0.01
 """Metres a second by which what is taken for the floor may rise: nobody is in the air for long."""
 _DEAD = 0.025
 """Share of a person's height below which feet are not in the air: heels come off, joints are not exact."""
-_SURE = 0.5
+_SURE, _STILL_SURE = 0.5, 0.3
+"""Probability of contact from which a foot stands, and below which it no longer does."""
+_WINDOW = 0.1
+"""Seconds over which the speed of a foot is measured."""
+_LEG = 0.5
+"""Share of a person's height."""
+LEFT_FOOT, RIGHT_FOOT, EITHER = 0, 1, 2
 
 
 @dataclass(frozen=True)
@@ -34,33 +43,80 @@ class Footing:
     Attributes:
         touches: whether the floor is touched.
         lift: shares of their height that the feet are in the air.
+        stands: whether the left and the right foot stand; neither where that is not known.
     """
 
     touches: bool = True
     lift: float = 0.0
+    stands: tuple[bool, bool] = (False, False)
 
 
 class Soles:
-    """Tells whether a performer is in the air: both feet must be seen to be off the floor."""
+    """Tells on which feet a performer stands; in the air is only whose feet are both seen off the floor."""
 
-    def __init__(self) -> None:
-        self._floor: Float | None = None
+    def __init__(self, settings: ContactSettings | None = None, runner: float = 0.4) -> None:
+        self._how, self._runner = settings or ContactSettings(), runner
+        self._floor = np.full((2, 2), np.inf)
+        self._seconds = 0.0
+        self._path: deque[tuple[float, Float]] = deque()
+        self._down = [False, False]
 
     def see(self, body: Body, seconds: float) -> Footing:
         """How they stand now, ``seconds`` after the last time."""
-        soles = list(_SOLES)
-        heights = body.joints[soles, 1]
-        seen = (body.confidence[soles] > 0) & np.isfinite(heights)
-        if self._floor is None:
-            self._floor = np.where(seen, heights, np.inf)
-        self._floor = np.where(seen, np.minimum(self._floor + _CREEP * seconds, heights), self._floor)
-        if not (seen[:2] | seen[2:]).all():
-            return Footing()
-        above = float((heights - self._floor)[seen].min()) / body.height
-        stands = body.contacts is not None and bool((body.contacts >= _SURE).any())
-        if stands or above <= _DEAD:
-            return Footing()
-        return Footing(False, above - _DEAD)
+        self._seconds += seconds
+        joints = np.array(_SIDES)
+        at = body.joints[joints]
+        seen = (body.confidence[joints] > 0) & np.isfinite(at).all(2)
+        heights = np.where(seen, at[..., 1], np.inf)
+        self._floor = np.minimum(self._floor + _CREEP * seconds, heights)
+        above = np.where(seen, heights - np.where(seen, self._floor, 0.0), np.inf).min(1)
+        self._stand(body, at, seen, above)
+        stands = self._down[0], self._down[1]
+        if not seen.any(1).all() or self._contacts(body).any():
+            return Footing(stands=stands)
+        lift = float(above.min()) / body.height
+        if lift <= _DEAD:
+            return Footing(stands=stands)
+        return Footing(False, lift - _DEAD)
+
+    def _stand(self, body: Body, at: Float, seen: Bool, above: Float) -> None:
+        """Which feet stand: as the tracker says, else what is low and slow, as in a take."""
+        if body.contacts is not None:
+            self._down = self._contacts(body).tolist()
+            return
+        places = np.where(seen[:, :1], at[:, 0], at[:, 1])
+        while self._path and self._seconds - self._path[0][0] > _WINDOW:
+            self._path.popleft()
+        self._path.append((self._seconds, places))
+        since = max(self._seconds - self._path[0][0], 1e-9)
+        velocity = (places - self._path[0][1]) / since
+        speeds = np.linalg.norm(velocity, axis=1)
+        leg = _LEG * body.height
+        # A runner's foot rolls fast while it stands: it is slow against the other.
+        slow = max(self._how.speed * leg, self._runner * float(np.linalg.norm(velocity.mean(0)[[0, 2]])))
+        for k in range(2):
+            more = self._how.release if self._down[k] else 1.0
+            low = above[k] <= self._how.height * leg * more
+            self._down[k] = bool(seen[k].any() and low and speeds[k] <= slow * more)
+
+    def _contacts(self, body: Body) -> Bool:
+        """(2,) whether the tracker says that a foot stands."""
+        if body.contacts is None:
+            return np.zeros(2, np.bool_)
+        least = np.where(self._down, _STILL_SURE, _SURE)
+        return np.asarray(body.contacts >= least)
+
+
+def side_of_foot(joint: Joint) -> int:
+    """Which foot of a performer a joint goes with."""
+    if joint.name.endswith(("LEFT", "RIGHT")) and joint.name.split("_")[0] in (
+        "HIP",
+        "KNEE",
+        "ANKLE",
+        "FOOT",
+    ):
+        return LEFT_FOOT if joint.name.endswith("LEFT") else RIGHT_FOOT
+    return EITHER
 
 
 class Way:
@@ -70,10 +126,19 @@ class Way:
         rest: (P, 3) metres, the control points at rest.
         feet: numbers of those that it can stand on; without any it stays on its spot.
         step: seconds between frames.
+        sides: of each foot, whether it is the performer's left or right one, or either; None: all are either.
     """
 
-    def __init__(self, rest: Float, feet: Sequence[int], step: float, settings: LocomotionSettings) -> None:
+    def __init__(
+        self,
+        rest: Float,
+        feet: Sequence[int],
+        step: float,
+        settings: LocomotionSettings,
+        sides: Sequence[int] | None = None,
+    ) -> None:
         self._feet: Int = np.asarray(feet, np.int64)
+        self._sides: Int = np.asarray([EITHER] * len(feet) if sides is None else sides, np.int64)
         self._step = step
         self._sole = float(rest[self._feet, 1].min()) if len(self._feet) else 0.0
         self._grip = settings.grip * (float(np.linalg.norm(np.ptp(rest, axis=0))) or 1.0)
@@ -117,20 +182,23 @@ class Way:
         turned = turned_about_y(places, np.asarray(yaw))
         root = self.root.copy()
         if footing.touches:
-            self._stand(turned, root)
+            self._stand(turned, root, footing.stands)
         else:
             self._fly(root)
         root[1] = self._sole - turned[self._feet, 1].min() + footing.lift * size
         self._before, self.root = turned, root
         return root
 
-    def _stand(self, turned: Float, root: Float) -> None:
-        heights = turned[self._feet, 1]
-        if self.anchor < 0 or turned[self.anchor, 1] > heights.min() + self._grip:
-            self.anchor = int(self._feet[heights.argmin()])
-        if self._before is not None:
-            # The new anchor has not moved since the frame before, whoever was the anchor then.
-            root += self._before[self.anchor] - turned[self.anchor]
+    def _stand(self, turned: Float, root: Float, stands: tuple[bool, bool]) -> None:
+        """Contact: as in a take, upon the frame before; at first, whoever is lowest."""
+        known = np.array([*stands, any(stands)])[self._sides]
+        before = turned if self._before is None else self._before
+        roots, anchors = np.stack([root, root]), np.array([self.anchor, -1])
+        stand(
+            np.stack([before, turned]), self._feet, np.stack([known, known]), self._grip, 1, 1, roots, anchors
+        )
+        self.anchor = int(anchors[1])
+        root[:] = roots[1]
         self._roots.append(root.copy())
 
     def _fly(self, root: Float) -> None:
