@@ -44,17 +44,24 @@ class Thumbnails:
         self._solver, self._characters = _Solver(), PuppetCharacters()
         self._solving: dict[_Key, tuple[Puppet, Future[Float]]] = {}
         self._done: dict[_Key, tuple[Mesh, moderngl.Texture]] = {}
+        self._shown: dict[tuple[str, int], _Key] = {}
 
-    def texture(self, puppet: Puppet, places: Float) -> int | None:
-        """OpenGL's name of the picture, upper row first; None while it is not there yet."""
+    def texture(self, puppet: Puppet, places: Float, slot: int = 0) -> int | None:
+        """OpenGL's name of the picture, upper row first; None while it is not there yet.
+
+        Args:
+            slot: which picture of the puppet's it is: until it is there, the last of the slot is shown.
+        """
         key = _key(puppet, places)
         known = self._done.get(key)
         if known is not None:
             self._done[key] = self._done.pop(key)
+            self._shown[(puppet.id, slot)] = key
             return int(known[1].glo)
         if key not in self._solving:
             self._solving[key] = puppet, self._pool.submit(self._solver.surface, puppet, places)
-        return None
+        before = self._done.get(self._shown.get((puppet.id, slot), ()))
+        return int(before[1].glo) if before is not None and before[0] is puppet.mesh else None
 
     def work(self) -> None:
         """Draw one that is solved; to be called once a picture."""

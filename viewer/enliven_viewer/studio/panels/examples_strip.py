@@ -175,7 +175,6 @@ def _plus(desk: Desk, puppet: Puppet) -> None:
 def _tile(desk: Desk, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
     """One key pose; a click edits it."""
     pose, chosen = puppet.poses[number], desk.editor.puppets.number == number
-    places = desk.editor.puppets.places if chosen else None
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_group()
     if imgui.invisible_button(f"##pose {number}", TILE):
@@ -187,9 +186,7 @@ def _tile(desk: Desk, puppet: Puppet, number: int, place: int, thumbnails: Thumb
         imgui.end_popup()
     draw = imgui.get_window_draw_list()
     corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
-    texture = thumbnails.texture(puppet, pose.places)
-    if chosen and places is not None and not np.array_equal(places, pose.places):
-        texture = thumbnails.texture(puppet, pose.places)
+    texture = thumbnails.texture(puppet, pose.places, number)
     if texture is None:
         draw.add_rect_filled(origin, corner, packed(DARK), 7.0)
     else:
