@@ -7,6 +7,9 @@ from dataclasses import replace
 from example_cast import Act, Key, Point, Shown
 from example_posing import Limb, bend, curl, lengthen, put, reach, shift, squash, turn, twist
 
+from enliven.examples.locomotion import LocomotionSettings
+from enliven.examples.settings import ExampleSettings
+
 CACTUS = Act(
     title="A cactus directs traffic",
     mesh="meshes/cinolib/cactus.off",
@@ -15,6 +18,7 @@ CACTUS = Act(
     up="z",
     turned=90,
     shown=(Shown(0.2, 30.8),),
+    locomotion=LocomotionSettings(plant=0.0),  # it turns on its base, which is round
     colour=(92, 150, 84),
     points=(
         Point("left base", (0.06, 0.02, 0.0), "LeftFoot", foot=True),
@@ -88,6 +92,7 @@ TREX = Act(
     height=1.8,
     mirrored=True,
     shown=(Shown(0.15, 2.95, 62), Shown(0.15, 2.95, 24, speed=0.5)),
+    examples=ExampleSettings(acceleration=0.1),
     colour=(140, 126, 84),
     points=(
         Point("left toes", (0.43, 0.01, 0.29), "LeftToeBase", foot=True),
@@ -141,6 +146,7 @@ ARMADILLO = Act(
     take="bvh/cmu_mirrors/Boxing_Toes.bvh",
     height=1.7,
     shown=(Shown(2.6, 22.0, 20),),
+    examples=ExampleSettings(acceleration=0.1, margin=0.6),
     colour=(176, 126, 92),
     points=(
         Point("left toes", (0.50, 0.01, 0.10), "LeftToes", foot=True),
@@ -152,8 +158,8 @@ ARMADILLO = Act(
         Point("nose", (-0.03, 1.25, 0.50), "Head"),
         Point("left elbow", (0.51, 1.20, 0.0), "LeftElbow"),
         Point("right elbow", (-0.49, 1.14, -0.02), "RightElbow"),
-        Point("left hand", (0.60, 1.42, 0.55), "LeftWrist"),
-        Point("right hand", (-0.59, 1.51, 0.48), "RightWrist"),
+        Point("left hand", (0.60, 1.36, 0.48), "LeftWrist"),
+        Point("right hand", (-0.56, 1.38, 0.44), "RightWrist"),
         Point("tail", (0.07, 0.48, -0.64), "Hips"),
     ),
     limbs={
@@ -170,6 +176,10 @@ ARMADILLO = Act(
             4.88,
             "on guard",
             (
+                put("left heel", left=0.25, front=-0.11),
+                put("left toes", left=0.27, front=0.07),
+                put("right heel", left=-0.20, front=-0.04),
+                put("right toes", left=-0.23, front=0.13),
                 turn("left arm", 45, "front"),
                 turn("right arm", 40, "front"),
                 put("left hand", left=0.12, up=0.78, front=0.42),
@@ -181,13 +191,15 @@ ARMADILLO = Act(
             9.29,
             "cross!",
             (
-                put("left foot", left=0.06, front=-0.36),
-                put("right foot", left=-0.20, front=0.12),
+                put("left heel", left=0.01, front=-0.33, up=0.07),
+                put("left toes", left=0.02, front=-0.23, up=0.03),
+                put("right heel", left=-0.12, front=0.12),
+                put("right toes", left=-0.09, front=0.30),
                 put("left elbow", left=0.06, up=0.74, front=0.42),
                 put("left hand", left=-0.08, up=0.76, front=0.78),
                 turn("right arm", 40, "front"),
                 put("right hand", left=-0.22, up=0.66, front=0.36),
-                put("left heel", up=0.08),
+                reach("shell", front=0.12),
                 shift(front=0.08, up=-0.07),
             ),
         ),
@@ -195,11 +207,14 @@ ARMADILLO = Act(
             12.52,
             "jab!",
             (
+                put("left heel", left=0.22, front=-0.16, up=0.08),
+                put("left toes", left=0.24, front=-0.04, up=0.045),
+                put("right heel", left=-0.23, front=-0.03),
+                put("right toes", left=-0.27, front=0.14),
                 put("right elbow", left=-0.42, up=0.72, front=0.16),
                 put("right hand", left=-0.74, up=0.86, front=0.24),
                 turn("left arm", 45, "front"),
                 put("left hand", left=0.06, up=0.86, front=0.42),
-                reach("left foot", up=0.07),
                 shift(left=-0.05, up=0.03),
             ),
         ),
@@ -207,6 +222,10 @@ ARMADILLO = Act(
             20.10,
             "ducks",
             (
+                put("left heel", left=0.23, front=0.08),
+                put("left toes", left=0.24, front=0.25),
+                put("right heel", left=-0.10, front=-0.04),
+                put("right toes", left=-0.15, front=0.13),
                 turn("left arm", 45, "front"),
                 turn("right arm", 50, "front"),
                 put("left hand", left=0.14, up=0.60, front=0.46),
@@ -224,6 +243,7 @@ ALLIGATOR = Act(
     height=0.5,
     turned=90,
     shown=(Shown(0.5, 16.5, 68),),
+    examples=ExampleSettings(acceleration=0.1),
     colour=(190, 214, 132),
     points=(
         Point("front foot", (0.0, 0.045, 0.52), "LeftToeBase", foot=True),

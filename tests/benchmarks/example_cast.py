@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 from enliven.arrays import Float
 from enliven.deformation.arap import ArapSettings
+from enliven.examples.locomotion import LocomotionSettings
 from enliven.examples.settings import ExampleSettings
 from enliven.formats.example_session import Session, fitted, read_session
 from enliven.formats.session_tables import MeshTable, TakeTable
@@ -102,6 +103,7 @@ class Act:
     examples: ExampleSettings = field(default_factory=ExampleSettings)
     surface: ArapSettings = field(default_factory=lambda: ArapSettings(hold=0.03))
     level_feet: bool = True
+    locomotion: LocomotionSettings = field(default_factory=lambda: LocomotionSettings(plant=1.0))
     of: str = ""
     finer: float = 0.0
 
@@ -134,6 +136,7 @@ def staged(act: Act, keys: int | None = None) -> Project:
         symmetry=_plane(mesh) if act.mirrored else None,
         examples=act.examples,
         surface=act.surface,
+        locomotion=act.locomotion,
     )
     return Project(takes={take.id: take}, puppets={puppet.id: puppet})
 

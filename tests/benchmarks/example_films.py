@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from example_acts import ACTS
 from example_cast import DATA, SESSIONS, Act, playing, session_of, staged
-from example_measures import measure
+from example_measures import Ruler
 from example_play import Play
 
 OUT = Path(__file__).parents[2] / "out" / "examples"
@@ -56,14 +56,16 @@ def main(arguments: list[str]) -> int:
 def _filmed(name: str, act: Act, film: bool) -> str:
     """The film of an act from its stored session; what was measured."""
     project = playing(name, act)
+    ruler = Ruler(project)
     plays = [Play(act, project, shown, RATE) for shown in act.shown]
     if film:
         from example_studio import Studio
 
-        shots = Studio().film(plays, OUT / name)[0]
+        Studio().film(plays, OUT / name, ruler.see)
     else:
-        shots = list(plays[0].shots())
-    return f"{len(shots)} pictures; {measure(project, shots)}"
+        for shot in plays[0].shots():
+            ruler.see(shot)
+    return str(ruler.measures())
 
 
 if __name__ == "__main__":

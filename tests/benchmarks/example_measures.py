@@ -17,7 +17,7 @@ from enliven.project import Project
 from enliven.puppet import Puppet
 
 _EVERY = 10
-"""Pictures from one in which crossing faces are looked for to the next."""
+"""Pictures from one in which volume and crossing faces are looked at to the next."""
 
 
 @dataclass(frozen=True)
@@ -55,29 +55,46 @@ class Measures:
         return "; ".join(parts)
 
 
-def measure(project: Project, shots: list[Shot]) -> Measures:
-    """All of it, of a film's shots."""
-    puppet = next(iter(project.puppets.values()))
-    begun = time.perf_counter()
-    motion = motion_of(_fresh(project, puppet), puppet, 0)
-    solve_s = time.perf_counter() - begun
-    surfaces = [shot.local for shot in shots]
-    return Measures(
-        solve_s,
-        float(np.median([shot.solve_ms for shot in shots[1:]])),
-        1000.0 * missed(puppet, motion),
-        1000.0 * slide(motion),
-        volumes(puppet.mesh, surfaces),
-        crossings(puppet.mesh, surfaces[::_EVERY]),
-        jitter(project, puppet, motion),
-        hands(project, puppet, motion),
-    )
+class Ruler:
+    """Sees a film shot by shot, and keeps no more of it than numbers: surfaces are large."""
+
+    def __init__(self, project: Project) -> None:
+        self._project, self._puppet = project, next(iter(project.puppets.values()))
+        self._times: list[float] = []
+        self._volumes: list[tuple[float, float]] = []
+        self._crossings: list[float] = []
+        self._asked = SelfIntersection(self._puppet.mesh)
+
+    def see(self, shot: Shot) -> None:
+        """One shot more."""
+        if len(self._times) % _EVERY == 0:
+            self._volumes.append(volumes(self._puppet.mesh, [shot.local]))
+            faces = self._asked.newly_crossing(shot.local)
+            self._crossings.append(len(faces) / len(self._puppet.mesh.faces))
+        self._times.append(shot.solve_ms)
+
+    def measures(self) -> Measures:
+        """What was found."""
+        project, puppet = self._project, self._puppet
+        begun = time.perf_counter()
+        motion = motion_of(_fresh(project, puppet), puppet, 0)
+        return Measures(
+            time.perf_counter() - begun,
+            float(np.median(self._times[1:])),
+            1000.0 * missed(puppet, motion),
+            1000.0 * slide(motion),
+            (min(low for low, _ in self._volumes), max(high for _, high in self._volumes)),
+            (float(np.mean(self._crossings)), max(self._crossings)),
+            jitter(project, puppet, motion),
+            hands(project, puppet, motion),
+        )
 
 
 def missed(puppet: Puppet, motion: PuppetMotion) -> float:
-    """Metres, at most, from key poses at their times."""
+    """Metres, at most, from key poses at their times; feet that are planted are elsewhere."""
+    kept = [k for k, point in enumerate(puppet.points) if not (point.foot and puppet.locomotion.plant)]
     frames = [round(pose.time / motion.step) for pose in puppet.poses]
-    away = [motion.places[f] - pose.places for f, pose in zip(frames, puppet.poses, strict=True)]
+    away = [(motion.places[f] - pose.places)[kept] for f, pose in zip(frames, puppet.poses, strict=True)]
     return float(np.linalg.norm(away, axis=2).max())
 
 

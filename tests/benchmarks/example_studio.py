@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -75,23 +76,21 @@ class Studio:
             Panel(Renderer(ctx, one), Canvas(ctx, (self._small, self._text))) for one in sizes
         )
 
-    def film(self, plays: list[Play], path: Path) -> list[list[Shot]]:
-        """The film and its contact sheet; the shots that were drawn, of each piece."""
-        shots: list[list[Shot]] = []
+    def film(self, plays: list[Play], path: Path, see: Callable[[Shot], None]) -> int:
+        """The film and its contact sheet; the number of pictures. ``see`` is told each shot."""
         tiles: list[Tile] = []
         every = -(-sum(len(play.times) for play in plays) // _TILES)
         with FilmWriter(path.with_suffix(".mp4"), self.size, RATE, BIT_RATE) as writer:
             for play in plays:
                 strip = self.strip(play)
-                shots.append([])
                 for number, shot in enumerate(play.shots()):
+                    see(shot)
                     picture = self.picture(play, number, shot, strip)
                     if writer.count % every == 0:
                         tiles.append(Tile(writer.count / RATE, _smaller(picture, _TILE_WIDTH)))
                     writer.add(picture)
-                    shots[-1].append(shot)
             write_sheet(path.with_suffix(".png"), tiles, 4, plays[0].act.title, clock(writer.count / RATE))
-        return shots
+        return writer.count
 
     def picture(self, play: Play, number: int, shot: Shot, strip: UInt8 | None) -> UInt8:
         """(H, W, 3) one moment."""
