@@ -1,0 +1,66 @@
+"""Real motions, live: a performer of another size moves a puppet as their take does."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from enliven.body import Body
+from enliven.examples.performer import joint_places
+from enliven.examples.puppet_motion import motion_of
+from enliven.formats.example_session import read_session
+from enliven.motion.clip import Clip
+from enliven_edge.puppets.actor import PuppetActor
+from enliven_edge.puppets.settings import PuppetSettings
+
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+SESSIONS = Path(__file__).parents[1] / "benchmarks" / "example_sessions"
+pytestmark = [
+    pytest.mark.real,
+    pytest.mark.skipif(
+        not (DATA / "cmu_expmap").is_dir(), reason=f"no CMU motions in {DATA} (set ENLIVEN_DATA)"
+    ),
+]
+TRACKED = (
+    *("Hips", "Spine", "Neck1", "Head", "LeftArm", "LeftForeArm", "LeftHand", "LeftHandIndex1", "RightArm"),
+    *("RightForeArm", "RightHand", "RightHandIndex1", "LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToeBase"),
+    *("RightUpLeg", "RightLeg", "RightFoot", "RightToeBase"),
+)
+"""The joints of CMU's performers that are most like the twenty of a tracked person, in their order."""
+SECONDS = 6.0
+
+
+def bodies_of(clip: Clip, size: float) -> list[tuple[float, Body]]:
+    """The performer as a sensor of 30 frames a second would see them, with their times; so much larger."""
+    places = joint_places(clip)[:, [clip.skeleton.index(name) for name in TRACKED]]
+    every = round(1 / 30 / clip.step)
+    frames = range(0, min(len(places), round(SECONDS / clip.step)), every)
+    return [(f * clip.step, Body(1, size * places[f], np.ones(20))) for f in frames]
+
+
+@pytest.mark.parametrize("size", [0.65, 1.0])
+@pytest.mark.parametrize(("name", "goes"), [("cactus", False), ("trex", True)])
+def test_live_is_as_the_take(name: str, goes: bool, size: float, monkeypatch) -> None:
+    monkeypatch.setenv("ENLIVEN_DATA", str(DATA))
+    session = read_session(SESSIONS / f"{name}.toml")
+    puppet = session.project.puppet(session.puppet)
+    actor = PuppetActor(session.project, puppet, PuppetSettings(fade=0.0, meet=False))
+    take = motion_of(session.project, puppet, 0)
+    extent = float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
+    apart, roots = [], []
+    for k, (seconds, body) in enumerate(bodies_of(session.project.takes[puppet.layers[0].take], size)):
+        actor.perform([body], round((seconds + 1) * 1e9))
+        if k == 0:
+            actor.possess(body)
+        frame = max(seconds - actor.delay, 0.0) / take.step
+        apart.append(np.linalg.norm(actor._state.places - take.places_at(frame), axis=1))
+        roots.append((actor._state.root, take.way_at(frame)[1]))
+    assert np.mean(apart[10:]) < 0.02 * extent
+    assert np.percentile(apart[10:], 99) < 0.10 * extent
+    live, batch = (np.array(way)[[10, -1]] for way in zip(*roots, strict=True))
+    gone, wanted = (float(np.linalg.norm((way[1] - way[0])[[0, 2]])) for way in (live, batch))
+    assert gone == pytest.approx(wanted, rel=0.2, abs=0.05 * extent)
+    assert (gone > 0.5 * extent) == goes
