@@ -32,7 +32,9 @@ def new(
     mesh: Annotated[Path, typer.Argument(help="The mesh: .obj, .off, .ply, .stl, .glb, ...")],
     take: Annotated[Path, typer.Argument(help="The motion: .bvh, .mcap, .glb, or CMU's tables (.txt).")],
     output: Annotated[Path, typer.Option("--output", "-o", help="The session to make (.toml).")],
-    points: Annotated[int, typer.Option(min=1, max=100, help="Control points at the extremities.")] = 6,
+    points: Annotated[
+        int, typer.Option(min=1, max=100, help="Control points at the extremities, at most.")
+    ] = 6,
     poses: Annotated[
         int | None, typer.Option(min=2, max=100, help="Key poses; as many as are enough if not given.")
     ] = None,

@@ -40,7 +40,7 @@ def suggested_puppet(
 
     Args:
         take: id of the take that shows the key poses, which the puppet plays.
-        points: how many extremities; their mirror images come on top.
+        points: how many extremities at most; their mirror images come on top.
         poses: how many key poses; None for as many as are enough.
 
     Raises:
@@ -146,7 +146,7 @@ def _feet(clip: Clip, joints: tuple[str, ...], rest: Float, mesh: Mesh) -> list[
     """Which control points can stand: low on the mesh, and paired with a leg."""
     low, high = mesh.vertices[:, 1].min(), mesh.vertices[:, 1].max()
     anatomy = anatomy_of(clip.skeleton)
-    legs = {clip.skeleton.names[j] for pair in anatomy.legs for limb in pair for j in limb.proper}
+    legs = {clip.skeleton.names[j] for pair in anatomy.legs for limb in pair for j in _own(limb)}
     return [
         joint in legs and bool(place[1] < low + _LOW * (high - low))
         for joint, place in zip(joints, rest, strict=True)
