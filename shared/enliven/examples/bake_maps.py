@@ -49,7 +49,8 @@ class Maps:
         mass = np.array([self._gram[k, 3, k, 3] for k in range(count)])
         typical = max(float(spread.mean()), 1e-30)
         self._pull = np.empty((count, 4))
-        self._pull[:, :3] = (rigid * (spread + 1e-3 * typical))[:, None]
+        # One that few vertices follow is held as if it had more: it would stretch wildly to please them.
+        self._pull[:, :3] = (rigid * (spread + typical) / 2)[:, None]
         self._pull[:, 3] = _PLACE * mass + 1e-9 * max(float(mass.mean()), 1e-30)
         flat[np.diag_indices(4 * count)] += self._pull.ravel()
         self._factor = factor_of(flat)

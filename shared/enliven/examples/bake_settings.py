@@ -35,7 +35,7 @@ class BakeSettings:
         high=1.0,
     )
     rigid: float = setting(
-        0.03,
+        0.005,
         "How strongly a transform is kept a rotation where the surface does not tell.",
         low=1e-9,
         high=10.0,
