@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -25,12 +25,13 @@ from enliven.formats.session_text import session_text
 from enliven.formats.takes import read_take
 from enliven.mesh import Axis, Mesh, refine
 from enliven.mesh_files import load_mesh
-from enliven.modeling.mirror_plane import plane_of_symmetry
 from enliven.project import Project
 from enliven.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer
 
 DATA = Path(os.environ.setdefault("ENLIVEN_DATA", str(Path(__file__).parents[3] / "shared" / "data")))
 SESSIONS = Path(__file__).parent / "example_sessions"
+MIDDLE = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+"""Whose left is the mirror image of its right is mirrored here."""
 _MOST_VERTICES = 3_000_000
 _TENTH_MM = 4
 """Decimals of metres that key poses are kept with: a session says the same on every machine."""
@@ -133,7 +134,7 @@ def staged(act: Act, keys: int | None = None) -> Project:
         points=points,
         poses=tuple(poses),
         layers=(PuppetLayer(take.id, level_feet=act.level_feet),),
-        symmetry=_plane(mesh) if act.mirrored else None,
+        symmetry=MIDDLE if act.mirrored else None,
         examples=act.examples,
         surface=act.surface,
         locomotion=act.locomotion,
@@ -179,11 +180,3 @@ def playing(name: str, act: Act) -> Project:
 
 def _rounded(places: Float) -> Float:
     return np.round(places, _TENTH_MM) + 0.0
-
-
-def _plane(mesh: Mesh) -> Plane:
-    """The mesh's plane of symmetry."""
-    found = plane_of_symmetry(mesh)
-    assert found is not None, f"{mesh.name} has no plane of symmetry"
-    point, normal = (tuple(float(c) for c in _rounded(np.array(v))) for v in (found.point, found.normal))
-    return replace(found, point=point, normal=normal)

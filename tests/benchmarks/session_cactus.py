@@ -234,7 +234,9 @@ def _posed(desk: Desk) -> Actions:
         wanted = meant.get(_role(point.joint))
         if wanted is None or np.linalg.norm((key.places[number] - wanted)[:2]) < 0.03:
             continue
-        yield Drag((OnPuppet(CACTUS, point=number), _spot(wanted)), 0.8)
+        standing = desk.puppets.stage.standing_of(CACTUS)
+        assert standing is not None
+        yield Drag((OnPuppet(CACTUS, point=number), _spot(standing.out(wanted))), 0.8)
     assert isinstance(take, Clip)
     yield Wait(0.4)
 
