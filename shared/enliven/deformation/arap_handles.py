@@ -15,6 +15,7 @@ size: neither a symbolic nor a numeric factorisation.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -125,7 +126,7 @@ def pull(held, frames, targets, z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def follow(held, frames, shown, targets, share):  # type: ignore[no-untyped-def]
-    """Move the whole as the handles moved, where one rigid motion explains all but ``share`` of it.
+    """Move the whole as the handles moved, where one rigid motion explains all but ``share`` of it (squared).
 
     Without it, a turn of all handles would reach the inner cells only over many frames.
 
@@ -149,9 +150,7 @@ def follow(held, frames, shown, targets, share):  # type: ignore[no-untyped-def]
     for r in range(3):
         m[r, r] += push
     w, x, y, z = nearest_quaternion(m)
-    m[0] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    m[1] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    m[2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    _turn(w, x, y, z, m)
     after = 0.0
     for h in range(count):
         at = 16 * held.places[h] + 12
@@ -160,8 +159,17 @@ def follow(held, frames, shown, targets, share):  # type: ignore[no-untyped-def]
             for c in range(3):
                 gap -= m[r, c] * (frames[at + c] - old[c])
             after += gap * gap
-    if not after < share * before:
+    # Between share and twice that a part of the motion, for small changes to stay small.
+    part = 2.0 - after / (share * before) if before > 0.0 and share > 0.0 else 0.0
+    if part <= 0.0:
         return
+    if part < 1.0:
+        length = math.sqrt(x * x + y * y + z * z)
+        half = part * math.atan2(length, abs(w))
+        bend = math.copysign(math.sin(half) / length, w) if length > 0.0 else 0.0
+        _turn(math.cos(half), bend * x, bend * y, bend * z, m)
+        for c in range(3):
+            new[c] = old[c] + part * (new[c] - old[c])
     for i in range(len(shown)):
         at = 16 * i + 12
         x, y, z = frames[at] - old[0], frames[at + 1] - old[1], frames[at + 2] - old[2]
@@ -169,3 +177,11 @@ def follow(held, frames, shown, targets, share):  # type: ignore[no-untyped-def]
         for r in range(3):
             frames[at + r] = m[r, 0] * x + m[r, 1] * y + m[r, 2] * z + new[r]
             shown[i, r] = m[r, 0] * u + m[r, 1] * v + m[r, 2] * w + new[r]
+
+
+@njit(cache=True, nogil=True)
+def _turn(w, x, y, z, out):  # type: ignore[no-untyped-def]
+    """``out`` (3, 3) <- the rotation of a unit quaternion."""
+    out[0, 0], out[0, 1], out[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    out[1, 0], out[1, 1], out[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    out[2, 0], out[2, 1], out[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)

@@ -183,6 +183,22 @@ def test_rigid_motion_of_the_handles_is_the_meshs(seed, count, plain):
     assert solver.energy() < 1e-18
 
 
+def test_small_changes_stay_small_where_the_whole_is_about_to_follow():
+    mesh = sphere()
+    held = [60, 61, 0, 25]
+    rng = np.random.default_rng(5)
+    bend = rng.normal(0, 1, (4, 3))
+    turn = rotation.to_matrix(rotation.from_rotation_vector(np.array([0.5, 0.2, 0.0])))
+    carried = mesh.vertices[held] @ turn.T
+    made = []
+    for by in np.linspace(0.0, 0.2, 400):
+        solver = ArapSolver(mesh)
+        solver.set_handles([Handle(str(v), (v,)) for v in held])
+        made.append(solver.solve({str(v): carried[k] + by * bend[k] for k, v in enumerate(held)}))
+    steps = np.abs(np.diff(made, axis=0)).max((1, 2))
+    assert steps.max() < 20 * np.median(steps)
+
+
 def test_at_rest_nothing_moves():
     mesh = sphere(centre=(100.0, 0.0, 0.0))
     solver = ArapSolver(mesh)
