@@ -27,6 +27,8 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 _BUDGET = 0.012
 """Seconds of a picture that a solve may take; a slower one goes on beside the pictures."""
+_FAILURES = (EnlivenError, ArithmeticError, ValueError, RuntimeError, MemoryError)
+"""What solving a mesh may come to: what a stranger sends ends no viewer."""
 _SETTLING = 12
 """Pictures for which a surface whose control points do not move is still solved, until it is at rest."""
 
@@ -106,7 +108,7 @@ class _Surface:
             return None
         try:
             return self._prepared.result()
-        except (EnlivenError, ArithmeticError, ValueError, RuntimeError, MemoryError) as error:
+        except _FAILURES as error:
             if not self._told:
                 self._told = True
                 log.warning("%s moves as one piece: %s", self.character.id, error)
@@ -135,7 +137,7 @@ class _Surface:
         began = time.perf_counter()
         try:
             made = surface.settle(places) if self._local is None else surface.solve(places)
-        except EnlivenError as error:
+        except _FAILURES as error:
             made = surface.pose
             log.debug("%s keeps its last shape: %s", self.character.id, error)
         if self._local is not None:

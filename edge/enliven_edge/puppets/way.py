@@ -33,6 +33,10 @@ _WINDOW = 0.1
 """Seconds over which the speed of a foot is measured."""
 _LEG = 0.5
 """Share of a person's height."""
+_HIGHEST = 1.0
+"""Share of their height that nobody jumps beyond."""
+_ADULT, _LOWEST = 1.7, 0.3
+"""Metres of a performer whose height is not known, and below which it is not."""
 LEFT_FOOT, RIGHT_FOOT, EITHER = 0, 1, 2
 
 
@@ -74,7 +78,7 @@ class Soles:
         stands = self._down[0], self._down[1]
         if not seen.any(1).all() or self._contacts(body).any():
             return Footing(stands=stands)
-        lift = float(above.min()) / body.height
+        lift = min(float(above.min()) / _height(body), _HIGHEST)
         if lift <= _DEAD:
             return Footing(stands=stands)
         return Footing(False, lift - _DEAD)
@@ -91,7 +95,7 @@ class Soles:
         since = max(self._seconds - self._path[0][0], 1e-9)
         velocity = (places - self._path[0][1]) / since
         speeds = np.linalg.norm(velocity, axis=1)
-        leg = _LEG * body.height
+        leg = _LEG * _height(body)
         # A runner's foot rolls fast while it stands: it is slow against the other.
         slow = max(self._how.speed * leg, self._runner * float(np.linalg.norm(velocity.mean(0)[[0, 2]])))
         for k in range(2):
@@ -105,6 +109,12 @@ class Soles:
             return np.zeros(2, np.bool_)
         least = np.where(self._down, _STILL_SURE, _SURE)
         return np.asarray(body.contacts >= least)
+
+
+def _height(body: Body) -> float:
+    """Metres of the performer; an adult's where joints do not say."""
+    height = body.height
+    return height if np.isfinite(height) and height > _LOWEST else _ADULT
 
 
 def side_of_foot(joint: Joint) -> int:

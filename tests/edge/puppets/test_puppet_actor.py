@@ -380,3 +380,28 @@ def test_a_rehearsal_changes_nothing() -> None:
     show.actor.warm_up()
     assert not show.actor.holds
     np.testing.assert_allclose(show.play().positions, show.actor.character.pivots, atol=1e-6)
+
+
+ODD = st.sampled_from([np.nan, np.inf, -np.inf, 1e9, -1e9, 0.0, 5.0])
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 19), st.integers(0, 2), ODD, st.booleans()), min_size=1, max_size=20)
+)
+def test_whatever_a_sensor_says_the_pose_is_finite(wrong) -> None:
+    show = Show()
+    show.play(person(), frames=2)
+    show.stage.possess("cactus")
+    show.play(person(left=1.0), frames=3)
+    body = replace(person(left=1.0), stature=None, contacts=np.array([np.nan, 0.2]))
+    for joint, axis, value, unseen in wrong:
+        body.joints[joint, axis] = value
+        body.confidence[joint] = 0.0 if unseen else 1.0
+    for _ in range(6):
+        pose = show.play(body)
+        assert np.isfinite(pose.positions).all()
+        assert np.isfinite(pose.linear).all()
+        assert np.abs(pose.positions).max() < 100.0
+    pose = show.play(person(left=1.0), frames=10)
+    assert np.isfinite(pose.positions).all()
