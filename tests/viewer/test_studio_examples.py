@@ -338,6 +338,22 @@ def test_key_poses_are_begun_and_edited_at_their_moment(tmp_path) -> None:
     assert desk.puppets.number == 1 and len(desk.editor.project.puppets["star"].poses) == 2
 
 
+def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path) -> None:
+    desk, _ = studio(tmp_path, *NAMES, take="sway")
+    editor = desk.editor
+    editor.frame_all(at_once=True)
+    before = editor.lens.view.eye
+    begin_pose(desk, "sway", 0.5)
+    editor.advance(10.0)
+    np.testing.assert_allclose(editor.lens.view.eye, before, err_msg="all of it is seen")
+    editor.camera.pan(5.0, 0.0)
+    editor.advance(10.0)
+    edit_pose(desk, 0)
+    editor.advance(10.0)
+    pixels = editor.lens.project(desk.puppets.stage.standing_of("star").vertices)[0]  # type: ignore[union-attr]
+    assert ((pixels >= 0) & (pixels <= editor.size)).all()
+
+
 def test_contacts_are_those_of_the_motion() -> None:
     project = change_layer(posed(), "star", 0, switches=(Switch(0, "contact"), Switch(30, "flight")))
     assert switches_of_layer(project, "star", 0)[0] == Switch(0, "contact")

@@ -10,6 +10,10 @@ if TYPE_CHECKING:
     from enliven_viewer.studio.desk import Desk
 
 
+_ROOM = 1.35
+"""How much air is left around a puppet that is brought into the picture."""
+
+
 def go_to(desk: Desk, take: str, seconds: float) -> None:
     """The playhead to a second of a take, where the puppet plays it; the second view shows that take."""
     editor, puppet = desk.editor, desk.editor.puppets.puppet
@@ -30,6 +34,7 @@ def edit_pose(desk: Desk, number: int) -> None:
         _take_in_hand(desk)
         go_to(desk, puppet.poses[number].take, puppet.poses[number].time)
         desk.editor.puppets.edit_pose(number)
+        bring_into_view(desk)
 
 
 def begin_pose(desk: Desk, take: str, seconds: float) -> None:
@@ -39,6 +44,19 @@ def begin_pose(desk: Desk, take: str, seconds: float) -> None:
     _take_in_hand(desk)
     go_to(desk, take, frame * clip.step)
     desk.editor.puppets.begin_pose(take, frame * clip.step)
+    bring_into_view(desk)
+
+
+def bring_into_view(desk: Desk) -> None:
+    """Move the camera to the chosen puppet where it is not wholly in the picture: it may have walked away."""
+    editor = desk.editor
+    standing = editor.puppets.stage.standing_of(editor.selection.puppet or "")
+    if standing is None:
+        return
+    pixels = editor.lens.project(standing.vertices[:: max(len(standing.vertices) // 2000, 1)])[0]
+    if not ((pixels >= 0) & (pixels <= editor.size)).all():
+        low, high = standing.vertices.min(0), standing.vertices.max(0)
+        editor.camera.frame((low, high), editor.size[0] / max(editor.size[1], 1.0), room=_ROOM)
 
 
 def _take_in_hand(desk: Desk) -> None:
