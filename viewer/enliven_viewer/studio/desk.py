@@ -182,7 +182,9 @@ class Desk:
             "export": (".glb",),
             "session": SESSIONS,
         }[dialogue]
-        stem = self.editor.selection.puppet if dialogue == "session" else self.cabinet.name
+        puppet, unnamed = self.editor.selection.puppet, self.cabinet.path is None
+        about_it = dialogue == "session" or (dialogue == "export" and unnamed and puppet is not None)
+        stem = puppet if about_it else self.cabinet.name
         name = "" if dialogue == "open" else f"{stem}{endings[0]}"
         own = self.cabinet.path if dialogue == "save as" else None
         self.browser = Browser(folder, endings, name, dialogue != "open", own)
