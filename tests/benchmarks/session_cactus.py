@@ -306,8 +306,6 @@ def _exported(desk: Desk, folder: Path) -> Actions:
     yield Do(lambda desk: desk.browser.enter(folder))
     yield Wait(0.6)
     yield Click(Widget("dialog Save"))
-    for _ in range(240):
-        yield Wait(0.25)
-        if not desk.exporting.busy:
-            break
+    yield Wait(1.5)
+    yield Do(lambda desk: desk.exporting.finish())  # nobody wants to watch that
     yield Wait(2.5)
