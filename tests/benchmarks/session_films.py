@@ -50,6 +50,8 @@ from enliven_viewer.studio.settings import StudioSettings
 OUT = Path(__file__).parents[2] / "out" / "sessions"
 Actions = Iterator[Action]
 SIZE = StudioSettings(width=1200, height=740)
+LARGE = StudioSettings(width=1360, height=820)
+"""Of sessions with a puppet: the performer is shown beside it."""
 
 
 def outline(points: Float, at: tuple[float, float] = (0.0, 0.0), turned: float = 0.0) -> tuple[Place, ...]:
@@ -292,7 +294,7 @@ def main(arguments: list[str]) -> int:
         return _under_xvfb(arguments)
     for name in names:
         with tempfile.TemporaryDirectory() as folder:
-            desk = Desk.new(Editor(SIZE), Path(folder) / "recovery")
+            desk = Desk.new(Editor(SIZE if name in SESSIONS else LARGE), Path(folder) / "recovery")
             made = SESSIONS[name]() if name in SESSIONS else FILMED[name](desk, Path(folder))
             actions = list(made) if name in SESSIONS else made
             if check:

@@ -14,7 +14,10 @@ from enliven_viewer.doctor import has_display
 
 def studio(
     files: Annotated[
-        list[Path] | None, typer.Argument(help="Models (glb, gltf), takes (bvh) and a project (enliven).")
+        list[Path] | None,
+        typer.Argument(
+            help="Models (glb), meshes (obj, ply, stl, off), takes (bvh, mcap), a project (enliven)."
+        ),
     ] = None,
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Close the window after this long.")] = None,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
@@ -24,6 +27,7 @@ def studio(
     \b
       enliven studio                     an empty stage: sketch a part with S
       enliven studio spider.glb walk.bvh a model, and a take to give it
+      enliven studio cactus.ply walk.bvh a mesh without a skeleton, to act by examples
       enliven studio squid.enliven       go on with a project
 
     Press F1 in the window for the keys.
