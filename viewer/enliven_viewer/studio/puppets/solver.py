@@ -16,7 +16,9 @@ from enliven_viewer.studio.toasts import Toasts
 AT_ONCE = 4000
 """Vertices up to which a mesh is prepared without a thread: less than a tenth of a second."""
 LARGE = 30_000
-"""Vertices from which it is worth telling, and from which scrubbing does not settle every frame."""
+"""Vertices from which other control points are taken up beside the window too."""
+TOLD = 150_000
+"""Vertices from which preparing is worth telling, and scrubbing does not settle every frame."""
 _STILL = 1e-4
 _MOST_ROUNDS = 60
 Held = tuple[tuple[int, float | None], ...]
@@ -41,7 +43,7 @@ class Solver:
         self._rounds = 0
         self._refused: Held | None = None
         self._work: Future[PuppetSurface] | None = self._begin(puppet)
-        if self._count > LARGE:
+        if self._count > TOLD:
             toasts.say(
                 f"{puppet.id} has {self._count:,} vertices: it takes a moment until it can be dragged",
                 "Everything else goes on meanwhile.",
@@ -99,7 +101,7 @@ class Solver:
         return True
 
     def _moved(self, surface: PuppetSurface, places: Float, *, warm: bool) -> Float:
-        small = self._count <= LARGE
+        small = self._count <= TOLD
         self._places, self._rounds = np.array(places), 0 if small and not warm else _MOST_ROUNDS
         try:
             if not warm and small and np.array_equal(places, self.mesh.vertices[[v for v, _ in self._held]]):
@@ -124,7 +126,7 @@ class Solver:
 
     def _take(self, surface: PuppetSurface) -> None:
         first, self._surface, self._places = self._surface is None, surface, None
-        if first and self._count > LARGE:
+        if first and self._count > TOLD:
             self._toasts.say(f"{self._name} can be dragged now", *surface.notes[:1])
 
     def _hold(self, held: Held) -> None:
