@@ -77,19 +77,20 @@ def _left_right(mesh: Mesh) -> Plane | None:
 
 
 def _with_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[int]:
-    """The vertices, and the mirror images of those that have none, and are not on the plane."""
+    """The vertices, and the mirror images of those that are nobody's mirror image nor their own."""
     used = np.unique(mesh.faces)
     rest = mesh.vertices[vertices]
+    images = reflected(rest, np.array(plane.point), np.array(plane.normal))
+    away = np.linalg.norm(images[:, None] - rest[None], axis=2)
+    nearest = away.argmin(1)
     near = _OFF * float(np.linalg.norm(np.ptp(rest, axis=0)))
     out = list(vertices)
-    for vertex, place in zip(
-        vertices, reflected(rest, np.array(plane.point), np.array(plane.normal)), strict=True
-    ):
-        there = np.linalg.norm(mesh.vertices[out] - place, axis=1)
-        if there.min() > near:
-            image = int(used[np.linalg.norm(mesh.vertices[used] - place, axis=1).argmin()])
-            if image != vertex:
-                out.append(image)
+    for own, other in enumerate(nearest):
+        if nearest[other] == own and away[own, other] < near:
+            continue
+        image = int(used[np.linalg.norm(mesh.vertices[used] - images[own], axis=1).argmin()])
+        if image not in out:
+            out.append(image)
     return out
 
 
@@ -143,11 +144,15 @@ def _shares(heights: Float) -> Float:
 
 
 def _feet(clip: Clip, joints: tuple[str, ...], rest: Float, mesh: Mesh) -> list[bool]:
-    """Which control points can stand: low on the mesh, and paired with a leg."""
+    """Which control points can stand: low on the mesh, and paired with a leg.
+
+    One alone is none: what stands on one pot would hop whenever the performer lifts that foot.
+    """
     low, high = mesh.vertices[:, 1].min(), mesh.vertices[:, 1].max()
     anatomy = anatomy_of(clip.skeleton)
     legs = {clip.skeleton.names[j] for pair in anatomy.legs for limb in pair for j in _own(limb)}
-    return [
+    feet = [
         joint in legs and bool(place[1] < low + _LOW * (high - low))
         for joint, place in zip(joints, rest, strict=True)
     ]
+    return feet if sum(feet) > 1 else [False] * len(feet)
