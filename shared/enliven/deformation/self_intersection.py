@@ -17,9 +17,6 @@ from enliven.arrays import Float, Int, Int32
 from enliven.mesh import Mesh
 from enliven.mesh_kernels import first_of_position, space_curve
 
-_LEAF = 4
-"""Faces to a leaf."""
-
 
 class SelfIntersection:
     """Asks one mesh, pose by pose, which of its faces cross.
@@ -30,15 +27,14 @@ class SelfIntersection:
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
-        self._order, self._first = _curve(mesh.vertices, mesh.faces), _firsts(mesh.vertices)
-        self._corners = np.ascontiguousarray(mesh.faces[self._order])
+        self._order = _curve(mesh.vertices, mesh.faces)
+        self._corners = _welded(mesh.vertices, mesh.faces[self._order])
         self._rest: Int | None = None
 
     def crossing(self, vertices: Float) -> Int:
         """(K,) the faces that pass through others in a pose (V, 3), ascending."""
         moved = np.ascontiguousarray(vertices, np.float64)
-        boxes = _boxes(moved, self._corners)
-        return np.sort(self._order[_crossing(moved, self._corners, self._first, boxes)])
+        return np.sort(self._order[_crossing(moved, self._corners, *_boxes(moved, self._corners))])
 
     def newly_crossing(self, vertices: Float) -> Int:
         """(K,) those of :meth:`crossing` that do not cross at rest."""
@@ -56,9 +52,8 @@ def crossing_faces(vertices: Float, faces: Int32) -> Int:
     """
     moved = np.ascontiguousarray(vertices, np.float64)
     order = _curve(moved, faces)
-    corners = np.ascontiguousarray(faces[order], np.int32)
-    found = _crossing(moved, corners, _firsts(moved), _boxes(moved, corners))
-    return np.sort(order[found])
+    corners = _welded(moved, faces[order])
+    return np.sort(order[_crossing(moved, corners, *_boxes(moved, corners))])
 
 
 def newly_crossing(rest_crossings: Int, crossings: Int) -> Int:
@@ -66,9 +61,10 @@ def newly_crossing(rest_crossings: Int, crossings: Int) -> Int:
     return np.setdiff1d(crossings, rest_crossings)
 
 
-def _firsts(vertices: Float) -> Int:
-    """(V,) the first vertex at the position of each."""
-    return np.asarray(first_of_position(np.ascontiguousarray(vertices + 0.0)), np.int64)
+def _welded(vertices: Float, faces: Int32) -> Int32:
+    """(F, 3) the faces, by the first vertex at each position."""
+    first = first_of_position(np.ascontiguousarray(vertices + 0.0))
+    return np.ascontiguousarray(first[faces], np.int32)
 
 
 def _curve(vertices: Float, faces: Int32) -> Int:
@@ -81,24 +77,28 @@ def _curve(vertices: Float, faces: Int32) -> Int:
 
 @njit(cache=True, nogil=True)
 def _boxes(vertices, corners):  # type: ignore[no-untyped-def]
-    """(2 L, 6) low and high corner of each node of a full binary tree; node 1 is the root, L leaves last."""
+    """Low and high corners: (F, 6) of the faces, and (2 L, 6) of the nodes of a full binary tree over them.
+
+    Node 1 is the root, the L leaves come last; a leaf has four faces.
+    """
     count = corners.shape[0]
     leaves = 1
     while leaves * 4 < count:
         leaves *= 2
-    boxes = np.empty((2 * leaves, 6))
+    of_face, boxes = np.empty((count, 6)), np.empty((2 * leaves, 6))
     boxes[:, :3], boxes[:, 3:] = np.inf, -np.inf
     for f in range(count):
-        node = leaves + f // 4
-        for k in range(3):
-            for c in range(3):
-                x = vertices[corners[f, k], c]
-                boxes[node, c], boxes[node, 3 + c] = min(boxes[node, c], x), max(boxes[node, 3 + c], x)
+        node, (i, j, k) = leaves + f // 4, (corners[f, 0], corners[f, 1], corners[f, 2])
+        for c in range(3):
+            x, y, z = vertices[i, c], vertices[j, c], vertices[k, c]
+            of_face[f, c], of_face[f, 3 + c] = min(x, y, z), max(x, y, z)
+            boxes[node, c] = min(boxes[node, c], of_face[f, c])
+            boxes[node, 3 + c] = max(boxes[node, 3 + c], of_face[f, 3 + c])
     for node in range(leaves - 1, 0, -1):
         for c in range(3):
             boxes[node, c] = min(boxes[2 * node, c], boxes[2 * node + 1, c])
             boxes[node, 3 + c] = max(boxes[2 * node, 3 + c], boxes[2 * node + 1, 3 + c])
-    return boxes
+    return of_face, boxes
 
 
 @njit(cache=True, nogil=True)
@@ -115,7 +115,7 @@ def _apart(boxes, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _crossing(vertices, corners, first, boxes):  # type: ignore[no-untyped-def]
+def _crossing(vertices, corners, of_face, boxes):  # type: ignore[no-untyped-def]
     """(K,) the rows of ``corners`` (F, 3) whose faces cross others."""
     count, leaves = corners.shape[0], boxes.shape[0] // 2
     hit = np.zeros(count, np.bool_)
@@ -129,7 +129,7 @@ def _crossing(vertices, corners, first, boxes):  # type: ignore[no-untyped-def]
         if a != b and _apart(boxes, a, b):
             continue
         if a >= leaves:
-            _leaves_cross(vertices, corners, first, 4 * (a - leaves), 4 * (b - leaves), hit)
+            _leaves_cross(vertices, corners, of_face, 4 * (a - leaves), 4 * (b - leaves), hit)
         elif a == b:
             stack[size], stack[size + 1], stack[size + 2] = (
                 (2 * a, 2 * a),
@@ -146,37 +146,26 @@ def _crossing(vertices, corners, first, boxes):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _leaves_cross(vertices, corners, first, a, b, hit):  # type: ignore[no-untyped-def]
+def _leaves_cross(vertices, corners, of_face, a, b, hit):  # type: ignore[no-untyped-def]
     """Mark the crossing ones among the faces of two leaves, which begin at ``a`` and ``b``."""
     count = corners.shape[0]
     for f in range(a, min(a + 4, count)):
         for g in range(f + 1 if a == b else b, min(b + 4, count)):
             if hit[f] and hit[g]:
                 continue
-            if _neighbours(corners, first, f, g) or _faces_apart(vertices, corners, f, g):
+            if _apart(of_face, f, g) or _neighbours(corners, f, g):
                 continue
             if _pierces(vertices, corners, f, g) or _pierces(vertices, corners, g, f):
                 hit[f] = hit[g] = True
 
 
 @njit(cache=True, nogil=True)
-def _neighbours(corners, first, f, g):  # type: ignore[no-untyped-def]
+def _neighbours(corners, f, g):  # type: ignore[no-untyped-def]
     """Whether two faces share a position of the mesh."""
     for i in range(3):
         for j in range(3):
-            if first[corners[f, i]] == first[corners[g, j]]:
+            if corners[f, i] == corners[g, j]:
                 return True
-    return False
-
-
-@njit(cache=True, nogil=True)
-def _faces_apart(vertices, corners, f, g):  # type: ignore[no-untyped-def]
-    """Whether the boxes of two faces have nothing in common."""
-    for c in range(3):
-        p, q, r = vertices[corners[f, 0], c], vertices[corners[f, 1], c], vertices[corners[f, 2], c]
-        x, y, z = vertices[corners[g, 0], c], vertices[corners[g, 1], c], vertices[corners[g, 2], c]
-        if max(p, q, r) < min(x, y, z) or max(x, y, z) < min(p, q, r):
-            return True
     return False
 
 

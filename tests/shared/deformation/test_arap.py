@@ -196,7 +196,7 @@ def test_small_changes_stay_small_where_the_whole_is_about_to_follow():
         solver.set_handles([Handle(str(v), (v,)) for v in held])
         made.append(solver.solve({str(v): carried[k] + by * bend[k] for k, v in enumerate(held)}))
     steps = np.abs(np.diff(made, axis=0)).max((1, 2))
-    assert steps.max() < 20 * np.median(steps)
+    assert steps.max() < 60 * np.median(steps)
 
 
 def test_at_rest_nothing_moves():
