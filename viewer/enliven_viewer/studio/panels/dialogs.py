@@ -145,7 +145,7 @@ def _when(path: Path) -> str:
 
 
 def _help(desk: Desk) -> None:
-    if not _begin("Keys", 930, 560):
+    if not _begin("Keys", 970, 560):
         return
     rows = [("Tools", [(kind.key.upper(), kind.label) for kind in TOOLS])]
     for menu in dict.fromkeys(deed.menu for deed in DEEDS):

@@ -1,0 +1,66 @@
+"""Meshes and motions by others, opened in the studio and made to act through the example panel's parts."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from enliven.examples.puppet_motion import missing, state_of
+from enliven.modeling.puppets import change_key_pose
+from enliven_viewer.studio.desk import Desk
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.examples.edits import guessed, stood, with_points
+from enliven_viewer.studio.examples.going import begin_pose
+
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+CACTUS = DATA / "meshes" / "cinolib" / "cactus.off"
+TRAFFIC = DATA / "cmu_expmap" / "train_directing_traffic_4.txt"
+pytestmark = [
+    pytest.mark.real,
+    pytest.mark.skipif(
+        not (CACTUS.is_file() and TRAFFIC.is_file()),
+        reason=f"no cactus or CMU motion in {DATA} (set ENLIVEN_DATA)",
+    ),
+]
+ENDS = ((0.0, 1.0, 0.0), (-0.27, 0.95, 0.0), (0.27, 0.95, 0.0), (0.0, 0.0, 0.05))
+"""Head, two hands and foot, in heights of the mesh, once it looks at +Z."""
+
+
+def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path):
+    desk = Desk.new(Editor(), tmp_path / "recovery")
+    desk.open(CACTUS)
+    desk.open(TRAFFIC)
+    editor, name, take = desk.editor, "cactus", TRAFFIC.stem
+    for axis in ("x", "y"):
+        assert editor.edit("stand", lambda project, axis=axis: stood(project, name, axis))
+    mesh = editor.project.puppets[name].mesh
+    wide, tall, deep = np.ptp(mesh.vertices, axis=0)
+    assert tall > wide > deep, "it stands, and its arms are at its sides"
+    ends = [int(np.linalg.norm(mesh.vertices - tall * np.array(at), axis=1).argmin()) for at in ENDS]
+    desk.performer.show(take)
+    assert editor.edit("points", lambda project: with_points(project, name, ends))
+    assert editor.edit("guess", lambda project: guessed(project, name, take))
+    points = editor.project.puppets[name].points
+    assert [point.name for point in points[:3]] in (
+        ["head", "right hand", "left hand"],
+        ["head", "left hand", "right hand"],
+    )
+    assert points[3].foot
+    coverage = desk.coverages.of(editor.project, editor.project.puppets[name], take)
+    assert coverage is not None and 2 <= coverage.needed <= 12
+    for number, second in enumerate(coverage.times[:3]):
+        begin_pose(desk, take, second)
+        places = np.array(editor.project.puppets[name].rest)
+        places[1:3] += 0.1 * tall * np.array([[0, number - 1, 0], [0, 1 - number, 0]])
+        change = {"places": places}
+        assert editor.edit("pose", lambda project, n=number, c=change: change_key_pose(project, name, n, **c))
+    desk.puppets.accept()
+    project, puppet = editor.solving.settle(editor.project, name)
+    assert not missing(project, puppet) and editor.solving.problem(name) is None
+    assert puppet is editor.project.puppets[name]
+    for pose, second in zip(puppet.poses, coverage.times[:3], strict=True):
+        found = state_of(project, puppet, second).places
+        assert np.abs(found - pose.places).max() < 0.05 * tall, "close to its examples, and smooth"
+    after = desk.coverages.of(project, puppet, take)
+    assert after is not None and after.left < coverage.left
