@@ -16,34 +16,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.examples.puppet_motion import State
-from enliven.modeling.puppets import (
-    add_key_pose,
-    change_key_pose,
-    remove_key_pose,
-    remove_point,
-)
-from enliven.motion.clip import Clip
-from enliven.project import Project
-from enliven.puppet import KeyPose, Puppet
+from enliven.modeling.puppets import change_key_pose, remove_point
+from enliven.puppet import Puppet
 from enliven_viewer.studio.puppets.baking import Baking
-from enliven_viewer.studio.puppets.chosen import Chosen
 from enliven_viewer.studio.puppets.crossing import Crossing
 from enliven_viewer.studio.puppets.kept import middle_of, size_of
+from enliven_viewer.studio.puppets.key_poses import KeyPoses
 from enliven_viewer.studio.puppets.mirrored import mirrored_places
-from enliven_viewer.studio.puppets.playing import take_places
-from enliven_viewer.studio.puppets.stage import PuppetStage, Standing
+from enliven_viewer.studio.puppets.stage import PuppetStage
 
 if TYPE_CHECKING:
     from enliven_viewer.studio.editor import Editor
 
 _MANY = 200_000
-"""Faces."""
+"""Faces: where there are more, it is looked whether they cross when a drag is over, not during it."""
 _MOST_AWAY = 50.0
 """Sizes of the mesh beyond which a control point is not dragged: farther is a slip of the hand."""
 
 
-class PuppetDesk(Chosen):
+class PuppetDesk(KeyPoses):
     """The state that the stage and the example panel share.
 
     Attributes:
@@ -51,31 +42,24 @@ class PuppetDesk(Chosen):
             there. None: of the lowest layer, at the project's time.
         silhouette: whether the key pose before is outlined while one is edited.
         warn: whether faces that pass through one another are shown.
-        way: how the puppet stood when the key pose was begun: there it stays while it is edited.
     """
 
     def __init__(self, editor: Editor) -> None:
         super().__init__(editor, PuppetStage(editor, self))
         self.moment: tuple[str, float] | None = None
         self.silhouette, self.warn = True, True
-        self.way: State | None = None
         self.crossing = Crossing()
         self.baking = Baking(editor)
-        self._key: tuple[str, int] | None = None
-        self._before: dict[int, Float] | None = None
         self._dragged: Float | None = None
-        self._at = 0.0
 
     def advance(self) -> None:
         """A picture went by: surfaces come to rest. Another time or another puppet leaves the key pose."""
-        elsewhere = self.editor.playing or abs(self.editor.time - self._at) > 1e-9
-        if self._key is not None and (elsewhere or self.editor.selection.puppet != self._key[0]):
-            self.accept()
+        self.leave_elsewhere()
         self.stage.improve()
         self.baking.poll()
         standing = self.stage.standing_of(self.puppet.id) if self.puppet is not None else None
         if standing is not None and self.dragging and len(standing.puppet.mesh.faces) > _MANY:
-            return  # so many are looked at when the drag is over
+            return
         if self.warn and self.shaping and standing is not None:
             self.crossing.look(standing.puppet, standing.surface)
         else:
@@ -85,33 +69,6 @@ class PuppetDesk(Chosen):
     def shaping(self) -> bool:
         """Whether a key pose is edited, or a control point dragged."""
         return self.posing or self.dragging
-
-    @property
-    def number(self) -> int | None:
-        """The number of the key pose that is edited; None while the puppet plays."""
-        puppet = self.puppet
-        if self._key is None or puppet is None or self._key[0] != puppet.id:
-            return None
-        return self._key[1] if self._key[1] < len(puppet.poses) else None
-
-    @property
-    def posing(self) -> bool:
-        """Whether a key pose is edited."""
-        return self.number is not None
-
-    @property
-    def key(self) -> KeyPose | None:
-        """The key pose that is edited."""
-        puppet, number = self.puppet, self.number
-        return puppet.poses[number] if puppet is not None and number is not None else None
-
-    @property
-    def previous(self) -> KeyPose | None:
-        """The key pose before the one that is edited, to compare with; of the first the one after it."""
-        puppet, number = self.puppet, self.number
-        if puppet is None or number is None or len(puppet.poses) < 2:
-            return None
-        return puppet.poses[number - 1 if number else 1]
 
     @property
     def places(self) -> Float | None:
@@ -124,55 +81,6 @@ class PuppetDesk(Chosen):
     def dragging(self) -> bool:
         """Whether a control point is dragged."""
         return self._dragged is not None
-
-    def begin_pose(self, take: str, time: float) -> bool:
-        """Make a key pose for a take's second, as the puppet is then; one that is there already is edited."""
-        puppet = self._wanted()
-        if puppet is None:
-            return False
-        there = self.pose_at(take, time)
-        if there is not None:
-            return self.edit_pose(there)
-        return self._add(puppet, take, time, take_places(self.editor.project, puppet, take, time))
-
-    def pose_at(self, take: str, time: float) -> int | None:
-        """The number of the chosen puppet's key pose of a frame of a take, or None."""
-        puppet, clip = self.puppet, self.editor.project.takes.get(take)
-        if puppet is None or clip is None:
-            return None
-        for number, pose in enumerate(puppet.poses):
-            if pose.take == take and _same_frame(clip, pose.time, time):
-                return number
-        return None
-
-    def edit_pose(self, number: int) -> bool:
-        """Edit a key pose that is there."""
-        puppet = self._wanted()
-        if puppet is None or not 0 <= number < len(puppet.poses):
-            return False
-        before = dict(zip((p.vertex for p in puppet.points), puppet.poses[number].places, strict=True))
-        self._edit(puppet.id, number, before, self.stage.standing_of(puppet.id))
-        return True
-
-    def accept(self) -> None:
-        """Leave the key pose as it is; the puppet plays again."""
-        self._key = self._before = self._dragged = self.way = None
-
-    def cancel(self) -> None:
-        """Put the key pose back as it was before it was edited, or away where it is new."""
-        puppet, number, before = self.puppet, self.number, self._before
-        self.accept()
-        if puppet is None or number is None:
-            return
-        if before is None:
-            self.editor.edit("drop the key pose", lambda p: remove_key_pose(p, puppet.id, number))
-            return
-        now = puppet.poses[number].places
-        places = np.array([before.get(point.vertex, now[k]) for k, point in enumerate(puppet.points)])
-        if not np.array_equal(places, now):
-            self.editor.edit(
-                "drop the changes", lambda p: change_key_pose(p, puppet.id, number, places=places)
-            )
 
     def drag(self, point: int, place: Float) -> None:
         """Show a control point at a place (3,) of the mesh's frame; with symmetry its partner follows."""
@@ -232,14 +140,6 @@ class PuppetDesk(Chosen):
             )
         return True
 
-    def _edit(
-        self, puppet: str, number: int, before: dict[int, Float] | None, standing: Standing | None
-    ) -> None:
-        """Work on a key pose; ``before``: each vertex's place then, None where it is new."""
-        self.way = standing.state if standing is not None and self.way is None else self.way
-        self._key, self._before, self._dragged = (puppet, number), before, None
-        self.editor.playing, self._at = False, self.editor.time
-
     def _start(self, puppet: Puppet) -> Float:
         """(P, 3) what a drag starts from: the key pose of this moment, or what is shown."""
         if self.places is not None:
@@ -276,25 +176,6 @@ class PuppetDesk(Chosen):
             played = (self.editor.time - layer.offset) * layer.speed
             moment = (layer.take, min(max(played, 0.0), takes[layer.take].duration))
         return moment if moment is not None and moment[0] in takes else None
-
-    def _add(self, puppet: Puppet, take: str, time: float, places: Float) -> bool:
-        """A key pose more, which is edited from now on; one edit."""
-        if not puppet.points:
-            self.editor.toasts.say("It has no control points yet", "Click the mesh where it is to be held.")
-            return False
-        standing = self.stage.standing_of(puppet.id)
-
-        def adding(project: Project) -> Project:
-            return add_key_pose(project, puppet.id, take, time, places)
-
-        if not self.editor.edit(f"add key pose {len(puppet.poses) + 1}", adding):
-            return False
-        self._edit(puppet.id, len(puppet.poses), None, standing)
-        return True
-
-
-def _same_frame(clip: Clip, a: float, b: float) -> bool:
-    return round(a / clip.step) == round(b / clip.step)
 
 
 def _near(puppet: Puppet, place: Float) -> Float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from concurrent.futures import Executor, Future
 
 import numpy as np
@@ -13,6 +14,7 @@ from enliven.puppet import Puppet
 from enliven_viewer.studio.puppets.kept import size_of
 from enliven_viewer.studio.toasts import Toasts
 
+log = logging.getLogger(__name__)
 AT_ONCE = 4000
 """Vertices up to which a mesh is prepared without a thread: less than a tenth of a second."""
 LARGE = 30_000
@@ -75,9 +77,8 @@ class Solver:
                 self._take(work.result())
             if held != self._held:
                 self._hold(held)
-        except EnlivenError as error:
-            self._toasts.complain(error)
-            self._refused = self._held
+        except Exception as error:
+            self._refuse(error)
             return None
         return self._surface if self._work is None else None
 
@@ -112,6 +113,14 @@ class Solver:
             self._toasts.complain(error)
             self._rounds = 0
             return self._shown
+
+    def _refuse(self, error: Exception) -> None:
+        """It cannot be prepared with these control points. A fault of our own must not end the window."""
+        if not isinstance(error, EnlivenError):
+            log.error("a puppet could not be prepared", exc_info=error)
+            error = EnlivenError(f"a fault of enliven itself: {type(error).__name__}: {error}")
+        self._toasts.complain(error)
+        self._refused = self._held
 
     def _begin(self, puppet: Puppet) -> Future[PuppetSurface]:
         held, weights = _split(self._held)

@@ -1,0 +1,149 @@
+"""Key poses begun, edited, accepted and dropped."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.examples.puppet_motion import State
+from enliven.modeling.puppets import add_key_pose, change_key_pose, remove_key_pose
+from enliven.motion.clip import Clip
+from enliven.project import Project
+from enliven.puppet import KeyPose, Puppet
+from enliven_viewer.studio.puppets.chosen import Chosen
+from enliven_viewer.studio.puppets.playing import take_places
+from enliven_viewer.studio.puppets.stage import PuppetStage, Standing
+
+if TYPE_CHECKING:
+    from enliven_viewer.studio.editor import Editor
+
+
+class KeyPoses(Chosen):
+    """Which key pose of the chosen puppet is edited.
+
+    Attributes:
+        way: how the puppet stood when the key pose was begun: there it stays while it is edited.
+    """
+
+    def __init__(self, editor: Editor, stage: PuppetStage) -> None:
+        super().__init__(editor, stage)
+        self.way: State | None = None
+        self._key: tuple[str, int] | None = None
+        self._before: dict[int, Float] | None = None
+        self._at = 0.0
+
+    def leave_elsewhere(self) -> None:
+        """Leave the key pose where it plays, another time is shown, or another puppet is chosen."""
+        elsewhere = self.editor.playing or abs(self.editor.time - self._at) > 1e-9
+        if self._key is not None and (elsewhere or self.editor.selection.puppet != self._key[0]):
+            self.accept()
+
+    @property
+    def number(self) -> int | None:
+        """The number of the key pose that is edited; None while the puppet plays."""
+        puppet = self.puppet
+        if self._key is None or puppet is None or self._key[0] != puppet.id:
+            return None
+        return self._key[1] if self._key[1] < len(puppet.poses) else None
+
+    @property
+    def posing(self) -> bool:
+        """Whether a key pose is edited."""
+        return self.number is not None
+
+    @property
+    def key(self) -> KeyPose | None:
+        """The key pose that is edited."""
+        puppet, number = self.puppet, self.number
+        return puppet.poses[number] if puppet is not None and number is not None else None
+
+    @property
+    def previous(self) -> KeyPose | None:
+        """The key pose before the one that is edited, to compare with; of the first the one after it."""
+        puppet, number = self.puppet, self.number
+        if puppet is None or number is None or len(puppet.poses) < 2:
+            return None
+        return puppet.poses[number - 1 if number else 1]
+
+    def begin_pose(self, take: str, time: float) -> bool:
+        """Make a key pose for a take's second, as the puppet is then; one that is there already is edited."""
+        puppet = self._wanted()
+        if puppet is None:
+            return False
+        there = self.pose_at(take, time)
+        if there is not None:
+            return self.edit_pose(there)
+        return self._add(puppet, take, time, take_places(self.editor.project, puppet, take, time))
+
+    def pose_at(self, take: str, time: float) -> int | None:
+        """The number of the chosen puppet's key pose of a frame of a take, or None."""
+        puppet, clip = self.puppet, self.editor.project.takes.get(take)
+        if puppet is None or clip is None:
+            return None
+        for number, pose in enumerate(puppet.poses):
+            if pose.take == take and _same_frame(clip, pose.time, time):
+                return number
+        return None
+
+    def edit_pose(self, number: int) -> bool:
+        """Edit a key pose that is there."""
+        puppet = self._wanted()
+        if puppet is None or not 0 <= number < len(puppet.poses):
+            return False
+        before = dict(zip((p.vertex for p in puppet.points), puppet.poses[number].places, strict=True))
+        self._edit(puppet.id, number, before, self.stage.standing_of(puppet.id))
+        return True
+
+    def accept(self) -> None:
+        """Leave the key pose as it is; the puppet plays again."""
+        self._key = self._before = self.way = None
+        self.let_go()
+
+    def let_go(self) -> None:
+        """Forget what is dragged."""
+
+    def cancel(self) -> None:
+        """Put the key pose back as it was before it was edited, or away where it is new."""
+        puppet, number, before = self.puppet, self.number, self._before
+        self.accept()
+        if puppet is None or number is None:
+            return
+        if before is None:
+            self.editor.edit("drop the key pose", lambda p: remove_key_pose(p, puppet.id, number))
+            return
+        now = puppet.poses[number].places
+        places = np.array([before.get(point.vertex, now[k]) for k, point in enumerate(puppet.points)])
+        if not np.array_equal(places, now):
+            self.editor.edit(
+                "drop the changes", lambda p: change_key_pose(p, puppet.id, number, places=places)
+            )
+
+    def _edit(
+        self, puppet: str, number: int, before: dict[int, Float] | None, standing: Standing | None
+    ) -> None:
+        """Work on a key pose; ``before``: each vertex's place then, None where it is new."""
+        self.way = standing.state if standing is not None and self.way is None else self.way
+        self._key, self._before = (puppet, number), before
+        self.let_go()
+        self.editor.playing, self._at = False, self.editor.time
+
+    def _add(self, puppet: Puppet, take: str, time: float, places: Float) -> bool:
+        """A key pose more, which is edited from now on; one edit."""
+        if not puppet.points:
+            self.editor.toasts.say("It has no control points yet", "Click the mesh where it is to be held.")
+            return False
+        standing = self.stage.standing_of(puppet.id)
+
+        def adding(project: Project) -> Project:
+            return add_key_pose(project, puppet.id, take, time, places)
+
+        if not self.editor.edit(f"add key pose {len(puppet.poses) + 1}", adding):
+            return False
+        self._edit(puppet.id, len(puppet.poses), None, standing)
+        return True
+
+
+def _same_frame(clip: Clip, a: float, b: float) -> bool:
+    return round(a / clip.step) == round(b / clip.step)
