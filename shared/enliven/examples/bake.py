@@ -31,7 +31,7 @@ _CHUNK = 16
 _AGAIN = 3
 """How often frames that were not fitted to and are too far off are taken in."""
 _MOST_MISSED = 16
-_LAST = 2
+_LAST = 5
 """Rounds with maps as a glTF node can say them."""
 
 
