@@ -240,7 +240,7 @@ def _posed(desk: Desk) -> Actions:
             continue
         standing = desk.puppets.stage.standing_of(CACTUS)
         assert standing is not None
-        yield Drag((OnPuppet(CACTUS, point=number), _spot(standing.out(wanted))), 0.8)
+        yield Drag((OnPuppet(CACTUS, point=number), _spot(standing.out(wanted[None])[0])), 0.8)
     assert isinstance(take, Clip)
     yield Wait(0.4)
 
