@@ -150,6 +150,13 @@ def test_a_key_pose_mirrored_twice_is_itself(seed):
     np.testing.assert_allclose(twice.puppets["stool"].poses[2].places, places, atol=1e-12)
 
 
+def test_the_mesh_says_its_plane_where_the_puppet_has_none():
+    project = puppet_project()
+    found = mirror_key_pose(project, "stool", 0).puppets["stool"].poses[0].places
+    set_so = mirror_key_pose(set_symmetry(project, "stool", SIDES), "stool", 0)
+    np.testing.assert_allclose(found, set_so.puppets["stool"].poses[0].places, atol=0.02)
+
+
 @given(seeds, st.floats(-3, 3), st.floats(-2, 2))
 @few
 def test_a_moved_puppet_is_moved_at_every_time(seed, angle, x):
