@@ -38,6 +38,8 @@ class Carry(Tool):
             return "Let go anywhere; with Shift over another puppet to make one of the two."
         if self._held is not None:
             return "Bring the red root onto a node of another shape to merge, or let go anywhere."
+        if self.editor.selection.puppet is not None:
+            return "Drag a puppet to move it; let go with Shift over another to make one of the two."
         return "Drag a shape to move it. Drop its red root on another shape's node to merge the two."
 
     def press(self, pointer: Pointer) -> bool:

@@ -35,6 +35,8 @@ class Pose(Tool):
             return "Let go to keep it so; Esc drops it."
         if self._held is not None:
             return "Let go to keep the pose; Esc drops it."
+        if self.editor.selection.puppet is not None:
+            return "Drag a puppet sideways to turn it where it stands. K poses it."
         return "Drag a joint to turn its bone, the root to turn the whole; with Shift about the upright."
 
     def press(self, pointer: Pointer) -> bool:
