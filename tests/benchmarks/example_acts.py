@@ -242,7 +242,7 @@ ALLIGATOR = Act(
     take="bvh/cmu_mirrors/01_01.bvh",
     height=0.5,
     turned=90,
-    shown=(Shown(0.5, 16.5, 68),),
+    shown=(Shown(0.5, 14.9, 68),),
     examples=ExampleSettings(acceleration=0.1),
     colour=(190, 214, 132),
     points=(

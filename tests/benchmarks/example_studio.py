@@ -22,6 +22,7 @@ from enliven_viewer.sheet import Tile, write_sheet
 
 SIZE, RATE, BIT_RATE = (1280, 720), 30.0, 6.0
 _TILES, _TILE_WIDTH = 24, 480
+MOST_KEYS = 4
 _PERFORMER = 0.30
 """Share of the picture's width that the performer has."""
 _INK, _QUIET = (0.95, 0.96, 0.98, 0.95), (0.80, 0.83, 0.88, 0.85)
@@ -71,7 +72,8 @@ class Studio:
         self._text = max(round(size[1] / 36), 8)
         self._small = max(round(size[1] / 48), 7)
         narrow = round(_PERFORMER * size[0]) // 2 * 2
-        sizes = ((narrow, size[1]), (size[0] - narrow, size[1]), (size[0] // 8, size[1] // 5))
+        column = size[0] // 8
+        sizes = ((narrow, size[1]), (size[0] - narrow - column, size[1]), (column, size[1] // MOST_KEYS))
         self._left, self._right, self._thumb = (
             Panel(Renderer(ctx, one), Canvas(ctx, (self._small, self._text))) for one in sizes
         )
@@ -119,15 +121,12 @@ class Studio:
                 (margin, margin + line, f"{told}  ·  {shown}", self._small, 0.0),
             ],
         )
-        both = np.hstack([left, right])
-        if strip is not None:
-            high, wide = strip.shape[:2]
-            both[-high - 8 : -8, -wide - 8 : -8] = strip
-        return both
+        column = np.zeros((self.size[1], self._thumb.size[0], 3), np.uint8) if strip is None else strip
+        return np.hstack([left, right, column])
 
     def strip(self, play: Play) -> UInt8:
         """(h, w, 3) the key poses, one below the other."""
-        half, pictures = 0.85 * half_of(play), []
+        half, pictures = 0.9 * half_of(play), []
         azimuth = math.radians(play.shown.azimuth)
         surface = play.surface()
         size = self._thumb.size
@@ -139,7 +138,9 @@ class Studio:
             picture = self._thumb.draw(scene, self._thumb.view(np.zeros(3), half, azimuth), texts)
             picture[[0, -1]] = picture[:, [0, -1]] = (90, 96, 110)
             pictures.append(picture)
-        return np.vstack(pictures)
+        strip = np.zeros((self.size[1], size[0], 3), np.uint8)
+        strip[: len(pictures) * size[1]] = np.vstack(pictures)
+        return strip
 
 
 def half_of(play: Play) -> Float:

@@ -132,10 +132,15 @@ def test_a_picture_shows_performer_puppet_and_key_poses():
         pytest.skip(f"no OpenGL here: {error}")
     play, shots = short("cactus", 0.2, 10.0)
     strip = small.strip(play)
-    assert strip.shape[0] == 4 * (108 // 5)
+    assert strip.shape == (108, 24, 3)
+    assert (
+        (strip.reshape(4, 27, 24, 3).astype(int)[..., 1] - strip.reshape(4, 27, 24, 3)[..., 2] > 30)
+        .any((1, 2))
+        .all()
+    )
     picture = small.picture(play, 0, shots[0], None).astype(int)
     assert picture.shape == (108, 192, 3)
-    left, right = picture[:, :56], picture[:, 58:]
+    left, right = picture[:, :56], picture[:, 58:168]
     # Teal on the left; green on the right.
     assert (left[..., 2] - left[..., 0] > 40).sum() > 20
     assert (right[..., 1] - right[..., 2] > 30).sum() > 200
