@@ -4,3 +4,5 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
+# Puppets for tests are made in one place.
+sys.path.append(str(Path(__file__).parents[1] / "examples"))
