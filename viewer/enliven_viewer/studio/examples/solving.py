@@ -112,7 +112,7 @@ class Solving:
             if wish.same(known.asked) and known.problem is not None:
                 return
             known.asked, known.future = wish, self._begin(wish)
-        wait_for([known.future], timeout=self.patience)
+            wait_for([known.future], timeout=self.patience)  # once: others ask in the same picture
         if not known.future.done():
             return
         error, asked = known.future.exception(), known.asked
