@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -30,6 +29,7 @@ from enliven.deformation.arap_cells import energy, residual, turn_and_scale, tur
 from enliven.deformation.arap_detail import cell_maps
 from enliven.deformation.arap_handles import Held, follow, hold, pull
 from enliven.deformation.arap_input import WHERE, Handle, check_handle, checked_target
+from enliven.deformation.arap_settings import ArapSettings
 from enliven.deformation.arap_solves import backward, forward
 from enliven.deformation.arap_step import give, moved, plain
 from enliven.deformation.arap_surface import surface_of
@@ -37,7 +37,6 @@ from enliven.deformation.arap_threads import shared
 from enliven.deformation.arap_volume import press
 from enliven.errors import InputError
 from enliven.mesh import Mesh
-from enliven.settings import setting
 
 __all__ = ["ArapSettings", "ArapSolver", "Handle"]
 
@@ -46,42 +45,6 @@ _SAME = 1e-6
 _MOST_HELD = 2000
 _MOST_KEPT = 4000
 """Columns of handles that went; one takes some 10 kB."""
-
-
-@dataclass(frozen=True)
-class ArapSettings:
-    """How a surface follows its handles."""
-
-    iterations: int = setting(
-        3, "Iterations a frame; with squash and stretch the last makes the pose.", low=1
-    )
-    squash_and_stretch: bool = setting(True, "Cells may scale, volume is kept; false is plain ARAP.")
-    hold: float = setting(
-        0.05, "How much cells resist a change of size in the shape state; 0 is the paper's eq. 4.", low=0.0
-    )
-    volume: float = setting(
-        1.0, "How much of a closed surface's change of volume is taken back.", low=0.0, high=1.0
-    )
-    exaggeration: float = setting(
-        1.0, "How far the volume follows squash and stretch: 0 not at all, 1 as it is.", low=0.0, high=5.0
-    )
-    most_stretch: float = setting(4.0, "No cell gets longer than this, or shorter than its inverse.", low=1.0)
-    follow: float = setting(
-        0.01,
-        "A rigid motion of the handles that leaves at most this part moves the whole.",
-        low=0.0,
-        high=1.0,
-    )
-    threads: int = setting(
-        1, "2 shares each cell's work with a second processor core; only where one is idle.", low=1, high=2
-    )
-    coarse_above: int = setting(
-        12_000, "A puppet's mesh of more vertices is solved coarsely, its detail carried along.", low=100
-    )
-    coarse_vertices: int = setting(8_000, "About how many vertices are solved then.", low=50)
-    guide_vertices: int = setting(400, "About how many vertices of a puppet find the large bends.", low=20)
-    most_vertices: int = setting(500_000, "Larger meshes are not solved whole.", low=3)
-    most_carried: int = setting(20_000_000, "Larger meshes are refused.", low=3)
 
 
 class ArapSolver:
@@ -202,7 +165,7 @@ class ArapSolver:
         pose = np.empty_like(self.pose)
         give(frames, self._z, shift, surface.cells.eliminated, surface.place_of, surface.centre, pose)
         if not np.isfinite(pose).all():
-            self.set_shape(self.pose, self.pose, 0.0)
+            self.start_from(self.pose, 0.0)
             raise InputError("the handles leave no finite shape", where=WHERE, mend="Move them less far.")
         vertices, of = self._exact
         pose[vertices] = np.concatenate([wanted[name] for name in self.handles])[of]
@@ -261,18 +224,17 @@ class ArapSolver:
         """(J, 2) vertices that hang together though no face says so: what joins shells, and ``links``."""
         return self._surface.joints
 
-    def set_shape(self, vertices: Float, shown: Float, pressure: float | None = None) -> None:
-        """Go on from a surface (V, 3), of which the next frame is made.
-
-        Args:
-            shown: (V, 3) the pose that belongs to it.
-            pressure: what holds the volume of that; None goes on with the last.
-        """
-        self._shown[self._surface.place_of] = shown - self._surface.centre
-        self.pressure = self.pressure if pressure is None else pressure
+    def start_from(self, shown: Float, pressure: float) -> None:
+        """The next frame is made of a pose (V, 3), whose volume a pressure holds, and of nothing before."""
         self._frames[:] = 0.0
         self._frames[:, [0, 5, 10]] = 1.0
-        self._frames[self._surface.place_of, 12:15] = vertices - self._surface.centre
+        self.pressure = pressure
+        self.go_on_from(shown, shown)
+
+    def go_on_from(self, shape: Float, shown: Float) -> None:
+        """The next frame is made of a surface ``shape`` (V, 3) of the shape state, and the pose of it."""
+        self._frames[self._surface.place_of, 12:15] = shape - self._surface.centre
+        self._shown[self._surface.place_of] = shown - self._surface.centre
 
     def twin(self) -> ArapSolver:
         """Another solver of the same mesh and handles, at rest; it shares the factor."""

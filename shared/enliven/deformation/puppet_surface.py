@@ -113,7 +113,7 @@ class PuppetSurface:
             if self._guide is not None:
                 before = self._solver.shape(), self._solver.pose
                 shape, shown = self._guide.take(wanted, *before)
-                self._solver.set_shape(shape, shown)
+                self._solver.go_on_from(shape, shown)
             self._solver.solve(rows_of(wanted))
             self.pose = self._carried(wanted)
         return self.pose
@@ -131,8 +131,7 @@ class PuppetSurface:
         if self._guide is None:
             come(self._solver, self.mesh.vertices[self._held], wanted)
         else:
-            shape = self._guide.settle(wanted)
-            self._solver.set_shape(shape, shape, self._guide.pressure)
+            self._solver.start_from(self._guide.settle(wanted), self._guide.pressure)
         for _ in range(_LOCAL):
             self._solver.solve(rows_of(wanted))
         self.pose = self._carried(wanted)
