@@ -34,8 +34,8 @@ FOOT = np.array([0.15, 0.0, 0.0])
 _TRUNK = 0.148
 _ARM = 0.078
 _RIBS = 9
-_BLEND = 0.045
-"""Metres: how thick trunk and arms are, and over how much they run into each other."""
+_BLEND, _FILLET = 0.045, 0.016
+"""Metres: how thick trunk and arms are, and over how much they, and all other parts, run into each other."""
 
 
 def make_cactus(cell: float = 0.018) -> Mesh:
@@ -62,22 +62,31 @@ def _parts(points: Float) -> tuple[Float, Int]:
     eye = np.linalg.norm(mirrored - [0.055, 1.08, 0.138], axis=1) - 0.036
     pupil = np.linalg.norm(mirrored - [0.053, 1.082, 0.166], axis=1) - 0.016
     distances = np.stack([_pot(points), _soil(points), green, eye, pupil, *_bloom(points)])
-    return distances.min(0), distances.argmin(0)
+    # With fillets no crevice is narrower than a cell.
+    whole = distances[0]
+    for distance in distances[1:]:
+        whole = _joined(whole, distance, _FILLET)
+    return whole, distances.argmin(0)
 
 
 def _green(points: Float) -> Float:
     """Trunk and left arm; the right one is its mirror image."""
     trunk = _capsule(points, np.array([0.0, 0.22, 0.0]), TOP - [0.0, _TRUNK, 0.0], _TRUNK)
-    ring = np.arctan2(points[:, 2], points[:, 0])
-    trunk = trunk + 0.009 * (1.0 - np.cos(_RIBS * (ring + np.pi / 2)))
+    trunk = trunk + 0.009 * _ribs(points, _RIBS, _TRUNK)
     shoulder, bend = np.array([0.08, 0.62, 0.0]), np.array([0.30, 0.66, 0.0])
     out = _capsule(points, shoulder, bend, _ARM)
     up = _capsule(points, np.array([0.365, 0.74, 0.0]), TIP - [0.0, _ARM, 0.0], _ARM)
     corner = _capsule(points, bend, np.array([0.365, 0.74, 0.0]), _ARM)
-    ring = np.arctan2(points[:, 2], points[:, 0] - 0.385)
-    up = up + 0.006 * (1.0 - np.cos(7 * (ring + np.pi / 2)))
+    up = up + 0.006 * _ribs(points - [0.385, 0.0, 0.0], 7, _ARM)
     arm = _joined(_joined(out, corner, 0.03), up, 0.03)
     return _joined(trunk, arm, _BLEND)
+
+
+def _ribs(points: Float, count: int, radius: float) -> Float:
+    """0 on the ribs around the upright axis to 2 between them; none on the axis, where they meet."""
+    ring, away = np.arctan2(points[:, 2], points[:, 0]), np.hypot(points[:, 0], points[:, 2])
+    between = 1.0 - np.cos(count * (ring + np.pi / 2))
+    return np.asarray(between * np.minimum(away / (0.6 * radius), 1.0) ** 2)
 
 
 def _pot(points: Float) -> Float:

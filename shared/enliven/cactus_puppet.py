@@ -25,6 +25,8 @@ _Way = tuple[float, float, float]
 
 _POINTS: tuple[tuple[str, _Way, Joint], ...] = (
     ("head", (0.0, 1.33, 0.0), Joint.HEAD),
+    ("left temple", (0.13, 1.17, 0.0), Joint.HEAD),
+    ("right temple", (-0.13, 1.17, 0.0), Joint.HEAD),
     ("chest", (0.0, 0.84, 0.15), Joint.SHOULDER_CENTER),
     ("back", (0.0, 0.84, -0.15), Joint.SHOULDER_CENTER),
     ("left elbow", (0.44, 0.67, 0.0), Joint.ELBOW_LEFT),

@@ -1,4 +1,4 @@
-"""A puppet on the stage: the shipped cactus (10 control points); somebody waves, walks and turns.
+"""A puppet on the stage: the shipped cactus (12 control points); somebody waves, walks and turns.
 
 `puppets.frame_ms` is all that the edge does with it for a frame of the sensor: bones, examples (two samples
 a frame), the way in the world, easing. Its peer does the examples' part alone: the same windows of frames as
@@ -34,6 +34,8 @@ from enliven_viewer.render.normals import placed
 from enliven_viewer.render.surface import split_creases
 
 FRAMES, RATE = 600, 30.0
+REPEATS = 4
+"""The same performance, of which each frame's quickest counts: others use the machine too."""
 _OUT = 2
 """Frames that are out already in a window that is solved live."""
 
@@ -42,9 +44,13 @@ def figures() -> Iterator[Figure]:
     """A frame on the edge, its delay and bytes, and a picture's surface in a viewer."""
     project = cactus_project()
     puppet = project.puppet("cactus")
-    actor = PuppetActor(project, puppet)
-    actor.warm_up()
-    poses, seen, took = _performed(actor)
+    runs = []
+    for _ in range(REPEATS):
+        actor = PuppetActor(project, puppet)
+        actor.warm_up()
+        runs.append(_performed(actor))
+    poses, seen, _ = runs[0]
+    took = np.min([run[2] for run in runs], axis=0)
     frame = float(np.median(took[30:]))
     mapping = ExampleMap(examples_of(project, puppet), puppet.examples)
     samples = actor.settings.rate / RATE
@@ -94,23 +100,29 @@ def _plain(mapping: ExampleMap, seen: Float, step: float, frames: int) -> float:
     alike = mapping.settings.acceleration * (STEP / step) ** 2
     free = ExampleMap(mapping.examples, replace(mapping.settings, margin=1e6, acceleration=alike))
     windows = [seen[k : k + frames] for k in range(20, 380, 18)]
-    best = np.inf
+    took = []
     for window in windows:
-        started = time.perf_counter()
-        plain = plain_solution(free, window)
-        best = min(best, time.perf_counter() - started)
+        each = []
+        for _ in range(REPEATS):
+            started = time.perf_counter()
+            plain = plain_solution(free, window)
+            each.append(time.perf_counter() - started)
+        took.append(min(each))
         np.testing.assert_allclose(free.solve(window, STEP), plain, atol=1e-6)
-    return best
+    return float(np.median(took))
 
 
 def _surface(actor: PuppetActor, poses: list[Pose]) -> float:
     """Seconds of the surface and its normals, in the middle."""
-    character, surfaces, took = actor.character, Surfaces(wait=True), []
+    character, runs = actor.character, []
     drawn = split_creases(character.vertices, character.faces)
-    for pose in poses[40:160]:
-        started = time.perf_counter()
-        vertices = surfaces.vertices(character, pose)
-        assert vertices is not None
-        placed(vertices, character.faces, drawn)
-        took.append(time.perf_counter() - started)
-    return float(np.median(took[5:]))
+    for _ in range(REPEATS):
+        surfaces, took = Surfaces(wait=True), []
+        for pose in poses[40:160]:
+            started = time.perf_counter()
+            vertices = surfaces.vertices(character, pose)
+            assert vertices is not None
+            placed(vertices, character.faces, drawn)
+            took.append(time.perf_counter() - started)
+        runs.append(took)
+    return float(np.median(np.min(runs, axis=0)[5:]))

@@ -272,7 +272,7 @@ def test_joining_takes_points_and_alone_takes_all() -> None:
     assert not mine & theirs
     assert len(mine | theirs) == len(NAMES)
     show.stage.possess("cactus", 2, "head", "extend")
-    assert len(show.actor.holds[-1].points) == 5
+    assert len(show.actor.holds[-1].points) == 4 + 3
     show.stage.possess("cactus", 2, "legs", "alone")
     assert [hold.body for hold in show.actor.holds] == [2]
     show.stage.possess("cactus", 1, "all", "join")
