@@ -10,6 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from made_studio_puppets import SIDES, TIPS, project_with, star, vertex
 
+from enliven.examples.puppet_motion import in_world
 from enliven.modeling.puppets import move_puppet, set_symmetry, turn_puppet
 from enliven.puppet import Puppet
 from enliven.rotation import from_rotation_vector
@@ -92,6 +93,7 @@ def test_into_the_mesh_and_out_again() -> None:
     editor.edit("away", lambda p: turn_puppet(move_puppet(p, "star", [0.6, 0.2, -0.3]), "star", turn))
     standing = editor.puppets.standing[0]
     assert np.allclose(standing.into(standing.vertices), star().vertices)
+    assert np.allclose(standing.vertices, in_world(standing.puppet, standing.state, star().vertices))
     assert np.allclose(standing.points[0], standing.vertices[vertex("head")])
     assert np.allclose(standing.drawn, standing.vertices, atol=1e-6)
 
