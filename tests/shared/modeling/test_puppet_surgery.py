@@ -204,6 +204,32 @@ def test_key_poses_of_both_stay_and_both_go_on(pair):
     assert same(project_of(project_bytes(merged)), merged)
 
 
+def test_a_graft_that_plays_nothing_is_carried(pair):
+    project, other = pair
+    still = project.with_puppets(project.puppet(other).with_changes(layers=()))
+    merged = merge_puppets(still, "bean", other, 0.7)
+    whole = merged.puppet("bean")
+    (layer,) = whole.layers
+    assert set(layer.points) == {point.name for point in whole.points}
+    count = len(project.puppet("bean").points)
+    graft, host = (
+        np.array([state_of(merged, whole, time).places for time in (0.7, 1.6)])[:, rows]
+        for rows in (slice(count, 2 * count), slice(0, count))
+    )
+    assert np.abs(host[0] - host[1]).max() > 0.05 and np.abs(graft[0] - graft[1]).max() > 0.02
+
+
+def test_two_that_play_the_same_have_one_layer(pair):
+    project, other = pair
+    alike = project.puppet(other).with_changes(layers=(PuppetLayer("dance", travel=False),))
+    notes = []
+    merged = merge_puppets(project.with_puppets(alike), "bean", other, 0.7, notes=notes)
+    assert len(merged.puppet("bean").layers) == 1
+    assert not any("another take" in note for note in notes)
+    merge_puppets(project, "bean", other, 0.7, notes=notes)
+    assert any("another take" in note for note in notes)
+
+
 def test_a_cut_that_is_merged_again_is_whole():
     project = made_puppets.project()
     cut, (low, high) = cut_puppet(project, "bean", PlaneCut([0, 0.5, 0], [0, 1.0, 0.0]), 0.7)
