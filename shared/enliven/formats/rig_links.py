@@ -83,6 +83,9 @@ def links_of(bodies: list[Body], size: float) -> Links:
     weight = _weights(bodies, before)
     total = sum(body.mass for body in bodies)
     tops = [j for j in range(len(bodies)) if loose[j] and weight[j] > _HEAVY * total]
+    if not tops:
+        # Joints side by side that each move a little (a baked surface): the one that moves most of it.
+        tops = [max((j for j in range(len(bodies)) if loose[j]), key=lambda j: (weight[j], -j))]
     made = [_hung(bodies, before, loose, off, top) for top in sorted(tops, key=lambda j: (-weight[j], j))]
     links = min(made, key=lambda one: _unsaid(bodies, one, off) // (0.3 * _LOOSE * size))
     moved = [

@@ -10,6 +10,7 @@ from enliven.deformation.puppet_surface import PuppetSurface
 from enliven.errors import InputError
 from enliven.examples.bake_settings import BakeSettings
 from enliven.examples.puppet_motion import in_world, state_of
+from enliven.formats.gltf import read_gltf
 from enliven.formats.gltf_write import glb_of, write_gltf
 from enliven.formats.puppet_performance import puppet_performance_of
 from enliven.puppet import PuppetLayer
@@ -77,3 +78,12 @@ def test_puppets_and_their_times_are_checked(bean):
     unposed = bean.with_puppets(bean.puppet("bean").with_changes(poses=()))
     with pytest.raises(InputError, match="Pose two examples"):
         puppet_performance_of(unposed, "bean")
+
+
+def test_a_baked_puppet_is_read_again_though_its_joints_hang_free(bean, tmp_path):
+    path = tmp_path / "bean.glb"
+    write_gltf(path, [puppet_performance_of(bean, "bean")])
+    rig = read_gltf(path)
+    mesh = bean.puppet("bean").mesh
+    assert rig.shape.mesh is not None and len(rig.shape.mesh.vertices) == len(mesh.vertices)
+    assert len(rig.shape.skeleton) > 3 and rig.notes, "bones only turn: it says what was lost"
