@@ -31,7 +31,7 @@ from enliven.deformation.arap_handles import Held, follow, hold, pull
 from enliven.deformation.arap_input import WHERE, Handle, check_handle, checked_target
 from enliven.deformation.arap_settings import ArapSettings
 from enliven.deformation.arap_solves import backward, forward
-from enliven.deformation.arap_step import give, moved, plain
+from enliven.deformation.arap_step import give, gone_along, moved, plain
 from enliven.deformation.arap_surface import surface_of
 from enliven.deformation.arap_threads import shared
 from enliven.deformation.arap_volume import press
@@ -229,12 +229,17 @@ class ArapSolver:
         self._frames[:] = 0.0
         self._frames[:, [0, 5, 10]] = 1.0
         self.pressure = pressure
-        self.go_on_from(shown, shown)
+        self._frames[self._surface.place_of, 12:15] = shown - self._surface.centre
+        self._shown[:] = self._frames[:, 12:15]
 
-    def go_on_from(self, shape: Float, shown: Float) -> None:
-        """The next frame is made of a surface ``shape`` (V, 3) of the shape state, and the pose of it."""
-        self._frames[self._surface.place_of, 12:15] = shape - self._surface.centre
-        self._shown[self._surface.place_of] = shown - self._surface.centre
+    def go_along(self, before: Float, after: Float, turn: Float) -> None:
+        """Take the shape along: each vertex from where a likeness had it (V, 3) to where it has it.
+
+        Args:
+            turn: (3, 3), how what the shape has beside the likeness turns.
+        """
+        surface, frames = self._surface, self._frames.reshape(-1)
+        gone_along(frames, self._shown, surface.place_of, surface.centre, before, after, turn)
 
     def twin(self) -> ArapSolver:
         """Another solver of the same mesh and handles, at rest; it shares the factor."""

@@ -54,10 +54,10 @@ class Guide:
         self._rest, self._home, self._places = mesh.vertices, mesh.vertices[held], mesh.vertices[held]
         self.carried = mesh.vertices
 
-    def take(self, places: Float, *surfaces: Float) -> list[Float]:
-        """Surfaces (V, 3) gone along with the handles, from where they were to ``places``.
+    def take(self, fine: ArapSolver, places: Float) -> None:
+        """Take the fine surface along with the handles, from where they were to ``places`` (P, 3).
 
-        What they have beside the likeness is turned as the handles turn on the whole.
+        What it has beside the likeness is turned as the handles turn on the whole.
 
         Raises:
             InputError: for places that cannot be meant; nothing has changed.
@@ -65,7 +65,7 @@ class Guide:
         self._solver.solve(rows_of(places))
         turn, _, _ = rigid_between(self._places, places)
         before, self.carried, self._places = self.carried, self._carry(), places
-        return [self.carried + (surface - before) @ turn.T for surface in surfaces]
+        fine.go_along(before, self.carried, turn)
 
     def settle(self, places: Float) -> Float:
         """(V, 3) the mesh at ``places``, come from rest in small steps: the same whatever was before."""

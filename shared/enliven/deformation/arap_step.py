@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 
@@ -29,3 +30,27 @@ def give(frames, z, shift, eliminated, place_of, centre, out):  # type: ignore[n
         at = 4 * eliminated[i]
         for c in range(3):
             out[v, c] = frames[16 * i + 12 + c] + z[at + c] + shift[c] + centre[c]
+
+
+@njit(cache=True, nogil=True)
+def gone_along(frames, shown, place_of, centre, before, after, turn):  # type: ignore[no-untyped-def]
+    """Positions in ``frames`` and in ``shown`` (P, 3) <- after + turn (position - before), of each vertex.
+
+    Args:
+        before, after: (V, 3) where a likeness had each vertex of the mesh, and has it.
+        turn: (3, 3), how what is beside it turns.
+    """
+    done = np.zeros(len(shown), np.bool_)
+    for v in range(len(place_of)):
+        i = place_of[v]
+        if done[i]:
+            continue
+        done[i] = True
+        at = 16 * i + 12
+        bx, by, bz = before[v, 0] - centre[0], before[v, 1] - centre[1], before[v, 2] - centre[2]
+        x, y, z = frames[at] - bx, frames[at + 1] - by, frames[at + 2] - bz
+        u, k, w = shown[i, 0] - bx, shown[i, 1] - by, shown[i, 2] - bz
+        for r in range(3):
+            to = after[v, r] - centre[r]
+            frames[at + r] = to + turn[r, 0] * x + turn[r, 1] * y + turn[r, 2] * z
+            shown[i, r] = to + turn[r, 0] * u + turn[r, 1] * k + turn[r, 2] * w

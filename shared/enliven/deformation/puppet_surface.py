@@ -111,9 +111,7 @@ class PuppetSurface:
         wanted = self._checked(places)
         if len(wanted):
             if self._guide is not None:
-                before = self._solver.shape(), self._solver.pose
-                shape, shown = self._guide.take(wanted, *before)
-                self._solver.go_on_from(shape, shown)
+                self._guide.take(self._solver, wanted)
             self._solver.solve(rows_of(wanted))
             self.pose = self._carried(wanted)
         return self.pose
