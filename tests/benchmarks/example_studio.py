@@ -138,7 +138,7 @@ class Studio:
             picture = self._thumb.draw(scene, self._thumb.view(np.zeros(3), half, azimuth), texts)
             picture[[0, -1]] = picture[:, [0, -1]] = (90, 96, 110)
             pictures.append(picture)
-        strip = np.zeros((self.size[1], size[0], 3), np.uint8)
+        strip = np.full((self.size[1], size[0], 3), (24, 27, 34), np.uint8)
         strip[: len(pictures) * size[1]] = np.vstack(pictures)
         return strip
 
