@@ -26,7 +26,8 @@ from enliven_edge.puppets.hold import Hold
 from enliven_edge.puppets.likeness import Likeness
 from enliven_edge.puppets.live import Live, Sample
 from enliven_edge.puppets.settings import PuppetSettings
-from enliven_edge.puppets.way import Soles, Way, side_of_foot
+from enliven_edge.puppets.soles import Soles, side_of_foot
+from enliven_edge.puppets.way import Way
 
 _STEP = 33_333_333
 """Nanoseconds between the frames of a rehearsal."""

@@ -11,7 +11,7 @@ from enliven.body import Body
 from enliven.orientation import mirrored
 from enliven_edge.puppets.bones import Bones
 from enliven_edge.puppets.likeness import Likeness
-from enliven_edge.puppets.way import Footing, Soles
+from enliven_edge.puppets.soles import Footing, Soles
 
 _MIRROR = np.zeros(3), np.array([1.0, 0.0, 0.0])
 

@@ -16,7 +16,8 @@ from enliven.arrays import Float, Int
 from enliven.examples.live import LiveExamples
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.puppet_motion import State
-from enliven_edge.puppets.way import Footing, Way
+from enliven_edge.puppets.soles import Footing
+from enliven_edge.puppets.way import Way
 
 _NS = 1_000_000_000
 

@@ -16,7 +16,8 @@ from enliven.cactus_puppet import cactus_project
 from enliven.examples.locomotion import LocomotionSettings, Switch, locate
 from enliven_edge.puppets.actor import PuppetActor
 from enliven_edge.puppets.settings import PuppetSettings
-from enliven_edge.puppets.way import Footing, Soles, Way
+from enliven_edge.puppets.soles import Footing, Soles
+from enliven_edge.puppets.way import Way
 
 sys.path.insert(0, str(Path(__file__).parent))
 
