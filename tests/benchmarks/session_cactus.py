@@ -185,7 +185,7 @@ def cactus(desk: Desk, folder: Path) -> Actions:
     yield Say("Four examples: any such motion follows")
     yield Key("home")
     yield Key("f")
-    yield Do(lambda desk: desk.editor.camera.zoom(1.2))
+    yield Do(lambda desk: desk.editor.camera.zoom(1.45))
     yield Key("space")
     yield Drag((Pixel(0.3, 0.6), Pixel(0.12, 0.58)), 2.2, button=1)
     yield Wait(5.5)

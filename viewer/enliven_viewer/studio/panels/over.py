@@ -82,7 +82,8 @@ def _caption(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-d
     font, size = imgui.get_font(), 19.0
     grown = size / imgui.get_font_size()
     wide = imgui.calc_text_size(desk.caption).x * grown
-    x, y = area.x + (area.width - wide) / 2, area.y + 66
+    below = 38 if desk.hand.tool.warning else 0
+    x, y = area.x + (area.width - wide) / 2, area.y + 66 + below
     draw.add_rect_filled(
         ImVec2(x - 18, y - 9), ImVec2(x + wide + 18, y + 31), packed((*GLASS[:3], 0.8)), 10.0
     )
