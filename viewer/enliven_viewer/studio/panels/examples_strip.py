@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from enliven.modeling.puppets import remove_key_pose
@@ -14,14 +11,14 @@ from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.examples.coverage import Coverage
 from enliven_viewer.studio.examples.edits import duplicated, mirrored_copy, retimed
 from enliven_viewer.studio.examples.going import begin_pose, edit_pose
-from enliven_viewer.studio.examples.performer import Figure
 from enliven_viewer.studio.examples.thumbnails import Thumbnails
+from enliven_viewer.studio.panels.strokes import dashed, stick
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED
 
 TILE = ImVec2(88, 80)
-_PLUS, _SIDE = "\uf067", 0.42
+_PLUS = "\uf067"
 
 
 def draw_strip(desk: Desk, area: Area, thumbnails: Thumbnails) -> None:
@@ -233,7 +230,7 @@ def _ghosts(desk: Desk, puppet: Puppet, coverage: Coverage | None) -> None:
         hovered = imgui.is_item_hovered()
         draw = imgui.get_window_draw_list()
         corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
-        _dashed(draw, origin, corner, packed(CHAIN, 0.9 if hovered else 0.5))
+        dashed(draw, origin, corner, packed(CHAIN, 0.9 if hovered else 0.5))
         figure = desk.performer.figure((coverage.take, seconds))
         if figure is not None:
             room = Area(origin.x + 10, origin.y + 6, TILE.x - 20, TILE.y - 12)
@@ -246,33 +243,6 @@ def _ghosts(desk: Desk, puppet: Puppet, coverage: Coverage | None) -> None:
     if not wanted:
         imgui.same_line()
         quiet("")
-
-
-def stick(draw: imgui.ImDrawList, figure: Figure, room: Area, colour: int) -> None:
-    """A figure of strokes, from its front right, as large as its rest pose fits the room."""
-    joints, parents, tall = figure.joints, figure.skeleton.parents, figure.height
-    across = joints[:, 0] * math.cos(_SIDE) - joints[:, 2] * math.sin(_SIDE)
-    scale = room.height / (1.12 * tall)
-    xs = room.x + room.width / 2 + np.clip(across * scale, -room.width / 2, room.width / 2)
-    ys = room.y + room.height - np.clip(joints[:, 1] * scale, 0.0, room.height)
-    thick = max(1.3, 0.022 * room.height)
-    for joint in range(1, len(joints)):
-        up = int(parents[joint])
-        if np.hypot(xs[joint] - xs[up], ys[joint] - ys[up]) > 0.6:
-            draw.add_line(ImVec2(xs[up], ys[up]), ImVec2(xs[joint], ys[joint]), colour, thick)
-
-
-def _dashed(draw: imgui.ImDrawList, low: ImVec2, high: ImVec2, colour: int) -> None:
-    """A rectangle of dashes."""
-    step = 7.0
-    for y in (low.y, high.y):
-        for k in range(int((high.x - low.x) / step / 2) + 1):
-            x = low.x + 2 * k * step
-            draw.add_line(ImVec2(x, y), ImVec2(min(x + step, high.x), y), colour, 1.2)
-    for x in (low.x, high.x):
-        for k in range(int((high.y - low.y) / step / 2) + 1):
-            y = low.y + 2 * k * step
-            draw.add_line(ImVec2(x, y), ImVec2(x, min(y + step, high.y)), colour, 1.2)
 
 
 def _short(take: str) -> str:

@@ -1,0 +1,41 @@
+"""Small drawings of strokes: a figure of the performer, a dashed frame."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.studio.examples.performer import Figure
+from enliven_viewer.studio.places import Area
+
+SIDE = 0.42
+"""Radians from the front that figures are seen from, as key poses are."""
+
+
+def stick(draw: imgui.ImDrawList, figure: Figure, room: Area, colour: int) -> None:
+    """A figure of strokes, from its front right, as large as its rest pose fits the room."""
+    joints, parents, tall = figure.joints, figure.skeleton.parents, figure.height
+    across = joints[:, 0] * math.cos(SIDE) - joints[:, 2] * math.sin(SIDE)
+    scale = room.height / (1.12 * tall)
+    xs = room.x + room.width / 2 + np.clip(across * scale, -room.width / 2, room.width / 2)
+    ys = room.y + room.height - np.clip(joints[:, 1] * scale, 0.0, room.height)
+    thick = max(1.3, 0.022 * room.height)
+    for joint in range(1, len(joints)):
+        up = int(parents[joint])
+        if np.hypot(xs[joint] - xs[up], ys[joint] - ys[up]) > 0.6:
+            draw.add_line(ImVec2(xs[up], ys[up]), ImVec2(xs[joint], ys[joint]), colour, thick)
+
+
+def dashed(draw: imgui.ImDrawList, low: ImVec2, high: ImVec2, colour: int) -> None:
+    """A rectangle of dashes."""
+    step = 7.0
+    for y in (low.y, high.y):
+        for k in range(int((high.x - low.x) / step / 2) + 1):
+            x = low.x + 2 * k * step
+            draw.add_line(ImVec2(x, y), ImVec2(min(x + step, high.x), y), colour, 1.2)
+    for x in (low.x, high.x):
+        for k in range(int((high.y - low.y) / step / 2) + 1):
+            y = low.y + 2 * k * step
+            draw.add_line(ImVec2(x, y), ImVec2(x, min(y + step, high.y)), colour, 1.2)
