@@ -80,4 +80,4 @@ def _swing(to: Float) -> Float:
     return np.asarray(exponential(axis * (float(np.arctan2(sine, -to[1])) / sine)))
 
 
-LIMBS: dict[tuple[int, ...], Limb] = {frames: _limb(frames) for frames in (*ARMS, *LEGS)}
+LIMBS = {frames: _limb(frames) for frames in (*ARMS, *LEGS)}
