@@ -130,9 +130,7 @@ class _Coarse:
     def fitted(self, start: Posture) -> tuple[float, Posture]:
         """What a hypothesis costs, and its posture."""
         fit = self._fitter.fit
-        posture, report = fit(
-            self._observation, start, iterations=_COARSE_STEPS, width=_WIDE, feet_point=True
-        )
+        posture, report = fit(self._observation, start, iterations=_COARSE_STEPS, width=_WIDE)
         return report.energy + _oddness(self._seen, posture, self._eye, self._height), posture
 
 
@@ -189,17 +187,13 @@ def _refined(
     halfway = []
     for start in starts:
         guided = _guided(few, guide, 0.4 * _AFFINITY)
-        posture, report = fitter.fit(
-            guided, start, iterations=15, width=0.12, proportions=_LOOSE, feet_point=True
-        )
+        posture, report = fitter.fit(guided, start, iterations=15, width=0.12, proportions=_LOOSE)
         halfway.append((report.energy, posture))
     most = np.inf if points is None else _LEFT * min(energy for energy, _ in halfway)
     ready = []
     for energy, posture in halfway:
         if energy <= most:
-            posture, report = fitter.fit(
-                observation, posture, iterations=15, proportions=_LOOSE, feet_point=True
-            )
+            posture, report = fitter.fit(observation, posture, iterations=15, proportions=_LOOSE)
             odd = _oddness(seen, posture, observation.view[4][:3, 3], height)
             ready.append((report.energy + odd, posture, report))
     return min(ready, key=lambda found: found[0])

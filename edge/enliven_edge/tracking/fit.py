@@ -16,13 +16,10 @@ from enliven_edge.tracking.gauss_newton import assemble, minimise
 from enliven_edge.tracking.observation import Observation
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.settings import FitSettings
-from enliven_edge.tracking.terms import THICK
 
 _SQUARE_CM = 1e4
 _APART = 0.02
 """Weight of limbs that enter each other against that of all points together."""
-_BEFORE = 0.05
-"""Metres before a foot within which what the camera saw hides it."""
 _STIFF = np.ones(13)
 _STIFF[[model.PELVIS, model.CHEST, model.HEAD]] = 1.0, 3.0, 2.0
 _RELAXED = np.ones(13)
@@ -98,7 +95,6 @@ class Fitter:
         iterations: int | None = None,
         width: float | None = None,
         proportions: Float | None = None,
-        feet_point: bool = False,
     ) -> tuple[Posture, FitReport]:
         """The posture near ``start`` that explains the observation best.
 
@@ -107,12 +103,10 @@ class Fitter:
             iterations: Gauss-Newton steps, the setting's where None.
             width: metres at which residuals are doubted, the setting's where None.
             proportions: (12,) weights that hold the lengths at ``start``'s; fixed where None.
-            feet_point: no foot where the camera saw the floor: this tells front from back, but draws feet
-                whose pixels are taken for the floor off it.
         """
         made = start.copy()
         prior = self._prior(start, predicted, proportions)
-        weights = self._weights(width, feet_point)
+        weights = self._weights(width)
         support, violated = np.zeros(len(model.CAPSULES.frame)), np.zeros(len(model.CAPSULES.frame))
         energy, explained = minimise(
             made.position, made.rotations, made.lengths, observation.seen, _SHAPE, prior, weights,
@@ -139,10 +133,9 @@ class Fitter:
         held = (expected, stiffness, _REST, s.rest * _RELAXED)
         return (*held, ranges.MIDDLE, ranges.REACH, start.lengths.copy(), firmness)
 
-    def _weights(self, width: float | None, feet_point: bool = False) -> Float:
-        """(8,) as the compiled fit takes them."""
+    def _weights(self, width: float | None) -> Float:
+        """(6,) as the compiled fit takes them."""
         s = self.settings
-        surfaces = _SQUARE_CM * np.array([1.0, s.free_space, _APART])
         doubted = s.width if width is None else width
-        feet = -_BEFORE if feet_point else THICK
-        return np.array([*surfaces, s.ranges, doubted, _SQUARE_CM * s.floor, _SQUARE_CM * s.standing, feet])
+        pairs, floor = _APART * _SQUARE_CM, s.floor * _SQUARE_CM
+        return np.array([_SQUARE_CM, s.free_space * _SQUARE_CM, pairs, s.ranges, doubted, floor])

@@ -39,8 +39,8 @@ def minimise(  # type: ignore[no-untyped-def]
         shape: the body, see :func:`fit.shape`.
         prior: (predicted rotations, stiffness (13,), rest rotations, relaxedness (13,), middle, reach,
             reference lengths (12,), their weights (12,), or (0,) where the lengths are frozen).
-        weights: (8,) of a point, free space, self intersection, ranges; the robust width, metres; of no limb
-            below the floor, of a foot on it; metres behind a foot from which it is seen through.
+        weights: (6,) of a point, free space, self intersection, ranges; the robust width, metres; of the
+            floor.
         support: (C,) receives the points that each capsule explains.
         violated: (C,) receives the share of each capsule that was seen through.
     """
@@ -93,14 +93,12 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
         weights[0], weights[4], _SIDE, support,
     )  # fmt: skip
     energy += terms.free_space(
-        matrix, gradient, ends, radii, frames, local, body, view, weights[1], _FREE_WIDTH, _SAMPLES, violated,
-        weights[7],
-    )  # fmt: skip
+        matrix, gradient, ends, radii, frames, local, body, view, weights[1], _FREE_WIDTH, _SAMPLES, violated
+    )
     energy += terms.self_intersection(
         matrix, gradient, ends, radii, frames, local, body, pairs, weights[2], _PAIR_SAMPLES
     )
     energy += terms.above_floor(matrix, gradient, ends, radii, frames, local, body, weights[5], _FLOOR_SLACK)
-    energy += terms.on_the_floor(matrix, gradient, ends, radii, frames, local, body, weights[6])
     energy += terms.joint_ranges(matrix, gradient, rotations, middle, reach, weights[3], dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, rest, relaxedness, dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, predicted, stiffness, dof_frame, dof_axis)

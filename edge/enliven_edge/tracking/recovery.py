@@ -1,4 +1,4 @@
-"""Second thoughts: what explains the picture badly is tried elsewhere, one or two proposals a frame.
+"""Second thoughts: what explains the picture badly is tried elsewhere, one proposal a frame.
 
 Nearest-surface fitting cannot bring back a limb that has been caught by another one, nor a body that faces
 the wrong way, because every pixel of the real one is explained by something else nearby. A proposal that
@@ -16,8 +16,6 @@ from enliven.arrays import Float
 from enliven_edge.parts.proposals import Seen, agreement, drawn, proposals, turned_about
 from enliven_edge.tracking import model
 from enliven_edge.tracking.fit import FitReport, Fitter
-from enliven_edge.tracking.limb_search import LimbSearch
-from enliven_edge.tracking.limbs import ARMS, LEGS
 from enliven_edge.tracking.observation import Observation
 from enliven_edge.tracking.posture import Posture, rotation
 from enliven_edge.tracking.ranges import mirrored, standing
@@ -39,14 +37,17 @@ _LEG_POSES = (
     standing(hip=0.7, knee=0.1),
 )
 """Standing, knee up, kneeling, kicking."""
-_OUTER = {limb: np.flatnonzero(np.isin(model.CAPSULES.frame, limb[1:])) for limb in (*ARMS, *LEGS)}
+_ARMS = ((model.UPPER_ARM_L, model.FOREARM_L), (model.UPPER_ARM_R, model.FOREARM_R))
+_LEGS = (
+    (model.THIGH_L, model.SHIN_L, model.FOOT_L),
+    (model.THIGH_R, model.SHIN_R, model.FOOT_R),
+)
+_OUTER = {limb: np.flatnonzero(np.isin(model.CAPSULES.frame, limb[1:])) for limb in (*_ARMS, *_LEGS)}
 """The capsules of each limb beyond its first bone."""
 _DOUBTFUL, _SURE = 0.5, 0.9
 _BETTER, _MUCH_BETTER = 0.985, 0.8
 """Share of the energy that a limb, and a whole body, must fall below to be moved elsewhere."""
 _STEPS = 6
-_WORTH = 0.97
-"""Share of a limb's score below which it is fitted elsewhere."""
 _WIDE_STEPS, _WIDE = 6, 0.25
 _AFFINITY = 0.1
 """Metres: how far what a point looks like outweighs where it is, while a posture is drawn to the parts."""
@@ -81,7 +82,6 @@ class SecondThoughts:
             confidence: (C,) of every capsule, in [0, 1].
             seen: what the forest of body parts says of the frame; None without one.
         """
-        posture, report = self._searched(observation, posture, report, confidence, seen)
         doubtful = self._doubtful(posture, confidence)
         badly = report.explained - report.violated.mean() < _BADLY
         self._turn += 1
@@ -98,44 +98,14 @@ class SecondThoughts:
             tried = self._fitter.fit(observation, start, iterations=_STEPS)
         if not (badly or _same_way(tried[0], posture)):
             return posture, report
-        return self._better_of(observation, (posture, report), tried, seen, better)
-
-    def _searched(
-        self,
-        observation: Observation,
-        posture: Posture,
-        report: FitReport,
-        confidence: Float,
-        seen: Seen | None,
-    ) -> tuple[Posture, FitReport]:
-        """The posture, the next limb that is not sure where of all places it explains the frame best."""
-        unsure = [limb for limb in (*ARMS, *LEGS) if float(confidence[_OUTER[limb]].min()) < _SURE]
-        if not unsure:
-            return posture, report
-        search = LimbSearch(observation, seen, self._fitter.settings)
-        moved, ratio = search.elsewhere(posture, unsure[self._turn % len(unsure)])
-        if ratio > _WORTH:
-            return posture, report
-        tried = self._fitter.fit(observation, moved, iterations=_STEPS)
-        return self._better_of(observation, (posture, report), tried, seen, _BETTER)
-
-    def _better_of(
-        self,
-        observation: Observation,
-        now: tuple[Posture, FitReport],
-        tried: tuple[Posture, FitReport],
-        seen: Seen | None,
-        share: float,
-    ) -> tuple[Posture, FitReport]:
-        """What was tried, where it costs less than this share of what the present posture costs."""
-        _, same = self._fitter.fit(observation, now[0], iterations=1)
-        before, after = cost(same, now[0], seen), cost(tried[1], tried[0], seen)
-        return tried if after < share * before else now
+        _, same = self._fitter.fit(observation, posture, iterations=1)
+        before, after = cost(same, posture, seen), cost(tried[1], tried[0], seen)
+        return tried if after < better * before else (posture, report)
 
     def _doubtful(self, posture: Posture, confidence: Float) -> list[tuple[int, ...]]:
         """The limbs that explain little of the picture; those that explain much are remembered."""
         doubtful: list[tuple[int, ...]] = []
-        for limb in (*ARMS, *LEGS):
+        for limb in (*_ARMS, *_LEGS):
             sure = float(confidence[_OUTER[limb]].min())
             if sure > _SURE:
                 self._remembered[limb] = posture.rotations[list(limb)].copy()
@@ -168,7 +138,7 @@ class SecondThoughts:
         turn = self._turn // 2
         limb = doubtful[turn % len(doubtful)]
         index = list(limb)
-        poses = _ARM_POSES if limb in ARMS else _LEG_POSES
+        poses = _ARM_POSES if limb in _ARMS else _LEG_POSES
         places = [mirrored(posture.rotations)[index], *(pose[index] for pose in poses)]
         if limb in self._remembered:
             places.insert(0, self._remembered[limb])

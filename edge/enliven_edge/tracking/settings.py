@@ -68,7 +68,6 @@ class FitSettings:
     )
     free_space: float = setting(3.0, "Weight of 'no limb where the camera saw through'.", low=0.0, high=100.0)
     floor: float = setting(0.05, "Weight of 'no limb below the floor'.", low=0.0, high=100.0)
-    standing: float = setting(0.1, "Weight of 'the lower foot is on the floor'.", low=0.0, high=100.0)
     temporal: float = setting(1.2, "Weight of staying near the predicted posture.", unit="1/rad^2", low=0.0)
     rest: float = setting(
         0.12, "Weight of standing relaxed, where depth says nothing.", unit="1/rad^2", low=0.0

@@ -10,15 +10,10 @@ import numpy as np
 from numba import njit
 
 from enliven_edge.tracking.kinematics import deviation
-from enliven_edge.tracking.model import FOOT_L, FOOT_R
 from enliven_edge.tracking.observation import nearest_pixel
 
 _DOFS = 30
 _GIRTH = 11
-THICK = 0.08
-"""Metres behind a limb's front within which what the camera saw may be the limb itself."""
-_STOOD = 0.1
-"""Metres above the floor at which a foot is doubted to stand."""
 
 
 @njit(cache=True, nogil=True)
@@ -101,33 +96,18 @@ def body_girth(radii):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def free_space(  # type: ignore[no-untyped-def]
-    matrix,
-    gradient,
-    ends,
-    radii,
-    capsule_frame,
-    capsule_local,
-    body,
-    view,
-    weight,
-    width,
-    samples,
-    violated,
-    feet,
+    matrix, gradient, ends, radii, capsule_frame, capsule_local, body, view, weight, width, samples, violated
 ):
     """No limb where the camera saw through, and none in front of what it saw.
 
     Points along every capsule's axis are projected. Outside the person's silhouette they are drawn to the
-    nearest pixel of it, unless something nearer hides them, nothing is known there, or what is seen there is
-    about where the limb is: then it may be the limb, taken for the room or for somebody else. Inside it, a
-    surface that stands in front of the observed one is pushed back.
+    nearest pixel of it, unless something nearer hides them or nothing is known there; inside it, a surface
+    that stands in front of the observed one is pushed back.
 
     Args:
         view: (depth, mask, nearest, camera, world_from_camera): (h, w) metres (0 unknown), (h, w) the
             person's pixels, (h, w) of :func:`observation.nearest_columns`, (4,) fx, fy, cx, cy, and (4, 4).
         violated: (C,) receives the share of each capsule's samples seen through.
-        feet: metres behind a foot's front from which it is seen through; for other limbs :data:`THICK`. The
-            floor is always about where a foot is, and which way the feet point tells which way people face.
     """
     depth, mask, nearest, camera, world_from_camera = view
     height, width_px = depth.shape
@@ -138,7 +118,6 @@ def free_space(  # type: ignore[no-untyped-def]
     violated[:] = 0.0
     per_sample = weight / (len(ends) * samples)
     for c in range(len(ends)):
-        behind = feet if capsule_frame[c] in (FOOT_L, FOOT_R) else THICK
         for s in range(samples):
             t = (s + 0.5) / samples
             radius = radii[c, 0] + t * (radii[c, 1] - radii[c, 0])
@@ -164,7 +143,7 @@ def free_space(  # type: ignore[no-untyped-def]
                     normal[a] = -world_from_camera[a, 2]
                 girth_row = radius / body_girth(radii)
             else:
-                if seen == 0.0 or seen < z - radius + behind:
+                if seen == 0.0 or seen < z - radius - 0.05:
                     continue
                 near_v, near_u = nearest_pixel(v, u, nearest)
                 if near_v < 0:
@@ -281,31 +260,6 @@ def above_floor(matrix, gradient, ends, radii, capsule_frame, capsule_local, bod
             energy += weight * residual * residual
             add(matrix, gradient, row, residual, weight)
     return energy
-
-
-@njit(cache=True, nogil=True)
-def on_the_floor(matrix, gradient, ends, radii, capsule_frame, capsule_local, body, weight):  # type: ignore[no-untyped-def]
-    """The lower foot is drawn to the floor at y = 0, unless it is clearly above it: people mostly stand.
-
-    Of a foot the least is seen, and its lower half is taken for the floor: without this, legs come out short.
-    """
-    low, end, least = -1, 0, 1e9
-    for c in range(len(ends)):
-        if capsule_frame[c] != FOOT_L and capsule_frame[c] != FOOT_R:
-            continue
-        for e in range(2):
-            height = ends[c, e, 1] - radii[c, e]
-            if height < least:
-                low, end, least = c, e, height
-    if low < 0 or least <= 0.0:
-        return 0.0
-    row, up = np.zeros(matrix.shape[0]), np.array([0.0, 1.0, 0.0])
-    point_row(row, 1.0, capsule_frame[low], ends[low, end], up, capsule_local[low, end], body)
-    if len(row) > _DOFS:
-        row[_DOFS + _GIRTH] -= radii[low, end] / body_girth(radii)
-    cost, w = robust(least, _STOOD)
-    add(matrix, gradient, row, least, weight * w)
-    return weight * cost
 
 
 @njit(cache=True, nogil=True)

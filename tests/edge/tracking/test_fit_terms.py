@@ -95,15 +95,7 @@ def self_energy(posture: Posture):
 def free_space_energy(posture: Posture, view):
     matrix, gradient = np.zeros((42, 42)), np.zeros(42)
     energy = terms.free_space(
-        matrix,
-        gradient,
-        *surroundings(posture),
-        view,
-        1.0,
-        0.25,
-        5,
-        np.zeros(len(model.CAPSULES.frame)),
-        -0.05,
+        matrix, gradient, *surroundings(posture), view, 1.0, 0.25, 5, np.zeros(len(model.CAPSULES.frame))
     )
     return energy, gradient
 
