@@ -39,7 +39,8 @@ CHARACTER = character_of_puppet(puppet())
 def pose(places: Float, turn: float = 0.0, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Pose:
     """The chair's control points at places (P, 3) of its own frame, the frame turned and put somewhere."""
     frame = to_matrix(from_rotation_vector(np.array([0.0, turn, 0.0])))
-    positions = np.concatenate([np.zeros((1, 3)), places]) @ frame.T + at
+    with np.errstate(invalid="ignore"):  # places that cannot be are tried too
+        positions = np.concatenate([np.zeros((1, 3)), places]) @ frame.T + at
     linear = np.tile(frame, (len(positions), 1, 1))
     return Pose("chair", 0, linear.astype(np.float32), positions.astype(np.float32))
 

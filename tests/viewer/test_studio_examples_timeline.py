@@ -54,7 +54,7 @@ def middle(row: Row) -> float:
 @given(
     st.floats(-0.5, 2),
     st.floats(0.4, 3) | st.floats(-3, -0.4),
-    st.lists(st.integers(0, 29), min_size=1, max_size=5, unique=True),
+    st.lists(st.integers(8, 22), min_size=1, max_size=5, unique=True),  # half a sway: no pose is there twice
     st.floats(500, 2000),
     st.floats(0, 60),
 )
