@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ from enliven.deformation.arap_settings import ArapSettings
 from enliven.deformation.arap_solves import backward, forward
 from enliven.deformation.arap_step import give, gone_along, moved, plain
 from enliven.deformation.arap_surface import surface_of
-from enliven.deformation.arap_threads import shared
+from enliven.deformation.arap_threads import Pace, shared
 from enliven.deformation.arap_volume import press
 from enliven.errors import InputError
 from enliven.mesh import Mesh
@@ -72,6 +73,7 @@ class ArapSolver:
         self._z = np.zeros(4 * (count + 4), np.float32)
         self._room = np.zeros(4 * (self._surface.factor.tallest + 4), np.float32)
         self._columns: dict[int, tuple[Int32, Float]] = {}
+        self._pace, self._threads = Pace(), 1
         self.handles: dict[str, Handle] = {}
         self._held: Held | None = None
         self._wanted: dict[str, Float] = {}
@@ -149,6 +151,7 @@ class ArapSolver:
         """
         wanted, held, rows = self.check(targets)
         settings, surface = self.settings, self._surface
+        self._threads, start = settings.threads or self._pace.threads(), perf_counter()
         frames = self._frames.reshape(-1)
         follow(held, frames, self._shown, rows, settings.follow)
         for _ in range(max(settings.iterations - settings.squash_and_stretch, 1)):
@@ -172,6 +175,7 @@ class ArapSolver:
         pose.setflags(write=False)
         self._shown[surface.place_of] = pose - surface.centre
         self._wanted, self.pose = wanted, pose
+        self._pace.note(self._threads, perf_counter() - start)
         return pose
 
     def check(self, targets: Mapping[str, Float] | None = None) -> tuple[dict[str, Float], Held, Float]:
@@ -191,7 +195,7 @@ class ArapSolver:
 
     def _share(self, kernel: Callable[..., Any], *arguments: Any) -> None:
         """The kernel over all vertices."""
-        shared(kernel, len(self._surface.rest), self.settings.threads, *arguments)
+        shared(kernel, len(self._surface.rest), self._threads, *arguments)
 
     def _global(self, held: Held, rows: Float, volume: float = 0.0) -> tuple[float, float, float]:
         """The correction of eq. 9 (or 13, with a pressure) into ``_z``, and the shift of the whole."""

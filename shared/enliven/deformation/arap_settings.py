@@ -32,8 +32,9 @@ class ArapSettings:
         high=1.0,
     )
     threads: int = setting(
-        1, "2 shares each cell's work with a second processor core; only where one is idle.", low=1, high=2
-    )
+        0, "1, or 2 to share each cell's work with a second processor core; 0: whichever is faster now.",
+        low=0, high=2,
+    )  # fmt: skip
     coarse_above: int = setting(
         12_000, "A puppet's mesh of more vertices is solved coarsely, its detail carried along.", low=100
     )

@@ -8,6 +8,7 @@ meshes stay in one thread. Each piece writes its own vertices only, so the answe
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +18,31 @@ from typing import Any
 _PIECES = 8
 _BLOCK = 64
 _SMALL = 4000
+_ASKED, _FORGOTTEN = 40, 1.01
+"""Calls after which the way that seemed slower is tried again, and how fast old times are forgotten."""
+
+
+class Pace:
+    """Whether a second thread pays just now: on idle cores it does, beside other work it costs.
+
+    Both ways are timed, the one that was faster of late is taken, and the other is asked again now and then.
+    """
+
+    def __init__(self) -> None:
+        self._least = [math.inf, math.inf]
+        self._calls = 0
+
+    def threads(self) -> int:
+        """How many to take for the next call, 1 or 2."""
+        self._calls += 1
+        faster = 1 if self._least[0] <= self._least[1] else 2
+        unknown = math.inf in self._least and self._calls > 1
+        return 3 - faster if unknown or self._calls % _ASKED == 0 else faster
+
+    def note(self, threads: int, seconds: float) -> None:
+        """How long a call with so many threads took."""
+        self._least = [least * _FORGOTTEN for least in self._least]
+        self._least[threads - 1] = min(seconds, self._least[threads - 1])
 
 
 @cache

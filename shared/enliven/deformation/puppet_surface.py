@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
+from time import perf_counter
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from enliven.deformation.arap_coarse import Coarse, coarse_of
 from enliven.deformation.arap_detail import carry
 from enliven.deformation.arap_guide import Guide, come, handles_of, rows_of
 from enliven.deformation.arap_surface import check_mesh
-from enliven.deformation.arap_threads import shared
+from enliven.deformation.arap_threads import Pace, shared
 from enliven.errors import InputError
 from enliven.mesh import Mesh
 
@@ -60,6 +61,7 @@ class PuppetSurface:
         self.mesh, self._settings = mesh, settings or ArapSettings()
         check_mesh(mesh, self._settings.most_carried)
         self._aside: PuppetSurface | None = None
+        self._pace = Pace()
         self._body: tuple[ArapSolver, Coarse | None] | None = None
         self.hold(held, weights)
 
@@ -158,7 +160,9 @@ class PuppetSurface:
             return self._solver.pose
         out, maps = np.empty_like(self.mesh.vertices), self._solver.maps()
         follow = (maps, coarse.start, coarse.near, coarse.weights, self.mesh.vertices, out)
-        shared(carry, len(out), self._settings.threads, *follow)
+        threads, start = self._settings.threads or self._pace.threads(), perf_counter()
+        shared(carry, len(out), threads, *follow)
+        self._pace.note(threads, perf_counter() - start)
         vertices, rows = self._pins
         out[vertices] = wanted[rows]
         return _frozen(out)
