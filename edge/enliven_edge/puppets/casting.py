@@ -42,9 +42,8 @@ def cast_puppet(spec: str, settings: PuppetSettings | None = None) -> PuppetActo
     project, puppet = _read(spec)
     lacking = missing(project, puppet)
     if lacking:
-        what = f"it cannot move yet: {lacking[0]}"
-        mend = " ".join(lacking[1:]) or "Do so in enliven studio, or in the session's file."
-        raise InputError(what, where=f"puppet {puppet.id!r} of {spec}", mend=mend)
+        mend = f"{' '.join(lacking)} Do so in enliven studio, or in the session's file."
+        raise InputError("it cannot move yet", where=f"puppet {puppet.id!r} of {spec}", mend=mend)
     actor = PuppetActor(project, puppet, settings)
     character_to_message(actor.character, 0)  # what no viewer can be sent is said now
     return actor

@@ -154,7 +154,7 @@ def fit(
     project, made = found.project, found.puppet
     lacking = missing(project, made)
     if lacking:
-        raise InputError(lacking[0], where=str(session), mend=" ".join(lacking[1:]))
+        raise InputError("it cannot move yet", where=str(session), mend=" ".join(lacking))
     if not any(not layer.muted for layer in made.layers):
         raise InputError("it plays nothing", where=str(session), mend="Say what it plays: [[layer]].")
     _say(*found.notes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -167,7 +168,8 @@ def lacks(
     if skeletons:
         known = reference_among(skeletons, [point.joint for point in points]).names
         sentences += [
-            f"Pair {point.name!r} with another joint: who shows the key poses has no {point.joint!r}."
+            f"Pair {point.name!r} with another joint: who shows the key poses has no {point.joint!r}"
+            f"{_nearest(point.joint, known)}."
             for point in points
             if point.joint and point.joint not in known
         ]
@@ -182,6 +184,12 @@ def lacks(
             what = error.what[0].upper() + error.what[1:]
             sentences.append(f"{what}: add one there, or leave symmetry out.")
     return tuple(sentences)
+
+
+def _nearest(name: str, known: Sequence[str]) -> str:
+    """The names that are spelt most alike, for a sentence."""
+    alike = get_close_matches(name, known, n=3, cutoff=0.4)
+    return f" (there are {', '.join(alike)})" if alike else ""
 
 
 def frame_at(clip: Clip, seconds: float) -> int:
