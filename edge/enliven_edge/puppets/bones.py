@@ -127,13 +127,13 @@ def _trunk(body: Body, known: Bool) -> tuple[Float, Bool]:
     )
     sure = np.array([known[list(joints)].all() for joints in need])
     turns = np.tile(np.eye(3), (3, 1, 1))
-    across = (
-        (at[j.HIP_LEFT] - at[j.HIP_RIGHT], at[j.SHOULDER_CENTER] - at[j.HIP_CENTER]),
-        (at[j.SHOULDER_LEFT] - at[j.SHOULDER_RIGHT], at[j.SHOULDER_CENTER] - at[j.HIP_CENTER]),
-        (at[j.SHOULDER_LEFT] - at[j.SHOULDER_RIGHT], at[j.HEAD] - at[j.SHOULDER_CENTER]),
+    ends = (
+        (j.HIP_LEFT, j.HIP_RIGHT, j.SHOULDER_CENTER, j.HIP_CENTER),
+        (j.SHOULDER_LEFT, j.SHOULDER_RIGHT, j.SHOULDER_CENTER, j.HIP_CENTER),
+        (j.SHOULDER_LEFT, j.SHOULDER_RIGHT, j.HEAD, j.SHOULDER_CENTER),
     )
-    for k, (left, up) in enumerate(across):
-        frame = _frame(left, up) if sure[k] else None
+    for k, (left, right, upper, lower) in enumerate(ends):
+        frame = _frame(at[left] - at[right], at[upper] - at[lower]) if sure[k] else None
         sure[k] = frame is not None
         if frame is not None:
             turns[k] = frame
