@@ -10,10 +10,10 @@ from enliven.arrays import AnyArray
 from enliven.errors import InputError
 from enliven.modeling.axes import Axes, layers_in
 from enliven.modeling.bones import bones_of, rebuilt
+from enliven.modeling.pasting import checked_shift, with_takes_of
 from enliven.modeling.posed import as_far
-from enliven.motion.layers import Layer
 from enliven.motion.retarget import layers_of, without_idle_layers
-from enliven.project import Project, same, unused
+from enliven.project import Project, unused
 from enliven.rotation import IDENTITY, normalized
 from enliven.shape import Shape
 
@@ -53,8 +53,9 @@ def paste_shape(
         InputError: where there is no such shape, or the offset or delay is no number.
     """
     shape = source.shape(shape_id)
-    _check_numbers(np.asarray(offset, np.float64), delay, shape_id)
-    project, takes = _with_takes(project, source, [source.layers[name] for name in layers_of(shape)])
+    shift = checked_shift(offset, delay, f"shape {shape_id!r}")
+    names = [source.layers[name].take for name in layers_of(shape)]
+    project, takes = with_takes_of(project, source, names)
     ids: dict[str, str] = {}
     taken = dict.fromkeys(project.layers)
     made = []
@@ -64,7 +65,7 @@ def paste_shape(
         taken[ids[name]] = None
         made.append(replace(layer, id=ids[name], take=takes[layer.take], offset=layer.offset + delay))
     copy_id = unused(shape_id, {**project.shapes, **project.graphs, **project.puppets})
-    copy = _with_layers(shape, ids).with_changes(id=copy_id, place=shape.place + offset)
+    copy = _with_layers(shape, ids).with_changes(id=copy_id, place=shape.place + shift)
     return project.with_layers(*made).with_shapes(copy), copy_id
 
 
@@ -133,24 +134,3 @@ def _with_layers(shape: Shape, ids: dict[str, str]) -> Shape:
     """The shape with other names for its layers."""
     spans = tuple(Axes(IDENTITY).spans(bone, ids) for bone in shape.spans)
     return shape.with_changes(spans=spans, travel=ids[shape.travel] if shape.travel else None)
-
-
-def _with_takes(project: Project, source: Project, layers: list[Layer]) -> tuple[Project, dict[str, str]]:
-    """The project with the takes of layers of another, and the id of each here."""
-    ids: dict[str, str] = {}
-    for layer in layers:
-        take = source.takes[layer.take]
-        if take.id in ids:
-            continue
-        here = project.takes.get(take.id)
-        if here is None or not same(here, take):
-            take = replace(take, id=unused(take.id, project.takes))
-            project = project.with_takes(take)
-        ids[layer.take] = take.id
-    return project, ids
-
-
-def _check_numbers(offset: AnyArray, delay: float, shape_id: str) -> None:
-    if offset.shape != (3,) or not np.isfinite(offset).all() or not np.isfinite(delay):
-        what = f"a copy cannot be {offset} m away and {delay} s late"
-        raise InputError(what, where=f"shape {shape_id!r}", mend="Give three metres and seconds.")

@@ -11,6 +11,7 @@ from enliven.errors import InputError
 from enliven.graph_shape import GraphShape
 from enliven.modeling.axes import Axes
 from enliven.modeling.meshes import moved_mesh
+from enliven.modeling.pasting import checked_motion
 from enliven.project import Project, same, unused
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
@@ -62,12 +63,7 @@ def move_graph(
         InputError: where there is no such shape, or a number is not finite.
     """
     shape = project.graph(shape_id)
-    centre = np.zeros(3) if about is None else np.asarray(about, np.float64)
-    offset, turn = np.asarray(offset, np.float64), np.asarray(turn, np.float64)
-    if not (np.isfinite(offset).all() and np.isfinite(centre).all() and abs(np.linalg.norm(turn) - 1) < 1e-6):
-        raise InputError(
-            f"it cannot be moved by {offset}, {turn}", where=f"graph shape {shape_id!r}", mend="Give numbers."
-        )
+    offset, turn, centre = checked_motion(offset, turn, about, f"graph shape {shape_id!r}")
     parts = tuple(
         part
         if part.ride is not None

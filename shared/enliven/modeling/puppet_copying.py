@@ -11,7 +11,8 @@ from enliven.arrays import AnyArray, Float
 from enliven.errors import InputError
 from enliven.modeling.axes import Axes
 from enliven.modeling.meshes import moved_mesh
-from enliven.project import Project, same, unused
+from enliven.modeling.pasting import checked_motion, checked_shift, with_takes_of
+from enliven.project import Project, unused
 from enliven.puppet import Plane, Puppet, PuppetLayer
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
@@ -48,11 +49,9 @@ def paste_puppet(
         InputError: where there is no such puppet, or the offset or delay is no number.
     """
     puppet = source.puppet(puppet_id)
-    shift = np.asarray(offset, np.float64)
-    if shift.shape != (3,) or not np.isfinite(shift).all() or not np.isfinite(delay):
-        what = f"a copy cannot be {offset} m away and {delay} s late"
-        raise InputError(what, where=_where(puppet_id), mend="Give three metres and seconds.")
-    project, ids = _with_takes(project, source, puppet)
+    shift = checked_shift(offset, delay, _where(puppet_id))
+    takes = [*(pose.take for pose in puppet.poses), *(layer.take for layer in puppet.layers)]
+    project, ids = with_takes_of(project, source, takes)
     copy_id = unused(puppet_id, {**project.shapes, **project.graphs, **project.puppets})
     copy = puppet.with_changes(
         id=copy_id,
@@ -83,11 +82,7 @@ def move_puppet(
         InputError: where there is no such puppet, or a number is not finite.
     """
     puppet = project.puppet(puppet_id)
-    centre = np.zeros(3) if about is None else np.asarray(about, np.float64)
-    offset, turn = np.asarray(offset, np.float64), np.asarray(turn, np.float64)
-    if not (np.isfinite(offset).all() and np.isfinite(centre).all() and abs(np.linalg.norm(turn) - 1) < 1e-6):
-        what = f"it cannot be moved by {offset}, {turn}"
-        raise InputError(what, where=_where(puppet_id), mend="Give numbers.")
+    offset, turn, centre = checked_motion(offset, turn, about, _where(puppet_id))
     place = rotate(turn, puppet.place - centre) + centre + offset
     return project.with_puppets(
         puppet.with_changes(turn=normalized(multiply(turn, puppet.turn)), place=place)
@@ -197,16 +192,3 @@ def _mapped(layer: PuppetLayer, map_of: Callable[[AnyArray], Float]) -> PuppetLa
 def _three(vector: AnyArray) -> tuple[float, float, float]:
     x, y, z = (float(value) for value in vector)
     return x, y, z
-
-
-def _with_takes(project: Project, source: Project, puppet: Puppet) -> tuple[Project, dict[str, str]]:
-    """The project with the takes of a puppet of another, and the id of each here."""
-    ids: dict[str, str] = {}
-    for name in dict.fromkeys([*(pose.take for pose in puppet.poses), *(one.take for one in puppet.layers)]):
-        take = source.takes[name]
-        here = project.takes.get(take.id)
-        if here is None or not same(here, take):
-            take = replace(take, id=unused(take.id, project.takes))
-            project = project.with_takes(take)
-        ids[name] = take.id
-    return project, ids
