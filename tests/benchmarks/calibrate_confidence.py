@@ -1,7 +1,7 @@
 """Fits the tracker's confidence to the tuning sequences: python tests/benchmarks/calibrate_confidence.py
 
-Runs the tracker over them, pairs each joint's evidence with whether it was within ten centimetres of the
-truth, and writes the weights of a regularised logistic regression to the edge's assets.
+Runs the tracker over them, with the network and without, pairs each joint's evidence with whether it was
+within ten centimetres of the truth, and writes the weights of a regularised logistic regression.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ import numpy as np
 from tracking_cache import Moment, delivered
 from tracking_set import TUNING, Sequence, sequences
 
-from enliven_edge.tracking.confidence import GROUP_OF_JOINT, GROUPS
+from enliven_edge.tracking.confidence import ALONE, GROUP_OF_JOINT, GROUPS, WITH_NETWORK
 from enliven_edge.tracking.evidence import NAMES
 from enliven_edge.tracking.person import Person
+from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 
 TARGET = Path(__file__).parents[2] / "edge" / "enliven_edge" / "assets" / "confidence.json"
@@ -45,20 +46,19 @@ def logistic(features: np.ndarray, right: np.ndarray, ridge: float = _RIDGE) -> 
     return weights
 
 
-def write(evidence: np.ndarray, right: np.ndarray, sequences: list[str]) -> None:
-    """Fits and writes the weights of (N, 20, F) evidence and (N, 20) outcomes."""
+def fitted(evidence: np.ndarray, right: np.ndarray) -> dict[str, dict[str, float]]:
+    """The weights of (N, 20, F) evidence and (N, 20) outcomes, by group and name."""
     table = {}
     for g, group in enumerate(GROUPS):
         of = np.flatnonzero(g == GROUP_OF_JOINT)
         weights = logistic(evidence[:, of].reshape(-1, len(NAMES)), right[:, of].ravel().astype(float))
         table[group] = {name: round(float(w), 5) for name, w in zip(NAMES, weights, strict=True)}
-    text = json.dumps({"fitted on": sequences, "frames": len(evidence), "weights": table}, indent=1)
-    TARGET.write_text(text + "\n")
+    return table
 
 
-def gathered(sequence: Sequence) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def gathered(sequence: Sequence, estimator: bool) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """(20, F) evidence and (20,) outcome of every body in every frame of a sequence; far bodies are false."""
-    tracker, evidence, right = Tracker(), [], []
+    tracker, evidence, right = Tracker(TrackerSettings(estimator=estimator)), [], []
     for frame, moment in delivered(sequence):
         tracker.track(frame)
         for person in tracker.performers:
@@ -80,18 +80,19 @@ def _outcome(person: Person, moment: Moment) -> np.ndarray:
 
 def main() -> int:
     """Runs the tuning sequences and writes the weights."""
-    evidence: list[np.ndarray] = []
-    right: list[np.ndarray] = []
-    names = []
-    for sequence in sequences(TUNING):
-        if not sequence.available:
-            continue
-        print(f"tracking {sequence.name}", file=sys.stderr, flush=True)
-        of, outcome = gathered(sequence)
-        evidence += of
-        right += outcome
-        names.append(sequence.name)
-    write(np.array(evidence), np.array(right), names)
+    chosen = [s for s in sequences(TUNING) if s.available]
+    out: dict[str, object] = {"fitted on": [s.name for s in chosen]}
+    for name, estimator in ((WITH_NETWORK, True), (ALONE, False)):
+        evidence: list[np.ndarray] = []
+        right: list[np.ndarray] = []
+        for sequence in chosen:
+            print(f"tracking {sequence.name} ({name})", file=sys.stderr, flush=True)
+            of, outcome = gathered(sequence, estimator)
+            evidence += of
+            right += outcome
+        out[f"frames of {name}"] = len(evidence)
+        out[name] = fitted(np.array(evidence), np.array(right))
+    TARGET.write_text(json.dumps(out, indent=1) + "\n")
     return 0
 
 

@@ -4,8 +4,10 @@
   tilt told), with the sensor maker's joints of the same moment. Joints that do not project onto the scan do
   not count (the feet are cut off), nor do the right wrist and hand, which the maker's tracker put before the
   belly while the scan shows that arm held aside, more than 20 cm away.
-- ``js6450_kinect2``: about thirty depth samples around every joint, drawn as discs of 6 px; the distance to
-  the sensor is not recorded and chosen so that people are 1.70 m tall. A joint's depth is that of the
+- ``js6450_kinect2``: about thirty depth samples around every joint, drawn as discs of 6 px whose outline is
+  taken in again by half as much: gaps close, nobody grows stout. The distance to the sensor is not recorded
+  and chosen so that people are 1.70 m tall, and its height so that their soles stand on the floor, which is
+  not seen. A joint's depth is that of the
   surface before it, so distances are in the image plane; joints count whose depth was measured. It says
   whether a body is found in shreds of one, within a few centimetres of another tracker's opinion.
 - Of both, SpineShoulder stands for the shoulder centre; the hip centre and the spine are put on the line
@@ -173,6 +175,10 @@ def js6450(name: str, file: str) -> Real:
         present = np.isfinite(joints).all((1, 2))
         moments.append(Moment(present, joints, visible, np.zeros((len(people), 2), bool)))
     depths = np.concatenate([m.joints[..., 2][m.visible] for m in moments])
+    ankles = [m.joints[m.present][:, [Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT], 1] for m in moments]
+    lowest = np.median([a.max() for a in ankles if len(a)])
+    mount = world_from_level_camera(float(lowest) + ANKLE_ABOVE_SOLE, 0.0)
+    frames = [replace(frame, world_from_camera=mount) for frame in frames]
     return Real(name, frames, moments, float(np.median(depths)), _STARTS)
 
 
@@ -202,7 +208,7 @@ def _camera_points(uvz: np.ndarray, distance: float) -> np.ndarray:
 
 
 def _splatted(points: np.ndarray, radius: int) -> np.ndarray:
-    """(424, 512) uint16 mm: points drawn as discs, the nearest wins."""
+    """(424, 512) uint16 mm: points drawn as discs, the nearest wins; outlines are taken in by half."""
     image = np.full((KINECT2.height, KINECT2.width), np.inf)
     uv = np.rint(project(points, KINECT2)).astype(int)
     for dv in range(-radius, radius + 1):
@@ -212,7 +218,10 @@ def _splatted(points: np.ndarray, radius: int) -> np.ndarray:
             u, v = uv[:, 0] + du, uv[:, 1] + dv
             inside = (u >= 0) & (u < KINECT2.width) & (v >= 0) & (v < KINECT2.height)
             np.minimum.at(image, (v[inside], u[inside]), points[inside, 2])
-    return np.where(np.isfinite(image), np.rint(1e3 * np.minimum(image, 65.0)), 0).astype(np.uint16)
+    known = np.isfinite(image)
+    if radius > 1:
+        known = ndimage.distance_transform_edt(known) > 0.5 * radius
+    return np.where(known, np.rint(1e3 * np.minimum(image, 65.0)), 0).astype(np.uint16)
 
 
 def skeltrack(frames: int = 1) -> tuple[float, float, dict[str, list[Joint]]]:

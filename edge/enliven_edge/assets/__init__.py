@@ -8,5 +8,5 @@ CHAIR = Path(__file__).resolve().parent / "chair.mcap"
 """Nine seconds of a made-up performer before a Kinect v1, with their true joints; made by
 ``enliven synthesize -o chair.mcap`` and made again by it bit for bit."""
 
-PARTS_FOREST = Path(__file__).resolve().parent / "parts.npz"
-"""The forest that names the body part at a depth pixel; made by ``enliven train-parts -o parts.npz``."""
+ESTIMATOR = Path(__file__).resolve().parent / "estimator.onnx"
+"""The network that says where the joints are; made by ``enliven train-estimator -o estimator.onnx``."""

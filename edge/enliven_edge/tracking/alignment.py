@@ -99,56 +99,21 @@ def _normal_equations(  # type: ignore[no-untyped-def]
     by_length = np.empty((13, 3, len(lengths)))
     forward_into(world, pivots, by_length, position, rotations, lengths, parents, offsets)
     columns, filled = np.empty((30, 3)), np.empty(30, np.int64)
-    columns[:3] = np.eye(3)
-    filled[:3] = np.arange(3)
+    body = (world, pivots, by_length, moves, dof_frame, dof_axis, frames, parents)
     point, apart = np.empty(3), np.empty(3)
     energy = 0.0
     for i in range(len(frames)):
         if weights[i] <= 0.0:
             continue
+        terms.carried(point, frames[i], local[i], lengths, body)
         square = 0.0
         for a in range(3):
-            point[a] = pivots[frames[i], a]
-            for b in range(3):
-                offset = 0.0
-                for p in range(len(lengths)):
-                    offset += local[i, b, p] * lengths[p]
-                point[a] += world[frames[i], a, b] * offset
             apart[a] = point[a] - targets[i, a]
             square += apart[a] ** 2
         cost, doubt = terms.robust(np.sqrt(square), width)
         energy += weights[i] * _SQUARE_CM * cost
-        count = _columns_of(columns, filled, frames[i], point, world, pivots, moves, dof_frame, dof_axis)
-        _add_point(matrix, gradient, columns, filled, count, apart, weights[i] * _SQUARE_CM * doubt)
+        count = terms.point_columns(columns, filled, frames[i], point, local[i], body)
+        terms.add_point(matrix, gradient, columns, filled, count, apart, weights[i] * _SQUARE_CM * doubt)
     energy += terms.joint_ranges(matrix, gradient, rotations, middle, reach, _RANGES, dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, rest, ease, dof_frame, dof_axis)
     return energy
-
-
-@njit(cache=True, nogil=True)
-def _columns_of(columns, filled, frame, point, world, pivots, moves, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
-    """d(point)/d(unknown), (3,) each, of the turns that move a point, after the translation; how many."""
-    count = 3
-    for k in range(len(dof_frame)):
-        if moves[frame, k] == 0:
-            continue
-        f, axis = dof_frame[k], dof_axis[k]
-        ax, ay, az = world[f, 0, axis], world[f, 1, axis], world[f, 2, axis]
-        x, y, z = point[0] - pivots[f, 0], point[1] - pivots[f, 1], point[2] - pivots[f, 2]
-        columns[count, 0] = ay * z - az * y
-        columns[count, 1] = az * x - ax * z
-        columns[count, 2] = ax * y - ay * x
-        filled[count] = 3 + k
-        count += 1
-    return count
-
-
-@njit(cache=True, nogil=True)
-def _add_point(matrix, gradient, columns, filled, count, apart, weight):  # type: ignore[no-untyped-def]
-    """A point's three residuals at once into the upper triangle of the normal equations."""
-    for m in range(count):
-        x, y, z = weight * columns[m, 0], weight * columns[m, 1], weight * columns[m, 2]
-        i = filled[m]
-        gradient[i] += x * apart[0] + y * apart[1] + z * apart[2]
-        for n in range(m, count):
-            matrix[i, filled[n]] += x * columns[n, 0] + y * columns[n, 1] + z * columns[n, 2]

@@ -32,20 +32,26 @@ GROUPS = (
 )
 GROUP_OF_JOINT = np.array([0, 1, 2, 3, 4, 5, 6, 7, 4, 5, 6, 7, 8, 9, 10, 11, 8, 9, 10, 11])
 """(20,) which of :data:`GROUPS` each joint belongs to."""
+WITH_NETWORK, ALONE = "weights", "weights alone"
+"""The tables of weights: with the network's estimate as evidence, and without one."""
 _OUTSIDE = NAMES.index("outside")
 _NOT_SEEN = 0.99
 
 
-def confidence(evidence: Float) -> Float:
-    """(20,) in [0, 1] from (20, 15) evidence; 0 where a joint's bone is outside the image altogether."""
-    score = np.einsum("jf,jf->j", evidence, _weights()[GROUP_OF_JOINT])
+def confidence(evidence: Float, *, alone: bool = False) -> Float:
+    """(20,) in [0, 1] from (20, 17) evidence; 0 where a joint's bone is outside the image altogether.
+
+    Args:
+        alone: whether the fit had no network beside it.
+    """
+    score = np.einsum("jf,jf->j", evidence, _weights(ALONE if alone else WITH_NETWORK)[GROUP_OF_JOINT])
     likely = 1.0 / (1.0 + np.exp(-np.clip(score, -30.0, 30.0)))
     return np.asarray(np.where(evidence[:, _OUTSIDE] > _NOT_SEEN, 0.0, likely))
 
 
 @cache
-def _weights() -> Float:
-    """(12, 15) ordered by :data:`GROUPS` and :data:`evidence.NAMES`."""
+def _weights(table_name: str) -> Float:
+    """(12, 17) ordered by :data:`GROUPS` and :data:`evidence.NAMES`."""
     text = files("enliven_edge.assets").joinpath("confidence.json").read_text()
-    table = json.loads(text)["weights"]
+    table = json.loads(text)[table_name]
     return np.array([[table[group][name] for name in NAMES] for group in GROUPS])

@@ -1,7 +1,8 @@
 """Finding a person's posture with no memory: several hypotheses are fitted, the best explanation wins.
 
-Where the forest of body parts is at hand, its parts give the first hypotheses and a say in the ranking; else,
-or besides, standing postures and a bank of others are brought to the extremities of the surface.
+Where the network is at hand, what it sees for each way that somebody may face gives the first hypotheses, and
+it has a say in the ranking; else, or besides, standing postures and a bank of others are brought to the
+extremities of the surface.
 """
 
 from __future__ import annotations
@@ -11,15 +12,16 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_edge.parts.forest import PartForest
-from enliven_edge.parts.proposals import Seen, agreement, facing_score, look, proposals, turned_about
-from enliven_edge.parts.sideless import facing_proposals
+from enliven_edge.estimator.estimator import Estimate, PoseEstimator
+from enliven_edge.estimator.labels import FACINGS
 from enliven_edge.tracking import model
+from enliven_edge.tracking.appearance import Seen, agreement, facing_score, turned_about
 from enliven_edge.tracking.extremities import extremities
 from enliven_edge.tracking.facing import backward
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.hypotheses import banked_starts, standing_starts
 from enliven_edge.tracking.observation import Observation
+from enliven_edge.tracking.posing import posed
 from enliven_edge.tracking.posture import Posture
 
 _REFINED = 3
@@ -27,8 +29,8 @@ _REFINED = 3
 tells front from back better."""
 _SAME = 0.12
 """Metres: hypotheses all of whose joints are this near to each other's are one."""
-_FACINGS = (0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, np.pi)
-"""Radians from facing the sensor."""
+_LIKELIEST = 3
+"""Ways to face that are supposed, besides not saying how, and the opposite of the likeliest."""
 _LOOSE = np.full(len(model.LENGTHS), 30.0)
 _COARSE_POINTS, _COARSE_STEPS, _WIDE = 160, 8, 0.25
 """Points and steps of the coarse fits of who is followed already, and all coarse fits' width in metres."""
@@ -39,8 +41,8 @@ _PROMISING = 1.0
 _AFFINITY = 0.15
 """Metres: how far, at first, what a point looks like outweighs where it is."""
 _DISAGREEMENT = 4.0
-"""Square centimetres a point that it costs to be of other parts than the forest says, all of them."""
-_FACING = 6.0
+"""Square centimetres a point that it costs to be of other parts than the network says, all of them."""
+_FACING = 0.6
 """Square centimetres a point that it costs to face another way than the likeliest, by log likelihood."""
 _BACKWARD = 12.0
 """Square centimetres a point that it costs to lean backward, a sine."""
@@ -49,7 +51,7 @@ _STATURE, _SPREAD = 2.0, 0.15
 _SHORTEST, _TALLEST, _ALIKE = 0.9, 2.1, 0.08
 """Metres within which a person may just stand there, and the share by which statures are much the same."""
 _BANKED, _BANKED_BESIDES = 8, 3
-"""Hypotheses of the bank without a forest, and besides one."""
+"""Hypotheses of the bank without a network, and besides one."""
 
 
 def detect(
@@ -57,7 +59,8 @@ def detect(
     observation: Observation,
     eye: Float,
     height: float,
-    forest: PartForest | None = None,
+    seen: Seen | None = None,
+    supposed: list[Estimate] | None = None,
     lengths: Float | None = None,
 ) -> tuple[Posture, FitReport]:
     """The posture that explains the observation best from scratch.
@@ -67,12 +70,12 @@ def detect(
     Args:
         eye: (3,) the sensor's position, world frame.
         height: metres, the person's height until it is measured.
-        forest: what knows the parts of a body; None to do without.
+        seen: what the network says of this observation; None without one.
+        supposed: what it sees for each way that the person may face, see :func:`supposing`.
         lengths: (12,) metres, the person's own where they are known already.
     """
-    seen = None if forest is None else look(forest, observation)
     coarse = _Coarse(fitter, observation, seen, eye, height)
-    ranked = [coarse.fitted(start) for start in _starts(observation, seen, eye, height, lengths)]
+    ranked = [coarse.fitted(s) for s in _starts(observation, supposed or [], eye, height, lengths)]
     kept = _best_distinct(ranked, _REFINED)
     best = _refined(fitter, observation, seen, kept, height)
     # A front is easily taken for a back: the best is tried turned about as well.
@@ -88,6 +91,7 @@ def detect_another(
     eye: Float,
     height: float,
     now: Posture,
+    supposed: list[Estimate] | None = None,
     lengths: Float | None = None,
 ) -> tuple[Posture, FitReport] | None:
     """A posture from scratch that may explain the observation better than ``now``; None: there is none.
@@ -96,12 +100,11 @@ def detect_another(
     better in the end, and is not refined.
 
     Args:
-        seen: what the forest says of this observation; None without one.
-        eye, height, lengths: as of :func:`detect`.
+        seen, supposed, eye, height, lengths: as of :func:`detect`.
     """
     coarse = _Coarse(fitter, observation, seen, eye, height, _COARSE_POINTS)
     mark, _ = coarse.fitted(now)
-    ranked = [coarse.fitted(start) for start in _starts(observation, seen, eye, height, lengths)]
+    ranked = [coarse.fitted(s) for s in _starts(observation, supposed or [], eye, height, lengths)]
     promising = [pair for pair in ranked if pair[0] < _PROMISING * mark]
     if not promising:
         return None
@@ -146,24 +149,28 @@ def _best_distinct(ranked: list[tuple[float, Posture]], most: int) -> list[Postu
     return [posture for _, posture in kept]
 
 
+def supposing(estimator: PoseEstimator, estimate: Estimate, world_from_camera: Float) -> list[Estimate]:
+    """What the network sees in the crop of an estimate, for each way in which the person may well face."""
+    ways = np.argsort(-estimate.facing)[:_LIKELIEST]
+    turns = [float(way) for way in ways] + [float(ways[0]) + 0.5 * FACINGS]
+    facings = [None, *(turn * 2.0 * np.pi / FACINGS for turn in turns)]
+    return estimator.estimates(estimate.crop, world_from_camera, facings)
+
+
 def _starts(
-    observation: Observation, seen: Seen | None, eye: Float, height: float, lengths: Float | None
+    observation: Observation, supposed: list[Estimate], eye: Float, height: float, lengths: Float | None
 ) -> list[Posture]:
-    """Where to begin, by the parts, standing, and of the bank.
+    """Where to begin: as the network sees it, standing, and of the bank.
 
     Args:
         lengths: (12,) the person's own; None: the likeliest person's, and those of one who just stands there.
     """
     z, mask, _, camera, pose = observation.view
     builds = [lengths] if lengths is not None else _builds(observation, height)
-    by_parts = []
-    if seen is not None:
-        for build in builds:
-            by_parts += [posture for _, posture in proposals(seen, build, eye)]
-            by_parts += facing_proposals(seen.kinds, build, eye, _FACINGS)
+    by_estimate = [posed(estimate, build) for build in builds for estimate in supposed]
     ends = extremities(z, mask, camera, pose)
-    banked = banked_starts(observation, ends, eye, builds[0], _BANKED if seen is None else _BANKED_BESIDES)
-    return [*by_parts, *standing_starts(observation, eye, builds[-1]), *banked]
+    banked = banked_starts(observation, ends, eye, builds[0], _BANKED_BESIDES if supposed else _BANKED)
+    return [*by_estimate, *standing_starts(observation, eye, builds[-1]), *banked]
 
 
 def _refined(
@@ -212,7 +219,7 @@ def cost(report: FitReport, posture: Posture, seen: Seen | None, eye: Float, hei
 def _oddness(seen: Seen | None, posture: Posture, eye: Float, height: float) -> float:
     """What a posture costs besides what the depth says.
 
-    For points that the forest takes for other parts, for facing another way than it says, for leaning
+    For points that the network takes for other parts, for facing another way than it says, for leaning
     backward, and for a stature that is far from the likeliest.
     """
     unlike = ((model.height_of(posture.lengths) - height) / _SPREAD) ** 2

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from enliven.arrays import Float
+from enliven_edge.estimator.estimator import Estimate
 from enliven_edge.tracking import model
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.gauss_newton import cholesky
@@ -29,8 +30,13 @@ NAMES = (
     "explained",
     "violated",
     "unsupported",
+    "spread",
+    "apart",
 )
-"""What each column of :func:`evidence` is; "beside" is the neighbouring part of the body."""
+"""What each column of :func:`evidence` is; "beside" is the neighbouring part of the body. The last two are of
+the network's estimate, 0 without one."""
+_CLOSE = 0.02
+"""Metres below which it says little how near a joint is to where it is seen."""
 _SAMPLES = 5
 _SAME = 0.07
 """Metres between the model's surface and the observed one that still are the same."""
@@ -53,23 +59,32 @@ _FIRST, _SECOND = _beside()
 
 
 def evidence(
-    fitter: Fitter, posture: Posture, report: FitReport, observation: Observation, unsupported: Float
+    fitter: Fitter,
+    posture: Posture,
+    report: FitReport,
+    observation: Observation,
+    unsupported: Float,
+    estimate: Estimate | None = None,
 ) -> Float:
-    """(20, 15) what speaks for and against each joint, ordered by :data:`NAMES`.
+    """(20, 17) what speaks for and against each joint, ordered by :data:`NAMES`.
 
     Args:
         unsupported: (20,) frames since each joint was last supported.
+        estimate: what the network sees in the frame; None without one.
     """
     shares = capsule_shares(*posture.capsules(), observation.view)
     support = np.log1p(report.support)
     first, second = _FIRST @ shares, _SECOND @ shares
-    out = np.empty((20, len(NAMES)))
+    out = np.zeros((20, len(NAMES)))
     out[:, 0] = 1.0
     out[:, 1], out[:, 2:6] = _FIRST @ support, first
     out[:, 6], out[:, 7:11] = _SECOND @ support, second
     out[:, 11] = np.log(uncertainty(fitter, posture, observation))
     out[:, 12], out[:, 13] = report.explained, report.violated.mean()
     out[:, 14] = np.log1p(unsupported)
+    if estimate is not None:
+        apart = np.linalg.norm(posture.joints() - estimate.joints, axis=1)
+        out[:, 15], out[:, 16] = np.log(estimate.spread), np.log(_CLOSE + apart)
     return out
 
 

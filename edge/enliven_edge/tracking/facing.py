@@ -1,6 +1,6 @@
 """Which way somebody faces: front and back look alike, so it is decided over many frames.
 
-Two things tell: the leaves of the forest that the person's pixels reach, and that people walk forward.
+Two things tell: what the network sees, and that people walk forward.
 """
 
 from __future__ import annotations
@@ -8,21 +8,21 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_edge.parts.proposals import Seen, facing_score, turned_about
 from enliven_edge.tracking import model
+from enliven_edge.tracking.appearance import Seen, facing_score, turned_about
 from enliven_edge.tracking.posture import Posture
 
 _MEMORY, _PATIENCE = 15.0, 12
 """Frames over which the evidence is averaged, and before a first verdict."""
-_SETTLED, _WRONG, _WRONG_ALL_THE_SAME = 0.1, -0.26, -0.35
-"""Mean log likelihood by which the facing must be better than its opposite to be settled; below which it is
-wrong; and below which even a settled one is. The leaves alone take some real fronts for backs by 0.19."""
+_SETTLED, _WRONG, _WRONG_ALL_THE_SAME = 1.0, -2.6, -3.5
+"""Log probability by which the facing must be better than its opposite to be settled; below which it is
+wrong; and below which even a settled one is."""
 _STROLL, _WALK = 0.45, 0.9
 """Metres a second from which walking says something, and from which it says all it can."""
-_FORWARD = 0.45
-"""What walking ahead is worth, as a mean log likelihood."""
-_UPRIGHT = 1.5
-"""What it costs to lean backward, as a mean log likelihood a sine."""
+_FORWARD = 4.5
+"""What walking ahead is worth, as a log probability."""
+_UPRIGHT = 15.0
+"""What it costs to lean backward, as a log probability a sine."""
 _LEANS, _LIES = 0.15, 0.4
 """Sine from which a trunk leans backward, and of its rise below which it lies rather than leans."""
 

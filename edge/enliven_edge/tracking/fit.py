@@ -54,7 +54,8 @@ def shape() -> tuple[AnyArray, ...]:
     """The body as the compiled fit takes it."""
     c = model.CAPSULES
     skeleton = (model.FRAME_PARENTS, model.PIVOTS, model.MOVES, model.DOF_FRAME, model.DOF_AXIS)
-    return (*skeleton, c.frame, c.ends, c.radii, model.CAPSULE_UNKNOWNS, _touching_pairs())
+    surface = (c.frame, c.ends, c.radii, model.CAPSULE_UNKNOWNS, _touching_pairs())
+    return (*skeleton, *surface, model.JOINT_FRAMES, model.JOINT_OFFSETS)
 
 
 Prior = tuple[Float, Float, Float, Float, Float, Float, Float, Float]
@@ -134,8 +135,9 @@ class Fitter:
         return (*held, ranges.MIDDLE, ranges.REACH, start.lengths.copy(), firmness)
 
     def _weights(self, width: float | None) -> Float:
-        """(6,) as the compiled fit takes them."""
+        """(7,) as the compiled fit takes them."""
         s = self.settings
         doubted = s.width if width is None else width
         pairs, floor = _APART * _SQUARE_CM, s.floor * _SQUARE_CM
-        return np.array([_SQUARE_CM, s.free_space * _SQUARE_CM, pairs, s.ranges, doubted, floor])
+        surface = (_SQUARE_CM, s.free_space * _SQUARE_CM, pairs, s.ranges, doubted, floor)
+        return np.array([*surface, s.landmarks * _SQUARE_CM])

@@ -7,15 +7,16 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven_edge.parts.proposals import Seen, look, turned_about
-from enliven_edge.parts.shipped import shipped_forest
+from enliven_edge.estimator.estimator import shipped_estimator
 from enliven_edge.tracking import model
+from enliven_edge.tracking.appearance import Seen, facing, looked_at, turned_about
 from enliven_edge.tracking.confidence import confidence
-from enliven_edge.tracking.detection import cost, detect, detect_another, quality
+from enliven_edge.tracking.detection import cost, detect, detect_another, quality, supposing
 from enliven_edge.tracking.evidence import NAMES, evidence
 from enliven_edge.tracking.facing import Facing
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.observation import Observation, observe
+from enliven_edge.tracking.posing import drawn
 from enliven_edge.tracking.posture import Posture, continued
 from enliven_edge.tracking.recovery import SecondThoughts
 from enliven_edge.tracking.settings import TrackerSettings
@@ -34,7 +35,7 @@ _EARLY, _AGAIN_AFTER = (4, 14), 15
 """Frames after which somebody new is looked at once more, and between two looks at somebody doubtful."""
 _KNOWN_AFTER = 120
 """Well fitted frames after which a person's build is known."""
-_NO_AFFINITY = np.zeros((0, 0), np.float32)
+_NO_AFFINITY, _NO_LANDMARKS = np.zeros((0, 0), np.float32), np.zeros((0, 5))
 _SPEED_MEMORY = 0.4
 """Seconds over which the speed of walking is averaged."""
 _SOME_POINTS = np.log1p(4)
@@ -50,7 +51,7 @@ class Follower:
     Attributes:
         posture: of the last frame that was fitted.
         confidence: (20,) of its joints, in [0, 1]; all 0 in a frame that did not show the person.
-        evidence: (20, 15) what the last frame said for and against every joint.
+        evidence: (20, 17) what the last frame said for and against every joint.
         lost: whether the fit has been bad for longer than the settings allow.
     """
 
@@ -78,12 +79,15 @@ class Follower:
         if np.count_nonzero(pixels) < FEWEST_PIXELS:
             return None
         observation = _observed(view, pixels, settings)
-        forest = shipped_forest() if settings.parts else None
-        posture, report = detect(fitter, observation, view.eye, settings.body_height, forest)
+        seen, supposed = None, None
+        if settings.estimator:
+            seen = _look(view, pixels, observation, None)
+            supposed = supposing(shipped_estimator(), seen.estimate, view.world_from_camera)
+        posture, report = detect(fitter, observation, view.eye, settings.body_height, seen, supposed)
         if quality(report) < _GOOD:
             return None
         follower = cls(settings, fitter, posture)
-        follower._vouch(report, observation)
+        follower._vouch(report, observation, seen)
         return follower, quality(report)
 
     def predicted(self) -> Posture:
@@ -103,23 +107,27 @@ class Follower:
             return self._missed()
         predicted = self.predicted()
         observation = _observed(view, pixels, self.settings)
-        seen = look(shipped_forest(), observation) if self.settings.parts else None
-        if seen is not None:
-            observation = replace(observation, affinity=seen.affinity(self.settings.fit.affinity))
+        seen = None
+        if self.settings.estimator:
+            seen = _look(view, pixels, observation, facing(predicted, view.eye))
+            observation = _guided(observation, seen, self.settings.fit.affinity)
         posture, report = self._fitted_to(observation, predicted, self._proportions())
         certain = _capsule_confidence(report, observation, posture)
         posture, report = self._second_thoughts.reconsider(observation, posture, report, certain, seen)
         velocity = self._moving(posture.position, view.time_ns)
         flipped = seen is not None and self._facing.is_wrong(seen, posture, view.eye, velocity)
-        if flipped:
-            posture, report = self._fitter.fit(observation, turned_about(posture))
+        if flipped and seen is not None:
+            posture, seen = _about(posture, seen, view)
+            observation = _guided(observation, seen, self.settings.fit.affinity)
+            posture, report = self._fitter.fit(observation, posture)
         anew = self._looked_anew(observation, posture, report, seen, view.eye)
         if anew is not None:
             posture, report = anew
+            seen = None if seen is None else _told(posture, seen, view)
         if quality(report) <= _ACCEPTABLE and not self._missed() and self.lost:
             return False
         self._before, self.posture = (None if flipped or anew else self.posture), posture
-        self._vouch(report, observation)
+        self._vouch(report, observation, seen)
         if quality(report) <= _ACCEPTABLE:
             return False
         self._fitted, self._bad = self._fitted + 1, 0
@@ -153,9 +161,12 @@ class Follower:
         if not early and (now < _DOUBTED or self._since_detected < _AGAIN_AFTER):
             return None
         self._since_detected = 0
-        plain = replace(observation, affinity=_NO_AFFINITY)
+        plain = replace(observation, affinity=_NO_AFFINITY, landmarks=_NO_LANDMARKS)
         known = posture.lengths if self._fitted > _KNOWN_AFTER else None
-        found = detect_another(self._fitter, plain, seen, eye, height, posture, known)
+        supposed = None
+        if seen is not None:
+            supposed = supposing(shipped_estimator(), seen.estimate, observation.view[4])
+        found = detect_another(self._fitter, plain, seen, eye, height, posture, supposed, known)
         if found is None or cost(found[1], found[0], seen, eye, height) > _CLEARLY * now:
             return None
         self._fitted = self._fitted if known is not None else 0
@@ -179,12 +190,13 @@ class Follower:
         self.lost = self._bad > self.settings.lost_after
         return False
 
-    def _vouch(self, report: FitReport, observation: Observation) -> None:
+    def _vouch(self, report: FitReport, observation: Observation, seen: Seen | None) -> None:
         """Weighs what the frame says for and against every joint."""
-        self.evidence = evidence(self._fitter, self.posture, report, observation, self._unsupported)
+        estimate = None if seen is None else seen.estimate
+        self.evidence = evidence(self._fitter, self.posture, report, observation, self._unsupported, estimate)
         supported = (self.evidence[:, _VISIBLE] > 0.3) & (self.evidence[:, _SUPPORT] > _SOME_POINTS)
         self._unsupported = np.where(supported, 0.0, self._unsupported + 1.0)
-        self.confidence = confidence(self.evidence)
+        self.confidence = confidence(self.evidence, alone=seen is None)
 
     def _proportions(self) -> Float | None:
         """How firmly the bones' lengths are held: softer at first, frozen once settled."""
@@ -197,6 +209,31 @@ class Follower:
 
 def _observed(view: View, pixels: Bool, settings: TrackerSettings) -> Observation:
     return observe(view.z, view.points, pixels, view.camera, view.world_from_camera, settings.fit.points)
+
+
+def _look(view: View, pixels: Bool, observation: Observation, facing: float | None) -> Seen:
+    """What the network sees, told which way the person has been facing where that is known."""
+    camera, pose = view.camera.camera, view.world_from_camera
+    estimate = shipped_estimator().estimate(view.z, pixels, camera, pose, facing)
+    return looked_at(observation, estimate)
+
+
+def _guided(observation: Observation, seen: Seen, affinity: float) -> Observation:
+    """The observation with what the network says of it: what points look like, where joints are."""
+    return replace(observation, affinity=seen.affinity(affinity), landmarks=seen.estimate.landmarks)
+
+
+def _about(posture: Posture, seen: Seen, view: View) -> tuple[Posture, Seen]:
+    """A posture turned about, and what the network sees when it is told so."""
+    turned = turned_about(posture)
+    now = _told(turned, seen, view)
+    return drawn(turned, now.estimate), now
+
+
+def _told(posture: Posture, seen: Seen, view: View) -> Seen:
+    """What the network sees in the same frame when it is told the facing of a posture."""
+    told: list[float | None] = [facing(posture, view.eye)]
+    return seen.of(shipped_estimator().estimates(seen.estimate.crop, view.world_from_camera, told)[0])
 
 
 def _capsule_confidence(report: FitReport, observation: Observation, posture: Posture) -> Float:

@@ -35,12 +35,12 @@ def minimise(  # type: ignore[no-untyped-def]
 
     Args:
         position, rotations, lengths: (3,), (13, 3, 3), (12,), as in :class:`Posture`.
-        seen: (points with their normals, affinity, view), as the terms take them.
+        seen: (points with their normals, affinity, view, landmarks), as the terms take them.
         shape: the body, see :func:`fit.shape`.
         prior: (predicted rotations, stiffness (13,), rest rotations, relaxedness (13,), middle, reach,
             reference lengths (12,), their weights (12,), or (0,) where the lengths are frozen).
-        weights: (6,) of a point, free space, self intersection, ranges; the robust width, metres; of the
-            floor.
+        weights: (7,) of a point, free space, self intersection, ranges; the robust width, metres; of the
+            floor and the landmarks.
         support: (C,) receives the points that each capsule explains.
         violated: (C,) receives the share of each capsule that was seen through.
     """
@@ -78,8 +78,9 @@ def minimise(  # type: ignore[no-untyped-def]
 def assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated):  # type: ignore[no-untyped-def]
     """The normal equations (upper triangle) and the energy at a posture; returns (energy, explained)."""
     position, rotations, lengths = state
-    surface, affinity, view = seen
-    parents, offsets, moves, dof_frame, dof_axis, frames, local, thickness, unknowns, pairs = shape
+    surface, affinity, view, landmarks = seen
+    parents, offsets, moves, dof_frame, dof_axis = shape[:5]
+    frames, local, thickness, unknowns, pairs, joint_frames, joints = shape[5:]
     predicted, stiffness, rest, relaxedness, middle, reach, reference, firmness = prior
     matrix[:], gradient[:] = 0.0, 0.0
     world, pivots = np.empty((13, 3, 3)), np.empty((13, 3))
@@ -99,6 +100,9 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
         matrix, gradient, ends, radii, frames, local, body, pairs, weights[2], _PAIR_SAMPLES
     )
     energy += terms.above_floor(matrix, gradient, ends, radii, frames, local, body, weights[5], _FLOOR_SLACK)
+    energy += terms.near_landmarks(
+        matrix, gradient, landmarks, joint_frames, joints, lengths, body, weights[6]
+    )
     energy += terms.joint_ranges(matrix, gradient, rotations, middle, reach, weights[3], dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, rest, relaxedness, dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, predicted, stiffness, dof_frame, dof_axis)

@@ -88,6 +88,7 @@ class Observation:
         cut: whether the person runs out of the image at its lower border.
         affinity: (C, M) float32 metres by which a point is farther from a capsule than it seems, by what it
             looks like; (0, 0) where nothing says so.
+        landmarks: (20, 5) as ``terms.near_landmarks`` takes them; (0, 5) where there are none.
     """
 
     points: Float32
@@ -96,13 +97,14 @@ class Observation:
     view: tuple[Float, Bool, Int, Float, Float]
     cut: bool
     affinity: Float32 = field(default_factory=lambda: np.zeros((0, 0), np.float32))
+    landmarks: Float = field(default_factory=lambda: np.zeros((0, 5)))
 
     @cached_property
     def seen(self) -> tuple[Any, ...]:
-        """(points with their normals (6, M), affinity, view), as the compiled fit takes them."""
+        """(points with their normals (6, M), affinity, view, landmarks), as the compiled fit takes them."""
         surface = np.empty((6, len(self.points)), np.float32)
         surface[:3], surface[3:] = self.points.T, self.normals.T
-        return surface, self.affinity, self.view
+        return surface, self.affinity, self.view, self.landmarks
 
     def thinned(self, step: int) -> Observation:
         """The same with every ``step``-th of the points."""

@@ -8,15 +8,15 @@ starts elsewhere can; it is taken where it explains the frame better.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_edge.parts.proposals import Seen, agreement, drawn, proposals, turned_about
 from enliven_edge.tracking import model
+from enliven_edge.tracking.appearance import Seen, agreement, turned_about
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.observation import Observation
+from enliven_edge.tracking.posing import drawn, posed
 from enliven_edge.tracking.posture import Posture, rotation
 from enliven_edge.tracking.ranges import mirrored, standing
 
@@ -49,11 +49,7 @@ _BETTER, _MUCH_BETTER = 0.985, 0.8
 """Share of the energy that a limb, and a whole body, must fall below to be moved elsewhere."""
 _STEPS = 6
 _WIDE_STEPS, _WIDE = 6, 0.25
-_AFFINITY = 0.1
-"""Metres: how far what a point looks like outweighs where it is, while a posture is drawn to the parts."""
 _DISAGREEMENT = 4.0
-_ROUTINE = 4
-"""Frames between two looks at whether the parts are elsewhere, when there is no reason to doubt."""
 _BADLY = 0.9
 """Share of the points explained (less what was seen through) below which the whole body is doubted."""
 _YAWS = (0.8, -0.8)
@@ -80,17 +76,17 @@ class SecondThoughts:
 
         Args:
             confidence: (C,) of every capsule, in [0, 1].
-            seen: what the forest of body parts says of the frame; None without one.
+            seen: what the network says of the frame; None without one.
         """
         doubtful = self._doubtful(posture, confidence)
         badly = report.explained - report.violated.mean() < _BADLY
+        elsewhere = seen is not None and seen.estimate.apart_from(posture.joints())
         self._turn += 1
-        routine = seen is not None and self._turn % _ROUTINE == 0
-        if not (badly or doubtful or routine):
+        if not (badly or doubtful or elsewhere):
             return posture, report
         better = _BETTER
-        if seen is not None and (routine or self._turn % 2):
-            tried = self._drawn_to_parts(observation, posture, seen)
+        if seen is not None and elsewhere and (self._turn % 2 or not (badly or doubtful)):
+            tried = self._where_seen(observation, posture, seen)
         elif badly and (not doubtful or self._turn % 4 < 2):
             tried, better = self._elsewhere(observation, posture, seen), _MUCH_BETTER
         else:
@@ -113,14 +109,11 @@ class SecondThoughts:
                 doubtful.append(limb)
         return doubtful
 
-    def _drawn_to_parts(
+    def _where_seen(
         self, observation: Observation, posture: Posture, seen: Seen
     ) -> tuple[Posture, FitReport]:
-        """The posture brought to where the forest sees the parts, then fitted."""
-        guided = replace(observation, affinity=seen.affinity(_AFFINITY))
-        eye = observation.view[4][:3, 3]
-        wide, _ = self._fitter.fit(guided, drawn(posture, seen, eye), iterations=_STEPS, width=_WIDE)
-        return self._fitter.fit(observation, wide, iterations=_STEPS)
+        """The posture brought to where the network sees the joints, then fitted."""
+        return self._fitter.fit(observation, drawn(posture, seen.estimate), iterations=_STEPS)
 
     def _elsewhere(
         self, observation: Observation, posture: Posture, seen: Seen | None
@@ -153,13 +146,13 @@ def cost(report: FitReport, posture: Posture, seen: Seen | None) -> float:
 
 
 def whole_bodies(observation: Observation, posture: Posture, seen: Seen | None) -> Iterator[Posture]:
-    """Ideas of where the whole body may be: as the parts say, turned a little, or standing anew.
+    """Ideas of where the whole body may be: as the network sees it, turned a little, or standing anew.
 
     Never half a turn: a body looks nearly the same from the back, and nobody turns that far in a frame.
     """
     if seen is not None:
-        for _, proposed in proposals(seen, posture.lengths, observation.view[4][:3, 3]):
-            yield proposed if _same_way(proposed, posture) else turned_about(proposed)
+        proposed = posed(seen.estimate, posture.lengths)
+        yield proposed if _same_way(proposed, posture) else turned_about(proposed)
     for yaw in _YAWS:
         turned = posture.copy()
         turned.rotations[model.PELVIS] = rotation(y=yaw) @ posture.rotations[model.PELVIS]

@@ -263,6 +263,92 @@ def above_floor(matrix, gradient, ends, radii, capsule_frame, capsule_local, bod
 
 
 @njit(cache=True, nogil=True)
+def near_landmarks(  # type: ignore[no-untyped-def]
+    matrix, gradient, landmarks, frames, local, lengths, body, weight
+):
+    """Joints are near where something else than the surface puts them: weight w |p - landmark|^2, robustly.
+
+    Args:
+        landmarks: (20, 5) x, y, z, the weight w and the robust width of each joint; (0, 5): there are none.
+        frames, local: (20,) and (20, 3, 12) the joints on the model.
+    """
+    columns, filled = np.empty((matrix.shape[0], 3)), np.empty(matrix.shape[0], np.int64)
+    point, apart = np.empty(3), np.empty(3)
+    energy = 0.0
+    for j in range(len(landmarks)):
+        w = weight * landmarks[j, 3]
+        if w <= 0.0:
+            continue
+        carried(point, frames[j], local[j], lengths, body)
+        square = 0.0
+        for a in range(3):
+            apart[a] = point[a] - landmarks[j, a]
+            square += apart[a] * apart[a]
+        cost, doubt = robust(np.sqrt(square), landmarks[j, 4])
+        energy += w * cost
+        count = point_columns(columns, filled, frames[j], point, local[j], body)
+        add_point(matrix, gradient, columns, filled, count, apart, w * doubt)
+    return energy
+
+
+@njit(cache=True, nogil=True)
+def carried(point, frame, local, lengths, body):  # type: ignore[no-untyped-def]
+    """(3,) where a frame carries a point that is linear in the lengths, into ``point``."""
+    world, pivots = body[0], body[1]
+    for a in range(3):
+        point[a] = pivots[frame, a]
+    for b in range(3):
+        offset = 0.0
+        for p in range(len(lengths)):
+            offset += local[b, p] * lengths[p]
+        for a in range(3):
+            point[a] += world[frame, a, b] * offset
+
+
+@njit(cache=True, nogil=True)
+def point_columns(columns, filled, frame, point, local, body):  # type: ignore[no-untyped-def]
+    """d(point)/d(unknown), (3,) each, of the unknowns that move a point; how many, in rising order."""
+    world, pivots, by_length, moves, dof_frame, dof_axis, _, _ = body
+    for a in range(3):
+        filled[a] = a
+        for b in range(3):
+            columns[a, b] = 1.0 if a == b else 0.0
+    count = 3
+    for k in range(len(dof_frame)):
+        if moves[frame, k] == 0:
+            continue
+        f, axis = dof_frame[k], dof_axis[k]
+        ax, ay, az = world[f, 0, axis], world[f, 1, axis], world[f, 2, axis]
+        x, y, z = point[0] - pivots[f, 0], point[1] - pivots[f, 1], point[2] - pivots[f, 2]
+        columns[count, 0] = ay * z - az * y
+        columns[count, 1] = az * x - ax * z
+        columns[count, 2] = ax * y - ay * x
+        filled[count] = 3 + k
+        count += 1
+    if len(filled) == _DOFS:
+        return count
+    for p in range(local.shape[1]):
+        for a in range(3):
+            columns[count, a] = by_length[frame, a, p]
+            for b in range(3):
+                columns[count, a] += world[frame, a, b] * local[b, p]
+        filled[count] = _DOFS + p
+        count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def add_point(matrix, gradient, columns, filled, count, apart, weight):  # type: ignore[no-untyped-def]
+    """A point's three residuals at once into the upper triangle of the normal equations."""
+    for m in range(count):
+        x, y, z = weight * columns[m, 0], weight * columns[m, 1], weight * columns[m, 2]
+        i = filled[m]
+        gradient[i] += x * apart[0] + y * apart[1] + z * apart[2]
+        for n in range(m, count):
+            matrix[i, filled[n]] += x * columns[n, 0] + y * columns[n, 1] + z * columns[n, 2]
+
+
+@njit(cache=True, nogil=True)
 def hold_build(matrix, gradient, lengths, reference, firmness, scale):  # type: ignore[no-untyped-def]
     """Proportions stay near the reference's, and the size too, but ``scale`` times as firmly.
 

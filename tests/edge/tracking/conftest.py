@@ -1,7 +1,9 @@
 """A small stage for several made-up people: who is where is a function of time."""
 
 import dataclasses
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +15,8 @@ from enliven_edge.synthesis.flesh import Anatomy
 from enliven_edge.synthesis.performer import Figure, Performer, Proportions
 from enliven_edge.synthesis.render import Renderer
 from enliven_edge.synthesis.scene import ROOM, Box, cast_room
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 FPS = 30
 CAMERA = Intrinsics(212, 160, 175.0, 175.0, 105.5, 79.5)

@@ -1,59 +1,23 @@
 """What a frame says of a joint, and the confidence made of it."""
 
 import numpy as np
+import pytest
+from estimates_for_tests import estimate_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from postures_seen_for_tests import observed
 
 from enliven_edge.tracking import evidence as of_joints
 from enliven_edge.tracking import model, ranges
 from enliven_edge.tracking.confidence import GROUP_OF_JOINT, confidence
 from enliven_edge.tracking.evidence import NAMES
 from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.observation import Observation, nearest_columns
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.settings import FitSettings
-
-MOUNT = np.diag([1.0, -1.0, -1.0, 1.0])
-MOUNT[1, 3] = 1.0
-CAMERA = np.array([130.0, 130.0, 79.5, 59.5])
 
 
 def standing(x: float = 0.0) -> Posture:
     return Posture(np.array([x, 0.95, -2.5]), ranges.standing(), model.lengths_for_height(1.7))
-
-
-def picture(posture: Posture) -> tuple[np.ndarray, np.ndarray]:
-    """(h, w) depth and mask of the capsules before a wall at 4 m: every pixel's ray against every capsule."""
-    ends, radii = posture.capsules()
-    v, u = np.mgrid[:120, :160]
-    ray = np.stack([(u - CAMERA[2]) / CAMERA[0], (v - CAMERA[3]) / CAMERA[1], np.ones(u.shape)], -1)
-    direction = ray @ MOUNT[:3, :3].T
-    depth = np.full(u.shape, 4.0)
-    for (a, b), (ra, rb) in zip(ends, radii, strict=True):
-        for t in np.linspace(0, 1, 25):
-            centre, radius = a + t * (b - a) - MOUNT[:3, 3], ra + t * (rb - ra)
-            along = direction @ centre
-            square = (direction**2).sum(-1)
-            inside = along**2 - square * (centre @ centre - radius**2)
-            hit = (along - np.sqrt(np.maximum(inside, 0))) / square
-            depth = np.where((inside > 0) & (hit < depth), hit, depth)
-    return depth, depth < 4.0
-
-
-def observed(posture: Posture, hide=None) -> Observation:
-    """The observation of a posture's own picture, rows from ``hide`` on behind a board at one metre."""
-    depth, mask = picture(posture)
-    if hide is not None:
-        depth[hide:], mask[hide:] = 1.0, False
-    rows, columns = np.nonzero(mask)
-    z = depth[mask]
-    camera = np.stack([(columns - CAMERA[2]) / CAMERA[0] * z, (rows - CAMERA[3]) / CAMERA[1] * z, z], 1)
-    points = camera @ MOUNT[:3, :3].T + MOUNT[:3, 3]
-    towards = MOUNT[:3, 3] - points
-    normals = towards / np.linalg.norm(towards, axis=1, keepdims=True)
-    view = (depth, mask, nearest_columns(mask), CAMERA, MOUNT)
-    pixels = np.stack([rows, columns], 1)
-    return Observation(points.astype(np.float32), normals.astype(np.float32), pixels, view, False)
 
 
 def test_a_person_in_full_view_is_visible_and_a_shifted_one_is_seen_through():
@@ -106,29 +70,47 @@ def test_uncertainty_is_that_of_the_inverse_matrix(seed):
     np.testing.assert_allclose(of_joints.uncertainty(fitter, posture, observation), slow, rtol=1e-3)
 
 
-@given(st.integers(0, 10_000))
+def test_the_network_is_evidence_where_there_is_one():
+    """How far it says a joint may be off, and how far the joint is from where it sees it; nothing else."""
+    fitter, observation = Fitter(FitSettings()), observed(standing())
+    posture, report = fitter.fit(observation, standing())
+    estimate = estimate_of(posture.joints() + np.array([0.0, 0.0, 0.3]), np.linspace(0.02, 0.4, 20))
+    last = [NAMES.index("spread"), NAMES.index("apart")]
+    alone = of_joints.evidence(fitter, posture, report, observation, np.zeros(20))
+    found = of_joints.evidence(fitter, posture, report, observation, np.zeros(20), estimate)
+    assert found.shape == (20, len(NAMES)) and not alone[:, last].any()
+    np.testing.assert_array_equal(np.delete(found, last, 1), np.delete(alone, last, 1))
+    np.testing.assert_allclose(np.exp(found[:, last[0]]), estimate.spread)
+    nearer = estimate_of(posture.joints() + np.array([0.0, 0.0, 0.1]))
+    near = of_joints.evidence(fitter, posture, report, observation, np.zeros(20), nearer)
+    assert (near[:, last[1]] < found[:, last[1]]).all()
+
+
+@given(st.integers(0, 10_000), st.booleans())
 @settings(max_examples=30, deadline=None)
-def test_confidence_is_a_probability_and_alike_for_both_sides(seed):
+def test_confidence_is_a_probability_and_alike_for_both_sides(seed, alone):
     found = np.random.default_rng(seed).uniform(0, 3, (20, len(NAMES)))
     found[:, NAMES.index("outside")] = 0.0
     left, right = slice(4, 8), slice(8, 12)
     found[right] = found[left]
-    sure = confidence(found)
+    sure = confidence(found, alone=alone)
     assert ((sure >= 0) & (sure <= 1)).all()
     np.testing.assert_array_equal(sure[left], sure[right])
     assert (GROUP_OF_JOINT[left] == GROUP_OF_JOINT[right]).all()
 
 
-def test_what_is_outside_the_image_is_not_invented():
+@pytest.mark.parametrize("alone", [False, True])
+def test_what_is_outside_the_image_is_not_invented(alone):
     found = np.ones((20, len(NAMES)))
     found[15, NAMES.index("outside")] = 1.0
     found[19, NAMES.index("outside")] = 0.0
-    sure = confidence(found)
+    sure = confidence(found, alone=alone)
     assert sure[15] == 0.0
     assert sure[19] > 0.0
 
 
-def test_a_joint_that_is_visible_is_surer_than_one_that_is_seen_through():
+@pytest.mark.parametrize("alone", [False, True])
+def test_a_joint_that_is_visible_is_surer_than_one_that_is_seen_through(alone):
     """The same evidence otherwise, that of a usual frame. The weights are learnt: for the hands, whose thin
     capsules are seen through rightly too, it is a draw."""
     usual = np.zeros((20, len(NAMES)))
@@ -138,11 +120,13 @@ def test_a_joint_that_is_visible_is_surer_than_one_that_is_seen_through():
         ("visible beside", 1),
         ("uncertainty", -3),
         ("explained", 1),
+        ("spread", 0 if alone else np.log(0.06)),
+        ("apart", 0 if alone else np.log(0.06)),
     ):
         usual[:, NAMES.index(name)] = value
     visible, through = usual.copy(), usual.copy()
     visible[:, NAMES.index("visible")] = 1.0
     through[:, NAMES.index("seen through")] = 1.0
     through[:, NAMES.index("violated")] = 1 / 20  # a capsule of twenty
-    surer = confidence(visible) - confidence(through)
+    surer = confidence(visible, alone=alone) - confidence(through, alone=alone)
     assert surer.min() > -0.05 and np.median(surer) > 0.3

@@ -10,8 +10,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from enliven.body import Joint
 from enliven.camera import world_from_level_camera
-from enliven_edge.parts.pictures import Studio
-from enliven_edge.parts.postures import random_figure
+from enliven_edge.estimator.pictures import Studio
+from enliven_edge.estimator.postures import random_figure
 from enliven_edge.synthesis.performer import Performer, Proportions
 from enliven_edge.tracking.extremities import _PENALTY, extremities, spread
 

@@ -1,15 +1,14 @@
-"""Which way somebody faces is decided over frames, by the forest's leaves and by their walk."""
+"""Which way somebody faces is decided over frames, by what the network sees and by their walk."""
 
 import numpy as np
 import pytest
+from estimates_for_tests import EYE, estimate_of, seen_as, ways_of
 
-from enliven_edge.parts.labels import FACINGS, facing_of
-from enliven_edge.parts.proposals import Seen, turned_about
 from enliven_edge.tracking import model, ranges
+from enliven_edge.tracking.appearance import Seen, turned_about
 from enliven_edge.tracking.facing import Facing, backward, forward_in_plan
 from enliven_edge.tracking.posture import Posture, rotation
 
-EYE = np.array([0.0, 1.2, 0.0])
 STILL = (0.0, 0.0, 0.0)
 
 
@@ -17,14 +16,10 @@ def standing(yaw: float = 0.0) -> Posture:
     return Posture(np.array([0.0, 0.95, -2.5]), ranges.standing(yaw), model.lengths_for_height(1.7))
 
 
-def seen_facing(posture: Posture | None, plainly: float = 0.3) -> Seen:
-    """What the forest says of somebody who faces as the posture does; of nobody in particular where None."""
-    ways = np.zeros(FACINGS)
-    if posture is not None:
-        chest = posture.rotations[model.PELVIS] @ posture.rotations[model.CHEST]
-        angle = facing_of(chest[:, 0], posture.position, EYE)
-        ways = plainly * np.cos(np.arange(FACINGS) * 2 * np.pi / FACINGS - angle)
-    return Seen(np.zeros((1, 3), np.float32), np.ones((1, 17), np.float32) / 17, np.ones(1), ways)
+def seen_facing(posture: Posture | None, plainly: float = 2.5) -> Seen:
+    """What the network says of somebody who faces as the posture does; of nobody in particular where None."""
+    joints = standing().joints() if posture is None else posture.joints()
+    return seen_as(estimate_of(joints, ways=ways_of(posture, plainly)))
 
 
 def verdicts(posture: Posture, seen: Seen, velocity=STILL, frames: int = 40) -> list[bool]:
@@ -45,7 +40,7 @@ def test_who_faces_the_wrong_way_is_turned_after_a_while_and_not_before(yaw):
 
 
 def test_nobody_walks_backwards_for_long():
-    """The forest says nothing; the way of walking does."""
+    """The network says nothing; the way of walking does."""
     sideways = standing(np.pi / 2)
     assert any(verdicts(turned_about(sideways), seen_facing(None), velocity=(1.2, 0.0, 0.0)))
     assert not any(verdicts(sideways, seen_facing(None), velocity=(1.2, 0.0, 0.0)))
@@ -72,7 +67,7 @@ def bent(pitch: float, yaw: float = 0.0) -> Posture:
 
 @pytest.mark.parametrize("yaw", [0.0, 1.1, np.pi, -2.0])
 def test_people_bend_forward(yaw):
-    """Who bows towards the sensor does not lean backward away from it, though the forest says nothing."""
+    """Who bows towards the sensor does not lean backward away from it, though the network says nothing."""
     assert backward(bent(0.0, yaw)) == 0.0
     assert backward(bent(0.6, yaw)) == 0.0
     assert backward(bent(-0.6, yaw)) == pytest.approx(np.sin(0.6) - 0.15, abs=1e-6)
@@ -82,3 +77,20 @@ def test_people_bend_forward(yaw):
 
 def test_who_lies_on_the_back_does_not_lean():
     assert backward(bent(-1.5)) == 0.0
+
+
+def test_a_slight_doubt_turns_nobody():
+    assert not any(verdicts(turned_about(standing()), seen_facing(standing(), plainly=0.5)))
+
+
+def test_who_has_been_facing_rightly_is_turned_only_by_more_than_who_is_new():
+    """Sideways, where the sensor itself says nothing for either way."""
+    sideways, other = standing(np.pi / 2), turned_about(standing(np.pi / 2))
+    against = seen_facing(other, plainly=1.5)
+    assert any(verdicts(sideways, against))
+    facing = Facing()
+    rightly = [facing.is_wrong(seen_facing(sideways, 1.5), sideways, EYE, np.zeros(3)) for _ in range(30)]
+    assert not any(rightly)
+    assert not any(facing.is_wrong(against, sideways, EYE, np.zeros(3)) for _ in range(60))
+    plainly = seen_facing(other, plainly=2.5)
+    assert any(facing.is_wrong(plainly, sideways, EYE, np.zeros(3)) for _ in range(60))

@@ -14,7 +14,7 @@ from enliven_edge.tracking.observation import nearest_columns, nearest_pixel, sa
 from enliven_edge.tracking.posture import Posture, continued, forward
 
 TURNS = (model.DOF_FRAME, model.DOF_AXIS)
-PAIRS = shape()[-1]
+PAIRS = shape()[9]
 NO_AFFINITY = np.zeros((0, 0), np.float32)
 
 

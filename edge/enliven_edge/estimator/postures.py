@@ -1,4 +1,4 @@
-"""Plausible postures by dice: how people stand, walk, crouch, kneel, sit, bend, lunge and hold their arms.
+"""Plausible postures by dice: how people stand, walk, crouch, kneel, sit, bend, lunge, crawl, lie and leap.
 
 Angles are radians. A posture is the world orientation of every limb of the synthetic performer; the feet (or
 knees, hands, seat) touch the floor.
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_edge.parts.arms import dice_arms
+from enliven_edge.estimator.arms import dice_arms
 from enliven_edge.synthesis.performer import Figure, Limb, Performer
 from enliven_edge.synthesis.rotations import about_x, about_y, about_z
 
@@ -156,6 +156,40 @@ def _sideways_lunge(dice: Dice) -> Stance:
     return Stance(left, right, dice.normal(0.15, 0.2), 0.0, dice.normal(0.15, 0.2), dice.normal(0, 0.2))
 
 
+def _on_all_fours(dice: Dice) -> Stance:
+    """Crawling, or rising from the floor."""
+    legs = [_kneeling_leg(dice) for _ in range(2)]
+    legs = [
+        Leg(leg.flex + dice.uniform(-0.2, 0.5), leg.abduct, leg.twist, leg.knee, leg.ankle) for leg in legs
+    ]
+    return Stance(legs[0], legs[1], dice.uniform(0.8, 1.6), dice.normal(0, 0.15), dice.uniform(-0.2, 0.5),
+                  dice.normal(0, 0.2))  # fmt: skip
+
+
+def _lie(dice: Dice) -> Stance:
+    """On the back, on the belly, or falling there."""
+    on_back = dice.random() < 0.5
+    legs = [
+        Leg(dice.uniform(-0.1, 1.2) if on_back else dice.normal(0.0, 0.15), abs(dice.normal(0.1, 0.2)),
+            dice.normal(0.1, 0.3), abs(dice.normal(0.2, 0.7)), dice.normal(-0.3, 0.3))
+        for _ in range(2)
+    ]  # fmt: skip
+    pitch = dice.uniform(0.9, 1.7)
+    return Stance(legs[0], legs[1], -pitch if on_back else pitch, dice.normal(0, 0.4), dice.normal(0.1, 0.25),
+                  dice.normal(0, 0.2))  # fmt: skip
+
+
+def _leap(dice: Dice) -> Stance:
+    """Legs anywhere, as they are in the air or in a dance."""
+    legs = [
+        Leg(dice.uniform(-0.7, 1.9), dice.uniform(-0.1, 0.9), dice.normal(0.1, 0.3), dice.uniform(0.0, 2.2),
+            dice.normal(-0.2, 0.3))
+        for _ in range(2)
+    ]  # fmt: skip
+    return Stance(legs[0], legs[1], dice.normal(0.1, 0.3), dice.normal(0, 0.2), dice.normal(0.15, 0.3),
+                  dice.normal(0, 0.25))  # fmt: skip
+
+
 _FAMILIES: dict[str, tuple[float, Callable[[Dice], Stance]]] = {
     "stand": (0.30, _stand),
     "lean": (0.08, _lean),
@@ -167,6 +201,9 @@ _FAMILIES: dict[str, tuple[float, Callable[[Dice], Stance]]] = {
     "one leg": (0.09, _one_leg),
     "lunge": (0.05, _lunge),
     "side lunge": (0.03, _sideways_lunge),
+    "all fours": (0.02, _on_all_fours),
+    "lie": (0.02, _lie),
+    "leap": (0.05, _leap),
 }
 """Every family with its share of the postures."""
 FAMILIES = tuple(_FAMILIES)
@@ -180,7 +217,7 @@ def random_figure(
     Args:
         yaw: radians about +Y that the pelvis faces, 0 for +Z.
         family: of :data:`FAMILIES`; by its share where None.
-        arms: of :data:`enliven_edge.parts.arms.HOLDS`; by dice where None.
+        arms: of :data:`enliven_edge.estimator.arms.HOLDS`; by dice where None.
     """
     if family is None:
         shares = np.array([share for share, _ in _FAMILIES.values()])

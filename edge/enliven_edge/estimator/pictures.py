@@ -13,8 +13,8 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Float32, UInt8
 from enliven.camera import Intrinsics, rays
-from enliven_edge.parts.labels import NOBODY, label_pixels
-from enliven_edge.parts.postures import random_figure
+from enliven_edge.estimator.labels import NOBODY, label_pixels
+from enliven_edge.estimator.postures import random_figure
 from enliven_edge.sensors.profile import load_profile
 from enliven_edge.synthesis.flesh import PIECES, Anatomy
 from enliven_edge.synthesis.noise import DepthNoise
@@ -37,6 +37,7 @@ class Picture:
 
     Attributes:
         z: (h, w) float32 metres along the optical axis of the person's pixels, 0 elsewhere.
+        around: (h, w) float32 the same of all that the sensor measures, what hides the person included.
         label: (h, w) the part, :data:`NOBODY` elsewhere.
         camera: (4,) fx, fy, cx, cy.
         world_from_camera: (4, 4).
@@ -44,6 +45,7 @@ class Picture:
     """
 
     z: Float32
+    around: Float32
     label: UInt8
     camera: Float
     world_from_camera: Float
@@ -69,8 +71,8 @@ class Studio:
         """A person of a random build in a random posture, seen from somewhere; never less than 60 pixels.
 
         Args:
-            family: of :data:`enliven_edge.parts.postures.FAMILIES`, by dice where None.
-            arms: of :data:`enliven_edge.parts.arms.HOLDS`, by dice where None.
+            family: of :data:`enliven_edge.estimator.postures.FAMILIES`, by dice where None.
+            arms: of :data:`enliven_edge.estimator.arms.HOLDS`, by dice where None.
             frontal: share of people who look at the sensor; the others face anywhere.
         """
         while True:
@@ -86,9 +88,12 @@ class Studio:
         intrinsics, _, _, _, limits = self._cameras[sensor]
         pose = _camera_pose(figure, intrinsics, max(limits.near, 0.5), min(limits.far, 4.5), dice)
         made = self.take(performer, figure, sensor, pose, dice)
-        seen = ~_hidden(made.z > 0, dice)
+        hidden = _hidden(made.z > 0, dice)
         return dataclasses.replace(
-            made, z=np.where(seen, made.z, 0.0), label=np.where(seen, made.label, NOBODY).astype(np.uint8)
+            made,
+            z=np.where(hidden, 0.0, made.z),
+            around=np.where(hidden, _hider(made.z, dice), made.around).astype(np.float32),
+            label=np.where(hidden, NOBODY, made.label).astype(np.uint8),
         )
 
     def take(self, performer: Performer, figure: Figure, sensor: int, pose: Float, dice: Dice) -> Picture:
@@ -110,8 +115,8 @@ class Studio:
         seen = person & (z > 0) & ~stray & (height > dice.choice([-1.0, 0.03, 0.05, 0.07]))
         camera = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
         return Picture(
-            np.where(seen, z, 0.0).astype(np.float32), np.where(seen, label, NOBODY).astype(np.uint8),
-            camera, pose, figure,
+            np.where(seen, z, 0.0).astype(np.float32), z.astype(np.float32),
+            np.where(seen, label, NOBODY).astype(np.uint8), camera, pose, figure,
         )  # fmt: skip
 
 
@@ -165,6 +170,12 @@ def _background(ray: Float, pose: Float, figure: Figure, dice: Dice) -> Float:
         to_wall = np.where(direction[..., 2] < 0, (wall - pose[2, 3]) / direction[..., 2], np.inf)
         to_floor = np.where(direction[..., 1] < 0, -pose[1, 3] / direction[..., 1], np.inf)
     return np.asarray(np.minimum(to_wall, to_floor))
+
+
+def _hider(z: Float32, dice: Dice) -> float:
+    """Metres to what hides somebody; 0 where nothing is measured of it."""
+    seen = z[z > 0]
+    return 0.0 if len(seen) == 0 or dice.random() < 0.3 else float(seen.min()) * dice.uniform(0.5, 0.95)
 
 
 def _hidden(seen: Bool, dice: Dice) -> Bool:

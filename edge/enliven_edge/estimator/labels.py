@@ -1,4 +1,4 @@
-"""The parts that the forest tells apart, and which part each pixel of a rendered person belongs to."""
+"""The parts that the network tells apart, the ways to face, and the part at each rendered pixel."""
 
 from __future__ import annotations
 

@@ -1,0 +1,166 @@
+"""What the network sees of a person: an upright crop at the person's depth, as large as they need.
+
+Four channels: the person, their depth, their height above the floor, and where nothing can be known because
+something nearer hides it, nothing was measured, or the image ends. Upright and in metres, so that people look
+alike near and far, under sensors that hang upside down, and to any lens.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from enliven.arrays import Bool, Float, Float32
+
+ROWS, COLUMNS = 80, 64
+_SMALLEST, _LARGEST = 0.02, 0.036
+"""Metres a cell, at the person's depth."""
+_MARGIN = 1.2
+"""How much larger a crop is than what is seen of the person."""
+CHANNELS = 4
+_SAMPLES = 500
+"""Pixels by which a person's place is found."""
+_OUTLIERS = 0.01
+"""Share of them left out at each end."""
+_HANGING_LEVEL = 0.2
+"""Below this, the share of the world's up in the image says nothing of what is upright: seen from above."""
+_BEFORE = 0.1
+"""Metres before the person's middle from which something else may hide them, and"""
+_GROUND = 0.08
+"""metres above the floor below which it does not."""
+
+
+@dataclass(frozen=True)
+class Crop:
+    """A person's crop, and how its coordinates lie in the camera's frame.
+
+    Crop coordinates are metres: right and down from the crop's middle, in the plane at ``depth``, and away
+    from that plane.
+
+    Attributes:
+        image: (4, 80, 64) float32: the share of each cell that is the person; their depth behind
+            ``depth`` and their height above the floor, metres, times that share; the share that is unknown.
+        depth: metres along the optical axis of the person's middle.
+        cell: metres a cell, in the plane at ``depth``.
+        axes: (2, 2) the crop's right and down in the image.
+        centre: (2,) the crop's middle along them, at unit depth.
+    """
+
+    image: Float32
+    depth: float
+    cell: float
+    axes: Float
+    centre: Float
+
+    def from_camera(self, points: Float) -> Float:
+        """(N, 3) crop coordinates of (N, 3) points in the camera's frame (x right, y down, z ahead)."""
+        flat = (points[:, :2] / points[:, 2:] @ self.axes.T - self.centre) * self.depth
+        return np.concatenate([flat, points[:, 2:] - self.depth], 1)
+
+    def cells(self, rays: Float) -> Float:
+        """(N, 2) how many cells right of and below the crop's middle (N, 2) rays, x/z and y/z, meet it."""
+        return np.asarray((rays @ self.axes.T - self.centre) * (self.depth / self.cell))
+
+    def to_camera(self, points: Float) -> Float:
+        """(N, 3) in the camera's frame of (N, 3) crop coordinates."""
+        z = np.maximum(points[:, 2:] + self.depth, 0.1)
+        return np.concatenate([(points[:, :2] / self.depth + self.centre) @ self.axes * z, z], 1)
+
+
+def crop_person(
+    z: Float,
+    mask: Bool,
+    camera: Float,
+    world_from_camera: Float,
+    shift: Float | None = None,
+    raised: float = 0.0,
+) -> Crop:
+    """The crop of the masked person.
+
+    Args:
+        z: (h, w) metres along the optical axis; 0 where nothing is known.
+        mask: (h, w) the person's pixels, one at least.
+        camera: (4,) fx, fy, cx, cy.
+        world_from_camera: (4, 4), the floor at y = 0.
+        shift: (4,) metres by which the crop is off, and the logarithm by which it is too large, for training.
+        raised: metres by which the floor is taken to be lower than it is, for training.
+    """
+    axes = _upright(world_from_camera)
+    low, high, depth = _extent(z, mask, camera, axes)
+    off = np.zeros(4) if shift is None else shift
+    depth = max(0.2, depth + float(off[2]))
+    centre = 0.5 * (low + high) + off[:2] / depth
+    seen = float(max((high - low) / (COLUMNS, ROWS))) * depth
+    cell = float(np.clip(_MARGIN * seen * np.exp(off[3]), _SMALLEST, _LARGEST))
+    image = np.zeros((CHANNELS, ROWS, COLUMNS), np.float32)
+    _fill(image, z, mask, camera, np.ascontiguousarray(world_from_camera), axes, centre, depth, cell, raised)
+    return Crop(image, depth, cell, axes, centre)
+
+
+def _upright(world_from_camera: Float) -> Float:
+    """(2, 2) right and down in the image for somebody who stands upright in the world."""
+    up = world_from_camera[1, :2]
+    length = float(np.hypot(up[0], up[1]))
+    if length < _HANGING_LEVEL:
+        return np.eye(2)
+    x, y = up / length
+    return np.array([[-y, x], [-x, -y]])
+
+
+@njit(cache=True, nogil=True)
+def _extent(z, mask, camera, axes):  # type: ignore[no-untyped-def]
+    """(2,), (2,) and metres: the ends of the person along the axes at unit depth, and their median depth."""
+    total = 0
+    for v in range(mask.shape[0]):
+        for u in range(mask.shape[1]):
+            total += mask[v, u]
+    step = max(1, total // _SAMPLES)
+    samples = np.empty((3, total // step + 1))
+    seen, n = 0, 0
+    for v in range(mask.shape[0]):
+        for u in range(mask.shape[1]):
+            if not mask[v, u]:
+                continue
+            if seen % step == 0:
+                x, y = (u - camera[2]) / camera[0], (v - camera[3]) / camera[1]
+                samples[0, n] = axes[0, 0] * x + axes[0, 1] * y
+                samples[1, n] = axes[1, 0] * x + axes[1, 1] * y
+                samples[2, n] = z[v, u]
+                n += 1
+            seen += 1
+    low, high = np.empty(2), np.empty(2)
+    first = int(_OUTLIERS * n)
+    for a in range(2):
+        ordered = np.sort(samples[a, :n])
+        low[a], high[a] = ordered[first], ordered[n - 1 - first]
+    return low, high, np.sort(samples[2, :n])[n // 2]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fill(image, z, mask, camera, pose, axes, centre, depth, cell, raised):  # type: ignore[no-untyped-def]
+    """The four channels, each cell by the pixels nearest to its four quarters' middles."""
+    height, width = mask.shape
+    rows, columns = image.shape[1:]
+    size = cell / depth
+    for i in range(2 * rows):
+        down = (0.5 * i + 0.25 - 0.5 * rows) * size + centre[1]
+        for j in range(2 * columns):
+            right = (0.5 * j + 0.25 - 0.5 * columns) * size + centre[0]
+            x = axes[0, 0] * right + axes[1, 0] * down
+            y = axes[0, 1] * right + axes[1, 1] * down
+            u = int(np.floor(camera[0] * x + camera[2] + 0.5))
+            v = int(np.floor(camera[1] * y + camera[3] + 0.5))
+            row, column = i // 2, j // 2
+            if u < 0 or v < 0 or u >= width or v >= height or z[v, u] == 0.0:
+                image[3, row, column] += 0.25
+                continue
+            away = z[v, u]
+            level = (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2]) * away + pose[1, 3]
+            if mask[v, u]:
+                image[0, row, column] += 0.25
+                image[1, row, column] += 0.25 * (away - depth)
+                image[2, row, column] += 0.25 * (level + raised)
+            elif away < depth - _BEFORE and level > _GROUND:
+                image[3, row, column] += 0.25

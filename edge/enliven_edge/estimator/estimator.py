@@ -1,0 +1,143 @@
+"""The shipped network at work: from a frame the joints, how sure each is, the facing, the parts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+
+from enliven.arrays import Bool, Float, Float32
+from enliven.errors import InputError
+from enliven_edge.assets import ESTIMATOR
+from enliven_edge.estimator.crop import COLUMNS, Crop, crop_person
+
+_DISTANCE = 3.0
+"""The mean distance, in units of its scale, of the distribution that the network learns: density falls off
+exponentially with the distance, in space."""
+
+_FARTHEST = 1.0
+"""Metres: the most that a joint is said to be off."""
+_SUREST, _USUAL = 0.03, 0.05
+"""Metres of spread below which a joint is not believed more, and at which its weight is one of twenty."""
+_DOUBTED, _WIDTHS = 3.0, (0.12, 0.4)
+"""The robust width in spreads, and metres between which it is."""
+
+_APART, _SPREADS = 0.08, 1.5
+"""Metres, and times how far a joint is off on average, from which it is plainly elsewhere."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What one frame shows of a person, as the network sees it.
+
+    Attributes:
+        joints: (20, 3) metres, world frame, ordered by :class:`enliven.body.Joint`.
+        spread: (20,) metres that each is off on average.
+        facing: (8,) log probabilities of the ways to face, see :func:`labels.facing_of`; whatever was told
+            of it.
+        parts: (17, 40, 32) logits of the parts at every second cell of the crop.
+        crop: what was looked at.
+    """
+
+    joints: Float
+    spread: Float
+    facing: Float
+    parts: Float32
+    crop: Crop
+
+    @property
+    def landmarks(self) -> Float:
+        """(20, 5) what the fit is to keep near, as ``terms.near_landmarks`` takes them."""
+        sure = np.maximum(self.spread, _SUREST)
+        weight = (_USUAL / sure) ** 2 / len(sure)
+        width = np.clip(_DOUBTED * sure, *_WIDTHS)
+        return np.concatenate([self.joints, weight[:, None], width[:, None]], 1)
+
+    def apart_from(self, joints: Float) -> bool:
+        """Whether some of (20, 3) joints is plainly elsewhere than it is seen."""
+        apart = np.linalg.norm(joints - self.joints, axis=1)
+        return bool(np.any((apart > _APART) & (apart > _SPREADS * self.spread)))
+
+    def parts_at(self, rays: Float) -> Float32:
+        """(M, 17) probabilities of the parts at (M, 2) rays, x/z and y/z; between cells by four of them."""
+        rows, columns = self.parts.shape[1:]
+        cells = self.crop.cells(rays) * (columns / COLUMNS) + np.array([columns, rows]) / 2 - 0.5
+        cells = np.clip(cells, 0.0, [columns - 1.001, rows - 1.001])
+        first = cells.astype(np.intp)
+        share = (cells - first).astype(np.float32)
+        column, row = first.T
+        logits = np.zeros((len(self.parts), len(rays)), np.float32)
+        for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            weight = (share[:, 0] if right else 1.0 - share[:, 0]) * (
+                share[:, 1] if down else 1.0 - share[:, 1]
+            )
+            logits += weight * self.parts[:, row + down, column + right]
+        shown = np.exp(logits - logits.max(0))
+        return np.ascontiguousarray((shown / shown.sum(0)).T)
+
+
+class PoseEstimator:
+    """Runs a network by ONNX Runtime on one core; safe to call from several threads."""
+
+    def __init__(self, path: Path) -> None:
+        """Reads a network.
+
+        Raises:
+            InputError: where its file is missing or damaged.
+        """
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 3
+        try:
+            self._session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # ONNX Runtime has no common error
+            raise InputError(
+                f"the network cannot be read ({type(error).__name__})",
+                where=str(path),
+                mend="Install enliven again, or set tracker.estimator = false.",
+            ) from None
+
+    def estimates(self, crop: Crop, world_from_camera: Float, facings: list[float | None]) -> list[Estimate]:
+        """What a crop shows, for each way in which the person may face.
+
+        Args:
+            facings: radians from facing the sensor, anticlockwise from above; None: not known.
+        """
+        told = np.array(
+            [[0.0, 0.0, crop.cell] if f is None else [np.cos(f), np.sin(f), crop.cell] for f in facings],
+            np.float32,
+        )
+        image = np.repeat(crop.image[None], len(told), 0)
+        joints, spread, facing, parts = self._session.run(None, {"image": image, "told": told})
+        made = []
+        for n in range(len(told)):
+            here = crop.to_camera(joints[n].astype(np.float64))
+            world = here @ world_from_camera[:3, :3].T + world_from_camera[:3, 3]
+            off = np.minimum(_FARTHEST, _DISTANCE * np.exp(spread[n].astype(np.float64)))
+            made.append(Estimate(world, off, _log_softmax(facing[n]), parts[n], crop))
+        return made
+
+    def estimate(
+        self, z: Float, mask: Bool, camera: Float, world_from_camera: Float, facing: float | None
+    ) -> Estimate:
+        """What a frame shows of the masked person; arguments as of :func:`crop_person`, and the facing."""
+        crop = crop_person(z, mask, camera, world_from_camera)
+        return self.estimates(crop, world_from_camera, [facing])[0]
+
+
+def _log_softmax(values: Float32) -> Float:
+    shifted = values.astype(np.float64) - float(values.max())
+    return np.asarray(shifted - np.log(np.exp(shifted).sum()))
+
+
+@lru_cache(maxsize=1)
+def shipped_estimator() -> PoseEstimator:
+    """The network trained by ``enliven train-estimator``.
+
+    Raises:
+        InputError: where its file is missing or damaged.
+    """
+    return PoseEstimator(ESTIMATOR)

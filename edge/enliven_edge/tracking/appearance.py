@@ -1,0 +1,136 @@
+"""What a frame looks like to the network, at the points that the fit uses: parts, the way to face, joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven_edge.estimator.estimator import Estimate
+from enliven_edge.estimator.labels import FACINGS, MIRRORED, PARTS, Part, facing_of
+from enliven_edge.tracking import model, ranges
+from enliven_edge.tracking.capsules import nearest_capsules
+from enliven_edge.tracking.observation import Observation
+from enliven_edge.tracking.posture import Posture, rotation
+
+
+def _capsule_parts() -> Float:
+    """(C, 17) 1 where a capsule carries a part."""
+    carries = np.zeros((len(model.CAPSULES.frame), PARTS))
+    for right in (0, 1):
+        pelvis, chest, girdle = 3 * right, 3 * right + 1, 3 * right + 2
+        arm, leg = 8 + 3 * right, 14 + 3 * right
+        carries[pelvis, Part.BELLY_LEFT + right] = 1.0
+        carries[chest, [Part.CHEST_LEFT + right, Part.BELLY_LEFT + right]] = 1.0
+        carries[girdle, Part.CHEST_LEFT + right] = 1.0
+        carries[6, [Part.CHEST_LEFT + right, Part.HEAD]] = 1.0
+        for k, part in enumerate((Part.UPPER_ARM_LEFT, Part.FOREARM_LEFT, Part.HAND_LEFT)):
+            carries[arm + k, part + right] = 1.0
+        for k, part in enumerate((Part.THIGH_LEFT, Part.SHANK_LEFT, Part.FOOT_LEFT)):
+            carries[leg + k, part + right] = 1.0
+    carries[7, Part.HEAD] = 1.0
+    return carries
+
+
+CARRIES = _capsule_parts()
+"""(20, 17) which parts each capsule of the model carries."""
+_CARRY = CARRIES.T.astype(np.float32)
+_CARRY_EITHER = np.maximum(_CARRY, _CARRY[MIRRORED])
+_NO_AFFINITY = np.zeros((0, 0), np.float32)
+_TO_THE_SENSOR = 0.5
+"""What facing the sensor is worth before anything is seen, as a log probability; facing away costs it."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the network says of one observation.
+
+    Attributes:
+        estimate: where the joints are, and the rest.
+        points: (M, 3) metres, world frame: the observation's.
+        probabilities: (M, 17) float32 of the parts at the observation's points.
+        rays: (M, 2) x/z and y/z of the points in the image.
+    """
+
+    estimate: Estimate
+    points: Float32
+    probabilities: Float32
+    rays: Float
+
+    def of(self, estimate: Estimate) -> Seen:
+        """What another estimate of the same frame says at the same points."""
+        return replace(self, estimate=estimate, probabilities=estimate.parts_at(self.rays))
+
+    def thinned(self, step: int) -> Seen:
+        """The same of every ``step``-th point."""
+        points, shown = np.ascontiguousarray(self.points[::step]), self.probabilities[::step]
+        return replace(self, points=points, probabilities=np.ascontiguousarray(shown), rays=self.rays[::step])
+
+    @cached_property
+    def likelihood(self) -> Float32:
+        """(M, 20) how likely each point is on each capsule of the model."""
+        return np.asarray(self.probabilities @ _CARRY)
+
+    @cached_property
+    def surface(self) -> Float32:
+        """(6, M) the points without normals, as :func:`capsules.nearest_capsules` takes them."""
+        out = np.zeros((6, len(self.points)), np.float32)
+        out[:3] = self.points.T
+        return out
+
+    def affinity(self, metres: float) -> Float32:
+        """(20, M) metres by which a point is farther from a capsule than it seems, at most ``metres``."""
+        return np.ascontiguousarray((np.float32(metres) * (1.0 - self.likelihood)).T)
+
+    def sideless_affinity(self, metres: float) -> Float32:
+        """The same where a left part is as good as a right one."""
+        either = np.minimum(1.0, self.probabilities @ _CARRY_EITHER)
+        return np.ascontiguousarray((np.float32(metres) * (1.0 - either)).T)
+
+
+def looked_at(observation: Observation, estimate: Estimate) -> Seen:
+    """What an estimate of the same frame says at the points of an observation."""
+    camera = observation.view[3]
+    rows, columns = observation.pixels[:, 0], observation.pixels[:, 1]
+    rays = np.stack([(columns - camera[2]) / camera[0], (rows - camera[3]) / camera[1]], 1)
+    return Seen(estimate, observation.points, estimate.parts_at(rays), rays)
+
+
+def agreement(seen: Seen, posture: Posture) -> float:
+    """The mean probability, over the points, of the part that the posture has there: in [0, 1].
+
+    The agreement of a posture and of one turned about tells front from back, and left from right.
+    """
+    which = np.empty(len(seen.points), np.int32)
+    nearest_capsules(which, seen.surface, _NO_AFFINITY, *posture.capsules(), np.float32(0.0))
+    return float(seen.likelihood[np.arange(len(which)), which].mean())
+
+
+def facing_score(seen: Seen, posture: Posture, eye: Float) -> float:
+    """How likely it is that somebody seen so faces as the posture does: 0 for the likeliest way, else less.
+
+    A log probability, interpolated between the eight ways that the network tells. Who might as well face
+    either way faces the sensor.
+    """
+    turns = facing(posture, eye) * FACINGS / (2.0 * np.pi)
+    before = int(np.floor(turns))
+    share = turns - before
+    ways = seen.estimate.facing - seen.estimate.facing.max()
+    likely = (1.0 - share) * ways[before % FACINGS] + share * ways[(before + 1) % FACINGS]
+    return float(likely + _TO_THE_SENSOR * np.cos(2.0 * np.pi * turns / FACINGS))
+
+
+def facing(posture: Posture, eye: Float) -> float:
+    """Radians in plan from facing the sensor to the way the chest faces, anticlockwise from above."""
+    chest = posture.rotations[model.PELVIS] @ posture.rotations[model.CHEST]
+    return facing_of(chest[:, 0], posture.position, eye)
+
+
+def turned_about(posture: Posture) -> Posture:
+    """The posture turned half about its trunk's axis, the limbs of either side where the other's were."""
+    made = posture.copy()
+    made.rotations = ranges.mirrored(posture.rotations)
+    made.rotations[model.PELVIS] = posture.rotations[model.PELVIS] @ rotation(y=np.pi)
+    return made

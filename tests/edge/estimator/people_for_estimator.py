@@ -1,0 +1,78 @@
+"""Pictures of people that no network has learnt, with the truth beside them; and scenes of mere noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from enliven_edge.estimator.estimator import Estimate, shipped_estimator
+from enliven_edge.estimator.labels import facing_of
+from enliven_edge.estimator.pictures import Picture, Studio
+from enliven_edge.synthesis.performer import Limb
+
+_DICE = 2024
+"""No album is rendered with these."""
+
+
+@dataclass(frozen=True)
+class Fresh:
+    """One picture.
+
+    Attributes:
+        picture: as the studio took it.
+        z: (h, w) metres of all that is measured.
+        mask: (h, w) the person's pixels.
+        facing: radians, the truth.
+    """
+
+    picture: Picture
+    z: np.ndarray
+    mask: np.ndarray
+    facing: float
+
+    def estimate(self, told: bool) -> Estimate:
+        """What the shipped network sees, told the facing or not."""
+        taken = self.picture
+        facing = self.facing if told else None
+        return shipped_estimator().estimate(self.z, self.mask, taken.camera, taken.world_from_camera, facing)
+
+
+@cache
+def fresh(number: int, frontal: float = 0.4) -> Fresh:
+    """The picture of a number."""
+    taken = _studio().picture(np.random.default_rng([_DICE, number]), frontal=frontal)
+    mask = taken.z > 0
+    chest = taken.figure.frames[Limb.CHEST]
+    facing = facing_of(chest[:, 0], chest[:, 3], taken.world_from_camera[:3, 3])
+    return Fresh(taken, np.where(mask, taken.z, taken.around).astype(np.float64), mask, facing)
+
+
+@cache
+def _studio() -> Studio:
+    return Studio()
+
+
+def turned_at_random(dice: np.random.Generator) -> np.ndarray:
+    """(3, 3) a rotation, any alike."""
+    made, _ = np.linalg.qr(dice.normal(size=(3, 3)))
+    return made * np.linalg.det(made)
+
+
+def scene(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(z, mask, camera, world_from_camera) of a blob among noise, seen by a sensor that hangs anyhow.
+
+    Less than 500 pixels are the blob's, so that none is left out where its place is found.
+    """
+    dice = np.random.default_rng(seed)
+    shape, middle, reach = (40, 50), dice.uniform(12, 28, 2), dice.uniform(2, 11, 2)
+    v, u = np.indices(shape)
+    mask = ((v - middle[0]) / reach[0]) ** 2 + ((u - middle[1]) / reach[1]) ** 2 < 1
+    away = dice.uniform(0.8, 4.0)
+    z = np.where(mask, away + dice.normal(0, 0.1, shape), away + dice.normal(0, 0.5, shape))
+    z = np.maximum(z, 0.3) * (dice.random(shape) > 0.1)
+    camera = np.array([dice.uniform(30, 90), dice.uniform(30, 90), *dice.uniform(15, 30, 2)])
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turned_at_random(dice), dice.normal(size=3)
+    return z, mask & (z > 0), camera, pose

@@ -1,0 +1,93 @@
+"""An estimate: parts between the cells as a slow look-up says, and joints believed by how sure they are."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from people_for_estimator import scene
+from scipy.ndimage import map_coordinates
+
+from enliven_edge.estimator.crop import COLUMNS, ROWS, crop_person
+from enliven_edge.estimator.estimator import Estimate
+from enliven_edge.estimator.labels import PARTS
+from enliven_edge.estimator.lessons import LABEL_COLUMNS, LABEL_ROWS
+
+SEEDS = st.integers(0, 100_000)
+
+
+def made_up(seed: int) -> Estimate:
+    """An estimate by dice."""
+    dice = np.random.default_rng(seed)
+    parts = dice.normal(0, 3, (PARTS, LABEL_ROWS, LABEL_COLUMNS)).astype(np.float32)
+    crop = crop_person(*scene(seed))
+    return Estimate(dice.normal(size=(20, 3)), dice.uniform(0.01, 0.6, 20), np.zeros(8), parts, crop)
+
+
+def rays_of(estimate: Estimate, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """(N, 2) rays to places in the crop, counted in cells from its upper left corner."""
+    cell = estimate.crop.cell
+    flat = np.stack([(columns - COLUMNS / 2) * cell, (rows - ROWS / 2) * cell, 0.0 * rows], 1)
+    points = estimate.crop.to_camera(flat)
+    return points[:, :2] / points[:, 2:]
+
+
+@given(SEEDS)
+@settings(max_examples=25, deadline=None)
+def test_parts_at_a_ray_are_those_of_the_slow_look_up(seed):
+    """Between the middles of the cells linearly; beyond the outermost as there."""
+    estimate, dice = made_up(seed), np.random.default_rng(seed)
+    columns, rows = dice.uniform(-20, COLUMNS + 20, 60), dice.uniform(-20, ROWS + 20, 60)
+    logits = np.stack(
+        [
+            map_coordinates(m, [rows / 2 - 0.5, columns / 2 - 0.5], order=1, mode="nearest")
+            for m in estimate.parts
+        ]
+    )
+    expected = np.exp(logits) / np.exp(logits).sum(0)
+    found = estimate.parts_at(rays_of(estimate, columns, rows))
+    np.testing.assert_allclose(found, expected.T, atol=5e-3)
+    np.testing.assert_allclose(found.sum(1), 1.0, atol=1e-5)
+
+
+@given(SEEDS)
+@settings(max_examples=25, deadline=None)
+def test_parts_in_the_middle_of_a_cell_are_that_cells(seed):
+    estimate, dice = made_up(seed), np.random.default_rng(seed)
+    column, row = dice.integers(1, LABEL_COLUMNS - 1, 20), dice.integers(1, LABEL_ROWS - 1, 20)
+    found = estimate.parts_at(rays_of(estimate, 2 * column + 1.0, 2 * row + 1.0))
+    assert np.array_equal(found.argmax(1), estimate.parts[:, row, column].argmax(0))
+
+
+@given(SEEDS)
+@settings(max_examples=25, deadline=None)
+def test_the_surer_a_joint_the_more_it_weighs(seed):
+    estimate = made_up(seed)
+    landmarks = estimate.landmarks
+    order = np.argsort(estimate.spread)
+    assert landmarks.shape == (20, 5)
+    assert np.array_equal(landmarks[:, :3], estimate.joints)
+    assert (np.diff(landmarks[order, 3]) <= 0).all() and (landmarks[:, 3] > 0).all()
+    assert (np.diff(landmarks[order, 4]) >= 0).all(), "and the nearer it must be to be believed"
+    assert landmarks[:, 4].min() >= 0.12 and landmarks[:, 4].max() <= 0.4
+
+
+def test_joints_that_are_all_as_sure_as_usual_weigh_one_together():
+    estimate = dataclasses.replace(made_up(0), spread=np.full(20, 0.05))
+    assert estimate.landmarks[:, 3].sum() == pytest.approx(1.0)
+
+
+@given(SEEDS, st.integers(0, 19))
+@settings(max_examples=25, deadline=None)
+def test_a_joint_is_elsewhere_beyond_what_it_may_be_off(seed, joint):
+    estimate = made_up(seed)
+    assert not estimate.apart_from(estimate.joints)
+    way = np.random.default_rng(seed).normal(size=3)
+    way /= np.linalg.norm(way)
+    for metres, elsewhere in ((0.07, False), (1.4 * estimate.spread[joint], False), (1.0, True)):
+        moved = estimate.joints.copy()
+        moved[joint] += metres * way
+        assert estimate.apart_from(moved) == elsewhere

@@ -1,0 +1,159 @@
+"""Lessons: the same by the same dice, the truth where the picture shows it, and mirrored without a trace."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+
+from enliven.body import Joint
+from enliven_edge.estimator import album
+from enliven_edge.estimator.album import Album, Batch, render_album
+from enliven_edge.estimator.labels import MIRRORED, NOBODY, Part
+from enliven_edge.estimator.lessons import LABEL_COLUMNS, LABEL_ROWS, Lesson, lesson
+from enliven_edge.estimator.pictures import Studio
+
+OWN_PARTS = {
+    Joint.HEAD: (Part.HEAD,),
+    Joint.ELBOW_LEFT: (Part.UPPER_ARM_LEFT, Part.FOREARM_LEFT),
+    Joint.ELBOW_RIGHT: (Part.UPPER_ARM_RIGHT, Part.FOREARM_RIGHT),
+    Joint.WRIST_LEFT: (Part.FOREARM_LEFT, Part.HAND_LEFT),
+    Joint.WRIST_RIGHT: (Part.FOREARM_RIGHT, Part.HAND_RIGHT),
+    Joint.KNEE_LEFT: (Part.THIGH_LEFT, Part.SHANK_LEFT),
+    Joint.KNEE_RIGHT: (Part.THIGH_RIGHT, Part.SHANK_RIGHT),
+}
+"""What is seen where a joint is, unless something is before it."""
+
+
+@pytest.fixture(scope="module")
+def lessons() -> list[Lesson]:
+    studio, dice = Studio(), np.random.default_rng(11)
+    return [lesson(studio, dice, 0.5) for _ in range(60)]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """An album of ten, rendered by one process; its folder."""
+    made = tmp_path_factory.mktemp("album")
+    render(made, processes=1)
+    return made
+
+
+def render(folder, processes: int, count: int = 10) -> list[int]:
+    """An album rendered by so many processes, three lessons in one go; what was told of its progress."""
+    told: list[int] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(album, "CHAPTER", 3)
+        patch.setattr(album.os, "cpu_count", lambda: processes)
+        render_album(folder, count, 0.5, 3, told.append)
+    return told
+
+
+def seen_at(joints: np.ndarray, cell: float, parts: np.ndarray) -> dict[Joint, int]:
+    """The part that is seen where each joint of :data:`OWN_PARTS` is; NOBODY where nobody is."""
+    made = {}
+    for joint in OWN_PARTS:
+        column, row = np.floor(joints[joint, :2] / (2 * cell) + [LABEL_COLUMNS / 2, LABEL_ROWS / 2])
+        inside = 0 <= column < LABEL_COLUMNS and 0 <= row < LABEL_ROWS
+        made[joint] = int(parts[int(row), int(column)]) if inside else NOBODY
+    return made
+
+
+def shares(cases) -> tuple[float, float]:
+    """Share of the joints on a part of their own, and on the other side's, of those where somebody is seen.
+
+    Args:
+        cases: (joints, cell, parts) of some lessons.
+    """
+    own, other = [], []
+    for case in cases:
+        for joint, part in seen_at(*case).items():
+            if part != NOBODY:
+                own.append(part in OWN_PARTS[joint])
+                other.append(part not in OWN_PARTS[joint] and MIRRORED[part] in OWN_PARTS[joint])
+    return float(np.mean(own)), float(np.mean(other))
+
+
+def test_the_same_dice_make_the_same_lesson(lessons):
+    """Whatever the studio took pictures of before."""
+    studio = Studio()
+    studio.picture(np.random.default_rng(1))
+    dice = np.random.default_rng(11)
+    for known in lessons[:5]:
+        again = lesson(studio, dice, 0.5)
+        assert all(np.array_equal(a, b) for a, b in zip(astuple(known), astuple(again), strict=True))
+
+
+def test_a_joint_lies_where_its_own_part_is_seen(lessons):
+    own, other = shares((made.joints, made.cell, made.parts) for made in lessons)
+    assert own > 0.7
+    assert other < 0.06
+
+
+def test_a_lesson_is_of_somebody_and_its_numbers_are_sound(lessons):
+    for made in lessons:
+        person, depth, height, unknown = made.image
+        assert np.isfinite(made.image).all() and np.isfinite(made.joints).all()
+        assert ((person >= 0) & (unknown >= 0) & (person + unknown <= 1)).all()
+        assert person.any() and not depth[person == 0].any() and not height[person == 0].any()
+        assert set(np.unique(made.parts)) <= {*range(len(Part)), NOBODY}
+    assert np.median([np.abs(made.joints).max() for made in lessons]) < 1.5, "joints are about the person"
+
+
+def test_parts_are_where_the_person_is(lessons):
+    right = []
+    for made in lessons:
+        person = made.image[0].reshape(LABEL_ROWS, 2, LABEL_COLUMNS, 2).mean((1, 3))
+        right.append(np.mean((made.parts != NOBODY)[person == 1.0]))
+        assert not (made.parts != NOBODY)[person == 0.0].mean() > 0.05
+    assert np.mean(right) > 0.9
+
+
+def test_an_album_is_the_same_by_however_many_processes(folder, tmp_path):
+    told = render(tmp_path, processes=3)
+    assert sorted(told) == [1, 3, 3, 3], "ten lessons"
+    one, other = (Album(each).batch(np.arange(10)) for each in (folder, tmp_path))
+    assert all(np.array_equal(a, b) for a, b in zip(astuple(one), astuple(other), strict=True))
+    assert len({made.tobytes() for made in one.joints}) == 10, "no lesson comes twice"
+
+
+def test_a_batch_is_in_rising_order(folder):
+    every = Album(folder)
+    assert len(every) == 10
+    drawn, whole = every.batch(np.array([7, 2, 5, 2])), every.batch(np.arange(10))
+    for some, all_of_them in zip(astuple(drawn), astuple(whole), strict=True):
+        assert np.array_equal(some, all_of_them[[2, 2, 5, 7]])
+
+
+def batch_of(folder) -> Batch:
+    return Album(folder).batch(np.arange(10))
+
+
+def test_mirroring_twice_changes_nothing(folder):
+    some = np.arange(10) % 3 > 0
+    twice = batch_of(folder).mirrored(some).mirrored(some)
+    for made, was in zip(astuple(twice), astuple(batch_of(folder)), strict=True):
+        assert np.array_equal(made, was)
+
+
+def test_mirroring_swaps_left_and_right_of_those_asked_for(folder):
+    some = np.arange(10) % 2 == 0
+    made, was = batch_of(folder).mirrored(some), batch_of(folder)
+    assert np.array_equal(made.joints[some, Joint.HAND_LEFT, 0], -was.joints[some, Joint.HAND_RIGHT, 0])
+    assert np.array_equal(made.joints[some, Joint.HAND_LEFT, 1:], was.joints[some, Joint.HAND_RIGHT, 1:])
+    assert np.array_equal(made.facing[some], -was.facing[some])
+    assert np.array_equal(made.image[some], was.image[some][..., ::-1])
+    hands = (was.parts == Part.HAND_RIGHT)[some][..., ::-1]
+    assert np.array_equal(made.parts[some] == Part.HAND_LEFT, hands)
+    for a, b in zip(astuple(made), astuple(was), strict=True):
+        assert np.array_equal(a[~some], b[~some])
+
+
+def test_a_joint_of_a_mirrored_lesson_lies_on_its_own_part(lessons):
+    image, parts, joints = (np.stack([getattr(m, n) for m in lessons]) for n in ("image", "parts", "joints"))
+    facing, cell = (np.array([getattr(m, n) for m in lessons]) for n in ("facing", "cell"))
+    made = Batch(image, parts, joints, facing, cell).mirrored(np.ones(len(lessons), bool))
+    own, other = shares(zip(made.joints, made.cell, made.parts, strict=True))
+    assert own > 0.7
+    assert other < 0.06

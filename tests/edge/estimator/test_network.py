@@ -1,0 +1,148 @@
+"""The network as it is trained: its shapes, where it reads joints, that it learns, and what is exported."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="PyTorch is not installed (the extra 'training')")
+
+import torch
+
+from enliven.errors import InputError
+from enliven_edge.estimator import training
+from enliven_edge.estimator.album import Album, render_album
+from enliven_edge.estimator.crop import CHANNELS, COLUMNS, ROWS, Crop
+from enliven_edge.estimator.estimator import PoseEstimator
+from enliven_edge.estimator.labels import FACINGS, PARTS
+from enliven_edge.estimator.network import JOINTS, PoseNetwork
+from enliven_edge.estimator.training import TrainingSettings, export, measure, train
+
+COUNT, BACK = 40, 8
+LEARNT = 0.8
+"""Share of the first loss that is left, at most, when a few lessons have been learnt."""
+
+
+@pytest.fixture(scope="module")
+def album(tmp_path_factory) -> Album:
+    return render_album(tmp_path_factory.mktemp("album"), COUNT, 0.5, 1)
+
+
+@pytest.fixture
+def few_kept_back(monkeypatch):
+    """An album may be small then, and its training short."""
+    monkeypatch.setattr(training, "KEPT_BACK", BACK)
+    monkeypatch.setattr(training, "_WARM_UP", 3)
+
+
+def seen_by(network, count: int, seed: int = 0):
+    """What a network makes of so many crops of noise, and the (image, told) that it was given."""
+    dice = np.random.default_rng(seed)
+    image = dice.normal(size=(count, CHANNELS, ROWS, COLUMNS)).astype(np.float32)
+    facing = dice.uniform(-3, 3, count)
+    told = np.stack([np.cos(facing), np.sin(facing), dice.uniform(0.02, 0.036, count)], 1).astype(np.float32)
+    with torch.no_grad():
+        made = network.eval()(torch.from_numpy(image), torch.from_numpy(told))
+    return [each.numpy() for each in made], image, told
+
+
+def test_it_says_what_it_promises():
+    (joints, spread, facing, parts), _, _ = seen_by(PoseNetwork(), 3)
+    assert joints.shape == (3, JOINTS, 3) and spread.shape == (3, JOINTS)
+    assert facing.shape == (3, FACINGS) and parts.shape == (3, PARTS, ROWS // 2, COLUMNS // 2)
+
+
+def test_a_joint_is_where_its_heat_is():
+    """In the middle of a cell of a map, which is four of the crop, at the depth that is written there."""
+    network = PoseNetwork()
+    rows, columns = ROWS // 4, COLUMNS // 4
+    maps = torch.zeros(1, 3 * JOINTS, rows, columns)
+    places = [(j % rows, (3 * j) % columns) for j in range(JOINTS)]
+    for j, (row, column) in enumerate(places):
+        maps[0, j, row, column] = 1e4
+        maps[0, JOINTS + j, row, column], maps[0, 2 * JOINTS + j, row, column] = 0.1 * j, -0.2 * j
+    joints, spread = network._read(maps.flatten(2), torch.tensor([[0.03]]))
+    for j, (row, column) in enumerate(places):
+        flat = 0.03 * (np.array([4 * column + 2, 4 * row + 2]) - [COLUMNS / 2, ROWS / 2])
+        np.testing.assert_allclose(joints[0, j].numpy(), [*flat, 0.1 * j], atol=1e-5)
+    np.testing.assert_allclose(spread[0].numpy(), -0.2 * np.arange(JOINTS), atol=1e-5)
+
+
+def test_the_ways_to_face_do_not_depend_on_what_is_told():
+    network = PoseNetwork()
+    (_, _, facing, _), image, told = seen_by(network, 2)
+    with torch.no_grad():
+        other = network(torch.from_numpy(image), torch.from_numpy(-told))[2].numpy()
+    np.testing.assert_array_equal(facing, other)
+
+
+def test_the_exported_network_says_what_it_said_before(tmp_path):
+    """To any number of crops, and to the estimator."""
+    network = PoseNetwork()
+    export(network, tmp_path / "made.onnx")
+    estimator = PoseEstimator(tmp_path / "made.onnx")
+    for count in (1, 2, 5):
+        expected, image, told = seen_by(network, count, count)
+        made = estimator._session.run(None, {"image": image, "told": told})
+        for one, other in zip(made, expected, strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-3)
+    crop = Crop(image[0], 2.0, float(told[0, 2]), np.eye(2), np.zeros(2))
+    seen = estimator.estimates(crop, np.eye(4), [float(np.arctan2(told[0, 1], told[0, 0])), None])
+    np.testing.assert_allclose(seen[0].joints, crop.to_camera(expected[0][0].astype(float)), atol=1e-2)
+
+
+def loss_of(network, album: Album) -> float:
+    """Of the lessons that are not kept back, the facing told."""
+    batch = album.batch(np.arange(BACK, COUNT))
+    told = np.stack([np.cos(batch.facing), np.sin(batch.facing), batch.cell], 1).astype(np.float32)
+    with torch.no_grad():
+        return float(
+            training._loss(network.train()(torch.from_numpy(batch.image), torch.from_numpy(told)), batch)
+        )
+
+
+def test_a_few_steps_of_training_reduce_the_loss(album, few_kept_back):
+    torch.manual_seed(0)
+    steps = []
+    made = train(album, TrainingSettings(steps=25, batch=16, seed=0), lambda n, _: steps.append(n))
+    assert steps == list(range(25))
+    torch.manual_seed(0)
+    assert loss_of(made, album) < LEARNT * loss_of(PoseNetwork(), album)
+
+
+def test_the_same_seed_learns_the_same_and_another_does_not(album, few_kept_back):
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        one, same, other = (
+            train(album, TrainingSettings(steps=2, batch=4, seed=seed)).maps.weight.detach().numpy()
+            for seed in (3, 3, 4)
+        )
+    finally:
+        torch.set_num_threads(threads)
+    np.testing.assert_array_equal(one, same)
+    assert not np.array_equal(one, other)
+
+
+def test_lessons_that_are_kept_back_are_not_learnt(album, few_kept_back, monkeypatch):
+    drawn = []
+    batch = Album.batch
+    monkeypatch.setattr(Album, "batch", lambda self, which: drawn.extend(which) or batch(self, which))
+    train(album, TrainingSettings(steps=3, batch=64))
+    assert min(drawn) >= BACK and max(drawn) < COUNT
+
+
+def test_what_a_network_is_worth_are_shares(album, monkeypatch):
+    """Measured on the lessons kept back, 250 at a time: of a small album all of them, again and again."""
+    batch = Album.batch
+    monkeypatch.setattr(training, "KEPT_BACK", 250)
+    monkeypatch.setattr(Album, "batch", lambda self, which: batch(self, which % COUNT))
+    found = measure(PoseNetwork(), album)
+    assert all(0 <= share <= 1 for share in (*found.within, found.facing, found.parts))
+
+
+def test_an_album_that_is_too_small_is_refused(tmp_path):
+    from enliven_edge.commands.train_estimator import train_estimator
+
+    with pytest.raises(InputError, match="pictures"):
+        train_estimator(tmp_path / "made.onnx", pictures=10)

@@ -1,0 +1,62 @@
+"""`enliven train-estimator` as a user types it: what it refuses before an hour is spent, and what it says."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from enliven.errors import InputError
+from enliven_edge.commands.train_estimator import train_estimator
+
+app = typer.Typer(pretty_exceptions_enable=False)
+app.command()(train_estimator)
+
+
+def refused(*words) -> str:
+    """What the command says where it refuses."""
+    result = CliRunner().invoke(app, [str(word) for word in words])
+    assert isinstance(result.exception, InputError), result.output
+    return str(result.exception)
+
+
+@pytest.fixture
+def without_torch(monkeypatch):
+    """As where PyTorch is not installed, whether it is or not."""
+    monkeypatch.setitem(sys.modules, "torch", None)
+    for name in ("network", "training"):
+        monkeypatch.delitem(sys.modules, f"enliven_edge.estimator.{name}", raising=False)
+
+
+def test_an_existing_file_is_not_replaced_unasked(tmp_path):
+    there = tmp_path / "mine.onnx"
+    there.write_bytes(b"precious")
+    said = refused("-o", there)
+    assert str(there) in said and "there already" in said and "--overwrite" in said
+    assert there.read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize("name", ["network", "network.npz", "network.onnx.gz"])
+def test_another_kind_of_file_is_refused(tmp_path, name):
+    said = refused("-o", tmp_path / name)
+    assert name in said and ".onnx" in said
+    assert not (tmp_path / name).exists()
+
+
+def test_without_torch_it_is_said_what_to_install(tmp_path, without_torch):
+    said = refused("-o", tmp_path / "made.onnx")
+    assert "torch" in said and 'pip install "enliven-edge[training]"' in said
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_torch_an_existing_file_is_kept(tmp_path, without_torch):
+    there = tmp_path / "mine.onnx"
+    there.write_bytes(b"precious")
+    assert "torch" in refused("-o", there, "--overwrite")
+    assert there.read_bytes() == b"precious"
+
+
+def test_no_output_is_wrong_usage():
+    assert CliRunner().invoke(app, []).exit_code == 2

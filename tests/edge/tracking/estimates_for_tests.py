@@ -1,0 +1,37 @@
+"""Estimates and what is seen, made up: of a posture's own joints, facing the way it faces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven_edge.estimator.crop import Crop
+from enliven_edge.estimator.estimator import Estimate
+from enliven_edge.estimator.labels import FACINGS, PARTS
+from enliven_edge.tracking.appearance import Seen, facing
+from enliven_edge.tracking.posture import Posture
+
+EYE = np.array([0.0, 1.2, 0.0])
+_NO_CROP = Crop(np.zeros((4, 80, 64), np.float32), 2.5, 0.03, np.eye(2), np.zeros(2))
+
+
+def ways_of(posture: Posture | None, plainly: float) -> np.ndarray:
+    """(8,) log probabilities of who faces as a posture does, the more plainly the more; None: all alike."""
+    ways = np.zeros(FACINGS)
+    if posture is not None:
+        ways = plainly * np.cos(np.arange(FACINGS) * 2 * np.pi / FACINGS - facing(posture, EYE))
+    return ways - np.log(np.exp(ways).sum())
+
+
+def estimate_of(joints, spread=0.03, ways: np.ndarray | None = None) -> Estimate:
+    """An estimate that has the joints there, each off by so many metres on average."""
+    told = ways_of(None, 0.0) if ways is None else ways
+    parts = np.zeros((PARTS, 40, 32), np.float32)
+    return Estimate(np.array(joints, float), np.full(20, spread) * 1.0, told, parts, _NO_CROP)
+
+
+def seen_as(estimate: Estimate, points=None, probabilities=None) -> Seen:
+    """What is seen where an estimate is all, and where points are of parts."""
+    if points is None:
+        points, probabilities = np.zeros((1, 3)), np.ones((1, PARTS)) / PARTS
+    points, shown = np.asarray(points, np.float32), np.asarray(probabilities, np.float32)
+    return Seen(estimate, points, shown, np.zeros((len(points), 2)))

@@ -1,0 +1,66 @@
+"""People 2.8 m before a sensor, in postures of every class, and what the network sees of them.
+
+The figures are fixed by their seeds; the network was trained on other dice.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from enliven.camera import Intrinsics, world_from_level_camera
+from enliven_edge.estimator.estimator import Estimate, shipped_estimator
+from enliven_edge.estimator.pictures import Picture, Studio, random_build
+from enliven_edge.estimator.postures import random_figure
+from enliven_edge.synthesis.performer import Figure, Performer
+from enliven_edge.tracking.appearance import Seen, looked_at
+from enliven_edge.tracking.detection import supposing
+from enliven_edge.tracking.observation import Observation, WorkingCamera, observe, world_points
+
+CLASSES = {
+    "arms overhead": ("stand", "overhead", 0.0),
+    "hands to the floor": ("bow", "hang", 0.0),
+    "crouching": ("crouch", None, 0.0),
+    "kneeling": ("kneel", None, 0.0),
+    "side": ("stand", "hang", 1.5),
+    "back": ("stand", "hang", np.pi),
+    "one leg up": ("one leg", None, 0.0),
+}
+"""Family of postures, hold of the arms, yaw."""
+SEEDS = (900, 901, 902)
+
+
+@cache
+def _studio() -> Studio:
+    return Studio()
+
+
+@cache
+def taken(name: str, seed: int) -> Picture:
+    """The picture of somebody."""
+    family, arms, yaw = CLASSES[name]
+    dice = np.random.default_rng([41, seed])
+    performer = Performer(random_build(dice))
+    figure = random_figure(performer, dice, yaw + dice.normal(0, 0.2), family, arms)
+    middle = 0.5 * (figure.joints.min(0) + figure.joints.max(0))
+    pose = world_from_level_camera(1.2, np.arctan2(1.2 - middle[1], 2.8))
+    pose[:3, 3] = middle[0], 1.2, middle[2] + 2.8
+    return _studio().take(performer, figure, seed % 6, pose, dice)
+
+
+@cache
+def seen_person(name: str, seed: int) -> tuple[Observation, Figure]:
+    """Somebody in the room around them, and the truth."""
+    picture = taken(name, seed)
+    mask, pose = picture.z > 0, picture.world_from_camera
+    z = np.where(mask, picture.z, picture.around).astype(np.float64)
+    camera = WorkingCamera(Intrinsics(z.shape[1], z.shape[0], *picture.camera), z.shape[1])
+    return observe(z, world_points(z, camera.ray, pose), mask, camera, pose, 900), picture.figure
+
+
+def seen_in(observation: Observation, facing: float | None = None) -> tuple[Seen, list[Estimate]]:
+    """What the shipped network says of an observation, and what it sees for each way to face."""
+    z, mask, _, camera, pose = observation.view
+    estimate = shipped_estimator().estimate(z, mask, camera, pose, facing)
+    return looked_at(observation, estimate), supposing(shipped_estimator(), estimate, pose)

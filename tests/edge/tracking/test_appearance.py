@@ -1,0 +1,203 @@
+"""What a frame looks like: parts at the points, limbs that carry them, and the way that somebody faces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from estimates_for_tests import EYE, estimate_of, seen_as, ways_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from people_seen_for_tests import CLASSES, SEEDS, seen_in, seen_person, taken
+
+from enliven_edge.estimator.labels import FACINGS, MIRRORED, PARTS, Part
+from enliven_edge.tracking import model, ranges
+from enliven_edge.tracking.appearance import (
+    CARRIES,
+    agreement,
+    facing,
+    facing_score,
+    looked_at,
+    turned_about,
+)
+from enliven_edge.tracking.posture import Posture, rotation
+
+PARTS_RIGHT = 0.6
+"""Least share of the points whose part the shipped network tells rightly."""
+FRONT_TOLD = 0.7
+"""Least share of the people whose front it tells from their back."""
+YAWS = st.floats(-3.1, 3.1)
+NECK = 6
+"""The capsule between the sides, which carries a little of both."""
+MIRRORED_CAPSULE = np.array(
+    [3, 4, 5, 0, 1, 2, 6, 7, *range(11, 14), *range(8, 11), *range(17, 20), *range(14, 17)]
+)
+
+
+def standing(yaw: float = 0.0) -> Posture:
+    return Posture(np.array([0.0, 0.95, -2.5]), ranges.standing(yaw), model.lengths_for_height(1.7))
+
+
+def noise(seed: int, count: int = 30):
+    """(points, probabilities) by dice."""
+    dice = np.random.default_rng(seed)
+    probabilities = dice.dirichlet(np.full(PARTS, 0.2), count)
+    return dice.normal([0, 1, -2.5], 0.5, (count, 3)), probabilities
+
+
+def surface_of(posture: Posture, points_each: int = 12):
+    """(points, probabilities) on a posture's capsules, each surely of a part that its capsule carries."""
+    dice = np.random.default_rng(0)
+    (ends, radii), points, shown = posture.capsules(), [], []
+    for c, (a, b) in enumerate(ends):
+        for t in dice.uniform(0.2, 0.8, points_each):
+            out = np.cross(b - a, dice.normal(size=3))
+            radius = radii[c, 0] + t * (radii[c, 1] - radii[c, 0])
+            points.append(a + t * (b - a) + radius * out / np.linalg.norm(out))
+            shown.append(np.eye(PARTS)[CARRIES[c].argmax()])
+    return np.array(points), np.array(shown)
+
+
+def test_every_capsule_carries_a_part_and_every_part_is_carried():
+    assert (CARRIES.sum(1) >= 1).all() and (CARRIES.sum(0) >= 1).all()
+    assert set(np.unique(CARRIES)) == {0.0, 1.0}
+
+
+def test_a_capsule_of_the_other_side_carries_the_other_sides_parts():
+    assert np.array_equal(CARRIES[MIRRORED_CAPSULE], CARRIES[:, MIRRORED])
+    x = model.CAPSULES.ends @ model.lengths_for_height(1.7)
+    np.testing.assert_allclose(x[MIRRORED_CAPSULE], x * [-1, 1, 1], atol=1e-12)
+
+
+def test_what_carries_a_left_part_is_on_the_left():
+    x = standing().capsules()[0].mean(1)[:, 0]
+    for part in range(1, PARTS):
+        carriers = [c for c in np.flatnonzero(CARRIES[:, part]) if c != NECK]
+        side = 1 if part % 2 else -1
+        assert carriers and all(side * x[c] > 0.02 for c in carriers), Part(part).name
+
+
+@given(st.integers(0, 10_000), st.floats(0.01, 0.5))
+@settings(max_examples=25, deadline=None)
+def test_a_point_is_farther_from_a_capsule_the_less_it_looks_like_it(seed, metres):
+    """One point and one capsule after the other."""
+    points, shown = noise(seed, 12)
+    seen = seen_as(estimate_of(np.zeros((20, 3))), points, shown)
+    found, sideless = seen.affinity(metres), seen.sideless_affinity(metres)
+    assert found.shape == (20, 12) and found.dtype == np.float32
+    for c in range(20):
+        for i in range(12):
+            like = sum(shown[i, p] for p in range(PARTS) if CARRIES[c, p])
+            either = sum(shown[i, p] for p in range(PARTS) if CARRIES[c, p] or CARRIES[c, MIRRORED[p]])
+            assert found[c, i] == pytest.approx(metres * (1 - like), abs=1e-5)
+            assert sideless[c, i] == pytest.approx(metres * (1 - either), abs=1e-5)
+    assert found.min() > -1e-5 and found.max() <= metres * 1.0001 and (sideless <= found + 1e-5).all()
+
+
+def test_a_left_hand_is_far_from_the_right_one_unless_sides_do_not_matter():
+    shown = np.eye(PARTS)[[Part.HAND_LEFT]]
+    seen = seen_as(estimate_of(np.zeros((20, 3))), np.zeros((1, 3)), shown)
+    left, right = (int(np.flatnonzero(CARRIES[:, part])[0]) for part in (Part.HAND_LEFT, Part.HAND_RIGHT))
+    assert seen.affinity(0.1)[[left, right], 0].tolist() == pytest.approx([0.0, 0.1])
+    assert seen.sideless_affinity(0.1)[[left, right], 0].tolist() == pytest.approx([0.0, 0.0])
+
+
+@given(st.integers(0, 10_000), st.integers(1, 9))
+@settings(max_examples=25, deadline=None)
+def test_thinning_keeps_what_each_point_looks_like(seed, step):
+    seen = seen_as(estimate_of(np.zeros((20, 3))), *noise(seed))
+    thin = seen.thinned(step)
+    assert np.array_equal(thin.points, seen.points[::step])
+    assert np.array_equal(thin.rays, seen.rays[::step])
+    assert np.array_equal(thin.affinity(0.1), seen.affinity(0.1)[:, ::step])
+    assert thin.estimate is seen.estimate
+
+
+@given(YAWS)
+@settings(max_examples=20, deadline=None)
+def test_a_posture_agrees_with_its_own_surface_more_than_turned_about(yaw):
+    seen = seen_as(estimate_of(standing(yaw).joints()), *surface_of(standing(yaw)))
+    own, other = agreement(seen, standing(yaw)), agreement(seen, turned_about(standing(yaw)))
+    assert own > 0.8
+    assert 0.0 <= other < own - 0.4
+
+
+@given(YAWS, st.floats(-0.6, 0.6))
+@settings(max_examples=30, deadline=None)
+def test_who_turns_about_faces_the_other_way_and_twice_the_same(yaw, bend):
+    assert np.cos(facing(turned_about(standing(yaw)), EYE) - facing(standing(yaw), EYE)) == pytest.approx(-1)
+    posture = standing(yaw)
+    posture.rotations[model.CHEST] = rotation(x=bend, z=0.5 * bend)
+    kept = posture.copy()
+    np.testing.assert_allclose(turned_about(turned_about(posture)).joints(), kept.joints(), atol=1e-9)
+    np.testing.assert_array_equal(posture.rotations, kept.rotations)
+
+
+def test_facing_is_measured_from_the_sensor_anticlockwise_from_above():
+    assert facing(standing(), EYE) == pytest.approx(0.0)
+    assert facing(standing(0.7), EYE) == pytest.approx(0.7)
+    assert facing(standing(), EYE + np.array([2.5, 0, 0])) == pytest.approx(-np.pi / 4)
+
+
+@given(YAWS)
+@settings(max_examples=30, deadline=None)
+def test_who_faces_as_is_seen_is_the_likeliest(yaw):
+    seen = seen_as(estimate_of(standing().joints(), ways=ways_of(standing(yaw), 4.0)))
+    scores = [facing_score(seen, standing(yaw + off), EYE) for off in (0.0, 1.0, 2.0, np.pi)]
+    assert scores == sorted(scores, reverse=True)
+    assert scores[0] - scores[3] > 6.0
+
+
+@given(st.integers(0, 10_000), st.integers(0, FACINGS - 1))
+@settings(max_examples=30, deadline=None)
+def test_a_way_between_two_is_as_likely_as_both(seed, way):
+    ways = np.random.default_rng(seed).normal(0, 2, FACINGS)
+    seen, eighth = seen_as(estimate_of(standing().joints(), ways=ways)), np.pi / 4
+    here, next_, between = (
+        facing_score(seen, standing(turn * eighth), EYE) - 0.5 * np.cos(turn * eighth)
+        for turn in (way, way + 1, way + 0.25)
+    )
+    assert here == pytest.approx(ways[way] - ways.max(), abs=1e-6)
+    assert between == pytest.approx(0.75 * here + 0.25 * next_, abs=1e-6)
+
+
+def test_who_might_face_either_way_faces_the_sensor():
+    seen = seen_as(estimate_of(standing().joints()))
+    assert facing_score(seen, standing(), EYE) > facing_score(seen, standing(np.pi), EYE)
+
+
+def test_the_parts_at_the_points_are_those_of_the_picture():
+    right = []
+    for name in CLASSES:
+        for seed in SEEDS:
+            observation, _ = seen_person(name, seed)
+            seen, _ = seen_in(observation)
+            assert seen.probabilities.shape == (len(observation.points), PARTS)
+            truth = taken(name, seed).label[tuple(observation.pixels.T)]
+            right.append(np.mean(seen.probabilities.argmax(1) == truth))
+    assert np.mean(right) > PARTS_RIGHT
+
+
+def test_the_network_tells_the_front_from_the_back_for_most():
+    right = []
+    for name in ("arms overhead", "back", "crouching", "one leg up", "kneeling"):
+        for seed in SEEDS:
+            observation, _ = seen_person(name, seed)
+            seen, eye = seen_in(observation)[0], observation.view[4][:3, 3]
+            front = Posture(observation.points.mean(0).astype(float), ranges.standing(), standing().lengths)
+            right.append(
+                (facing_score(seen, front, eye) > facing_score(seen, turned_about(front), eye))
+                == (name != "back")
+            )
+    assert np.mean(right) > FRONT_TOLD
+
+
+def test_another_estimate_of_the_same_frame_is_seen_at_the_same_points():
+    """As if it had been looked at by itself, whether all points are kept or some."""
+    observation, _ = seen_person("one leg up", SEEDS[0])
+    seen, supposed = seen_in(observation)
+    for estimate in supposed:
+        other, itself = seen.of(estimate), looked_at(observation, estimate)
+        assert other.estimate is estimate and other.points is observation.points
+        np.testing.assert_array_equal(other.probabilities, itself.probabilities)
+        np.testing.assert_array_equal(seen.thinned(7).of(estimate).affinity(0.1), other.affinity(0.1)[:, ::7])
+    np.testing.assert_allclose(seen.of(supposed[0]).probabilities, seen.probabilities, atol=1e-3)

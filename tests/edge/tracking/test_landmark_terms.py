@@ -1,0 +1,160 @@
+"""Joints near where they are seen: the term's gradient and matrix are those of its energy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven_edge.tracking import model, ranges, terms
+from enliven_edge.tracking.gauss_newton import stepped
+from enliven_edge.tracking.posture import Posture, forward
+
+TURNS = (model.DOF_FRAME, model.DOF_AXIS)
+JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
+SEEDS = st.integers(0, 10_000)
+COUNTS = st.sampled_from([model.DOFS, model.UNKNOWNS])
+"""Unknowns where the lengths are frozen, and where they are not."""
+WEIGHT = 1.7
+STEP = 1e-6
+
+
+def random_posture(seed: int) -> Posture:
+    """A person at about 2.5 m before the sensor, limbs turned at random, arms below their shoulders."""
+    dice = np.random.default_rng(seed)
+    lengths = model.lengths_for_height(1.7) * dice.uniform(0.9, 1.1, 12)
+    posture = Posture(np.array([0.1, 0.95, -2.5]), ranges.standing(dice.uniform(-3, 3)), lengths)
+    return moved_by(posture, np.r_[dice.normal(0, 0.05, 3), dice.normal(0, 0.3, 27), np.zeros(12)])
+
+
+def moved_by(posture: Posture, step: np.ndarray) -> Posture:
+    full = np.zeros(model.UNKNOWNS)
+    full[: len(step)] = step
+    return Posture(*stepped(posture.position, posture.rotations, posture.lengths, full, *TURNS))
+
+
+def body_of(posture: Posture):
+    """The body as the terms take it."""
+    world, pivots, by_length = forward(posture.position, posture.rotations, posture.lengths)
+    return world, pivots, by_length, model.MOVES, *TURNS, model.CAPSULE_UNKNOWNS, model.FRAME_PARENTS
+
+
+def random_landmarks(posture: Posture, seed: int) -> np.ndarray:
+    """(20, 5) about the joints, some far enough to be doubted, some of no weight."""
+    dice = np.random.default_rng(seed)
+    places = posture.joints() + dice.normal(0, 0.15, (20, 3))
+    weights = dice.uniform(0, 1, 20) * (dice.random(20) < 0.8)
+    return np.concatenate([places, weights[:, None], dice.uniform(0.12, 0.4, (20, 1))], 1)
+
+
+def near(posture: Posture, landmarks: np.ndarray, count: int = model.UNKNOWNS):
+    """(energy, gradient, upper triangle of the matrix)."""
+    matrix, gradient = np.zeros((count, count)), np.zeros(count)
+    energy = terms.near_landmarks(
+        matrix, gradient, landmarks, *JOINTS, posture.lengths, body_of(posture), WEIGHT
+    )
+    return energy, gradient, matrix
+
+
+def differences(of, posture: Posture, count: int) -> np.ndarray:
+    """Central differences of what is ``of`` a posture by its unknowns, along the first axis."""
+    made = []
+    for k in range(count):
+        step = np.zeros(count)
+        step[k] = STEP
+        made.append((of(moved_by(posture, step)) - of(moved_by(posture, -step))) / (2 * STEP))
+    return np.array(made)
+
+
+@given(SEEDS)
+@settings(max_examples=25, deadline=None)
+def test_a_carried_point_is_where_the_joint_is(seed):
+    posture, point = random_posture(seed), np.empty(3)
+    for j, joint in enumerate(posture.joints()):
+        terms.carried(point, JOINTS[0][j], JOINTS[1][j], posture.lengths, body_of(posture))
+        np.testing.assert_allclose(point, joint, atol=1e-12)
+
+
+@given(SEEDS, COUNTS, st.integers(0, 19))
+@settings(max_examples=25, deadline=None)
+def test_the_columns_of_a_point_are_its_differences(seed, count, joint):
+    posture = random_posture(seed)
+    columns, filled = np.empty((count, 3)), np.empty(count, np.int64)
+    at = posture.joints()[joint]
+    found = terms.point_columns(columns, filled, JOINTS[0][joint], at, JOINTS[1][joint], body_of(posture))
+    assert (np.diff(filled[:found]) > 0).all(), "in rising order"
+    made = np.zeros((count, 3))
+    made[filled[:found]] = columns[:found]
+    slow = differences(lambda p: p.joints()[joint], posture, count)
+    np.testing.assert_allclose(made, slow, atol=1e-7)
+
+
+@given(SEEDS, st.integers(1, 42))
+@settings(max_examples=25, deadline=None)
+def test_a_point_adds_its_three_residuals(seed, count):
+    dice = np.random.default_rng(seed)
+    filled = np.sort(dice.permutation(42)[:count])
+    columns, apart, weight = dice.normal(size=(42, 3)), dice.normal(size=3), dice.uniform(0, 5)
+    matrix, gradient = np.zeros((42, 42)), np.zeros(42)
+    where = np.r_[filled, np.zeros(42 - count, np.int64)]
+    terms.add_point(matrix, gradient, columns, where, count, apart, weight)
+    rows = np.zeros((3, 42))
+    rows[:, filled] = columns[:count].T
+    np.testing.assert_allclose(matrix, np.triu(weight * rows.T @ rows), atol=1e-12)
+    np.testing.assert_allclose(gradient, weight * rows.T @ apart, atol=1e-12)
+
+
+@given(SEEDS)
+@settings(max_examples=25, deadline=None)
+def test_the_energy_is_the_weighted_doubted_squares(seed):
+    posture = random_posture(seed)
+    landmarks = random_landmarks(posture, seed + 1)
+    square = ((posture.joints() - landmarks[:, :3]) ** 2).sum(1)
+    costs = landmarks[:, 3] * square / (1 + square / landmarks[:, 4] ** 2)
+    assert near(posture, landmarks)[0] == pytest.approx(WEIGHT * costs.sum())
+
+
+@given(SEEDS, COUNTS)
+@settings(max_examples=15, deadline=None)
+def test_the_gradient_is_half_the_energy_slope(seed, count):
+    posture = random_posture(seed)
+    landmarks = random_landmarks(posture, seed + 1)
+    slope = differences(lambda p: near(p, landmarks)[0], posture, count)
+    np.testing.assert_allclose(2 * near(posture, landmarks, count)[1], slope, rtol=1e-4, atol=1e-6)
+
+
+@given(SEEDS, COUNTS)
+@settings(max_examples=15, deadline=None)
+def test_the_matrix_is_that_of_gauss_and_newton(seed, count):
+    """The joints' differences, each joint by its weight and by how little it is doubted."""
+    posture = random_posture(seed)
+    landmarks = random_landmarks(posture, seed + 1)
+    square = ((posture.joints() - landmarks[:, :3]) ** 2).sum(1)
+    weights = WEIGHT * landmarks[:, 3] / (1 + square / landmarks[:, 4] ** 2) ** 2
+    rows = differences(lambda p: p.joints(), posture, count)
+    slow = np.einsum("kja,lja,j->kl", rows, rows, weights)
+    np.testing.assert_allclose(near(posture, landmarks, count)[2], np.triu(slow), atol=1e-6)
+
+
+@given(SEEDS)
+@settings(max_examples=10, deadline=None)
+def test_frozen_lengths_change_nothing_else(seed):
+    posture = random_posture(seed)
+    landmarks = random_landmarks(posture, seed + 1)
+    frozen, free = near(posture, landmarks, model.DOFS), near(posture, landmarks)
+    assert frozen[0] == free[0]
+    np.testing.assert_allclose(frozen[1], free[1][: model.DOFS], atol=1e-12)
+    np.testing.assert_allclose(frozen[2], free[2][: model.DOFS, : model.DOFS], atol=1e-12)
+
+
+def test_landmarks_where_the_joints_are_pull_at_nothing_and_none_cost_nothing():
+    posture = random_posture(1)
+    there = random_landmarks(posture, 2)
+    there[:, :3] = posture.joints()
+    energy, gradient, matrix = near(posture, there)
+    assert energy == pytest.approx(0.0) and np.abs(gradient).max() < 1e-9
+    assert np.trace(matrix) > 0, "but it holds the person there"
+    for none in (np.zeros((0, 5)), there * [1, 1, 1, 0, 1]):
+        energy, gradient, matrix = near(random_posture(3), none)
+        assert energy == 0.0 and not gradient.any() and not matrix.any()

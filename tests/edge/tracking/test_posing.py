@@ -1,0 +1,113 @@
+"""The model in the posture of an estimate: a posture is found again from its own joints."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from estimates_for_tests import estimate_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.body import Joint
+from enliven_edge.tracking import model, ranges
+from enliven_edge.tracking.appearance import turned_about
+from enliven_edge.tracking.gauss_newton import stepped
+from enliven_edge.tracking.hypotheses import BANK
+from enliven_edge.tracking.posing import drawn, posed
+from enliven_edge.tracking.posture import Posture, rotation
+
+SEEDS = st.integers(0, 10_000)
+ON_AVERAGE, AT_MOST = 0.02, 0.07
+"""Metres between the joints of a posture and of the one found again."""
+
+
+def banked(number: int, yaw: float) -> Posture:
+    """A posture of the bank, turned as a whole, of somebody tall or small."""
+    rotations = BANK[number].copy()
+    rotations[model.PELVIS] = rotation(y=yaw) @ rotations[model.PELVIS]
+    return Posture(np.array([0.3, 0.7, -2.0]), rotations, model.lengths_for_height(1.4 + 0.03 * number))
+
+
+def random_posture(seed: int) -> Posture:
+    """Somebody who faces anywhere, limbs turned at random."""
+    dice = np.random.default_rng(seed)
+    lengths = model.lengths_for_height(dice.uniform(1.2, 2.0)) * dice.uniform(0.9, 1.1, 12)
+    start = Posture(dice.normal(size=3), ranges.standing(dice.uniform(-3, 3)), lengths)
+    return nudged(start, dice.normal(0, 0.3, 27))
+
+
+def nudged(posture: Posture, turns: np.ndarray) -> Posture:
+    step = np.r_[np.zeros(3), turns, np.zeros(12)]
+    made = stepped(
+        posture.position, posture.rotations, posture.lengths, step, model.DOF_FRAME, model.DOF_AXIS
+    )
+    return Posture(*made)
+
+
+def apart(one: Posture, other: Posture) -> np.ndarray:
+    return np.linalg.norm(one.joints() - other.joints(), axis=1)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.3, np.pi, -2.0])
+@pytest.mark.parametrize("number", range(len(BANK)))
+def test_a_posture_of_the_bank_is_found_again_from_its_own_joints(number, yaw):
+    wanted = banked(number, yaw)
+    made = posed(estimate_of(wanted.joints()), wanted.lengths)
+    assert apart(made, wanted).mean() < ON_AVERAGE and apart(made, wanted).max() < AT_MOST
+
+
+@given(SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_any_posture_is_found_again_from_its_own_joints(seed):
+    wanted = random_posture(seed)
+    made = posed(estimate_of(wanted.joints()), wanted.lengths)
+    assert apart(made, wanted).mean() < ON_AVERAGE and apart(made, wanted).max() < AT_MOST
+    ahead = made.rotations[model.PELVIS][:, 2] @ wanted.rotations[model.PELVIS][:, 2]
+    assert ahead > 0.9, "it faces the same way"
+
+
+@given(SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_a_posture_is_drawn_to_the_joints_from_one_nearby(seed):
+    wanted = random_posture(seed)
+    start = nudged(wanted, np.random.default_rng(seed + 1).normal(0, 0.25, 27))
+    made = drawn(start, estimate_of(wanted.joints()))
+    assert apart(made, wanted).mean() < max(ON_AVERAGE, 0.5 * apart(start, wanted).mean())
+
+
+@given(SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_lengths_are_kept_and_the_start_is_not_touched(seed):
+    wanted, lengths = random_posture(seed), model.lengths_for_height(1.6)
+    estimate = estimate_of(wanted.joints())
+    np.testing.assert_array_equal(posed(estimate, lengths).lengths, lengths)
+    start = nudged(wanted, np.full(27, 0.2))
+    kept = start.copy()
+    np.testing.assert_array_equal(drawn(start, estimate).lengths, kept.lengths)
+    np.testing.assert_array_equal(start.joints(), kept.joints())
+    np.testing.assert_array_equal(lengths, model.lengths_for_height(1.6))
+
+
+def test_where_the_estimate_is_turned_about_so_is_the_posture():
+    wanted = turned_about(banked(0, 0.4))
+    made = posed(estimate_of(wanted.joints()), wanted.lengths)
+    assert apart(made, wanted).max() < AT_MOST
+
+
+@pytest.mark.parametrize("joint", [Joint.HAND_LEFT, Joint.FOOT_RIGHT, Joint.HEAD])
+def test_a_joint_that_nobody_is_sure_of_does_not_draw(joint):
+    wanted = banked(3, 0.5)
+    joints, spread = wanted.joints(), np.full(20, 0.03)
+    joints[joint] += [0.1, 0.3, 0.2]
+    spread[joint] = 2.0
+    made = posed(estimate_of(joints, spread), wanted.lengths)
+    assert apart(made, wanted).mean() < ON_AVERAGE
+
+
+def test_somebody_longer_stands_where_the_estimate_does():
+    """Lengths are another's: the joints cannot all be met, and are met about evenly."""
+    wanted = banked(0, 0.0)
+    longer = model.lengths_for_height(1.6)
+    made = posed(estimate_of(wanted.joints()), longer)
+    assert apart(made, wanted).max() < 0.2
+    assert np.linalg.norm((made.joints() - wanted.joints()).mean(0)) < 0.05

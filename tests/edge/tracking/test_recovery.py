@@ -1,0 +1,136 @@
+"""Joints that are seen elsewhere: the fit keeps near them, and second thoughts bring a lost limb there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from estimates_for_tests import estimate_of, seen_as
+from postures_seen_for_tests import observed
+
+from enliven.body import Joint
+from enliven_edge.tracking import model, ranges
+from enliven_edge.tracking.appearance import turned_about
+from enliven_edge.tracking.fit import Fitter
+from enliven_edge.tracking.observation import Observation
+from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.recovery import SecondThoughts, whole_bodies
+from enliven_edge.tracking.settings import FitSettings
+
+LEFT_ARM = [Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT]
+SURE = np.ones(20)
+TURNS = 8
+"""Frames within which a limb is to be found again."""
+
+
+def standing() -> Posture:
+    return Posture(np.array([0.0, 0.95, -2.5]), ranges.standing(), model.lengths_for_height(1.7))
+
+
+def arm_out(lift: float = 1.4) -> Posture:
+    """The left arm held out, or higher; the right one hangs."""
+    made, out = standing(), ranges.standing(arm_raise=lift)
+    made.rotations[[model.UPPER_ARM_L, model.FOREARM_L]] = out[[model.UPPER_ARM_L, model.FOREARM_L]]
+    return made
+
+
+def seen_of(posture: Posture, observation: Observation):
+    """What is seen where all joints are told and no point looks like anything."""
+    points = observation.points
+    return seen_as(estimate_of(posture.joints()), points, np.full((len(points), 17), 1 / 17))
+
+
+def off(posture: Posture, truth: Posture, joints) -> float:
+    return float(np.linalg.norm(posture.joints() - truth.joints(), axis=1)[joints].max())
+
+
+def reconsidered(observation: Observation, start: Posture, seen) -> Posture:
+    """A posture after so many frames of second thoughts, all its capsules sure of themselves."""
+    fitter = Fitter(FitSettings())
+    thoughts = SecondThoughts(fitter)
+    posture, report = fitter.fit(observation, start)
+    for _ in range(TURNS):
+        posture, report = thoughts.reconsider(observation, posture, report, SURE, seen)
+    return posture
+
+
+@pytest.mark.parametrize("lift", [1.4, 2.6])
+def test_a_limb_that_is_seen_elsewhere_is_brought_there(lift):
+    observation = observed(arm_out(lift))
+    made = reconsidered(observation, standing(), seen_of(arm_out(lift), observation))
+    assert off(made, arm_out(lift), LEFT_ARM) < 0.08
+    alone = reconsidered(observation, standing(), None)
+    assert off(alone, arm_out(lift), LEFT_ARM) > 0.3, "which surfaces alone do not, where all seems sure"
+
+
+def test_who_is_where_they_are_seen_is_left_alone():
+    fitter, observation = Fitter(FitSettings()), observed(arm_out())
+    posture, report = fitter.fit(observation, arm_out())
+    seen = seen_of(posture, observation)
+    made, same = SecondThoughts(fitter).reconsider(observation, posture, report, SURE, seen)
+    assert made is posture and same is report
+
+
+def test_a_limb_is_not_brought_to_where_depth_shows_that_it_is_not():
+    """The network is mistaken; the frame has the last word."""
+    observation = observed(standing())
+    made = reconsidered(observation, standing(), seen_of(arm_out(), observation))
+    assert off(made, standing(), LEFT_ARM) < 0.08
+
+
+def test_nobody_is_turned_about_by_an_idea_of_the_whole_body():
+    """An estimate that faces the other way is turned about first."""
+    observation = observed(standing())
+    idea = next(whole_bodies(observation, standing(), seen_of(turned_about(standing()), observation)))
+    assert idea.rotations[model.PELVIS][2, 2] > 0.5
+    assert off(idea, standing(), slice(None)) < 0.1
+
+
+def with_landmarks(observation: Observation, posture: Posture, joints=range(20)) -> Observation:
+    """The observation with some joints of a posture as what is seen of them."""
+    landmarks = estimate_of(posture.joints()).landmarks
+    landmarks[[j for j in range(20) if j not in joints], 3] = 0.0
+    return replace(observation, landmarks=landmarks)
+
+
+def test_a_hidden_limb_is_kept_where_its_joints_are_seen():
+    """Shins and feet are behind a board; the landmarks say that one knee is bent."""
+    bent, fitter = standing(), Fitter(FitSettings())
+    bent.rotations[model.SHIN_L] = ranges.standing(knee=0.6)[model.SHIN_L]
+    plain = observed(standing(), hide=80)
+    feet = [Joint.ANKLE_LEFT, Joint.FOOT_LEFT]
+    without, _ = fitter.fit(plain, standing())
+    told, _ = fitter.fit(with_landmarks(plain, bent, feet), standing())
+    assert off(told, bent, feet) < 0.5 * off(without, bent, feet)
+
+
+def test_landmarks_of_no_weight_change_nothing():
+    plain, start = observed(standing()), arm_out()
+    expected, report = Fitter(FitSettings()).fit(plain, start)
+    unweighed = Fitter(FitSettings(landmarks=0.0)).fit(with_landmarks(plain, arm_out()), start)
+    nothing = Fitter(FitSettings()).fit(with_landmarks(plain, arm_out(), ()), start)
+    for made, other in (unweighed, nothing):
+        np.testing.assert_array_equal(made.joints(), expected.joints())
+        assert other.energy == report.energy
+
+
+def test_landmarks_make_the_fit_surer():
+    """Of a joint that nothing else shows."""
+    fitter, plain = Fitter(FitSettings()), observed(standing(), hide=80)
+    shin = 3 + int(np.flatnonzero(model.DOF_FRAME == model.SHIN_L)[0])
+    held, told = (
+        fitter.information(standing(), each)[shin, shin]
+        for each in (plain, with_landmarks(plain, standing()))
+    )
+    assert told > 2.0 * held
+
+
+@pytest.mark.parametrize("step", [1, 3, 50])
+def test_thinning_keeps_the_landmarks(step):
+    observation = with_landmarks(observed(standing()), standing())
+    thin = observation.thinned(step)
+    assert np.array_equal(thin.landmarks, observation.landmarks)
+    surface, affinity, view, landmarks = thin.seen
+    assert surface.shape == (6, len(thin.points)) and affinity.size == 0
+    assert view is observation.view and landmarks is thin.landmarks
