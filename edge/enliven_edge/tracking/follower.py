@@ -19,6 +19,7 @@ from enliven_edge.tracking.observation import Observation, observe
 from enliven_edge.tracking.posing import drawn
 from enliven_edge.tracking.posture import Posture, continued
 from enliven_edge.tracking.recovery import SecondThoughts
+from enliven_edge.tracking.segmentation import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.view import View
 
@@ -39,6 +40,8 @@ _NO_AFFINITY, _NO_LANDMARKS = np.zeros((0, 0), np.float32), np.zeros((0, 5))
 _SPEED_MEMORY = 0.4
 """Seconds over which the speed of walking is averaged."""
 _SOME_POINTS = np.log1p(4)
+_BESIDE, _MOSTLY = 0.12, 0.5
+"""Metres from somebody's surface beyond which something else is, and the share of a group that is to remain."""
 FEWEST_PIXELS = 60
 """Of the working image; fewer show nobody."""
 
@@ -85,7 +88,11 @@ class Follower:
             supposed = supposing(shipped_estimator(), seen.estimate, view.world_from_camera)
         posture, report = detect(fitter, observation, view.eye, settings.body_height, seen, supposed)
         if quality(report) < _GOOD:
-            return None
+            bare = pixels & lying_on(view, [posture], 0.0, _BESIDE)
+            # Once more without what stands against them, a table say.
+            return (
+                cls.found(view, bare, settings, fitter) if _MOSTLY < bare.sum() / pixels.sum() < 1.0 else None
+            )
         follower = cls(settings, fitter, posture)
         follower._vouch(report, observation, seen)
         return follower, quality(report)

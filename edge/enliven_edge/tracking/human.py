@@ -18,10 +18,12 @@ _BIN, _GRID = 0.04, 0.06
 _HEAD = 0.14
 _SHOULDERS = ((0.25, 0.35), (0.35, 0.45), (0.45, 0.55))
 """Metres below the crown."""
-_HEADLIKE, _HEAD_WIDTH, _SOLID = 0.75, (0.09, 0.45), 0.45
-_SPARSE, _ROUND = 0.8, 0.035
+_HEADLIKE, _HEAD_WIDTH, _SOLID = 0.75, (0.09, 0.45), 0.43
+_SPARSE, _BOARD, _ROUND = 0.8, 0.85, 0.035
 _FREE = 0.6
 _HIDDEN, _MOSTLY_HIDDEN, _BORDER, _CUT = 0.2, 0.6, 0.03, 0.08
+_TELLING = 0.3
+"""Share of an outline beyond which something is to be measured for it to tell what stands free."""
 _SAMPLES = 1500
 _WALL_BEHIND = 1.0
 
@@ -61,7 +63,7 @@ class Shape:
     def possible(self) -> bool:
         """Whether it may be a person in any posture: of a person's size, no panel, and free on its sides."""
         flat = self.thickness < _FLAT and self.wide > _BROAD
-        panel = flat and not (self._headed and self.fill < _SPARSE)
+        panel = flat and not (self._headed and self.fill < _BOARD)
         return self.likeness > 0 and not panel and self.crown < _TALLEST and self._free > _FREE
 
     @property
@@ -160,7 +162,7 @@ def outline(z, mask):  # type: ignore[no-untyped-def]
                     nearer += z[y, x] < z[v, u] - step
                     other += abs(z[y, x] - z[v, u]) <= step
     total = max(1.0, farther + nearer + other + border)
-    if total < 0.1 * (total + unknown):
+    if total < _TELLING * (total + unknown):
         return 1.0, 0.0, border / total, below > 0.05 * width
     return farther / total, nearer / total, border / total, below > 0.05 * width
 

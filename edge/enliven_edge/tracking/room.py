@@ -19,6 +19,12 @@ _FLICKERS = 6.0
 _FILL_EVERY_NS, _FILL_SHARE, _FILL_AFTER = 300_000_000, 0.002, 6
 """Between two looks at how much of the room is known; the change, as a share of the image, at which what is
 guessed of the rest is made anew; and the looks after which it is made anew all the same."""
+_AT_ONCE, _SEEN_FOR = 0.1, 0.25
+"""Seconds in which everything is new and learnt at once; later what was never seen is learnt where it stays
+the same for so long: an arm that was lost, before a hall too deep for the sensor, is on its way."""
+_DARK, _MEASURED = 2.0, 0.5
+"""Seconds for which nothing is measured where the room was, before it is forgotten there, and the share of
+the known room that is to be measured meanwhile: else the lens is covered."""
 _LONGEST_STEP = 0.5
 """Seconds: a gap in the stream ages nothing by more."""
 
@@ -43,7 +49,8 @@ class Room:
     A pixel's depth follows small changes slowly. Farther depth that stays for ``clear_after`` seconds
     replaces it (something was taken away; a flickering edge never stays); nearer depth that stays for
     ``absorb_after`` seconds is absorbed (something was put there), but not where somebody was last seen who
-    has not been seen elsewhere since, until the room is seen there again: they may stand still.
+    has not been seen elsewhere since, until the room is seen there again: they may stand still. Where nothing
+    is measured any more, it is forgotten after a while.
     """
 
     def __init__(self, shape: tuple[int, int], settings: RoomSettings | None = None) -> None:
@@ -86,9 +93,12 @@ class Room:
         self._learnt_ns = time_ns
         self.age += step
         hold = np.zeros(z.shape, bool) if hold is None else hold
+        seen_for = _SEEN_FOR if self.age > _AT_ONCE else 0.0
+        measured = np.count_nonzero(z) > _MEASURED * np.count_nonzero(self.z)
         compared, nearer, farther = _learn(
             self.z, z, widened(person, 2), hold, self._nearer, self._waited, self._away, self._guarded,
             self._guard_z, self._flips, step, self.settings.absorb_after, self.settings.clear_after,
+            seen_for, _DARK if measured else np.inf,
         )  # fmt: skip
         return Agreement(compared, nearer / max(1, compared), farther / max(1, compared))
 
@@ -100,6 +110,11 @@ class Room:
             ids: (K,) the people's ids.
         """
         _guard(owner, ids, z, self._guarded, self._guard_z)
+
+    def forget(self, where: Bool) -> None:
+        """What was learnt at the (h, w) pixels is not the room; it is learnt anew there."""
+        self.z[where] = 0.0
+        self._waited[where] = self._away[where] = 0.0
 
     def release(self, identity: int) -> None:
         """Somebody is seen elsewhere, or gone for good: what is left where they were is not them."""
@@ -135,7 +150,21 @@ def _classify(z, points, room, guess, near, far, floor_band):  # type: ignore[no
 
 @njit(cache=True, nogil=True)
 def _learn(
-    room, z, person, hold, nearer, waited, away, guarded, guard_z, flips, step, absorb_after, clear_after
+    room,
+    z,
+    person,
+    hold,
+    nearer,
+    waited,
+    away,
+    guarded,
+    guard_z,
+    flips,
+    step,
+    absorb_after,
+    clear_after,
+    seen_for,
+    dark,
 ):  # type: ignore[no-untyped-def]
     """One frame into the room; the numbers of pixels compared, plainly nearer and plainly farther."""
     height, width = z.shape
@@ -144,11 +173,18 @@ def _learn(
     for v in range(height):
         for u in range(width):
             d = z[v, u]
-            if d <= 0.0 or person[v, u]:
+            if person[v, u]:
+                continue
+            if d <= 0.0:
+                if room[v, u] > 0.0:
+                    away[v, u] += step
+                    if away[v, u] > dark:
+                        room[v, u], away[v, u], waited[v, u] = 0.0, 0.0, 0.0
                 continue
             if room[v, u] == 0.0:
-                if not hold[v, u]:
-                    room[v, u] = d
+                same = abs(d - nearer[v, u]) <= 0.04 + 0.010 * d * d
+                if not hold[v, u] and (seen_for == 0.0 or (same and waited[v, u] + step > seen_for)):
+                    room[v, u], waited[v, u] = d, 0.0
                     continue
             else:
                 compared += 1

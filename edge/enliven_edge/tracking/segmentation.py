@@ -16,7 +16,7 @@ from enliven.arrays import Bool, Float, Int, UInt8
 from enliven.union_find import join, root_of
 from enliven_edge.tracking.capsules import foot
 from enliven_edge.tracking.posture import Posture
-from enliven_edge.tracking.room import ROOM, UNLIKELY
+from enliven_edge.tracking.room import ROOM, UNLIKELY, UNSEEN
 from enliven_edge.tracking.view import View
 
 REACH = 0.22
@@ -104,6 +104,17 @@ def segmented(
     loose, joined = _judged(table, groups, count)
     counts = _join(owner, labels, joined, count)
     return Segments(owner, labels, loose, counts)
+
+
+def lying_on(view: View, postures: Sequence[Posture], above: float, reach: float) -> Bool:
+    """(h, w) pixels within ``reach`` metres of somebody's surface and more than ``above`` metres high."""
+    kind = np.where(view.points[..., 1] > above, UNSEEN, ROOM).astype(np.uint8)
+    kind[view.z <= 0.0] = ROOM
+    owner, distance = np.full(kind.shape, -1, np.int64), np.full(kind.shape, np.inf)
+    ends, radii = (np.stack(each) for each in zip(*(p.capsules() for p in postures), strict=True))
+    boxes, none = image_boxes(view, ends, radii, reach), np.zeros(len(postures))
+    claim(view.points, kind, boxes, ends, radii, none, reach, reach, owner, distance)
+    return np.asarray(owner >= 0)
 
 
 def image_boxes(view: View, ends: Float, radii: Float, reach: float) -> Int:

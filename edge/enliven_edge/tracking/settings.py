@@ -64,7 +64,7 @@ class FitSettings:
     iterations: int = setting(8, "Gauss-Newton steps a frame.", low=1, high=100)
     width: float = setting(0.07, "Residuals beyond this are doubted.", unit="m", low=0.005, high=1.0)
     affinity: float = setting(
-        0.05, "How far what a point looks like outweighs where it is.", unit="m", low=0.0, high=1.0
+        0.1, "How far what a point looks like outweighs where it is.", unit="m", low=0.0, high=1.0
     )
     free_space: float = setting(3.0, "Weight of 'no limb where the camera saw through'.", low=0.0, high=100.0)
     landmarks: float = setting(0.3, "Weight of 'joints where the estimator sees them'.", low=0.0, high=100.0)

@@ -17,13 +17,17 @@ from enliven_edge.tracking.output import Output, mirror_of
 from enliven_edge.tracking.person import Person
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.room import Room
+from enliven_edge.tracking.segmentation import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.surfaces import mirrored_surfaces, seen_surfaces
 from enliven_edge.tracking.view import View
 
+_YOUNG, _SURFACE = 2.0, 0.05
+"""Seconds for which the room may have people in it, and metres from their surface within which it does."""
+
 
 class Tracker:
-    """People from depth alone, with no learnt weights.
+    """People from depth alone.
 
     A frame goes: reduce, place in the world, take the room away, share the rest among the people, fit them,
     look for new ones, smooth.
@@ -111,8 +115,15 @@ class Tracker:
         self._owner, self._view = segments.owner, view
         room.guard(segments.owner, self._crowd.owners(), view.z)
         agreement = room.learn(view.z, segments.owner >= 0, view.time_ns, hold)
+        self._take_back(room, view)
         self._mounting.watch(view, agreement, segments.owner < 0)
         return self._bodies(frame)
+
+    def _take_back(self, room: Room, view: View) -> None:
+        """Who was there when the room was first seen may be taken for it in part: a leg below a hole."""
+        people = [p.follower.posture for p in self._crowd.people]
+        if people and room.age < _YOUNG:
+            room.forget(lying_on(view, people, self.settings.scene.floor_band, _SURFACE))
 
     def _room_of(self, view: View) -> Room:
         """The room, a new one where the sensor was moved or exchanged."""
