@@ -22,7 +22,7 @@ from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.surfaces import mirrored_surfaces, seen_surfaces
 from enliven_edge.tracking.view import View
 
-_YOUNG, _SURFACE = 2.0, 0.05
+_YOUNG, _SURFACE = 1.0, 0.05
 """Seconds for which the room may have people in it, and metres from their surface within which it does."""
 
 
@@ -121,7 +121,7 @@ class Tracker:
 
     def _take_back(self, room: Room, view: View) -> None:
         """Who was there when the room was first seen may be taken for it in part: a leg below a hole."""
-        people = [p.follower.posture for p in self._crowd.people]
+        people = [p.follower.posture for p in self._crowd.people if not p.travelled]
         if people and room.age < _YOUNG:
             room.forget(lying_on(view, people, self.settings.scene.floor_band, _SURFACE))
 
