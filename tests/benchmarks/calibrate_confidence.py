@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import minimize
 from tracking_cache import Moment, delivered
 from tracking_set import TUNING, Sequence, sequences
 
@@ -22,28 +23,46 @@ from enliven_edge.tracking.tracker import Tracker
 
 TARGET = Path(__file__).parents[2] / "edge" / "enliven_edge" / "assets" / "confidence.json"
 _RIDGE = 3.0
+_FOR = ("support", "visible", "support beside", "visible beside", "explained")
+_AGAINST = (
+    "seen through",
+    "outside",
+    "seen through beside",
+    "outside beside",
+    "uncertainty",
+    "violated",
+    "unsupported",
+    "spread",
+    "apart",
+)
+"""What can only speak for a joint, and what only against it."""
 _WITHIN = 0.1
 """Metres: what the confidence is the probability of."""
 
 
 def logistic(features: np.ndarray, right: np.ndarray, ridge: float = _RIDGE) -> np.ndarray:
-    """(F,) weights by Newton's method; features are standardised inside, the constant is not shrunk."""
+    """(F,) weights by maximum likelihood; features are standardised inside, the constant is not shrunk.
+
+    What speaks for a joint never speaks against it, nor the other way round: of features that say nearly the
+    same, one would else be set against another, and be wrong wherever they differ for once.
+    """
     centre, scale = features.mean(0), np.maximum(features.std(0), 1e-3)
     centre[0], scale[0] = 0.0, 1.0
-    x = (features - centre) / scale
+    x, sign = (features - centre) / scale, 2.0 * right - 1.0
     penalty = np.full(x.shape[1], ridge)
     penalty[0] = 1e-6
-    w = np.zeros(x.shape[1])
-    for _ in range(50):
-        p = 1.0 / (1.0 + np.exp(-np.clip(x @ w, -30, 30)))
-        hessian = (x * (p * (1 - p))[:, None]).T @ x + np.diag(penalty)
-        step = np.linalg.solve(hessian, x.T @ (right - p) - penalty * w)
-        w += step
-        if np.abs(step).max() < 1e-8:
-            break
+
+    def cost(w: np.ndarray) -> tuple[float, np.ndarray]:
+        margin = sign * (x @ w)
+        slope = -sign / (1.0 + np.exp(np.clip(margin, -30, 30)))
+        value = np.logaddexp(0.0, -margin).sum() + 0.5 * (penalty * w) @ w
+        return float(value), x.T @ slope + penalty * w
+
+    bounds = [(0.0 if n in _FOR else None, 0.0 if n in _AGAINST else None) for n in NAMES]
+    w = minimize(cost, np.zeros(x.shape[1]), jac=True, method="L-BFGS-B", bounds=bounds).x
     weights = w / scale
     weights[0] = w[0] - (weights[1:] @ centre[1:])
-    return weights
+    return np.asarray(weights)
 
 
 def fitted(evidence: np.ndarray, right: np.ndarray) -> dict[str, dict[str, float]]:

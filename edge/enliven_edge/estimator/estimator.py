@@ -22,7 +22,7 @@ _FARTHEST = 1.0
 """Metres: the most that a joint is said to be off."""
 _SUREST, _USUAL = 0.03, 0.05
 """Metres of spread below which a joint is not believed more, and at which its weight is one of twenty."""
-_TRUST = np.repeat([1.0, 0.4], [12, 8])
+TRUST = np.repeat([1.0, 0.4], [12, 8])
 """(20,) shares of that weight: legs are found by their surface, and a crouch is easily taken for a kneel."""
 _DOUBTED, _WIDTHS = 3.0, (0.12, 0.4)
 """The robust width in spreads, and metres between which it is."""
@@ -54,7 +54,7 @@ class Estimate:
     def landmarks(self) -> Float:
         """(20, 5) what the fit is to keep near, as ``terms.near_landmarks`` takes them."""
         sure = np.maximum(self.spread, _SUREST)
-        weight = _TRUST * (_USUAL / sure) ** 2 / len(sure)
+        weight = TRUST * (_USUAL / sure) ** 2 / len(sure)
         width = np.clip(_DOUBTED * sure, *_WIDTHS)
         return np.concatenate([self.joints, weight[:, None], width[:, None]], 1)
 

@@ -41,7 +41,7 @@ _SPEED_MEMORY = 0.4
 """Seconds over which the speed of walking is averaged."""
 _SOME_POINTS = np.log1p(4)
 _BESIDE, _MOSTLY = 0.12, 0.5
-"""Metres from somebody's surface beyond which something else is, and the share of a group that is to remain."""
+"""Metres from a surface beyond which something else is, and the share of a group that must be the person."""
 FEWEST_PIXELS = 60
 """Of the working image; fewer show nobody."""
 

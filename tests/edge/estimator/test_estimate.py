@@ -12,7 +12,7 @@ from people_for_estimator import scene
 from scipy.ndimage import map_coordinates
 
 from enliven_edge.estimator.crop import COLUMNS, ROWS, crop_person
-from enliven_edge.estimator.estimator import Estimate
+from enliven_edge.estimator.estimator import TRUST, Estimate
 from enliven_edge.estimator.labels import PARTS
 from enliven_edge.estimator.lessons import LABEL_COLUMNS, LABEL_ROWS
 
@@ -70,14 +70,16 @@ def test_the_surer_a_joint_the_more_it_weighs(seed):
     order = np.argsort(estimate.spread)
     assert landmarks.shape == (20, 5)
     assert np.array_equal(landmarks[:, :3], estimate.joints)
-    assert (np.diff(landmarks[order, 3]) <= 0).all() and (landmarks[:, 3] > 0).all()
+    weight = landmarks[:, 3] / TRUST
+    assert (np.diff(weight[order]) <= 0).all() and (weight > 0).all()
     assert (np.diff(landmarks[order, 4]) >= 0).all(), "and the nearer it must be to be believed"
     assert landmarks[:, 4].min() >= 0.12 and landmarks[:, 4].max() <= 0.4
 
 
 def test_joints_that_are_all_as_sure_as_usual_weigh_one_together():
     estimate = dataclasses.replace(made_up(0), spread=np.full(20, 0.05))
-    assert estimate.landmarks[:, 3].sum() == pytest.approx(1.0)
+    assert estimate.landmarks[:, 3].sum() == pytest.approx(TRUST.mean())
+    assert TRUST[12:].max() < TRUST[:12].min(), "legs weigh less than trunk and arms"
 
 
 @given(SEEDS, st.integers(0, 19))

@@ -111,7 +111,7 @@ def test_somebody_upside_down_in_the_image_is_found_alike():
     for each in (observation, hung_upside_down(observation)):
         posture, _ = detect(fitter, each, eye, 1.72, *seen_in(each))
         off = np.linalg.norm(posture.joints() - figure.joints, axis=1)
-        assert np.median(off) < 0.1
+        assert np.median(off) < 0.12
 
 
 def test_somebody_known_is_found_with_their_own_bones():

@@ -129,4 +129,4 @@ def test_a_joint_that_is_visible_is_surer_than_one_that_is_seen_through(alone):
     through[:, NAMES.index("seen through")] = 1.0
     through[:, NAMES.index("violated")] = 1 / 20  # a capsule of twenty
     surer = confidence(visible, alone=alone) - confidence(through, alone=alone)
-    assert surer.min() > -0.05 and np.median(surer) > 0.3
+    assert surer.min() > -0.3 and np.median(surer) > 0.1

@@ -1,6 +1,7 @@
 """What may be a person by its outline, and people side by side, parted."""
 
 import numpy as np
+import pytest
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.human import outline, parted, shape_of
@@ -69,6 +70,41 @@ def test_what_is_surrounded_by_unknown_depth_is_free():
     mask = z > 0
     assert outline(z, mask)[0] == 1.0
     assert view.z.max() == 0.0
+
+
+def beside_a_wall(measured):
+    """A square between a wall as near as it is, what is farther on the right and above, and ``measured``.
+
+    Args:
+        measured: the share of the rows (or columns) around it that the sensor sees.
+    """
+    z, mask = np.full((120, 160), 4.0), np.zeros((120, 160), bool)
+    z[:, :80] = 2.5
+    mask[40:60, 60:80] = True
+    z[:40, 60:] = 4.0
+    z[~mask & (np.add.outer(np.arange(120), np.arange(160)) % 20 >= 20 * measured)] = 0.0
+    return z, mask
+
+
+def test_what_all_is_measured_around_is_free_as_far_as_it_is_farther_there():
+    free, behind, border, cut = outline(*beside_a_wall(1.0))
+    assert free == pytest.approx(2 / 3)
+    assert (behind, border, cut) == (0.0, 0.0, False)
+
+
+@pytest.mark.parametrize(("measured", "free"), [(0.1, 1.0), (0.25, 1.0), (0.35, 2 / 3), (0.8, 2 / 3)])
+def test_what_little_is_measured_around_is_free(measured, free):
+    """What is seen of the surroundings counts from three tenths on."""
+    z, mask = beside_a_wall(measured)
+    assert outline(z, mask)[0] == pytest.approx(free)
+
+
+def test_the_images_border_counts_as_measured():
+    """A piece of a wall in the image's corner: its border tells enough."""
+    z, mask = np.zeros((120, 160)), np.zeros((120, 160), bool)
+    z[:20, :20], mask[:20, :20] = 2.5, True
+    free, _, border, _ = outline(z, mask)
+    assert (free, border) == (0.0, 1.0)
 
 
 def test_what_runs_out_of_the_image_is_cut():

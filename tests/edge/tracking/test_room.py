@@ -1,4 +1,4 @@
-"""The room: learnt at once, kept up to date, and never a person."""
+"""The room: learnt at once where it can be, kept up to date, forgotten where it went dark, never a person."""
 
 import numpy as np
 import pytest
@@ -84,6 +84,97 @@ def test_what_may_become_somebody_is_not_learnt_at_once():
     room.learn(picture(2.0), NOBODY, 0, hold)
     assert (room.z[:, :4] == 0).all()
     assert (room.z[:, 4:] == 2.0).all()
+
+
+HALL = (6, 60)
+"""Pixels of a hall too deep for the sensor: nothing is measured in it but what stands there."""
+
+
+def with_blob(left, metres=2.0):
+    """The hall with something four pixels wide in it."""
+    z = np.zeros(HALL)
+    z[:, left : left + 4] = metres
+    return z
+
+
+def dark_hall(seconds=0.2):
+    """The room of an empty hall after everything in it has been new for long, and the time."""
+    room = Room(HALL)
+    return room, learn(room, np.zeros(HALL), seconds, person=np.zeros(HALL, bool))
+
+
+def test_what_moves_before_a_hall_that_is_not_measured_never_becomes_room():
+    room, now = dark_hall()
+    for i in range(56):
+        room.learn(with_blob(i), np.zeros(HALL, bool), round((now + i * FRAME) * 1e9))
+        assert not room.z.any()
+
+
+@pytest.mark.parametrize("rate", [10, 30])
+def test_what_stays_before_a_hall_that_is_not_measured_becomes_room_within_a_moment(rate):
+    room, now = dark_hall()
+    now = learn(room, with_blob(20), 0.2, now, np.zeros(HALL, bool), rate=rate)
+    assert not room.z.any()
+    learn(room, with_blob(20), 0.3, now, np.zeros(HALL, bool), rate=rate)
+    np.testing.assert_array_equal(room.z, with_blob(20))
+
+
+def test_what_changes_before_a_hall_that_is_not_measured_is_not_learnt_until_it_is_still():
+    """It comes nearer, on the same pixels."""
+    room, now = dark_hall()
+    for i in range(30):
+        room.learn(with_blob(20, 3.5 - 0.05 * i), np.zeros(HALL, bool), round((now + i * FRAME) * 1e9))
+    assert not room.z.any()
+    learn(room, with_blob(20, 2.0), 1.0, now + 1.0, np.zeros(HALL, bool))
+    np.testing.assert_array_equal(room.z, with_blob(20))
+
+
+def with_dark(columns, metres=3.0):
+    """A wall whose first columns are not measured."""
+    z = picture(metres)
+    z[:, :columns] = 0.0
+    return z
+
+
+@pytest.mark.parametrize("rate", [5, 30])
+def test_where_nothing_is_measured_any_more_the_room_is_forgotten_after_a_while(rate):
+    room = Room((8, 8))
+    now = learn(room, picture(3.0), 1.0, rate=rate)
+    now = learn(room, with_dark(3), 1.8, now, rate=rate)
+    np.testing.assert_array_equal(room.z, picture(3.0))
+    learn(room, with_dark(3), 0.6, now, rate=rate)
+    np.testing.assert_array_equal(room.z, with_dark(3))
+
+
+def test_what_is_measured_now_and_then_is_not_forgotten():
+    room = Room((8, 8))
+    now = learn(room, picture(3.0), 1.0)
+    for _ in range(5):
+        now = learn(room, with_dark(3), 1.5, now)
+        now = learn(room, picture(3.0), 0.1, now)
+    assert room.z.all()
+
+
+@pytest.mark.parametrize("columns", [5, 8])
+def test_a_covered_lens_forgets_nothing(columns):
+    room = Room((8, 8))
+    now = learn(room, picture(3.0), 1.0)
+    now = learn(room, with_dark(columns), 10.0, now)
+    np.testing.assert_array_equal(room.z, picture(3.0))
+    learn(room, picture(3.0), 0.5, now)
+    assert not room.in_front(picture(3.0), guess=False).any()
+
+
+def test_what_was_forgotten_is_learnt_anew_there_alone():
+    room, where = Room((8, 8)), np.zeros((8, 8), bool)
+    where[2:5, 1:4] = True
+    now = learn(room, picture(2.0), 1.0)
+    now = learn(room, picture(1.0), 0.5, now)  # on its way to be absorbed
+    room.forget(where)
+    np.testing.assert_array_equal(room.z, np.where(where, 0.0, 2.0))
+    assert room.in_front(picture(2.5), guess=False)[where].all()
+    learn(room, picture(2.5), 0.5, now)
+    np.testing.assert_array_equal(room.z, np.where(where, 2.5, 2.0))
 
 
 def view_of(z):
