@@ -70,15 +70,18 @@ def grouped(
 
     Sensors join one after another, those that see most first. Bodies that were one person a moment ago hold
     together, but not against what lies clearly nearer: a sensor that has mixed up two people is parted from
-    the identities, not the identities from each other.
+    the identities, not the identities from each other. What a sensor only supposes of somebody whom it does
+    not see says nothing beside another that sees them.
     """
+    recent = [[s for s in view.sightings.values() if s.age(time_ns) <= patience] for view in views]
+    watched = {s.person for said in recent for s in said if s.body.confidence.any()}
     current = [
         [
             (s, s.joints(time_ns, patience))
-            for s in view.sightings.values()
-            if s.age(time_ns) <= patience and plausible(s.body)
+            for s in said
+            if plausible(s.body) and (s.body.confidence.any() or s.person not in watched)
         ]
-        for view in views
+        for said in recent
     ]
     groups: list[Group] = []
     for sensor in sorted(range(len(views)), key=lambda v: (-len(current[v]), v)):

@@ -114,7 +114,8 @@ class SensorView:
         if before is None:
             return Sighting(body, time_ns, np.zeros((20, 3)), self._bound.get(body.id, (0, 0))[0])
         seconds = before.age(time_ns)
-        if seconds > _BACK_AGAIN:
+        # Who was not seen was only supposed to be somewhere: the way from there is no motion.
+        if seconds > _BACK_AGAIN or not before.body.confidence.any():
             return Sighting(body, time_ns, np.zeros((20, 3)), before.person)
         speed = (body.joints - before.body.joints) / seconds
         if np.linalg.norm(speed[:4].mean(0)) > _FASTEST:

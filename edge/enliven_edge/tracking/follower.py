@@ -25,7 +25,7 @@ from enliven_edge.tracking.view import View
 
 _GOOD, _ACCEPTABLE = 0.6, 0.45
 _SUPPORT, _VISIBLE = NAMES.index("support"), NAMES.index("visible")
-_EXPLAINED = 0.97
+_EXPLAINED = 0.93
 """Share of the points; a frame that is explained less is looked at twice."""
 _WIDE = 0.25
 """Metres: the robust width of the second look, about what a fast hand moves in a frame."""

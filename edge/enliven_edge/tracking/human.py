@@ -22,8 +22,9 @@ _HEADLIKE, _HEAD_WIDTH, _SOLID = 0.75, (0.09, 0.45), 0.43
 _SPARSE, _BOARD, _ROUND = 0.8, 0.85, 0.035
 _FREE = 0.6
 _HIDDEN, _MOSTLY_HIDDEN, _BORDER, _CUT = 0.2, 0.6, 0.03, 0.08
-_TELLING = 0.3
-"""Share of an outline beyond which something is to be measured for it to tell what stands free."""
+_TELLING, _TELLING_IN_THE_OPEN, _OPEN = 0.1, 0.3, 0.4
+"""Share of an outline beyond which something must be measured for it to tell what stands free, that share
+where less than a part of the image is measured, in a hall too deep for the sensor, and that part."""
 _SAMPLES = 1500
 _WALL_BEHIND = 1.0
 
@@ -162,7 +163,8 @@ def outline(z, mask):  # type: ignore[no-untyped-def]
                     nearer += z[y, x] < z[v, u] - step
                     other += abs(z[y, x] - z[v, u]) <= step
     total = max(1.0, farther + nearer + other + border)
-    if total < _TELLING * (total + unknown):
+    telling = _TELLING if np.count_nonzero(z) > _OPEN * z.size else _TELLING_IN_THE_OPEN
+    if total < telling * (total + unknown):
         return 1.0, 0.0, border / total, below > 0.05 * width
     return farther / total, nearer / total, border / total, below > 0.05 * width
 

@@ -176,7 +176,9 @@ def _learn(
             if person[v, u]:
                 continue
             if d <= 0.0:
-                if room[v, u] > 0.0:
+                if room[v, u] == 0.0:
+                    waited[v, u] = max(0.0, waited[v, u] - 2.0 * step)
+                elif dark < np.inf:
                     away[v, u] += step
                     if away[v, u] > dark:
                         room[v, u], away[v, u], waited[v, u] = 0.0, 0.0, 0.0

@@ -1,0 +1,41 @@
+"""What a sensor only supposes of somebody whom it does not see says nothing beside one that sees them."""
+
+import numpy as np
+from test_fuser import STANDING, body, run, shifted
+
+WALK = 0.25
+"""Metres a second: what a covered sensor supposes stays behind."""
+COVERED = (1.0, 4.0)
+
+
+def supposing(name, time):
+    """Sensor b sees somebody walk; a, covered for a while, leaves them where they were."""
+    here = shifted(WALK * time)
+    if name == "a" and COVERED[0] <= time < COVERED[1]:
+        return [body(shifted(WALK * COVERED[0]), 1, sure=0.0)]
+    return [body(here, 1)]
+
+
+def test_who_is_supposed_where_they_were_is_nobody_else():
+    told = [(time, bodies) for time, bodies, _ in run(supposing, 6.0) if time > 0.3]
+    assert {tuple(b.id for b in bodies) for _, bodies in told} == {(1,)}
+    assert max(abs(b.joints[0, 0] - shifted(WALK * t)[0, 0]) for t, bodies in told for b in bodies) < 0.05
+
+
+def test_the_way_back_from_where_somebody_was_supposed_is_no_motion():
+    """The first frame after a cover: nobody has moved at 20 m/s, and nobody new has come."""
+    *_, (_, _, fuser) = run(supposing, COVERED[1] + 0.02)
+    sighting = fuser.views[0].sightings[1]
+    assert np.array_equal(sighting.velocity, np.zeros((20, 3)))
+    assert sighting.person == 1
+
+
+def test_whom_nobody_sees_is_still_supposed():
+    """Both are covered: the one who is known is told, without confidence."""
+
+    def told(name, time):
+        return [body(STANDING, 1, sure=1.0 if time < 1.0 else 0.0)]
+
+    *_, (_, bodies, _) = run(told, 2.0)
+    assert [b.id for b in bodies] == [1]
+    assert bodies[0].confidence.max() < 0.1

@@ -1,0 +1,112 @@
+"""Somebody whose pixels hang together with a thing's is found in the part that lies on them."""
+
+import numpy as np
+import pytest
+
+from enliven.body import Joint
+from enliven_edge.tracking import follower
+from enliven_edge.tracking.fit import Fitter
+from enliven_edge.tracking.follower import Follower
+from enliven_edge.tracking.observation import WorkingCamera, world_points
+from enliven_edge.tracking.segmentation import lying_on
+from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.tracker import Tracker
+from enliven_edge.tracking.view import View
+
+SETTINGS = TrackerSettings()
+GOOD, HEAD_WITHIN, HIPS_WITHIN = 0.6, 0.1, 0.15
+
+
+def group(stagecraft, players=(), boxes=()):
+    """What is seen of people and boxes in the room, and the (h, w) pixels that are either's."""
+    s = stagecraft
+    camera = WorkingCamera(s.CAMERA, s.CAMERA.width)
+    z = s.Playground(*players, boxes=lambda time: boxes).frame(0.0).depth / 1000.0
+    empty = s.Playground().frame(0.0).depth / 1000.0
+    view = View(0, z, world_points(z, camera.ray, s.MOUNT), camera, s.MOUNT)
+    before = (z > 0) & ((empty == 0) | (z < empty - 0.1))
+    return view, before & (view.points[..., 1] > SETTINGS.scene.floor_band)
+
+
+def found(view, pixels):
+    return Follower.found(view, pixels, SETTINGS, Fitter(SETTINGS.fit))
+
+
+@pytest.mark.parametrize(
+    ("does", "x", "low", "high"),
+    [
+        ("idle", -0.2, (-0.08, 0.0, -2.7), (1.22, 0.5, -2.3)),
+        ("wave", -0.2, (-0.1, 0.0, -2.7), (0.9, 0.4, -2.2)),
+        ("idle", 0.0, (0.16, 0.0, -2.7), (1.16, 0.65, -2.4)),
+    ],
+)
+def test_somebody_with_a_table_against_them_is_found(stagecraft, does, x, low, high):
+    player = stagecraft.Player(stagecraft.still(x, -2.4), does)
+    made = found(*group(stagecraft, [player], (stagecraft.Box(low, high),)))
+    assert made is not None
+    who, how_well = made
+    assert how_well > GOOD
+    off = np.linalg.norm(who.posture.joints() - player.figure(0.0).joints, axis=1)
+    assert off[Joint.HEAD] < HEAD_WITHIN
+    assert off[Joint.HIP_CENTER] < HIPS_WITHIN
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [((-0.8, 0.0, -2.8), (0.8, 0.74, -2.4)), ((-0.5, 0.0, -2.7), (0.5, 0.5, -2.3))]
+)
+def test_a_table_that_is_brought_in_is_nobody(stagecraft, low, high):
+    s = stagecraft
+    table = lambda time: (s.Box(low, high),) if time > 0.5 else ()  # noqa: E731
+    assert all(bodies == [] for _, bodies, _ in s.watch(s.Playground(boxes=table), Tracker(), 1.5))
+
+
+def detections(monkeypatch, view, pixels, posture):
+    """The (h, w) masks in which somebody is looked for, where all that is found fits badly; what is made."""
+    asked = []
+
+    def detect(fitter, observation, *rest):
+        asked.append(observation.view[1].copy())
+        return posture, None
+
+    monkeypatch.setattr(follower, "detect", detect)
+    monkeypatch.setattr(follower, "quality", lambda report: 0.0)
+    settings = TrackerSettings(estimator=False)
+    return asked, Follower.found(view, pixels, settings, Fitter(settings.fit))
+
+
+@pytest.fixture
+def somebody(stagecraft):
+    """View, pixels and posture of somebody with nothing beside them."""
+    player = stagecraft.Player(stagecraft.still(0.0, -2.4), "idle")
+    view, pixels = group(stagecraft, [player])
+    return view, pixels, found(view, pixels)[0].posture
+
+
+def beside(pixels, share):
+    """The pixels and others on their left, somebody being that share of all."""
+    more, (rows, columns) = pixels.copy(), np.nonzero(pixels)
+    left = [(v, u) for u in range(columns.min() - 20, -1, -1) for v in range(rows.min(), rows.max())]
+    for v, u in left[: round(len(rows) * (1.0 / share - 1.0))]:
+        more[v, u] = True
+    return more
+
+
+def test_who_fits_badly_is_looked_for_once_more_in_what_lies_on_them(monkeypatch, somebody):
+    view, alone, posture = somebody
+    pixels = beside(alone, 0.7)
+    asked, none = detections(monkeypatch, view, pixels, posture)
+    assert none is None
+    assert len(asked) == 2
+    np.testing.assert_array_equal(asked[0], pixels)
+    np.testing.assert_array_equal(asked[1], pixels & lying_on(view, [posture], 0.0, 0.12))
+    np.testing.assert_array_equal(asked[1], alone)
+
+
+@pytest.mark.parametrize("share", [0.4, 1.0])
+def test_a_group_that_is_mostly_something_else_or_nothing_else_is_not_looked_at_again(
+    monkeypatch, somebody, share
+):
+    view, alone, posture = somebody
+    asked, none = detections(monkeypatch, view, beside(alone, share), posture)
+    assert none is None
+    assert len(asked) == 1

@@ -1,0 +1,99 @@
+"""What lies on somebody's body is told by its distance alone, and taken back where the room had learnt it."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.body import Joint
+from enliven.camera import Intrinsics, world_from_level_camera
+from enliven_edge.sensors.synthetic import SyntheticSensor
+from enliven_edge.tracking.model import lengths_for_height
+from enliven_edge.tracking.observation import WorkingCamera, world_points
+from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.ranges import standing
+from enliven_edge.tracking.segmentation import lying_on
+from enliven_edge.tracking.tracker import Tracker
+from enliven_edge.tracking.view import View
+
+CAMERA = WorkingCamera(Intrinsics(80, 60, 66, 66, 39.5, 29.5), 80)
+MOUNT = world_from_level_camera(1.2)
+LOWER_LEGS = [Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT]
+
+
+def view_of(z):
+    return View(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
+
+
+def person(x, z=-2.5, **pose):
+    return Posture(np.array([x, 0.95, z]), standing(0.0, **pose), lengths_for_height(1.75))
+
+
+def surface_distance(points, postures):
+    """(h, w) metres to the nearest capsule of all, slowly."""
+    ends, radii = (np.concatenate(x) for x in zip(*(p.capsules() for p in postures), strict=True))
+    a, along = ends[:, 0], ends[:, 1] - ends[:, 0]
+    away = points[..., None, :] - a
+    t = np.clip((away * along).sum(-1) / (along * along).sum(-1), 0, 1)
+    to_axis = np.linalg.norm(away - t[..., None] * along, axis=-1)
+    return (to_axis - radii[:, 0] - t * (radii[:, 1] - radii[:, 0])).min(-1)
+
+
+@given(st.integers(0, 1000), st.floats(0.03, 0.3), st.floats(-0.1, 1.0), st.integers(1, 3))
+@settings(max_examples=20, deadline=None)
+def test_what_lies_on_somebody_is_all_that_is_near_enough_and_high_enough(seed, reach, above, people):
+    random = np.random.default_rng(seed)
+    z = np.clip(2.4 + 0.2 * random.standard_normal((60, 80)), 1.0, 4.0)
+    z[random.random(z.shape) < 0.2] = 0.0
+    view = view_of(z)
+    postures = [person(x, arm_raise=float(random.uniform(0.0, 1.5))) for x in random.uniform(-1, 1, people)]
+    found = lying_on(view, postures, above, reach)
+    distance = surface_distance(view.points, postures)
+    np.testing.assert_array_equal(found, (z > 0) & (view.points[..., 1] > above) & (distance < reach))
+    assert found.any()
+
+
+def test_what_is_not_measured_lies_on_nobody_though_they_stand_at_the_lens():
+    view = view_of(np.zeros((60, 80)))
+    at_the_lens = Posture(MOUNT[:3, 3].copy(), standing(), lengths_for_height(1.75))
+    assert (surface_distance(view.points, [at_the_lens]) < 0.05).all()
+    assert not lying_on(view, [at_the_lens], 0.0, 0.05).any()
+
+
+def with_hole_across_the_shins(choreography, frames, holed, high):
+    """[(frame, truth)] of somebody there from the first, whose shins are parted by a hole at first.
+
+    Args:
+        holed: the number of frames with the hole.
+        high: (2,) metres above the floor between which it is, where they stand.
+    """
+    made = []
+    with SyntheticSensor(choreography=choreography, width=320, realtime=False) as sensor:
+        for i in range(frames):
+            frame = sensor.read()
+            truth, depth = sensor.truth(frame.time_ns), frame.depth.copy()
+            ankle, camera = truth.joints[Joint.ANKLE_LEFT], frame.intrinsics
+            at = (
+                np.array([[ankle[0], y, ankle[2], 1.0] for y in high])
+                @ np.linalg.inv(frame.world_from_camera).T
+            )
+            bottom, top = (camera.fy * at[:, 1] / at[:, 2] + camera.cy).astype(int)
+            if i < holed:
+                depth[top:bottom] = 0
+            made.append((dataclasses.replace(frame, depth=depth, world_from_camera=None), truth))
+    return made
+
+
+@pytest.mark.parametrize(
+    ("choreography", "holed", "high"),
+    [("idle", 3, (0.3, 0.45)), ("idle", 12, (0.35, 0.5)), ("wave", 6, (0.38, 0.55))],
+)
+def test_who_stood_there_when_the_room_was_first_seen_gets_their_legs_back(choreography, holed, high):
+    """The legs below the hole hang together with nobody, so the room learns them in its first moment."""
+    tracker, made = Tracker(), with_hole_across_the_shins(choreography, 34, holed, high)
+    for frame, _ in made:
+        (body,) = tracker.track(frame)
+    off = np.linalg.norm(body.joints - made[-1][1].joints, axis=1)[LOWER_LEGS]
+    assert off.max() < 0.1
