@@ -16,7 +16,7 @@ from enliven.settings import load_settings
 def train_estimator(
     output: Annotated[Path, typer.Option("--output", "-o", help="The network to make, an .onnx file.")],
     pictures: Annotated[int, typer.Option(help="Rendered pictures to learn from.")] = 110_000,
-    steps: Annotated[int, typer.Option(help="Steps of the training.")] = 15_000,
+    steps: Annotated[int, typer.Option(help="Steps of the training.")] = 12_000,
     seed: Annotated[int, typer.Option(help="Fixes everything random.")] = 0,
     album: Annotated[
         Path | None,
@@ -29,7 +29,7 @@ def train_estimator(
     """Learn to see where the joints are in depth, from rendered people in random postures.
 
     Nothing is downloaded and no recording is used. The defaults make the network that ships with enliven, in
-    about an hour of two cores, with 5 GB of disk. Needs PyTorch: pip install "enliven-edge[training]".
+    little more than an hour of two cores, with 5 GB of disk. Needs PyTorch: pip install "enliven-edge[training]".
 
     \b
       enliven train-estimator -o estimator.onnx                  the network that ships with enliven, again

@@ -40,8 +40,8 @@ _LONGEST_GRADIENT, _WARM_UP, _LAST_RATE = 5.0, 300, 0.02
 class TrainingSettings:
     """How much is rendered and how long it is learnt."""
 
-    pictures: int = setting(100_000, "Rendered pictures.", low=2 * KEPT_BACK, high=10_000_000)
-    steps: int = setting(14_000, "Steps of the training.", low=1)
+    pictures: int = setting(110_000, "Rendered pictures.", low=2 * KEPT_BACK, high=10_000_000)
+    steps: int = setting(12_000, "Steps of the training.", low=1)
     batch: int = setting(128, "Pictures in a step.", low=1)
     rate: float = setting(4e-3, "The highest learning rate.", low=1e-6, high=1.0)
     frontal: float = setting(
