@@ -111,6 +111,7 @@ def test_two_performers_take_hold_with_their_parts_from_the_keys(house: House) -
     strengths = house.actor.holds[0].strengths(48)
     held = {int(n): strengths[n] for n in np.flatnonzero(strengths)}
     assert held.keys() == shown.keys() and all(abs(held[n] - shown[n]) < 1 / 255 for n in held)
+    house.until(lambda: len(house.app._scene.bodies) == 2)
     house.app.choose_performer()
     house.app.choose_performer()
     assert house.app.grasp.words == "P takes hold: legs of performer 2"
