@@ -29,7 +29,8 @@ def train_estimator(
     """Learn to see where the joints are in depth, from rendered people in random postures.
 
     Nothing is downloaded and no recording is used. The defaults make the network that ships with enliven, in
-    little more than an hour of two cores, with 5 GB of disk. Needs PyTorch: pip install "enliven-edge[training]".
+    little more than an hour of two cores, with 5 GB of disk. It needs PyTorch:
+    pip install "enliven-edge[training]".
 
     \b
       enliven train-estimator -o estimator.onnx                  the network that ships with enliven, again

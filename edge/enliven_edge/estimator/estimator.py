@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import onnxruntime
+from numba import njit
 
 from enliven.arrays import Bool, Float, Float32
 from enliven.errors import InputError
@@ -68,17 +69,30 @@ class Estimate:
         rows, columns = self.parts.shape[1:]
         cells = self.crop.cells(rays) * (columns / COLUMNS) + np.array([columns, rows]) / 2 - 0.5
         cells = np.clip(cells, 0.0, [columns - 1.001, rows - 1.001])
-        first = cells.astype(np.intp)
-        share = (cells - first).astype(np.float32)
-        column, row = first.T
-        logits = np.zeros((len(self.parts), len(rays)), np.float32)
-        for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
-            weight = (share[:, 0] if right else 1.0 - share[:, 0]) * (
-                share[:, 1] if down else 1.0 - share[:, 1]
-            )
-            logits += weight * self.parts[:, row + down, column + right]
-        shown = np.exp(logits - logits.max(0))
-        return np.ascontiguousarray((shown / shown.sum(0)).T)
+        return np.asarray(_between_cells(self.parts, cells))
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _between_cells(logits, cells):  # type: ignore[no-untyped-def]
+    """(M, P) softmax over (P, h, w) logits, interpolated at (M, 2) columns and rows."""
+    parts = len(logits)
+    out = np.empty((len(cells), parts), np.float32)
+    for i in range(len(cells)):
+        u, v = int(cells[i, 0]), int(cells[i, 1])
+        x, y = np.float32(cells[i, 0] - u), np.float32(cells[i, 1] - v)
+        most = np.float32(-1e9)
+        for p in range(parts):
+            above = (1 - x) * logits[p, v, u] + x * logits[p, v, u + 1]
+            below = (1 - x) * logits[p, v + 1, u] + x * logits[p, v + 1, u + 1]
+            out[i, p] = (1 - y) * above + y * below
+            most = max(most, out[i, p])
+        total = np.float32(0.0)
+        for p in range(parts):
+            out[i, p] = np.exp(out[i, p] - most)
+            total += out[i, p]
+        for p in range(parts):
+            out[i, p] /= total
+    return out
 
 
 class PoseEstimator:
