@@ -176,12 +176,7 @@ def _learn(
             if person[v, u]:
                 continue
             if d <= 0.0:
-                if room[v, u] == 0.0:
-                    waited[v, u] = max(0.0, waited[v, u] - 2.0 * step)
-                elif dark < np.inf:
-                    away[v, u] += step
-                    if away[v, u] > dark:
-                        room[v, u], away[v, u], waited[v, u] = 0.0, 0.0, 0.0
+                _not_measured(room, waited, away, v, u, step, dark)
                 continue
             if room[v, u] == 0.0:
                 same = abs(d - nearer[v, u]) <= 0.04 + 0.010 * d * d
@@ -226,6 +221,17 @@ def _learn(
                     if waited[v, u] <= 0.0:
                         nearer[v, u], waited[v, u] = d, 0.0
     return compared, count_nearer, count_farther
+
+
+@njit(cache=True, nogil=True)
+def _not_measured(room, waited, away, v, u, step, dark):  # type: ignore[no-untyped-def]
+    """A pixel of which nothing is known now: after ``dark`` seconds of it the room is forgotten there."""
+    if room[v, u] == 0.0:
+        waited[v, u] = max(0.0, waited[v, u] - 2.0 * step)
+    elif dark < np.inf:
+        away[v, u] += step
+        if away[v, u] > dark:
+            room[v, u], away[v, u], waited[v, u] = 0.0, 0.0, 0.0
 
 
 @njit(cache=True, nogil=True)

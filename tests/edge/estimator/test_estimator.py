@@ -161,3 +161,8 @@ def test_a_file_of_something_else_is_refused(tmp_path):
     (tmp_path / "other.onnx").write_bytes(b"\x89PNG\r\n" + bytes(range(256)) * 40)
     with pytest.raises(InputError, match="cannot be read"):
         PoseEstimator(tmp_path / "other.onnx")
+
+
+def test_the_shipped_file_names_no_folder_of_whoever_trained_it():
+    held = ESTIMATOR.read_bytes()
+    assert b".py" not in held and b"enliven_edge" not in held
