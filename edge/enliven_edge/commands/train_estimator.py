@@ -48,7 +48,8 @@ def train_estimator(
         raise InputError("there is no such folder", where=str(output.parent), mend="Make it first.")
     try:
         from enliven_edge.estimator.album import Album, render_album
-        from enliven_edge.estimator.training import TrainingSettings, export, measure, train
+        from enliven_edge.estimator.quantising import quantise
+        from enliven_edge.estimator.training import KEPT_BACK, TrainingSettings, export, measure, train
     except ModuleNotFoundError as missing:
         raise InputError(
             f"training needs {missing.name}, which is not installed",
@@ -63,13 +64,16 @@ def train_estimator(
         else:
             rendering = progress.add_task("Rendering", total=settings.pictures)
             lessons = render_album(
-                album or Path(spare), settings.pictures, settings.frontal, settings.seed,
+                album or Path(spare) / "album", settings.pictures, settings.frontal, settings.seed,
                 lambda more: progress.advance(rendering, more),
             )  # fmt: skip
         learning = progress.add_task("Learning", total=settings.steps)
         network = train(lessons, settings, lambda _step, _network: progress.advance(learning))
-        found = measure(network, lessons)
-    export(network, output)
+        whole, small = Path(spare) / "whole.onnx", Path(spare) / "small.onnx"
+        export(network, whole)
+        quantise(whole, small, lessons, KEPT_BACK)
+        found = measure(small, lessons)
+        output.write_bytes(small.read_bytes())
     typer.echo(f"{output}: {output.stat().st_size / 1e6:.2f} MB")
     typer.echo(
         f"joints within 10 cm: {found.within[0]:.3f} told how people face, {found.within[1]:.3f} not told; "

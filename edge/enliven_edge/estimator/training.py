@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnxruntime
 import torch
 from torch import Tensor
 from torch.nn.functional import cross_entropy
@@ -106,21 +107,21 @@ def train(
     return network.eval()
 
 
-def measure(network: PoseNetwork, album: Album) -> Measured:
-    """What a network is worth on the lessons kept back."""
+def measure(path: Path, album: Album) -> Measured:
+    """What a written network is worth, as the tracker runs it, on the lessons kept back."""
+    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
     near: list[list[AnyArray]] = [[], []]
     facing, parts = [], []
-    network.eval()
-    with torch.no_grad():
-        for first in range(0, KEPT_BACK, 250):
-            batch = album.batch(np.arange(first, first + 250))
-            for k, sure in enumerate((1.0, 0.0)):
-                told = np.stack([sure * np.cos(batch.facing), sure * np.sin(batch.facing), batch.cell], 1)
-                joints, _, ways, seen = network(_tensor(batch.image), torch.from_numpy(told).float())
-                near[k].append(np.linalg.norm(joints.numpy() - batch.joints, axis=2) < 0.1)
-            facing.append(ways.argmax(1).numpy() == _ways(batch))
-            somebody = batch.parts != NOBODY
-            parts.append((seen.argmax(1).numpy() == batch.parts)[somebody])
+    for first in range(0, KEPT_BACK, 250):
+        batch = album.batch(np.arange(first, first + 250))
+        for k, sure in enumerate((1.0, 0.0)):
+            told = np.stack([sure * np.cos(batch.facing), sure * np.sin(batch.facing), batch.cell], 1)
+            given = {"image": batch.image, "told": told.astype(np.float32)}
+            joints, _, ways, seen = session.run(None, given)
+            near[k].append(np.linalg.norm(joints - batch.joints, axis=2) < 0.1)
+        facing.append(ways.argmax(1) == _ways(batch))
+        somebody = batch.parts != NOBODY
+        parts.append((seen.argmax(1) == batch.parts)[somebody])
     told_or_not = float(np.concatenate(near[0]).mean()), float(np.concatenate(near[1]).mean())
     return Measured(told_or_not, float(np.concatenate(facing).mean()), float(np.concatenate(parts).mean()))
 
