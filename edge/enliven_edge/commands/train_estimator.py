@@ -77,5 +77,5 @@ def train_estimator(
     typer.echo(f"{output}: {output.stat().st_size / 1e6:.2f} MB")
     typer.echo(
         f"joints within 10 cm: {found.within[0]:.3f} told how people face, {found.within[1]:.3f} not told; "
-        f"facing told rightly {found.facing:.3f}, parts {found.parts:.3f}"
+        f"facing told rightly {found.facing:.3f}, parts {found.parts:.3f}, people {found.somebody:.3f}"
     )

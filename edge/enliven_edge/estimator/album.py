@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.arrays import AnyArray, Float, Float32, UInt8
+from enliven.arrays import AnyArray, Bool, Float, Float32, UInt8
 from enliven.body import MIRROR
 from enliven.errors import InputError
 from enliven_edge.estimator.crop import CHANNELS, COLUMNS, ROWS
@@ -41,7 +41,7 @@ class Batch:
         image: (N, 4, 80, 64).
         parts: (N, 40, 32), NOBODY where none is.
         joints: (N, 20, 3) metres, crop coordinates.
-        facing: (N,) radians.
+        facing: (N,) radians; not a number where nobody is there.
         cell: (N,) metres.
     """
 
@@ -50,6 +50,11 @@ class Batch:
     joints: Float32
     facing: Float
     cell: Float32
+
+    @property
+    def somebody(self) -> Bool:
+        """(N,) which lessons are about a person."""
+        return np.isfinite(self.facing)
 
     def mirrored(self, some: AnyArray) -> Batch:
         """The same with left and right exchanged in those of the (N,) mask."""

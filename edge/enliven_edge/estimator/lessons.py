@@ -26,6 +26,8 @@ _FLOOR_OFF = 0.02
 _IN_THE_AIR, _HIGHEST = 0.1, 0.6
 """and the share of pictures in which people jump, or stand on something, and how high at most."""
 _LOST = (Part.HAND_LEFT, Part.FOREARM_LEFT, Part.UPPER_ARM_LEFT, Part.FOOT_LEFT, Part.SHANK_LEFT, Part.HEAD)
+_THINGS = 0.12
+"""Share of the lessons that are about no person."""
 _LOSES, _TAKES_IN, _SHREDS = 0.1, 0.1, 0.03
 """Shares of the pictures in which a limb is lost, in which something else is taken for the person, and in
 which nothing is measured but here and there."""
@@ -39,7 +41,7 @@ class Lesson:
         image: (4, 80, 64) float32, as of :class:`Crop`.
         cell: metres a cell.
         joints: (20, 3) float32 metres, crop coordinates, ordered by :class:`enliven.body.Joint`.
-        facing: radians, as of :func:`facing_of`.
+        facing: radians, as of :func:`facing_of`; not a number where it is no person, and joints are 0.
         parts: (40, 32) uint8 the part seen at every second cell, NOBODY where none is.
     """
 
@@ -51,11 +53,12 @@ class Lesson:
 
 
 def lesson(studio: Studio, dice: Dice, frontal: float) -> Lesson:
-    """A lesson about somebody; ``frontal`` is the share of people who look at the sensor."""
-    picture = studio.picture(dice, frontal=frontal)
+    """A lesson about somebody, or something; ``frontal`` is the share of people who look at the sensor."""
+    thing = dice.random() < _THINGS
+    picture = studio.thing(dice) if thing else studio.picture(dice, frontal=frontal)
     mask = picture.z > 0
     z = np.where(mask, picture.z, picture.around)
-    if dice.random() < _LOSES:
+    if not thing and dice.random() < _LOSES:
         mask &= ~_lost_limb(picture, dice)
     if not mask.any():
         return lesson(studio, dice, frontal)
@@ -70,6 +73,9 @@ def lesson(studio: Studio, dice: Dice, frontal: float) -> Lesson:
     shift = dice.normal(0.0, 1.0, 4) * _MISPLACED
     pose = picture.world_from_camera
     crop = crop_person(z.astype(np.float64), mask, picture.camera, pose, shift, raised)
+    if picture.figure is None:
+        nothing = np.full((LABEL_ROWS, LABEL_COLUMNS), NOBODY, np.uint8)
+        return Lesson(crop.image, crop.cell, np.zeros((20, 3), np.float32), np.nan, nothing)
     inverse = np.linalg.inv(pose)
     joints = picture.figure.joints @ inverse[:3, :3].T + inverse[:3, 3]
     chest = picture.figure.frames[Limb.CHEST]

@@ -25,7 +25,8 @@ USUAL_CELL, CELL_SPREAD = 0.027, 0.01
 
 
 class PoseNetwork(nn.Module):
-    """From crops and what is known of them to joints, their spread, the way people face and their parts."""
+    """From crops and what is known of them to joints, their spread, the way people face and their parts; or
+    that nobody is there."""
 
     def __init__(self, widths: tuple[int, int, int, int] = WIDTHS) -> None:
         super().__init__()
@@ -34,7 +35,7 @@ class PoseNetwork(nn.Module):
         self.down_4 = nn.Sequential(_block(a, b, stride=2), _Residual(b))
         self.down_8 = nn.Sequential(_block(b, c, stride=2), _Residual(c), _Residual(c))
         self.waist = nn.Sequential(_block(c, d, stride=2), _Residual(d))
-        self.facing = nn.Linear(d, FACINGS)
+        self.facing = nn.Linear(d, FACINGS + 1)
         self.told = nn.Linear(3, d)
         self.mixed = _Residual(d)
         self.to_8, self.up_8 = _block(d, c, size=1), _block(c, c)
@@ -54,7 +55,8 @@ class PoseNetwork(nn.Module):
 
         Returns:
             (N, 20, 3) joints in crop coordinates, metres; (N, 20) the logarithm of the mean distance, in
-            metres, that each is off; (N, 8) logits of the ways to face; (N, 17, 40, 32) logits of the parts.
+            metres, that each is off; (N, 9) logits of the ways to face, the last that of being no person;
+            (N, 17, 40, 32) logits of the parts.
         """
         half = self.down_2(image)
         quarter = self.down_4(half)

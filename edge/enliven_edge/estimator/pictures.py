@@ -15,6 +15,7 @@ from enliven.arrays import Bool, Float, Float32, UInt8
 from enliven.camera import Intrinsics, rays
 from enliven_edge.estimator.labels import NOBODY, label_pixels
 from enliven_edge.estimator.postures import random_figure
+from enliven_edge.estimator.things import piece_of_wall, random_thing
 from enliven_edge.sensors.profile import load_profile
 from enliven_edge.synthesis.flesh import PIECES, Anatomy
 from enliven_edge.synthesis.noise import DepthNoise
@@ -27,6 +28,8 @@ SENSORS = ("kinect1", "kinect2", "oak-d", "oak-d-lite", "realsense-d415", "tof")
 WIDTH = 200
 """Pixels across of the pictures."""
 _PIECE_NUMBERS = np.arange(len(PIECES), dtype=np.int64)
+_WALLS, _SUNK = 0.35, 0.08
+"""Share of the things that are pieces of a wall; and of the pictures in which feet or shanks are lost."""
 _STRAY = 0.12
 """Metres from the true surface beyond which a measurement is most often not taken for the person."""
 
@@ -41,7 +44,7 @@ class Picture:
         label: (h, w) the part, :data:`NOBODY` elsewhere.
         camera: (4,) fx, fy, cx, cy.
         world_from_camera: (4, 4).
-        figure: the truth.
+        figure: the truth; None where it shows no person but a thing.
     """
 
     z: Float32
@@ -49,7 +52,7 @@ class Picture:
     label: UInt8
     camera: Float
     world_from_camera: Float
-    figure: Figure
+    figure: Figure | None
 
 
 class Studio:
@@ -80,25 +83,32 @@ class Studio:
             if np.count_nonzero(made.z) >= 60:
                 return made
 
+    def thing(self, dice: Dice) -> Picture:
+        """What is no person, where one might be; never less than 60 pixels."""
+        while True:
+            _, figure, sensor, pose = self._placed(dice, None, None, 0.0)
+            made = _partly_hidden(self.take_thing(figure, sensor, pose, dice), dice)
+            if np.count_nonzero(made.z) >= 60:
+                return made
+
     def _try(self, dice: Dice, family: str | None, arms: str | None, frontal: float) -> Picture:
+        return _partly_hidden(self.take(*self._placed(dice, family, arms, frontal), dice), dice)
+
+    def _placed(
+        self, dice: Dice, family: str | None, arms: str | None, frontal: float
+    ) -> tuple[Performer, Figure, int, Float]:
+        """Somebody, a sensor, and the (4, 4) pose from which it looks at them."""
         performer = Performer(random_build(dice))
         yaw = dice.normal(0.0, 0.7) if dice.random() < frontal else dice.uniform(-np.pi, np.pi)
         figure = random_figure(performer, dice, yaw, family, arms)
         sensor = int(dice.integers(len(SENSORS)))
         intrinsics, _, _, _, limits = self._cameras[sensor]
         pose = _camera_pose(figure, intrinsics, max(limits.near, 0.5), min(limits.far, 4.5), dice)
-        made = self.take(performer, figure, sensor, pose, dice)
-        hidden = _hidden(made.z > 0, dice)
-        return dataclasses.replace(
-            made,
-            z=np.where(hidden, 0.0, made.z),
-            around=np.where(hidden, _hider(made.z, dice), made.around).astype(np.float32),
-            label=np.where(hidden, NOBODY, made.label).astype(np.uint8),
-        )
+        return performer, figure, sensor, pose
 
     def take(self, performer: Performer, figure: Figure, sensor: int, pose: Float, dice: Dice) -> Picture:
         """A picture of a figure by a sensor of :data:`SENSORS` that stands at the (4, 4) ``pose``."""
-        intrinsics, ray, renderer, noise, _ = self._cameras[sensor]
+        _, ray, renderer, _, _ = self._cameras[sensor]
         flesh = Anatomy(performer).place(figure, np.linalg.inv(pose).astype(np.float64))
         depth, piece = _background(ray, pose, figure, dice), np.full(ray.shape[:2], NOBODY, np.uint8)
         renderer.draw(dataclasses.replace(flesh, material=_PIECE_NUMBERS), depth, piece)
@@ -109,15 +119,67 @@ class Studio:
         label[person] = label_pixels(piece[person], world, figure, performer.scale)
         stuff = np.zeros(piece.shape, np.uint8)
         stuff[person] = flesh.material[piece[person]]
+        made = self._measured(depth, stuff, person, sensor, pose, dice)
+        return dataclasses.replace(
+            made, label=np.where(made.z > 0, label, NOBODY).astype(np.uint8), figure=figure
+        )
+
+    def take_thing(self, instead: Figure, sensor: int, pose: Float, dice: Dice) -> Picture:
+        """A picture of something else where a figure would be; the sensor and its pose as of :meth:`take`."""
+        _, ray, _, _, _ = self._cameras[sensor]
+        depth = _background(ray, pose, instead, dice)
+        if dice.random() < _WALLS:
+            inverse = np.linalg.inv(pose)
+            here = instead.joints @ inverse[:3, :3].T + inverse[:3, 3]
+            fx, fy, cx, cy = self._lens(sensor)
+            z = np.maximum(here[:, 2], 0.2)
+            rows, columns = fy * here[:, 1] / z + cy, fx * here[:, 0] / z + cx
+            size = np.array([np.ptp(rows), np.ptp(columns)]) * dice.uniform(0.4, 1.4, 2)
+            thing = piece_of_wall(depth.shape, np.array([rows.mean(), columns.mean()]), size, dice)
+            thing &= np.isfinite(depth)
+        else:
+            direction = ray[..., :1] * pose[:3, 0] + ray[..., 1:] * pose[:3, 1] + pose[:3, 2]
+            place = instead.joints[0, [0, 2]] + dice.normal(0.0, 0.15, 2)
+            entries = [solid.entry(pose[:3, 3], direction) for solid in random_thing(place, dice)]
+            nearest = np.minimum.reduce(entries)
+            thing = nearest < depth
+            depth = np.minimum(depth, nearest)
+        return self._measured(depth, np.zeros(depth.shape, np.uint8), thing, sensor, pose, dice)
+
+    def _lens(self, sensor: int) -> Float:
+        """(4,) fx, fy, cx, cy."""
+        intrinsics = self._cameras[sensor][0]
+        return np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
+
+    def _measured(
+        self, depth: Float, stuff: UInt8, one: Bool, sensor: int, pose: Float, dice: Dice
+    ) -> Picture:
+        """What a sensor and a tracker make of (h, w) metres, the materials and the pixels of somebody."""
+        _, ray, _, noise, _ = self._cameras[sensor]
         z = noise.corrupt(depth, stuff, int(dice.integers(2**31))).astype(np.float64) * 1e-3
         height = (pose[1, 0] * ray[..., 0] + pose[1, 1] * ray[..., 1] + pose[1, 2]) * z + pose[1, 3]
         stray = (np.abs(z - depth) > _STRAY) & (dice.random(z.shape) < 0.8)
-        seen = person & (z > 0) & ~stray & (height > dice.choice([-1.0, 0.03, 0.05, 0.07]))
-        camera = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
-        return Picture(
-            np.where(seen, z, 0.0).astype(np.float32), z.astype(np.float32),
-            np.where(seen, label, NOBODY).astype(np.uint8), camera, pose, figure,
-        )  # fmt: skip
+        seen = one & (z > 0) & ~stray & (height > _floor_band(dice))
+        theirs, nothing = np.where(seen, z, 0.0), np.full(z.shape, NOBODY, np.uint8)
+        lens = self._lens(sensor)
+        return Picture(theirs.astype(np.float32), z.astype(np.float32), nothing, lens, pose, None)
+
+
+def _floor_band(dice: Dice) -> float:
+    """Metres above the floor below which nothing is taken for the person: as trackers do; or more, a room
+    that was learnt while they stood there."""
+    return float(dice.uniform(0.07, 0.3) if dice.random() < _SUNK else dice.choice([-1.0, 0.03, 0.05, 0.07]))
+
+
+def _partly_hidden(made: Picture, dice: Dice) -> Picture:
+    """The picture with something before the person, in some of them."""
+    hidden = _hidden(made.z > 0, dice)
+    return dataclasses.replace(
+        made,
+        z=np.where(hidden, 0.0, made.z),
+        around=np.where(hidden, _hider(made.z, dice), made.around).astype(np.float32),
+        label=np.where(hidden, NOBODY, made.label).astype(np.uint8),
+    )
 
 
 def random_build(dice: Dice) -> Proportions:

@@ -190,6 +190,19 @@ def _leap(dice: Dice) -> Stance:
                   dice.normal(0, 0.25))  # fmt: skip
 
 
+def _high_leg(dice: Dice) -> Stance:
+    """A leg raised to the side or ahead, as far as dancers and kickers do; the trunk leans away from it."""
+    knee = abs(dice.normal(0.05, 0.1))
+    ground = _planted(0.5 * knee, knee, dice, 0.06)
+    aside = dice.uniform(0.3, 1.7)
+    up = Leg(dice.normal(0.2, 0.35), aside, dice.normal(0.3, 0.4), abs(dice.normal(0.0, 0.4)),
+             dice.normal(-0.2, 0.3))  # fmt: skip
+    left = dice.random() < 0.5
+    roll = (-1.0 if left else 1.0) * dice.uniform(0.1, 0.4) * aside
+    return Stance(up if left else ground, ground if left else up, dice.normal(0.0, 0.12), roll,
+                  dice.normal(0.1, 0.15), dice.uniform(-0.6, 0.6) * roll)  # fmt: skip
+
+
 _FAMILIES: dict[str, tuple[float, Callable[[Dice], Stance]]] = {
     "stand": (0.30, _stand),
     "lean": (0.08, _lean),
@@ -198,7 +211,8 @@ _FAMILIES: dict[str, tuple[float, Callable[[Dice], Stance]]] = {
     "kneel": (0.09, _kneel),
     "sit": (0.06, _sit),
     "bow": (0.08, _bow),
-    "one leg": (0.09, _one_leg),
+    "one leg": (0.08, _one_leg),
+    "high leg": (0.05, _high_leg),
     "lunge": (0.05, _lunge),
     "side lunge": (0.03, _sideways_lunge),
     "all fours": (0.02, _on_all_fours),

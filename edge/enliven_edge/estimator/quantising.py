@@ -53,8 +53,9 @@ class _Values(CalibrationDataReader):  # type: ignore[misc]
 
     def __init__(self, album: Album, first: int) -> None:
         batch = album.batch(np.arange(first, min(first + _LESSONS, len(album))))
-        known = np.arange(len(batch.cell)) // _AT_ONCE % 3 > 0
-        told = np.stack([known * np.cos(batch.facing), known * np.sin(batch.facing), batch.cell], 1)
+        known = batch.somebody & (np.arange(len(batch.cell)) // _AT_ONCE % 3 > 0)
+        angle = np.nan_to_num(batch.facing)
+        told = np.stack([known * np.cos(angle), known * np.sin(angle), batch.cell], 1)
         self._image, self._told = batch.image, told.astype(np.float32)
         self._next = 0
 

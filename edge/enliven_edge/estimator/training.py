@@ -60,11 +60,13 @@ class Measured:
         within: share of the joints within 10 cm when told the facing, and when not.
         facing: share of the pictures whose facing is told rightly, to an eighth of a turn.
         parts: share of the cells whose part is told rightly.
+        somebody: share of the pictures in which a person is told from a thing.
     """
 
     within: tuple[float, float]
     facing: float
     parts: float
+    somebody: float
 
 
 def train(
@@ -111,19 +113,22 @@ def measure(path: Path, album: Album) -> Measured:
     """What a written network is worth, as the tracker runs it, on the lessons kept back."""
     session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
     near: list[list[AnyArray]] = [[], []]
-    facing, parts = [], []
+    facing, parts, somebody = [], [], []
     for first in range(0, KEPT_BACK, 250):
         batch = album.batch(np.arange(first, first + 250))
+        people = batch.somebody
         for k, sure in enumerate((1.0, 0.0)):
-            told = np.stack([sure * np.cos(batch.facing), sure * np.sin(batch.facing), batch.cell], 1)
+            angle = sure * np.nan_to_num(batch.facing)
+            told = np.stack([sure * np.cos(angle), sure * np.sin(angle), batch.cell], 1)
             given = {"image": batch.image, "told": told.astype(np.float32)}
             joints, _, ways, seen = session.run(None, given)
-            near[k].append(np.linalg.norm(joints - batch.joints, axis=2) < 0.1)
-        facing.append(ways.argmax(1) == _ways(batch))
-        somebody = batch.parts != NOBODY
-        parts.append((seen.argmax(1) == batch.parts)[somebody])
-    told_or_not = float(np.concatenate(near[0]).mean()), float(np.concatenate(near[1]).mean())
-    return Measured(told_or_not, float(np.concatenate(facing).mean()), float(np.concatenate(parts).mean()))
+            near[k].append(np.linalg.norm(joints - batch.joints, axis=2)[people] < 0.1)
+        facing.append((ways[:, :FACINGS].argmax(1) == _ways(batch))[people])
+        somebody.append((ways.argmax(1) < FACINGS) == people)
+        shown = batch.parts != NOBODY
+        parts.append((seen.argmax(1) == batch.parts)[shown])
+    shares = [float(np.concatenate(each).mean()) for each in (*near, facing, parts, somebody)]
+    return Measured((shares[0], shares[1]), *shares[2:])
 
 
 def export(network: PoseNetwork, path: Path) -> None:
@@ -163,7 +168,8 @@ def _schedule(step: int, steps: int) -> float:
 def _told(batch: Batch, dice: Dice) -> Tensor:
     """(N, 3) what the network is told: the facing roughly, wrongly or not at all, and the cell."""
     count = len(batch.cell)
-    angle = batch.facing + dice.normal(0.0, _TOLD_OFF, count)
+    angle = np.where(batch.somebody, batch.facing, dice.uniform(-np.pi, np.pi, count))
+    angle += dice.normal(0.0, _TOLD_OFF, count)
     angle += np.pi * (dice.random(count) < _TOLD_WRONGLY)
     known = dice.random(count) < _TOLD
     told = np.stack([np.cos(angle) * known, np.sin(angle) * known, batch.cell], 1)
@@ -173,9 +179,10 @@ def _told(batch: Batch, dice: Dice) -> Tensor:
 def _loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: Batch) -> Tensor:
     """What is to become small."""
     joints, spread, facing, parts = out
-    off = joints - torch.from_numpy(batch.joints)
+    people = torch.from_numpy(batch.somebody)
+    off = (joints - torch.from_numpy(batch.joints))[people]
     distance = (off.square().sum(2) + 1e-6).sqrt()
-    spread = spread.clamp(_CLEAREST, _VAGUEST)
+    spread = spread[people].clamp(_CLEAREST, _VAGUEST)
     likelihood = (distance * torch.exp(-spread) + 3.0 * spread).mean()
     ways = cross_entropy(facing.float(), torch.from_numpy(_ways(batch)), label_smoothing=0.05)
     wanted = torch.from_numpy(np.where(batch.parts == NOBODY, -100, batch.parts.astype(np.int64)))
@@ -184,8 +191,9 @@ def _loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: Batch) -> Tensor:
 
 
 def _ways(batch: Batch) -> AnyArray:
-    """(N,) which of the eight ways people face."""
-    return np.round(batch.facing * FACINGS / (2.0 * np.pi)).astype(np.int64) % FACINGS
+    """(N,) which of the eight ways people face, or that nobody is there."""
+    ways = np.round(np.nan_to_num(batch.facing) * FACINGS / (2.0 * np.pi)).astype(np.int64) % FACINGS
+    return np.where(batch.somebody, ways, FACINGS)
 
 
 def _tensor(image: AnyArray) -> Tensor:

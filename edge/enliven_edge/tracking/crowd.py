@@ -33,6 +33,8 @@ _DARK, _LONG_DARK_NS = 0.01, 250_000_000
 _DECIDE_NS = 1_500_000_000
 _DOUBT_NS = 4_000_000_000
 _WHOLE, _LOOSE = 0.12, 0.4
+_FRAGMENT, _FRAGMENT_NEAR = 0.12, 0.6
+"""Square metres that a fragment of somebody shows at most, and metres in plan within which it is theirs."""
 _ZONE_MARGIN = 0.15
 """Metres outside the zone at which a performer has left it."""
 _ABOUT, _TALLER = 1.5, 0.12
@@ -246,9 +248,11 @@ class Crowd:
             view, kind, segments, self._admits, self._awaits, young=room.age < YOUNG
         )
         hold = np.zeros(view.z.shape, bool)
-        for newcomer in newcomers:
-            if newcomer.shape.free > _LOOSE:
-                hold |= newcomer.pixels
+        free = [n for n in newcomers if n.shape.free > _LOOSE]
+        for newcomer in free:
+            hold |= newcomer.pixels
+        if room.age < YOUNG:
+            hold |= _fragments(segments, [n.centre for n in free] + [p.place for p in self.people])
         alone = not self.people
         missing = bool(self.register.absent) or any(p.hidden for p in self.people)
         due = [
@@ -340,3 +344,13 @@ class Crowd:
         self.register.take(absent)
         person.id = absent.id
         person.looks = absent.looks
+
+
+def _fragments(segments: Segments, places: list[Float]) -> Bool:
+    """(h, w) small groups of pixels near somebody: a shank that is seen apart from its thigh, say."""
+    made = np.zeros(segments.labels.shape, bool)
+    for group in segments.loose:
+        beside = any(float(np.linalg.norm((group.centre - at)[[0, 2]])) < _FRAGMENT_NEAR for at in places)
+        if beside and group.area < _FRAGMENT:
+            made |= segments.group(group)
+    return made

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
+from scipy import ndimage
 
 from enliven.arrays import AnyArray, Bool, Float, UInt8
 from enliven_edge.tracking.settings import RoomSettings
@@ -25,6 +26,10 @@ the same for so long: an arm that was lost, before a hall too deep for the senso
 _DARK, _MEASURED = 2.0, 0.5
 """Seconds for which nothing is measured where the room was, before it is forgotten there, and the share of
 the known room that is to be measured meanwhile: else the lens is covered."""
+_LEVEL = 1e-3
+"""Sine below the horizon from which a ray meets the floor."""
+_PATCH, _PATCHED = 31, 0.12
+"""Pixels of a square, and the share of it that must be known to say something of the room about it."""
 _LONGEST_STEP = 0.5
 """Seconds: a gap in the stream ages nothing by more."""
 
@@ -67,7 +72,7 @@ class Room:
 
     def classify(self, view: View, near: float, far: float, floor_band: float) -> UInt8:
         """(h, w) what every pixel is: ROOM, BEFORE, UNSEEN or UNLIKELY."""
-        self._fill(view.time_ns)
+        self._fill(view, floor_band)
         return np.asarray(_classify(view.z, view.points, self.z, self._guess, near, far, floor_band))
 
     def in_front(self, z: Float, *, guess: bool) -> Bool:
@@ -120,12 +125,14 @@ class Room:
         """Somebody is seen elsewhere, or gone for good: what is left where they were is not them."""
         self._guarded[self._guarded == identity] = -1
 
-    def _fill(self, time_ns: int) -> None:
+    def _fill(self, view: View, floor_band: float) -> None:
         """Renews the guess of what was never seen, now and then."""
+        time_ns = view.time_ns
         if self._filled_ns is None or not 0 <= time_ns - self._filled_ns < _FILL_EVERY_NS:
             known = int(np.count_nonzero(self.z))
             if abs(known - self._known) > _FILL_SHARE * self.z.size or self._stale > _FILL_AFTER:
-                self._guess, self._known, self._stale = filled(self.z), known, 0
+                self._guess = guessed(self.z, view.camera.ray, view.world_from_camera, floor_band)
+                self._known, self._stale = known, 0
             self._stale += 1
             self._filled_ns = time_ns if known else None
 
@@ -250,8 +257,28 @@ def _guard(owner, ids, z, guarded, guard_z):  # type: ignore[no-untyped-def]
                         break
 
 
+def guessed(z: Float, ray: Float, world_from_camera: Float, floor_band: float) -> Float:
+    """(h, w) the room's depth, and where it was never seen what it is likely to be; 0 where nothing says so.
+
+    As deep as the nearest patch that is known; but by the floor only the floor is known, not what stands on
+    it. A few pixels say nothing: the tip of a foot that was left out of somebody.
+
+    Args:
+        z: (h, w) metres along the optical axis; 0 where nothing is known.
+        ray: (h, w, 2) x/z and y/z of the pixels.
+        floor_band: metres above the floor below which something belongs to it.
+    """
+    rise = ray @ world_from_camera[1, :2] + world_from_camera[1, 2]
+    height = world_from_camera[1, 3]
+    patches = ndimage.uniform_filter((z > 0).astype(np.float32), _PATCH) > _PATCHED
+    made = filled(np.where(patches, np.where(rise * z + height < floor_band, -z, z), 0.0))
+    made = np.where(z > 0, z, made)
+    floor = np.where(rise < -_LEVEL, -height / np.minimum(rise, -_LEVEL), 0.0)
+    return np.asarray(np.where(made < 0.0, np.maximum(floor, 0.0), made))
+
+
 def filled(z: Float) -> Float:
-    """(h, w) the depth, and where it is not known about that of the nearest known pixel (two chamfer passes).
+    """(h, w) the depth, and where it is not known that of the nearest known pixel (two chamfer passes).
 
     All 0 where nothing is known.
     """
@@ -260,33 +287,32 @@ def filled(z: Float) -> Float:
 
 @njit(cache=True, nogil=True)
 def _filled(z):  # type: ignore[no-untyped-def]
-    """Forward and backward passes that hand on the value of the nearest known pixel."""
+    """A forward and a backward pass that hand on the value of the nearest known pixel."""
     height, width = z.shape
     out, far = z.copy(), np.empty((height, width))
     for v in range(height):
         for u in range(width):
-            far[v, u] = 0.0 if z[v, u] > 0.0 else np.inf
-    for _ in range(2):
-        for v in range(height):
-            for u in range(width):
+            far[v, u] = np.inf if z[v, u] == 0.0 else 0.0
+    for v in range(height):
+        for u in range(width):
+            if u > 0:
+                _hand_on(out, far, v, u, v, u - 1, 1.0)
+            if v > 0:
+                _hand_on(out, far, v, u, v - 1, u, 1.0)
                 if u > 0:
-                    _hand_on(out, far, v, u, v, u - 1, 1.0)
-                if v > 0:
-                    _hand_on(out, far, v, u, v - 1, u, 1.0)
-                    if u > 0:
-                        _hand_on(out, far, v, u, v - 1, u - 1, 1.414)
-                    if u < width - 1:
-                        _hand_on(out, far, v, u, v - 1, u + 1, 1.414)
-        for v in range(height - 1, -1, -1):
-            for u in range(width - 1, -1, -1):
+                    _hand_on(out, far, v, u, v - 1, u - 1, 1.414)
                 if u < width - 1:
-                    _hand_on(out, far, v, u, v, u + 1, 1.0)
-                if v < height - 1:
-                    _hand_on(out, far, v, u, v + 1, u, 1.0)
-                    if u < width - 1:
-                        _hand_on(out, far, v, u, v + 1, u + 1, 1.414)
-                    if u > 0:
-                        _hand_on(out, far, v, u, v + 1, u - 1, 1.414)
+                    _hand_on(out, far, v, u, v - 1, u + 1, 1.414)
+    for v in range(height - 1, -1, -1):
+        for u in range(width - 1, -1, -1):
+            if u < width - 1:
+                _hand_on(out, far, v, u, v, u + 1, 1.0)
+            if v < height - 1:
+                _hand_on(out, far, v, u, v + 1, u, 1.0)
+                if u < width - 1:
+                    _hand_on(out, far, v, u, v + 1, u + 1, 1.414)
+                if u > 0:
+                    _hand_on(out, far, v, u, v + 1, u - 1, 1.414)
     return out
 
 

@@ -14,6 +14,7 @@ from numba import njit
 
 from enliven.arrays import Bool, Float, Int, UInt8
 from enliven.union_find import join, root_of
+from enliven_edge.tracking.belonging import given_back
 from enliven_edge.tracking.capsules import foot
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.room import ROOM, UNLIKELY, UNSEEN
@@ -103,6 +104,8 @@ def segmented(
     table = _table(view, labels, groups, owner, count)
     loose, joined = _judged(table, groups, count)
     counts = _join(owner, labels, joined, count)
+    if count > 1:
+        counts = given_back(owner, view.z, counts)
     return Segments(owner, labels, loose, counts)
 
 
