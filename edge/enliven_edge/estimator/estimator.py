@@ -14,6 +14,7 @@ from enliven.arrays import Bool, Float, Float32
 from enliven.errors import InputError
 from enliven_edge.assets import ESTIMATOR
 from enliven_edge.estimator.crop import COLUMNS, Crop, crop_person
+from enliven_edge.estimator.labels import FACINGS
 
 _DISTANCE = 3.0
 """The mean distance, in units of its scale, of the distribution that the network learns: density falls off
@@ -43,6 +44,7 @@ class Estimate:
             of it.
         parts: (17, 40, 32) logits of the parts at every second cell of the crop.
         crop: what was looked at.
+        somebody: the probability that it is a person and no thing, in [0, 1]; whatever was told.
     """
 
     joints: Float
@@ -50,6 +52,7 @@ class Estimate:
     facing: Float
     parts: Float32
     crop: Crop
+    somebody: float = 1.0
 
     @property
     def landmarks(self) -> Float:
@@ -133,7 +136,9 @@ class PoseEstimator:
             here = crop.to_camera(joints[n].astype(np.float64))
             world = here @ world_from_camera[:3, :3].T + world_from_camera[:3, 3]
             off = np.minimum(_FARTHEST, _DISTANCE * np.exp(spread[n].astype(np.float64)))
-            made.append(Estimate(world, off, _log_softmax(facing[n]), parts[n], crop))
+            ways = facing[n, :FACINGS]
+            somebody = float(np.exp(_log_softmax(facing[n])[:FACINGS]).sum())
+            made.append(Estimate(world, off, _log_softmax(ways), parts[n], crop, somebody))
         return made
 
     def estimate(

@@ -97,7 +97,7 @@ def _lost_limb(picture: Picture, dice: Dice) -> Bool:
 def _shreds(mask: Bool, dice: Dice) -> Bool:
     """(h, w) discs here and there on the person."""
     rows, columns = np.nonzero(mask)
-    reach = 0.04 * float(np.hypot(np.ptp(rows), np.ptp(columns))) * dice.uniform(0.6, 1.6)
+    reach = max(1.0, 0.04 * float(np.hypot(np.ptp(rows), np.ptp(columns))) * dice.uniform(0.6, 1.6))
     v, u = np.indices(mask.shape)
     out = np.zeros(mask.shape, bool)
     for i in dice.integers(0, len(rows), int(dice.integers(15, 50))):

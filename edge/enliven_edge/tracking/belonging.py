@@ -1,4 +1,8 @@
-"""What hangs together with somebody is theirs: pieces that another one's fit has caught are given back."""
+"""What hangs together with somebody is theirs: where people meet, the surface decides, not the nearest fit.
+
+An arm that has been lost is far from its own fit and may be near to somebody else's, above all when they hold
+hands. Its surface still begins at its own shoulder.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,59 @@ from enliven.union_find import join, root_of
 
 _HOLDS, _A_PART = 3, 0.4
 """Pixels by which a piece must touch somebody to hang together with them, and its size at most, of theirs."""
+_PLAIN = 0.1
+"""Metres from somebody's surface within which a pixel is plainly theirs."""
+
+
+def grown(owner: Int, distance: Float, z: Float) -> None:
+    """Shares out anew, in place, what lies on nobody's surface where two people meet.
+
+    It goes to whose plain pixels are nearest along the surface, pixel by pixel.
+
+    Args:
+        owner: (h, w) the index of the person whose pixel it is, or -1.
+        distance: (h, w) metres from their predicted surface.
+        z: (h, w) metres along the optical axis.
+    """
+    if _contested(owner, distance, z):
+        _grow(owner, distance, z)
+
+
+@njit(cache=True, nogil=True)
+def _contested(owner, distance, z):  # type: ignore[no-untyped-def]
+    """Whether a pixel that is not plainly somebody's touches another's."""
+    height, width = owner.shape
+    for v in range(height):
+        for u in range(width):
+            if owner[v, u] < 0:
+                continue
+            for q, p in ((v, u - 1), (v - 1, u)):
+                if q < 0 or p < 0 or owner[q, p] < 0 or owner[q, p] == owner[v, u]:
+                    continue
+                if max(distance[v, u], distance[q, p]) > _PLAIN and _near(z[v, u], z[q, p]):
+                    return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _grow(owner, distance, z):  # type: ignore[no-untyped-def]
+    """Breadth first from all plain pixels at once; what none of them reaches stays whose it was."""
+    height, width = owner.shape
+    queue, reached = np.empty(height * width, np.int64), np.zeros((height, width), np.bool_)
+    last = 0
+    for v in range(height):
+        for u in range(width):
+            if owner[v, u] >= 0 and distance[v, u] <= _PLAIN:
+                queue[last], reached[v, u], last = v * width + u, True, last + 1
+    first = 0
+    while first < last:
+        v, u = queue[first] // width, queue[first] % width
+        first += 1
+        for q, p in ((v, u - 1), (v, u + 1), (v - 1, u), (v + 1, u)):
+            if 0 <= q < height and 0 <= p < width and owner[q, p] >= 0 and not reached[q, p]:
+                if _near(z[v, u], z[q, p]):
+                    owner[q, p], reached[q, p] = owner[v, u], True
+                    queue[last], last = q * width + p, last + 1
 
 
 def given_back(owner: Int, z: Float, counts: Int) -> Int:

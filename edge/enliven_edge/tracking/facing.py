@@ -42,9 +42,10 @@ class Facing:
             eye: (3,) the sensor, world frame.
             velocity: (3,) metres a second of the hip centre.
         """
-        advantage = facing_score(seen, posture, eye) - facing_score(seen, turned_about(posture), eye)
+        turned = turned_about(posture)
+        advantage = facing_score(seen, posture, eye) - facing_score(seen, turned, eye)
         advantage += _FORWARD * _walking(velocity[[0, 2]], forward_in_plan(posture))
-        advantage += _UPRIGHT * (backward(turned_about(posture)) - backward(posture))
+        advantage += _UPRIGHT * (backward(turned) - backward(posture))
         self._frames += 1
         self._advantage += max(1.0 / _MEMORY, 1.0 / self._frames) * (advantage - self._advantage)
         if self._frames < _PATIENCE:

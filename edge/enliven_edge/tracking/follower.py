@@ -32,8 +32,9 @@ _WIDE = 0.25
 _DOUBTED, _CLEARLY = 8.5, 0.8
 """Cost of a frame, square centimetres a point, from which the person is looked for anew, and the share of it
 that must be left to believe what is found."""
-_EARLY, _AGAIN_AFTER = (4, 14), 15
-"""Frames after which somebody new is looked at once more, and between two looks at somebody doubtful."""
+_EARLY, _AGAIN_AFTER, _LONGEST = (4, 14), 15, 60
+"""Frames after which somebody new is looked at once more; between two looks at somebody doubtful, at first
+and, when nothing better was found again and again, at most."""
 _KNOWN_AFTER = 120
 """Well fitted frames after which a person's build is known."""
 _NO_AFFINITY, _NO_LANDMARKS = np.zeros((0, 0), np.float32), np.zeros((0, 5))
@@ -72,7 +73,7 @@ class Follower:
         self._bad = 0
         self._unsupported = np.zeros(20)
         self._velocity, self._time_ns = np.zeros(3), 0
-        self._since_detected, self._since_found = 0, 0
+        self._since_detected, self._since_found, self._patience = 0, 0, _AGAIN_AFTER
 
     @classmethod
     def found(
@@ -157,15 +158,17 @@ class Follower:
     ) -> tuple[Posture, FitReport] | None:
         """The person detected from scratch, where that explains a doubtful frame much better.
 
-        A detection takes long, so there is one at most every half second; and two soon after somebody was
-        found, because one frame may show a stranger badly.
+        A detection takes long, so there is one at most every half second, and fewer of them while they find
+        nothing; and two soon after somebody was found, because one frame may show a stranger badly.
         """
         self._since_detected += 1
         early = self._since_found in _EARLY
         self._since_found += 1
         height = self.settings.body_height
         now = cost(report, posture, seen, eye, height)
-        if not early and (now < _DOUBTED or self._since_detected < _AGAIN_AFTER):
+        if now < _DOUBTED:
+            self._patience = _AGAIN_AFTER
+        if not early and (now < _DOUBTED or self._since_detected < self._patience):
             return None
         self._since_detected = 0
         plain = replace(observation, affinity=_NO_AFFINITY, landmarks=_NO_LANDMARKS)
@@ -175,7 +178,9 @@ class Follower:
             supposed = supposing(shipped_estimator(), seen.estimate, observation.view[4])
         found = detect_another(self._fitter, plain, seen, eye, height, posture, supposed, known)
         if found is None or cost(found[1], found[0], seen, eye, height) > _CLEARLY * now:
+            self._patience = self._patience if early else min(2 * self._patience, _LONGEST)
             return None
+        self._patience = _AGAIN_AFTER
         self._fitted = self._fitted if known is not None else 0
         self._second_thoughts, self._facing = SecondThoughts(self._fitter), Facing()
         return found

@@ -30,10 +30,12 @@ class Looks:
     Attributes:
         lengths: (12,) metres, a running mean of the fit's.
         weight: the number of frames that count.
+        stature: metres from the floor to the crown when upright; None where it was never seen.
     """
 
     lengths: Float = field(default_factory=lambda: model.REFERENCE_LENGTHS.copy())
     weight: float = 0.0
+    stature: float | None = None
     _crowns: list[float] = field(default_factory=list)
 
     def see(self, lengths: Float, crown: float | None) -> None:
@@ -43,11 +45,7 @@ class Looks:
         if crown is not None:
             self._crowns.append(crown)
             del self._crowns[:-240]
-
-    @property
-    def stature(self) -> float | None:
-        """Metres from the floor to the crown when upright; None where it was never seen."""
-        return float(np.percentile(self._crowns, 85)) if self._crowns else None
+            self.stature = float(np.percentile(self._crowns, 85))
 
     def mismatch(self, other: Looks) -> float:
         """How unlike two people look, in squared standard deviations."""

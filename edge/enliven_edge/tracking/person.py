@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from enliven.arrays import Bool, Float, Int
 from enliven.body import Joint
@@ -166,7 +167,8 @@ def _centre(view: View, pixels: Bool) -> Float | None:
     return np.asarray(view.points[pixels].mean(0))
 
 
-_SAMPLES = np.array([0.0, 0.5, 1.0])
+_SAMPLES, _BEFORE = 3, 0.12
+"""Samples along a capsule, and metres before its surface from which something hides it."""
 _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
 
 
@@ -192,15 +194,29 @@ def trunk_shown(view: View, posture: Posture, pixels: Bool) -> float:
 def _seen(view: View, posture: Posture, pixels: Bool, capsules: slice | Int) -> tuple[Bool, Bool, Bool]:
     """(S,) of samples along the capsules: in the image, behind something, and on the (h, w) pixels."""
     ends, radii = (each[capsules] for each in posture.capsules())
-    points = (ends[:, 0, None] + _SAMPLES[:, None] * (ends[:, 1] - ends[:, 0])[:, None]).reshape(-1, 3)
-    radius = np.repeat(radii.max(1), len(_SAMPLES))
-    local = (points - view.eye) @ view.world_from_camera[:3, :3]
-    fx, fy, cx, cy = view.camera.camera
-    z = np.maximum(local[:, 2], 0.1)
-    u, v = np.rint(fx * local[:, 0] / z + cx).astype(int), np.rint(fy * local[:, 1] / z + cy).astype(int)
-    height, width = view.z.shape
-    inside = (u >= 0) & (u < width) & (v >= 0) & (v < height) & (local[:, 2] > 0.1)
-    u, v = u.clip(0, width - 1), v.clip(0, height - 1)
-    seen = view.z[v, u]
-    covered = inside & (seen > 0) & (seen < z - radius - 0.12)
-    return inside, covered, inside & pixels[v, u]
+    out = _samples(ends, radii, view.z, pixels, view.camera.camera, view.world_from_camera)
+    return out[0], out[1], out[2]
+
+
+@njit(cache=True, nogil=True)
+def _samples(ends, radii, depth, pixels, camera, pose):  # type: ignore[no-untyped-def]
+    """(3, S) see :func:`_seen`."""
+    height, width = depth.shape
+    out = np.zeros((3, len(ends) * _SAMPLES), np.bool_)
+    for n in range(out.shape[1]):
+        c, t = n // _SAMPLES, (n % _SAMPLES) / (_SAMPLES - 1)
+        x, y, z = 0.0, 0.0, 0.0
+        for b in range(3):
+            offset = ends[c, 0, b] + t * (ends[c, 1, b] - ends[c, 0, b]) - pose[b, 3]
+            x += pose[b, 0] * offset
+            y += pose[b, 1] * offset
+            z += pose[b, 2] * offset
+        if z <= 0.1:
+            continue
+        u = int(np.floor(camera[0] * x / z + camera[2] + 0.5))
+        v = int(np.floor(camera[1] * y / z + camera[3] + 0.5))
+        if 0 <= u < width and 0 <= v < height:
+            seen, radius = depth[v, u], max(radii[c, 0], radii[c, 1])
+            out[0, n], out[2, n] = True, pixels[v, u]
+            out[1, n] = 0.0 < seen < z - radius - _BEFORE
+    return out

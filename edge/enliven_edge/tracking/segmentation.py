@@ -14,7 +14,7 @@ from numba import njit
 
 from enliven.arrays import Bool, Float, Int, UInt8
 from enliven.union_find import join, root_of
-from enliven_edge.tracking.belonging import given_back
+from enliven_edge.tracking.belonging import given_back, grown
 from enliven_edge.tracking.capsules import foot
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.room import ROOM, UNLIKELY, UNSEEN
@@ -100,6 +100,8 @@ def segmented(
         ends, radii = np.stack([c[0] for c in capsules]), np.stack([c[1] for c in capsules])
         boxes = image_boxes(view, ends, radii, REACH)
         claim(view.points, kind, boxes, ends, radii, handicap, REACH, _REACH_UNLIKELY, owner, distance)
+    if count > 1:
+        grown(owner, distance, view.z)
     labels, groups = loose_groups(view.z, kind, owner)
     table = _table(view, labels, groups, owner, count)
     loose, joined = _judged(table, groups, count)
@@ -121,22 +123,37 @@ def lying_on(view: View, postures: Sequence[Posture], above: float, reach: float
 
 
 def image_boxes(view: View, ends: Float, radii: Float, reach: float) -> Int:
-    """(K, 4) top, left, bottom and right of what each person's capsules and their reach cover."""
-    mount = view.world_from_camera
-    local = (ends - mount[:3, 3]) @ mount[:3, :3]
-    fx, fy, cx, cy = view.camera.camera
-    height, width = view.z.shape
-    z = np.maximum(local[..., 2], 0.2)
-    around = radii + reach
-    u, v = fx * local[..., 0] / z + cx, fy * local[..., 1] / z + cy
-    du, dv = fx * around / z, fy * around / z
-    axes = tuple(range(1, u.ndim))
-    top, left = np.floor((v - dv).min(axes)), np.floor((u - du).min(axes))
-    bottom, right = np.ceil((v + dv).max(axes)) + 1, np.ceil((u + du).max(axes)) + 1
-    box = np.stack(
-        [top.clip(0, height), left.clip(0, width), bottom.clip(0, height), right.clip(0, width)], -1
-    )
-    return np.asarray(np.nan_to_num(box).astype(np.int64))
+    """(K, 4) top, left, bottom and right of what each person's (C, 2, 3) capsules and their reach cover."""
+    return np.asarray(_boxes(ends, radii, reach, view.camera.camera, view.world_from_camera, view.z.shape))
+
+
+@njit(cache=True, nogil=True)
+def _boxes(ends, radii, reach, camera, pose, shape):  # type: ignore[no-untyped-def]
+    """See :func:`image_boxes`; what is behind the sensor, or right before it, covers a lot."""
+    out = np.empty((len(ends), 4), np.int64)
+    for k in range(len(ends)):
+        top, left, bottom, right = np.inf, np.inf, -np.inf, -np.inf
+        for c in range(ends.shape[1]):
+            for e in range(2):
+                x, y, z = 0.0, 0.0, 0.0
+                for b in range(3):
+                    offset = ends[k, c, e, b] - pose[b, 3]
+                    x += pose[b, 0] * offset
+                    y += pose[b, 1] * offset
+                    z += pose[b, 2] * offset
+                z, around = max(z, 0.2), radii[k, c, e] + reach
+                u, v = camera[0] * x / z + camera[2], camera[1] * y / z + camera[3]
+                du, dv = camera[0] * around / z, camera[1] * around / z
+                top, bottom = min(top, v - dv), max(bottom, v + dv)
+                left, right = min(left, u - du), max(right, u + du)
+        if not (bottom > top and right > left):  # no number among them
+            out[k] = 0
+            continue
+        out[k, 0] = int(min(max(np.floor(top), 0.0), shape[0]))
+        out[k, 1] = int(min(max(np.floor(left), 0.0), shape[1]))
+        out[k, 2] = int(min(max(np.ceil(bottom) + 1.0, 0.0), shape[0]))
+        out[k, 3] = int(min(max(np.ceil(right) + 1.0, 0.0), shape[1]))
+    return out
 
 
 @njit(cache=True, nogil=True)

@@ -26,10 +26,22 @@ OWN_PARTS = {
 """What is seen where a joint is, unless something is before it."""
 
 
+def same(one: tuple, other: tuple) -> bool:
+    """Whether all arrays of two are equal; the facing of a thing is no number in both."""
+    return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(one, other, strict=True))
+
+
 @pytest.fixture(scope="module")
-def lessons() -> list[Lesson]:
+def every_lesson() -> list[Lesson]:
+    """About people, and things."""
     studio, dice = Studio(), np.random.default_rng(11)
     return [lesson(studio, dice, 0.5) for _ in range(60)]
+
+
+@pytest.fixture(scope="module")
+def lessons(every_lesson) -> list[Lesson]:
+    """Those about people."""
+    return [made for made in every_lesson if np.isfinite(made.facing)]
 
 
 @pytest.fixture(scope="module")
@@ -75,14 +87,13 @@ def shares(cases) -> tuple[float, float]:
     return float(np.mean(own)), float(np.mean(other))
 
 
-def test_the_same_dice_make_the_same_lesson(lessons):
+def test_the_same_dice_make_the_same_lesson(every_lesson):
     """Whatever the studio took pictures of before."""
     studio = Studio()
     studio.picture(np.random.default_rng(1))
     dice = np.random.default_rng(11)
-    for known in lessons[:5]:
-        again = lesson(studio, dice, 0.5)
-        assert all(np.array_equal(a, b) for a, b in zip(astuple(known), astuple(again), strict=True))
+    for known in every_lesson[:5]:
+        assert same(astuple(known), astuple(lesson(studio, dice, 0.5)))
 
 
 def test_a_joint_lies_where_its_own_part_is_seen(lessons):
@@ -105,17 +116,19 @@ def test_parts_are_where_the_person_is(lessons):
     right = []
     for made in lessons:
         person = made.image[0].reshape(LABEL_ROWS, 2, LABEL_COLUMNS, 2).mean((1, 3))
-        right.append(np.mean((made.parts != NOBODY)[person == 1.0]))
+        if (person == 1.0).any():
+            right.append(np.mean((made.parts != NOBODY)[person == 1.0]))
         assert not (made.parts != NOBODY)[person == 0.0].mean() > 0.05
     assert np.mean(right) > 0.9
+    assert len(right) > 0.8 * len(lessons), "few are seen so patchily that no cell is all theirs"
 
 
 def test_an_album_is_the_same_by_however_many_processes(folder, tmp_path):
     told = render(tmp_path, processes=3)
     assert sorted(told) == [1, 3, 3, 3], "ten lessons"
     one, other = (Album(each).batch(np.arange(10)) for each in (folder, tmp_path))
-    assert all(np.array_equal(a, b) for a, b in zip(astuple(one), astuple(other), strict=True))
-    assert len({made.tobytes() for made in one.joints}) == 10, "no lesson comes twice"
+    assert same(astuple(one), astuple(other))
+    assert len({made.tobytes() for made in one.image}) == 10, "no lesson comes twice"
 
 
 def test_a_batch_is_in_rising_order(folder):
@@ -133,8 +146,7 @@ def batch_of(folder) -> Batch:
 def test_mirroring_twice_changes_nothing(folder):
     some = np.arange(10) % 3 > 0
     twice = batch_of(folder).mirrored(some).mirrored(some)
-    for made, was in zip(astuple(twice), astuple(batch_of(folder)), strict=True):
-        assert np.array_equal(made, was)
+    assert same(astuple(twice), astuple(batch_of(folder)))
 
 
 def test_mirroring_swaps_left_and_right_of_those_asked_for(folder):
@@ -142,12 +154,11 @@ def test_mirroring_swaps_left_and_right_of_those_asked_for(folder):
     made, was = batch_of(folder).mirrored(some), batch_of(folder)
     assert np.array_equal(made.joints[some, Joint.HAND_LEFT, 0], -was.joints[some, Joint.HAND_RIGHT, 0])
     assert np.array_equal(made.joints[some, Joint.HAND_LEFT, 1:], was.joints[some, Joint.HAND_RIGHT, 1:])
-    assert np.array_equal(made.facing[some], -was.facing[some])
+    assert np.array_equal(made.facing[some], -was.facing[some], equal_nan=True)
     assert np.array_equal(made.image[some], was.image[some][..., ::-1])
     hands = (was.parts == Part.HAND_RIGHT)[some][..., ::-1]
     assert np.array_equal(made.parts[some] == Part.HAND_LEFT, hands)
-    for a, b in zip(astuple(made), astuple(was), strict=True):
-        assert np.array_equal(a[~some], b[~some])
+    assert same(*([each[~some] for each in astuple(batch)] for batch in (made, was)))
 
 
 def test_a_joint_of_a_mirrored_lesson_lies_on_its_own_part(lessons):

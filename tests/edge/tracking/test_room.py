@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from enliven.camera import Intrinsics
+from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.observation import WorkingCamera, world_points
-from enliven_edge.tracking.room import BEFORE, ROOM, UNLIKELY, UNSEEN, Room, filled, widened
+from enliven_edge.tracking.room import BEFORE, ROOM, UNLIKELY, UNSEEN, Room, filled, guessed, widened
 from enliven_edge.tracking.settings import RoomSettings
 from enliven_edge.tracking.view import View
 
@@ -229,6 +229,101 @@ def nearest(z, v, u, value):
     rows, columns = np.nonzero(z == value)
     best = np.argmin(np.hypot(rows - v, columns - u))
     return rows[best], columns[best]
+
+
+def chamfer(z):
+    """(n, h, w) steps from each known pixel to every one, a diagonal one 1.414 long, slowly."""
+    v, u = np.indices(z.shape)
+    down, right = (np.abs(x - y[:, None, None]) for x, y in zip((v, u), np.nonzero(z), strict=True))
+    return np.abs(down - right) + 1.414 * np.minimum(down, right)
+
+
+@given(st.integers(0, 1000), st.floats(0.001, 0.3))
+@settings(max_examples=40, deadline=None)
+def test_filling_takes_a_known_value_than_which_none_is_nearer(seed, share):
+    random = np.random.default_rng(seed)
+    known = random.random((13, 17)) < share
+    known[random.integers(13), random.integers(17)] = True
+    z = np.zeros(known.shape)
+    z[known] = 1 + np.arange(known.sum())
+    far, made = chamfer(z), filled(z).astype(int) - 1
+    np.testing.assert_allclose(np.take_along_axis(far, made[None], 0)[0], far.min(0), atol=1e-9)
+
+
+HALL_CAMERA = WorkingCamera(Intrinsics(96, 72, 80, 80, 47.5, 35.5), 96)
+"""What guesses of a whole room are made with."""
+FLOOR_BAND = 0.05
+
+
+def rise_of(mount):
+    """(h, w) metres that every pixel's ray rises by a metre of depth."""
+    return HALL_CAMERA.ray @ mount[1, :2] + mount[1, 2]
+
+
+def floor_of(mount):
+    """(h, w) metres to the floor along the optical axis; 0 where the ray does not go down."""
+    rise = rise_of(mount)
+    return np.where(rise < -1e-3, -mount[1, 3] / np.where(rise < -1e-3, rise, -1.0), 0.0)
+
+
+def guess(z, mount):
+    return guessed(z, HALL_CAMERA.ray, mount, FLOOR_BAND)
+
+
+@given(st.integers(0, 1000), st.floats(0.0, 1.0))
+@settings(max_examples=20, deadline=None)
+def test_what_is_known_of_the_room_is_not_guessed(seed, share):
+    random = np.random.default_rng(seed)
+    z = np.where(random.random((72, 96)) < share, random.uniform(0.5, 6.0, (72, 96)), 0.0)
+    made = guess(z, world_from_level_camera(random.uniform(0.3, 2.5), random.uniform(-0.4, 0.6)))
+    np.testing.assert_array_equal(made[z > 0], z[z > 0])
+    assert (made >= 0).all()
+
+
+def test_nothing_is_guessed_of_a_room_of_which_nothing_is_known():
+    assert not guess(np.zeros((72, 96)), world_from_level_camera(1.2)).any()
+
+
+@given(st.integers(0, 67), st.integers(0, 91), st.floats(0.5, 4.0))
+@settings(max_examples=40, deadline=None)
+def test_a_few_pixels_say_nothing_of_the_room(top, left, metres):
+    """The tip of a foot that was left out of somebody; in a corner of the image too."""
+    z = np.zeros((72, 96))
+    z[top : top + 5, left : left + 5] = metres
+    np.testing.assert_array_equal(guess(z, world_from_level_camera(1.2)), z)
+
+
+def test_a_patch_that_is_large_enough_is_the_wall():
+    z = np.zeros((72, 96))
+    z[20:34, 40:54] = 3.0
+    np.testing.assert_array_equal(guess(z, world_from_level_camera(1.2)), 3.0)
+
+
+@given(st.floats(0.5, 2.4), st.floats(-0.2, 0.5), st.floats(1.5, 5.0), st.booleans())
+@settings(max_examples=30, deadline=None)
+def test_a_room_that_is_known_to_one_side_is_guessed_on_the_other(height, tilt, wall, mirrored):
+    mount = world_from_level_camera(height, tilt)
+    floor = floor_of(mount)
+    room = np.where((floor > 0) & (floor < wall), floor, wall)
+    half = slice(48, None) if mirrored else slice(48)
+    z = np.zeros((72, 96))
+    z[:, half] = room[:, half]
+    stands = rise_of(mount) * wall + height > FLOOR_BAND + 1e-6
+    made = guess(z, mount)
+    np.testing.assert_allclose(made[room < wall], floor[room < wall])
+    assert (made[(room == wall) & stands] == wall).all()
+
+
+@given(st.integers(0, 1000), st.floats(0.5, 2.4), st.floats(-0.2, 0.5))
+@settings(max_examples=30, deadline=None)
+def test_by_the_floor_only_the_floor_is_known(seed, height, tilt):
+    """As deep as each pixel's own ray; nothing above the horizon."""
+    mount = world_from_level_camera(height, tilt)
+    floor, z = floor_of(mount), np.zeros((72, 96))
+    z[50:, 10:50] = floor[50:, 10:50]
+    z += (z > 0) * np.random.default_rng(seed).uniform(-0.01, 0.01, z.shape)
+    unknown, made = z == 0, guess(z, mount)
+    np.testing.assert_allclose(made[unknown], floor[unknown])
 
 
 @given(st.integers(0, 1000), st.integers(0, 3))

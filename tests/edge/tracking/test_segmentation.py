@@ -1,5 +1,7 @@
 """Pixels to people: the compiled kernels against slow ones, and who gets an outstretched arm."""
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -8,7 +10,7 @@ from scipy import ndimage
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.model import lengths_for_height
 from enliven_edge.tracking.observation import WorkingCamera, world_points
-from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.posture import Posture, rotation
 from enliven_edge.tracking.ranges import standing
 from enliven_edge.tracking.room import UNSEEN
 from enliven_edge.tracking.segmentation import REACH, claim, image_boxes, loose_groups, segmented
@@ -53,6 +55,57 @@ def test_pixels_go_to_the_nearest_body_within_reach(seed, apart):
     expected = np.where(exact.min(0) < REACH, exact.argmin(0), -1)
     np.testing.assert_array_equal(owner[clear], expected[clear])
     assert set(np.unique(owner[~clear])) <= {-1, 0, 1}
+
+
+def boxes_slowly(view, ends, radii, reach):
+    """(K, 4) the boxes around the discs that the capsules' ends are in the image; what is no number apart."""
+    mount, (fx, fy, cx, cy), (height, width) = view.world_from_camera, view.camera.camera, view.z.shape
+    local = (ends - mount[:3, 3]) @ mount[:3, :3]
+    z = np.maximum(local[..., 2], 0.2)
+    made = []
+    for person in range(len(ends)):
+        sides = []
+        for axis, (f, c, size) in enumerate(((fy, cy, height), (fx, cx, width))):
+            middle = (f * local[..., 1 - axis] / z + c)[person]
+            around = (f * (radii + reach) / z)[person]
+            low, high = np.floor(np.nanmin(middle - around)), np.ceil(np.nanmax(middle + around)) + 1
+            sides.append([np.clip(low, 0, size), np.clip(high, 0, size)])
+        made.append(np.transpose(sides).ravel())
+    return np.array(made)
+
+
+def random_capsules(random, people=3, count=6):
+    """(ends, radii): some behind the sensor, some right before it."""
+    near = MOUNT[:3, 3] + random.normal(0, 0.1, (people, count, 2, 3))
+    anywhere = random.normal([0, 1, -1.5], [2, 1, 2], (people, count, 2, 3))
+    ends = np.where(random.random((people, count, 1, 1)) < 0.1, near, anywhere)
+    few = random.random((people, 1, 1, 1)) < 0.5
+    return np.where(few, ends[:, :1], ends), random.uniform(0.02, 0.2, (people, count, 2))
+
+
+@given(st.integers(0, 100_000), st.floats(0.0, 0.4))
+@settings(max_examples=60, deadline=None)
+def test_the_boxes_are_those_around_the_capsules(seed, reach):
+    random = np.random.default_rng(seed)
+    ends, radii = random_capsules(random)
+    if random.random() < 0.3:
+        ends[0, 1:, random.integers(2), random.integers(3)] = np.nan
+    mount = MOUNT.copy()
+    mount[:3, :3] = rotation(*random.normal(0, 0.5, 3)) @ mount[:3, :3]
+    view = replace(view_of(np.ones((60, 80))), world_from_camera=mount)
+    boxes = image_boxes(view, ends, radii, reach)
+    np.testing.assert_array_equal(boxes, boxes_slowly(view, ends, radii, reach))
+    assert (boxes >= 0).all() and (boxes <= [60, 80, 60, 80]).all() and (boxes[:, :2] <= boxes[:, 2:]).all()
+
+
+def test_who_is_nowhere_has_an_empty_box():
+    ends, radii = random_capsules(np.random.default_rng(0))
+    view = view_of(np.ones((60, 80)))
+    expected = image_boxes(view, ends, radii, REACH)
+    expected[1], ends[1] = 0, np.nan
+    np.testing.assert_array_equal(image_boxes(view, ends, radii, REACH), expected)
+    radii[2], expected[2] = np.nan, 0
+    np.testing.assert_array_equal(image_boxes(view, ends, radii, REACH), expected)
 
 
 @given(st.integers(0, 1000))

@@ -1,0 +1,154 @@
+"""What is no person: solids are where rays meet them, things stand where they are put, and lessons say so."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from people_for_estimator import turned_at_random
+
+from enliven_edge.estimator.labels import NOBODY
+from enliven_edge.estimator.lessons import _THINGS, lesson
+from enliven_edge.estimator.pictures import Studio
+from enliven_edge.estimator.things import Solid, piece_of_wall, random_thing
+
+STEPS, FARTHEST = 1500, 6.0
+"""Samples along a ray, and how far they reach."""
+CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+SEEDS = st.integers(0, 100_000)
+
+
+@pytest.fixture(scope="module")
+def studio() -> Studio:
+    return Studio()
+
+
+def random_solid(dice) -> Solid:
+    return Solid(
+        dice.normal(0, 0.5, 3), dice.uniform(0.05, 1.0, 3), turned_at_random(dice), dice.random() < 0.5
+    )
+
+
+def holds(solid: Solid, points: np.ndarray) -> np.ndarray:
+    """Which of the (..., 3) points are inside."""
+    local = (points - solid.centre) @ solid.turn / solid.half
+    return (np.linalg.norm(local, axis=-1) if solid.round else np.abs(local).max(-1)) <= 1.0
+
+
+@given(SEEDS)
+@settings(max_examples=60, deadline=None)
+def test_a_ray_enters_where_its_first_point_inside_is(seed):
+    """Rays that meet less than a step of it aside."""
+    dice = np.random.default_rng(seed)
+    solid, eye = random_solid(dice), dice.normal(size=3)
+    eye *= dice.uniform(2.5, 3.5) / np.linalg.norm(eye)
+    towards = solid.centre + dice.normal(0, 0.6, (5, 6, 3)) - eye
+    direction = towards / np.linalg.norm(towards, axis=-1, keepdims=True)
+    along, step = np.linspace(0.0, FARTHEST, STEPS, retstep=True)
+    inside = holds(solid, eye + along[:, None, None, None] * direction)
+    first, met = along[inside.argmax(0)], inside.any(0)
+    entry = solid.entry(eye, direction)
+    assert (np.abs(entry - first)[met] <= step * 1.001).all()
+    grazed = eye + np.where(np.isfinite(entry), entry + step, 0.0)[..., None] * direction
+    assert not holds(solid, grazed)[~met].any()
+
+
+@given(SEEDS, st.booleans())
+@settings(max_examples=30, deadline=None)
+def test_a_ray_along_an_axis_meets_what_is_before_it(seed, is_round):
+    """Rays that are level with faces, and some that start beside them."""
+    dice = np.random.default_rng(seed)
+    half, beside = dice.uniform(0.1, 1.0, 3), dice.uniform(-1.5, 1.5, 2)
+    solid = Solid(np.array([0.0, 0.0, 3.0]), half, np.eye(3), is_round)
+    eye = np.array([*(beside * half[:2]), 0.0])
+    (entry,) = solid.entry(eye, np.array([[0.0, 0.0, 1.0]]))
+    if is_round:
+        square = 1.0 - (beside**2).sum()
+        expected = 3.0 - half[2] * np.sqrt(square) if square > 0 else np.inf
+    else:
+        expected = 3.0 - half[2] if np.abs(beside).max() <= 1.0 else np.inf
+    assert entry == pytest.approx(expected)
+    assert solid.entry(eye, np.array([[0.0, 0.0, -1.0]])) == np.inf, "what is behind is not met"
+
+
+@given(SEEDS, st.floats(-3, 3), st.floats(-5, 1))
+@settings(max_examples=200, deadline=None)
+def test_a_thing_stands_at_its_place(seed, x, z):
+    """Within one and a half metres, the middle of every part above the floor."""
+    made = random_thing(np.array([x, z]), np.random.default_rng(seed))
+    assert made
+    for solid in made:
+        corners = solid.centre + (solid.half * CORNERS) @ solid.turn.T
+        assert np.hypot(corners[:, 0] - x, corners[:, 2] - z).max() < 1.5
+        assert solid.centre[1] >= 0.0
+        assert (solid.half > 0).all()
+        np.testing.assert_allclose(solid.turn @ solid.turn.T, np.eye(3), atol=1e-12)
+
+
+def test_a_thing_stands_on_the_floor():
+    """Something of it touches it, or nearly; turned parts may stand a little in it."""
+    for seed in range(100):
+        made = random_thing(np.zeros(2), np.random.default_rng(seed))
+        lowest = min((s.centre + (s.half * CORNERS) @ s.turn.T)[:, 1].min() for s in made)
+        assert -0.7 < lowest < 0.1
+
+
+def test_a_piece_of_a_wall_is_mostly_about_where_and_as_large_as_asked_for():
+    has_middle, near, size_right = [], [], []
+    for seed in range(60):
+        dice = np.random.default_rng(seed)
+        middle, size = dice.uniform([40, 50], [110, 150]), dice.uniform(20, 80, 2)
+        made = piece_of_wall((150, 200), middle, size, dice)
+        assert made.dtype == bool and made.shape == (150, 200)
+        has_middle.append(made[tuple(middle.astype(int))])
+        off = np.median(np.argwhere(made), axis=0) - middle
+        near.append((np.abs(off) < 0.5 * size + 8).all())
+        size_right.append(0.3 * size.prod() < made.sum() < 2.5 * size.prod())
+    assert np.mean(has_middle) > 0.8 and np.mean(near) > 0.9 and np.mean(size_right) > 0.8
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_the_picture_of_a_thing_is_of_nobody(studio, seed):
+    made = studio.thing(np.random.default_rng(seed))
+    assert np.count_nonzero(made.z) >= 60
+    assert made.figure is None
+    assert (made.label == NOBODY).all() and made.label.shape == made.z.shape == made.around.shape
+    assert np.isfinite(made.z).all() and (made.z >= 0).all() and np.isfinite(made.around).all()
+    np.testing.assert_array_equal(made.z[made.z > 0], made.around[made.z > 0])
+
+
+def test_the_same_dice_take_the_same_picture(studio):
+    """Whatever the studio took pictures of before."""
+    for seed in range(5):
+        one, other = (each.thing(np.random.default_rng(seed)) for each in (studio, Studio()))
+        assert all(np.array_equal(a, b) for a, b in zip(astuple(one), astuple(other), strict=True))
+
+
+@pytest.fixture(scope="module")
+def lessons(studio):
+    dice = np.random.default_rng(5)
+    return [lesson(studio, dice, 0.5) for _ in range(150)]
+
+
+def test_a_lesson_about_a_thing_says_nothing_of_a_person(lessons):
+    about = [made for made in lessons if np.isnan(made.facing)]
+    assert about
+    for made in about:
+        assert (made.joints == 0).all() and made.joints.shape == (20, 3)
+        assert (made.parts == NOBODY).all()
+        assert made.image[0].any() and np.isfinite(made.image).all() and made.cell > 0
+
+
+def test_a_lesson_about_somebody_says_where_they_are(lessons):
+    for made in lessons:
+        if np.isfinite(made.facing):
+            assert np.ptp(made.joints, axis=0).max() > 0.1
+
+
+def test_so_many_lessons_are_about_things(lessons):
+    share = np.mean([np.isnan(made.facing) for made in lessons])
+    assert 0.4 * _THINGS < share < 1.8 * _THINGS

@@ -1,0 +1,190 @@
+"""What hangs together with somebody is given back to them, against a slow flood fill; and nothing else is."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven_edge.tracking.belonging import given_back
+
+PEOPLE = 3
+SHAPE = (14, 18)
+SCENES = st.integers(0, 100_000)
+
+
+def scene(seed: int, people: int = PEOPLE) -> tuple[np.ndarray, np.ndarray]:
+    """(owner, z) of patches of people, some before others or hardly on one surface, a few pixels astray."""
+    random = np.random.default_rng(seed)
+    owner, z = np.full(SHAPE, -1), 2.0 + 0.01 * random.standard_normal(SHAPE)
+    for _ in range(random.integers(2, 9)):
+        top, left = random.integers(0, SHAPE[0]), random.integers(0, SHAPE[1])
+        patch = np.s_[top : top + random.integers(1, 9), left : left + random.integers(1, 9)]
+        owner[patch] = random.integers(-1, people)
+        z[patch] += random.choice([0.0, 0.0, 0.3, 0.083])
+    astray = random.random(SHAPE) < random.choice([0.0, 0.05])
+    owner[astray] = random.integers(-1, people, astray.sum())
+    return owner, z
+
+
+def after(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> tuple[np.ndarray, np.ndarray]:
+    """(owner, counts) of what was given back."""
+    made = owner.copy()
+    counts = given_back(made, z, np.bincount(owner[owner >= 0], minlength=people))
+    return made, counts
+
+
+def neighbours(owner: np.ndarray, z: np.ndarray) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """Each person's pixel to the persons' pixels beside it that are on one surface with it."""
+    made = {(v, u): [] for v, u in product(*map(range, z.shape)) if owner[v, u] >= 0}
+    for v, u in made:
+        for before in ((v - 1, u), (v, u - 1)):
+            if before in made and abs(z[v, u] - z[before]) < 0.035 + 0.012 * z[v, u] ** 2:
+                made[v, u].append(before)
+                made[before].append((v, u))
+    return made
+
+
+def pieces(owner: np.ndarray, beside) -> list[set[tuple[int, int]]]:
+    """The pixels that hang together and are one person's, in reading order of their first."""
+    found, done = [], set()
+    for start in beside:
+        if start in done:
+            continue
+        piece, edge = {start}, [start]
+        while edge:
+            here = edge.pop()
+            new = [p for p in beside[here] if owner[p] == owner[start] and p not in piece]
+            piece.update(new)
+            edge.extend(new)
+        done |= piece
+        found.append(piece)
+    return found
+
+
+def largest(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> list[set[tuple[int, int]]]:
+    """Each person's largest piece; an empty one of who has none."""
+    parts = pieces(owner, neighbours(owner, z))
+    theirs = [[part for part in parts if owner[min(part)] == k] for k in range(people)]
+    return [max(each, key=len, default=set()) for each in theirs]
+
+
+def slowly(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> np.ndarray:
+    """Whose the pixels are, piece by piece."""
+    beside, main = neighbours(owner, z), largest(owner, z, people)
+    made = owner.copy()
+    for piece in pieces(owner, beside):
+        whose = owner[min(piece)]
+        contacts = [sum(p in main[k] for here in piece for p in beside[here]) for k in range(people)]
+        contacts[whose] = 0
+        other = int(np.argmax(contacts))
+        if piece != main[whose] and contacts[other] >= 3 and len(piece) < 0.4 * len(main[other]):
+            for pixel in piece:
+                made[pixel] = other
+    return made
+
+
+@given(SCENES)
+@settings(max_examples=150, deadline=None)
+def test_it_is_what_a_flood_fill_gives_back(seed):
+    owner, z = scene(seed)
+    np.testing.assert_array_equal(after(owner, z)[0], slowly(owner, z))
+
+
+def test_the_scenes_have_something_to_give_back():
+    changed = [not np.array_equal(after(*scene(seed))[0], scene(seed)[0]) for seed in range(100)]
+    assert 10 < sum(changed) < 90
+
+
+@given(SCENES)
+@settings(max_examples=60, deadline=None)
+def test_every_pixel_is_still_counted_once(seed):
+    owner, z = scene(seed)
+    made, counts = after(owner, z)
+    np.testing.assert_array_equal(counts, np.bincount(made[made >= 0], minlength=PEOPLE))
+    np.testing.assert_array_equal(made < 0, owner < 0)
+
+
+@given(SCENES)
+@settings(max_examples=60, deadline=None)
+def test_nobody_gives_up_their_largest_piece(seed):
+    owner, z = scene(seed)
+    made, _ = after(owner, z)
+    for k, piece in enumerate(largest(owner, z)):
+        assert all(made[pixel] == k for pixel in piece)
+
+
+@given(SCENES)
+@settings(max_examples=30, deadline=None)
+def test_who_is_alone_keeps_all(seed):
+    owner, z = scene(seed, 1)
+    made, counts = after(owner, z, 1)
+    np.testing.assert_array_equal(made, owner)
+    assert counts.tolist() == [(owner == 0).sum()]
+
+
+@given(SCENES)
+@settings(max_examples=30, deadline=None)
+def test_who_touches_nobody_on_their_surface_keeps_all(seed):
+    owner, z = scene(seed)
+    z = z + 5.0 * owner
+    np.testing.assert_array_equal(after(owner, z)[0], owner)
+
+
+def two_with_an_arm(touch: int, away: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(owner, z, arm): two blocks, and an arm of the first one's that is apart from it.
+
+    Args:
+        touch: pixels at which the arm touches the second block.
+        away: metres by which the arm is behind that.
+    """
+    owner, z = np.full((20, 40), -1), np.full((20, 40), 2.0)
+    owner[:, :10], owner[:, 25:] = 0, 1
+    arm = np.zeros(owner.shape, bool)
+    arm[:touch, 17:25] = True
+    owner[arm], z[arm] = 0, 2.0 + away
+    return owner, z, arm
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("touch", [3, 4, 8])
+def test_an_arm_that_hangs_together_with_the_other_goes_to_them(touch, mirrored):
+    owner, z, arm = two_with_an_arm(touch)
+    if mirrored:
+        owner, z, arm = (np.ascontiguousarray(each[::-1, ::-1]) for each in (owner, z, arm))
+    made, counts = after(owner, z, 2)
+    assert (made[arm] == 1).all()
+    np.testing.assert_array_equal(made[~arm], owner[~arm])
+    assert counts.tolist() == [200, 300 + arm.sum()]
+
+
+def test_who_hardly_touches_the_other_stays():
+    owner, z, _ = two_with_an_arm(2)
+    np.testing.assert_array_equal(after(owner, z, 2)[0], owner)
+
+
+def test_an_arm_across_a_depth_edge_from_the_other_stays():
+    owner, z, _ = two_with_an_arm(8, away=0.15)
+    np.testing.assert_array_equal(after(owner, z, 2)[0], owner)
+
+
+def test_an_arm_that_hangs_together_with_its_owner_stays():
+    owner, z, _ = two_with_an_arm(8)
+    owner[4, 10:17] = 0
+    np.testing.assert_array_equal(after(owner, z, 2)[0], owner)
+
+
+def test_what_is_nearly_as_large_as_the_other_is_no_part_of_them():
+    """Somebody large enough may be a person, though another's fit has caught a piece of theirs."""
+    owner, z, arm = two_with_an_arm(18)
+    assert 0.4 * (owner == 1).sum() <= arm.sum()
+    np.testing.assert_array_equal(after(owner, z, 2)[0], owner)
+
+
+def test_who_has_no_pixels_gets_none():
+    owner, z, arm = two_with_an_arm(8)
+    made, counts = after(owner, z, 3)
+    assert (made[arm] == 1).all() and counts[2] == 0

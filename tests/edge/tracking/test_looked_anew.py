@@ -1,0 +1,86 @@
+"""Somebody doubtful is looked for anew now and then: more and more rarely while nothing better is found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from postures_seen_for_tests import CAMERA, MOUNT, picture
+
+from enliven.camera import Intrinsics
+from enliven_edge.tracking import follower, ranges
+from enliven_edge.tracking.fit import Fitter
+from enliven_edge.tracking.follower import Follower
+from enliven_edge.tracking.model import lengths_for_height
+from enliven_edge.tracking.observation import WorkingCamera, world_points
+from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.settings import FitSettings, TrackerSettings
+from enliven_edge.tracking.view import View
+
+FEW = TrackerSettings(estimator=False, fit=FitSettings(points=60))
+KNOWN = 16
+"""Frames after which somebody new has been looked at once more, twice."""
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """(view, pixels, posture) of somebody who stands still."""
+    posture = Posture(np.array([0.0, 0.95, -2.5]), ranges.standing(), lengths_for_height(1.7))
+    z, mask = picture(posture)
+    camera = WorkingCamera(Intrinsics(160, 120, *CAMERA), 160)
+    return View(0, z, world_points(z, camera.ray, MOUNT), camera, MOUNT), mask, posture
+
+
+@pytest.fixture
+def looks(scene, monkeypatch):
+    """(frames, doubtful, finds) to the frames in which the person is looked for anew.
+
+    ``doubtful`` says of a frame whether it explains the person badly, ``finds`` whether a look would find
+    something better.
+    """
+
+    def watched(frames: int, doubtful, finds=lambda frame: False) -> list[int]:
+        view, mask, posture = scene
+        someone, found = Follower(FEW, Fitter(FEW.fit), posture.copy()), []
+
+        def detect_another(fitter, observation, *_):
+            found.append(frame)
+            if not finds(frame):
+                return None
+            made, report = fitter.fit(observation, posture)
+            return made, replace(report, energy=-1e6)
+
+        monkeypatch.setattr(follower, "detect_another", detect_another)
+        for frame in range(frames):
+            monkeypatch.setattr(follower, "_DOUBTED", -np.inf if doubtful(frame) else np.inf)
+            moment = replace(view, time_ns=frame * 33_333_333)
+            assert someone.follow(moment, mask)
+        return found
+
+    return watched
+
+
+def test_who_is_explained_well_is_looked_at_twice_soon_after_they_were_found(looks):
+    assert looks(80, lambda frame: False) == [4, 14]
+
+
+def test_looks_that_find_nothing_become_rarer(looks):
+    found = looks(260, lambda frame: frame >= KNOWN)
+    assert found[:2] == [4, 14]
+    assert np.diff(found[1:]).tolist() == [15, 30, 60, 60, 60]
+
+
+def test_a_good_frame_brings_the_patience_back(looks):
+    found = looks(175, lambda frame: frame >= KNOWN and frame != 70)
+    assert found[2:] == [29, 59, 74, 104, 164]
+
+
+def test_a_look_that_finds_something_brings_the_patience_back(looks):
+    found = looks(150, lambda frame: frame >= KNOWN, finds=lambda frame: frame == 59)
+    assert found[2:] == [29, 59, 74, 104]
+
+
+def test_who_is_doubtful_from_the_first_is_looked_for_as_soon_as_who_becomes_so(looks):
+    """The two early looks are besides."""
+    assert np.diff(looks(80, lambda frame: True)[1:]).tolist() == [15, 30]

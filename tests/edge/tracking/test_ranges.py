@@ -1,0 +1,64 @@
+"""How far joints turn: what performers do is free, what nobody can is not, left and right alike."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from enliven_edge.tracking import model, ranges, terms
+from enliven_edge.tracking.posture import rotation
+
+
+def cost(rotations) -> float:
+    """The energy of rotations outside the ranges."""
+    nothing = np.zeros((42, 42)), np.zeros(42)
+    return terms.joint_ranges(
+        *nothing, rotations, ranges.MIDDLE, ranges.REACH, 1.0, model.DOF_FRAME, model.DOF_AXIS
+    )
+
+
+def with_thigh(side: int, **turn: float):
+    """Somebody who stands with one thigh turned from hanging; the right one as in a mirror."""
+    made = ranges.standing()
+    made[model.THIGH_L] = rotation(**turn)
+    return made if side == model.THIGH_L else ranges.mirrored(made)
+
+
+SIDES = pytest.mark.parametrize("side", [model.THIGH_L, model.THIGH_R])
+
+
+@SIDES
+@pytest.mark.parametrize(
+    "turn",
+    [
+        {"z": np.deg2rad(85)},
+        {"z": np.deg2rad(60), "x": -0.3},
+        {"x": -1.9},
+        {"x": 0.5},
+        {"x": -1.2, "z": 0.7},
+        {"z": -0.3},
+    ],
+    ids=["out to the side", "a side kick", "knee to the chest", "behind", "out and forward", "across"],
+)
+def test_a_thigh_goes_where_a_dancer_moves_it(side, turn):
+    assert cost(with_thigh(side, **turn)) == 0.0
+
+
+@SIDES
+@pytest.mark.parametrize(
+    "turn", [{"z": 2.2}, {"z": -1.2}, {"x": 1.5}, {"y": 1.5}], ids=["up", "across", "back", "twisted"]
+)
+def test_a_thigh_goes_no_farther_than_a_hip_lets_it(side, turn):
+    assert cost(with_thigh(side, **turn)) > 0.0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_a_posture_costs_its_mirror_image_costs(seed):
+    random = np.random.default_rng(seed)
+    turns = random.normal(0, 0.8, (13, 3))
+    posture = np.stack([rotation(x=x, y=y, z=z) for x, y, z in turns])
+    assert cost(posture) == pytest.approx(cost(ranges.mirrored(posture)))
+
+
+def test_who_just_stands_there_costs_nothing():
+    assert cost(ranges.RELAXED) == 0.0

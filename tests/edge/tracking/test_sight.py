@@ -1,0 +1,117 @@
+"""How much of somebody is in sight: behind something, outside the image, and of the trunk that is shown."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.camera import Intrinsics, world_from_level_camera
+from enliven_edge.tracking import model
+from enliven_edge.tracking.gauss_newton import stepped
+from enliven_edge.tracking.observation import WorkingCamera, world_points
+from enliven_edge.tracking.person import sight, trunk_shown
+from enliven_edge.tracking.posture import Posture, rotation
+from enliven_edge.tracking.ranges import standing
+from enliven_edge.tracking.view import View
+
+CAMERA = WorkingCamera(Intrinsics(80, 60, 50, 48, 39.2, 29.7), 80)
+MOUNT = world_from_level_camera(1.2)
+SHAPE = (60, 80)
+TRUNK = (model.PELVIS, model.CHEST, model.HEAD)
+
+
+def view_of(z, mount=MOUNT):
+    return View(0, z, world_points(z, CAMERA.ray, mount), CAMERA, mount)
+
+
+def person(z=-2.5, x=0.0):
+    return Posture(np.array([x, 0.95, z]), standing(), lengths=model.lengths_for_height(1.75))
+
+
+def wall(metres=4.0):
+    return np.full(SHAPE, float(metres))
+
+
+def random_person(random) -> Posture:
+    """Somebody whose limbs are anyhow, somewhere about the sensor, behind it too."""
+    start = Posture(random.normal([0, 1, -1.5], [1, 0.3, 1.2]), standing(), model.lengths_for_height(1.7))
+    step = np.concatenate([np.zeros(3), random.normal(0, 0.7, model.DOFS - 3), np.zeros(12)])
+    return Posture(
+        *stepped(start.position, start.rotations, start.lengths, step, model.DOF_FRAME, model.DOF_AXIS)
+    )
+
+
+def random_view(random) -> View:
+    """Depth of anything, and holes, seen by a sensor that is turned a little."""
+    z = random.uniform(0.3, 4.0, SHAPE) * (random.random(SHAPE) > 0.2)
+    mount = MOUNT.copy()
+    x, y, roll = random.normal(0, 0.4, 3)
+    mount[:3, :3] = rotation(x=x, y=y, z=roll) @ mount[:3, :3]
+    mount[:3, 3] += random.normal(0, 0.3, 3)
+    return view_of(z, mount)
+
+
+def samples_slowly(view: View, posture: Posture, pixels, frames=range(13)):
+    """(S,) of the ends and the middle of the frames' capsules: in the image, behind something, on pixels."""
+    made = []
+    camera_from_world = np.linalg.inv(view.world_from_camera)
+    fx, fy, cx, cy = view.camera.camera
+    for frame, (a, b), radii in zip(model.CAPSULES.frame, *posture.capsules(), strict=True):
+        if frame not in frames:
+            continue
+        for point in (a, 0.5 * (a + b), b):
+            x, y, z = camera_from_world[:3, :3] @ point + camera_from_world[:3, 3]
+            if z <= 0.1:
+                made.append((False, False, False))
+                continue
+            v, u = round(fy * y / z + cy), round(fx * x / z + cx)
+            if not (0 <= v < SHAPE[0] and 0 <= u < SHAPE[1]):
+                made.append((False, False, False))
+                continue
+            made.append((True, 0 < view.z[v, u] < z - radii.max() - 0.12, bool(pixels[v, u])))
+    return np.array(made).T
+
+
+@given(st.integers(0, 100_000))
+@settings(max_examples=60, deadline=None)
+def test_what_hides_somebody_is_told_as_sample_by_sample(seed):
+    random = np.random.default_rng(seed)
+    view, posture, owner = random_view(random), random_person(random), random.integers(-1, 2, SHAPE)
+    inside, behind, own = samples_slowly(view, posture, owner == 1)
+    assert sight(view, posture, owner, 1) == pytest.approx((np.mean(behind & ~own), np.mean(~inside)))
+
+
+@given(st.integers(0, 100_000), st.floats(0.0, 1.0))
+@settings(max_examples=60, deadline=None)
+def test_the_trunk_that_is_shown_is_told_as_sample_by_sample(seed, share):
+    """Of what is due: in the image, and not behind something else; of all of it where little is due."""
+    random = np.random.default_rng(seed)
+    view, posture, pixels = random_view(random), random_person(random), random.random(SHAPE) < share
+    inside, behind, own = samples_slowly(view, posture, pixels, TRUNK)
+    due = inside & (own | ~behind)
+    expected = np.count_nonzero(own & due) / (due.sum() if due.mean() >= 0.25 else len(due))
+    assert trunk_shown(view, posture, pixels) == pytest.approx(expected)
+
+
+def test_who_stands_free_is_all_in_sight():
+    assert sight(view_of(wall()), person(), np.full(SHAPE, -1), 0) == (0.0, 0.0)
+    assert trunk_shown(view_of(wall()), person(), np.ones(SHAPE, bool)) == 1.0
+    assert trunk_shown(view_of(wall()), person(), np.zeros(SHAPE, bool)) == 0.0
+
+
+def test_a_board_before_somebody_hides_them_but_not_behind_their_own_pixels():
+    board = view_of(wall(1.0))
+    assert sight(board, person(), np.full(SHAPE, -1), 0) == (1.0, 0.0)
+    assert sight(board, person(), np.zeros(SHAPE, np.int64), 0) == (0.0, 0.0)
+
+
+def test_where_nothing_is_measured_nobody_is_hidden():
+    assert sight(view_of(np.zeros(SHAPE)), person(), np.full(SHAPE, -1), 0) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("away", [person(z=2.0), person(x=9.0)])
+def test_who_is_beside_or_behind_the_sensor_is_outside_the_image(away):
+    assert sight(view_of(wall(1.0)), away, np.full(SHAPE, -1), 0) == (0.0, 1.0)
+    assert trunk_shown(view_of(wall(1.0)), away, np.ones(SHAPE, bool)) == 0.0
