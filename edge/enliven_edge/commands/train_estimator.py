@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
@@ -47,15 +48,18 @@ def train_estimator(
     if not output.absolute().parent.is_dir():
         raise InputError("there is no such folder", where=str(output.parent), mend="Make it first.")
     try:
-        from enliven_edge.estimator.album import Album, render_album
-        from enliven_edge.estimator.quantising import quantise
-        from enliven_edge.estimator.training import KEPT_BACK, TrainingSettings, export, measure, train
+        for needed in ("torch", "onnx", "onnxscript"):
+            import_module(needed)
     except ModuleNotFoundError as missing:
         raise InputError(
             f"training needs {missing.name}, which is not installed",
             where="train-estimator",
             mend='Install it: pip install "enliven-edge[training]".',
         ) from None
+    from enliven_edge.estimator.album import Album, render_album
+    from enliven_edge.estimator.quantising import quantise
+    from enliven_edge.estimator.training import KEPT_BACK, TrainingSettings, export, measure, train
+
     values = {"pictures": pictures, "steps": steps, "seed": seed}
     settings = load_settings(TrainingSettings, values, where="train-estimator")
     with tempfile.TemporaryDirectory() as spare, Progress(transient=True) as progress:

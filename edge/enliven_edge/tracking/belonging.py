@@ -63,10 +63,10 @@ def _grow(owner, distance, z):  # type: ignore[no-untyped-def]
         v, u = queue[first] // width, queue[first] % width
         first += 1
         for q, p in ((v, u - 1), (v, u + 1), (v - 1, u), (v + 1, u)):
-            if 0 <= q < height and 0 <= p < width and owner[q, p] >= 0 and not reached[q, p]:
-                if _near(z[v, u], z[q, p]):
-                    owner[q, p], reached[q, p] = owner[v, u], True
-                    queue[last], last = q * width + p, last + 1
+            inside = 0 <= q < height and 0 <= p < width
+            if inside and owner[q, p] >= 0 and not reached[q, p] and _near(z[v, u], z[q, p]):
+                owner[q, p], reached[q, p] = owner[v, u], True
+                queue[last], last = q * width + p, last + 1
 
 
 def given_back(owner: Int, z: Float, counts: Int) -> Int:

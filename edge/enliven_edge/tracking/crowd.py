@@ -18,6 +18,7 @@ from enliven_edge.tracking.model import height_of
 from enliven_edge.tracking.newcomers import YOUNG, Newcomer, Newcomers
 from enliven_edge.tracking.person import UNDECIDED, Person, sight
 from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.recognition import recognise
 from enliven_edge.tracking.room import Room
 from enliven_edge.tracking.search import TRIES, Search
 from enliven_edge.tracking.segmentation import Segments, segmented
@@ -213,7 +214,9 @@ class Crowd:
     def _settle(self, glance: _Glance, view: View) -> None:
         """One person after a frame: fitted, carried along, hidden or gone."""
         person = glance.person
-        if glance.behind:
+        if glance.behind and person.fleeting:
+            self._refuse(person, view.time_ns)
+        elif glance.behind:
             person.hide(view.time_ns)
         elif glance.fitted:
             if person.follower.lost or not self.zone.holds(person.place, _ZONE_MARGIN):
@@ -247,6 +250,8 @@ class Crowd:
         newcomers = self._newcomers.update(
             view, kind, segments, self._admits, self._awaits, young=room.age < YOUNG
         )
+        if self.settings.estimator:
+            recognise(newcomers, view)
         hold = np.zeros(view.z.shape, bool)
         free = [n for n in newcomers if n.shape.free > _LOOSE]
         for newcomer in free:
@@ -303,6 +308,7 @@ class Crowd:
                 looks.see(follower.posture.lengths, newcomer.shape.crown)
             person = Person(UNDECIDED, follower, looks, view.time_ns)
             person.doubted = not (newcomer.convincing or newcomer.awaited)
+            person.shapely = newcomer.shape.upright
             self.people.append(person)
             self._decide(view.time_ns)
         self._newcomers.drop(newcomer)

@@ -23,7 +23,7 @@ from enliven_edge.tracking.segmentation import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.view import View
 
-_GOOD, _ACCEPTABLE = 0.6, 0.45
+_GOOD, _ACCEPTABLE = 0.68, 0.45
 _SUPPORT, _VISIBLE = NAMES.index("support"), NAMES.index("visible")
 _EXPLAINED = 0.93
 """Share of the points; a frame that is explained less is looked at twice."""
@@ -32,15 +32,18 @@ _WIDE = 0.25
 _DOUBTED, _CLEARLY = 8.5, 0.8
 """Cost of a frame, square centimetres a point, from which the person is looked for anew, and the share of it
 that must be left to believe what is found."""
-_EARLY, _AGAIN_AFTER, _LONGEST = (4, 14), 15, 60
+_EARLY, _AGAIN_AFTER, _LONGEST, _WORSE = (4, 14), 15, 60, 1.2
 """Frames after which somebody new is looked at once more; between two looks at somebody doubtful, at first
-and, when nothing better was found again and again, at most."""
+and, when nothing better was found again and again, at most; and the cost, of that of the last look in vain,
+from which the next one is as soon as the first."""
 _KNOWN_AFTER = 120
 """Well fitted frames after which a person's build is known."""
 _NO_AFFINITY, _NO_LANDMARKS = np.zeros((0, 0), np.float32), np.zeros((0, 5))
 _SPEED_MEMORY = 0.4
 """Seconds over which the speed of walking is averaged."""
 _SOME_POINTS = np.log1p(4)
+_HARDLY = 0.02
+"""Probability of being a person below which nobody is looked for in something."""
 _BESIDE, _MOSTLY = 0.12, 0.5
 """Metres from a surface beyond which something else is, and the share of a group that must be the person."""
 FEWEST_PIXELS = 60
@@ -57,6 +60,7 @@ class Follower:
         confidence: (20,) of its joints, in [0, 1]; all 0 in a frame that did not show the person.
         evidence: (20, 17) what the last frame said for and against every joint.
         lost: whether the fit has been bad for longer than the settings allow.
+        somebody: how likely the network finds it by the last frame that this is a person, in [0, 1].
     """
 
     def __init__(self, settings: TrackerSettings, fitter: Fitter, posture: Posture) -> None:
@@ -65,6 +69,7 @@ class Follower:
         self.confidence = np.zeros(20)
         self.evidence = np.zeros((20, len(NAMES)))
         self.lost = False
+        self.somebody = 1.0
         self._fitter = fitter
         self._second_thoughts = SecondThoughts(fitter)
         self._facing = Facing()
@@ -73,7 +78,8 @@ class Follower:
         self._bad = 0
         self._unsupported = np.zeros(20)
         self._velocity, self._time_ns = np.zeros(3), 0
-        self._since_detected, self._since_found, self._patience = 0, 0, _AGAIN_AFTER
+        self._since_detected, self._since_found = 0, 0
+        self._patience, self._in_vain = _AGAIN_AFTER, np.inf
 
     @classmethod
     def found(
@@ -86,6 +92,8 @@ class Follower:
         seen, supposed = None, None
         if settings.estimator:
             seen = _look(view, pixels, observation, None)
+            if seen.estimate.somebody < _HARDLY:
+                return None
             supposed = supposing(shipped_estimator(), seen.estimate, view.world_from_camera)
         posture, report = detect(fitter, observation, view.eye, settings.body_height, seen, supposed)
         if quality(report) < _GOOD:
@@ -95,6 +103,7 @@ class Follower:
                 cls.found(view, bare, settings, fitter) if _MOSTLY < bare.sum() / pixels.sum() < 1.0 else None
             )
         follower = cls(settings, fitter, posture)
+        follower.somebody = 1.0 if seen is None else seen.estimate.somebody
         follower._vouch(report, observation, seen)
         return follower, quality(report)
 
@@ -118,6 +127,7 @@ class Follower:
         seen = None
         if self.settings.estimator:
             seen = _look(view, pixels, observation, facing(predicted, view.eye))
+            self.somebody = seen.estimate.somebody
             observation = _guided(observation, seen, self.settings.fit.affinity)
         posture, report = self._fitted_to(observation, predicted, self._proportions())
         certain = _capsule_confidence(report, observation, posture)
@@ -166,7 +176,7 @@ class Follower:
         self._since_found += 1
         height = self.settings.body_height
         now = cost(report, posture, seen, eye, height)
-        if now < _DOUBTED:
+        if now < _DOUBTED or now > _WORSE * self._in_vain:
             self._patience = _AGAIN_AFTER
         if not early and (now < _DOUBTED or self._since_detected < self._patience):
             return None
@@ -179,6 +189,7 @@ class Follower:
         found = detect_another(self._fitter, plain, seen, eye, height, posture, supposed, known)
         if found is None or cost(found[1], found[0], seen, eye, height) > _CLEARLY * now:
             self._patience = self._patience if early else min(2 * self._patience, _LONGEST)
+            self._in_vain = now
             return None
         self._patience = _AGAIN_AFTER
         self._fitted = self._fitted if known is not None else 0

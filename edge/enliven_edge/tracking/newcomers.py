@@ -42,13 +42,14 @@ class Newcomer:
         crowns: metres above the floor of its top, frame by frame.
         bystander: whether it is out of the zone, or locked out.
         awaited: whether somebody was lost about here, who may be in any posture.
+        recognised: whether the network takes it for a person.
     """
 
     def __init__(self, centre: Float, time_ns: int) -> None:
         self.centre = centre
         self.crowns: list[float] = []
         self.frames, self.area = 0, 0.0
-        self.bystander = self.awaited = self.refused = False
+        self.bystander = self.awaited = self.refused = self.recognised = False
         self.seen_ns = self.first_ns = time_ns
         self.before = self.plain = 0.0
         self.group: Loose | None = None
@@ -56,6 +57,7 @@ class Newcomer:
         self.shape: Shape
         self.pixels: Bool
         self._next_ns, self._wait_ns = time_ns, _BACK_OFF_NS
+        self._asked_ns: int | None = None
 
     def update(
         self,
@@ -100,7 +102,17 @@ class Newcomer:
         stout = self.area > _STOUT * self.shape.crown**2
         whole = self.shape.cut or (self.shape.crown > _TALL and stout)
         slim = self.shape.cut or self.area < _BULKY * self.shape.crown**2
-        return self.shape.upright and whole and slim and self.area > _LEAST and not self.refused
+        stands = self.shape.upright and whole and slim
+        return (stands or self.recognised) and self.area > _LEAST and not self.refused
+
+    def puzzles(self, time_ns: int) -> bool:
+        """Whether its shape does not convince, so that the network is to be asked, now and then."""
+        if self.area < _LEAST or self.refused or (self.convincing and not self.recognised):
+            return False
+        if self._asked_ns is not None and 0 <= time_ns - self._asked_ns < _CHECK_NS:
+            return False
+        self._asked_ns = time_ns
+        return True
 
     @property
     def tall(self) -> bool:

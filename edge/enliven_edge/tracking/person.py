@@ -18,6 +18,9 @@ _TRAVELLED, _MOVED = 0.15, 0.1
 _FASTEST, _SLOWING = 2.0, 0.5
 _UNSURE, _SPREADING = 0.35, 0.7
 _FAITH, _SUREST, _VAGUE, _BARELY_KNOWN = 0.1, 6, 0.4, 20
+_DOUBT, _THING, _MAYBE, _HARDLY_SEEN = 0.2, 0.4, 0.8, 3
+"""Weight of a frame in the mean probability of being a person; that below which somebody new is none, and
+below which somebody seen in so few frames may be none."""
 UNDECIDED = 0
 
 
@@ -33,20 +36,21 @@ class Person:
         hidden_ns: since when something stands before them, or None.
         travelled: whether they have moved as no thing does.
         doubted: whether they have yet to move to be believed.
+        shapely: whether they were found in a person's outline, a head above shoulders.
     """
 
     def __init__(self, identity: int, follower: Follower, looks: Looks, time_ns: int) -> None:
         self.id, self.follower, self.looks = identity, follower, looks
         self.seen_ns = self.found_ns = time_ns
         self.hidden_ns: int | None = None
-        self.travelled = self.doubted = False
+        self.travelled = self.doubted = self.shapely = False
         self._first_joints: Float | None = None
         self._start = follower.posture.position.copy()
         self._centre: Float | None = None
         self._velocity = np.zeros(3)
         self._time_ns = time_ns
         self._turn = 0
-        self._clear = 1.0
+        self._clear = self._somebody = 1.0
 
     @property
     def place(self) -> Float:
@@ -55,8 +59,15 @@ class Person:
 
     @property
     def vague(self) -> bool:
-        """Whether hardly any joint has been seen since they were found: a thing, most likely."""
-        return self._clear < _VAGUE and self.looks.weight < _BARELY_KNOWN
+        """Whether hardly any joint has been seen since they were found, or the network doubts that they are
+        one: a thing, most likely."""
+        odd = self._somebody < _THING and not (self.shapely or self.travelled)
+        return (self._clear < _VAGUE or odd) and self.looks.weight < _BARELY_KNOWN
+
+    @property
+    def fleeting(self) -> bool:
+        """Whether it is not worth waiting for them when they are hidden: hardly seen, and maybe a thing."""
+        return self._somebody < _MAYBE and not self.travelled and self.looks.weight < _HARDLY_SEEN
 
     def expected(self) -> Posture:
         """Where they are expected in the next frame."""
@@ -85,6 +96,7 @@ class Person:
         good = self.follower.follow(view, pixels)
         surest = float(np.sort(self.follower.confidence)[-_SUREST:].mean())
         self._clear += _FAITH * (surest - self._clear)
+        self._somebody += _DOUBT * (self.follower.somebody - self._somebody)
         if good:
             self._seen(view, pixels, self.place - before, whole=whole)
         return good

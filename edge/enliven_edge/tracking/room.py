@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy import ndimage
 
 from enliven.arrays import AnyArray, Bool, Float, UInt8
+from enliven_edge.tracking.guess import guessed
 from enliven_edge.tracking.settings import RoomSettings
 from enliven_edge.tracking.view import View
 
@@ -26,10 +26,6 @@ the same for so long: an arm that was lost, before a hall too deep for the senso
 _DARK, _MEASURED = 2.0, 0.5
 """Seconds for which nothing is measured where the room was, before it is forgotten there, and the share of
 the known room that is to be measured meanwhile: else the lens is covered."""
-_LEVEL = 1e-3
-"""Sine below the horizon from which a ray meets the floor."""
-_PATCH, _PATCHED = 31, 0.12
-"""Pixels of a square, and the share of it that must be known to say something of the room about it."""
 _LONGEST_STEP = 0.5
 """Seconds: a gap in the stream ages nothing by more."""
 
@@ -74,16 +70,6 @@ class Room:
         """(h, w) what every pixel is: ROOM, BEFORE, UNSEEN or UNLIKELY."""
         self._fill(view, floor_band)
         return np.asarray(_classify(view.z, view.points, self.z, self._guess, near, far, floor_band))
-
-    def in_front(self, z: Float, *, guess: bool) -> Bool:
-        """(h, w) pixels that are known and stand before the room.
-
-        Args:
-            guess: where the room was never seen, it is as deep as where it was seen nearest in the image, so
-                that the wall behind somebody who left is not taken for somebody. Else anything there counts.
-        """
-        room = filled(self.z) if guess else self.z
-        return np.asarray((z > 0) & ((room == 0) | (z < room - (0.05 + 0.012 * z * z))))
 
     def learn(
         self, z: Float, person: Bool, time_ns: int | None = None, hold: Bool | None = None
@@ -255,73 +241,6 @@ def _guard(owner, ids, z, guarded, guard_z):  # type: ignore[no-untyped-def]
                     if guarded[v, u] == i:
                         guarded[v, u] = -1
                         break
-
-
-def guessed(z: Float, ray: Float, world_from_camera: Float, floor_band: float) -> Float:
-    """(h, w) the room's depth, and where it was never seen what it is likely to be; 0 where nothing says so.
-
-    As deep as the nearest patch that is known; but by the floor only the floor is known, not what stands on
-    it. A few pixels say nothing: the tip of a foot that was left out of somebody.
-
-    Args:
-        z: (h, w) metres along the optical axis; 0 where nothing is known.
-        ray: (h, w, 2) x/z and y/z of the pixels.
-        floor_band: metres above the floor below which something belongs to it.
-    """
-    rise = ray @ world_from_camera[1, :2] + world_from_camera[1, 2]
-    height = world_from_camera[1, 3]
-    patches = ndimage.uniform_filter((z > 0).astype(np.float32), _PATCH) > _PATCHED
-    made = filled(np.where(patches, np.where(rise * z + height < floor_band, -z, z), 0.0))
-    made = np.where(z > 0, z, made)
-    floor = np.where(rise < -_LEVEL, -height / np.minimum(rise, -_LEVEL), 0.0)
-    return np.asarray(np.where(made < 0.0, np.maximum(floor, 0.0), made))
-
-
-def filled(z: Float) -> Float:
-    """(h, w) the depth, and where it is not known that of the nearest known pixel (two chamfer passes).
-
-    All 0 where nothing is known.
-    """
-    return np.asarray(_filled(z))
-
-
-@njit(cache=True, nogil=True)
-def _filled(z):  # type: ignore[no-untyped-def]
-    """A forward and a backward pass that hand on the value of the nearest known pixel."""
-    height, width = z.shape
-    out, far = z.copy(), np.empty((height, width))
-    for v in range(height):
-        for u in range(width):
-            far[v, u] = np.inf if z[v, u] == 0.0 else 0.0
-    for v in range(height):
-        for u in range(width):
-            if u > 0:
-                _hand_on(out, far, v, u, v, u - 1, 1.0)
-            if v > 0:
-                _hand_on(out, far, v, u, v - 1, u, 1.0)
-                if u > 0:
-                    _hand_on(out, far, v, u, v - 1, u - 1, 1.414)
-                if u < width - 1:
-                    _hand_on(out, far, v, u, v - 1, u + 1, 1.414)
-    for v in range(height - 1, -1, -1):
-        for u in range(width - 1, -1, -1):
-            if u < width - 1:
-                _hand_on(out, far, v, u, v, u + 1, 1.0)
-            if v < height - 1:
-                _hand_on(out, far, v, u, v + 1, u, 1.0)
-                if u < width - 1:
-                    _hand_on(out, far, v, u, v + 1, u + 1, 1.414)
-                if u > 0:
-                    _hand_on(out, far, v, u, v + 1, u - 1, 1.414)
-    return out
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _hand_on(out, far, v, u, y, x, step):  # type: ignore[no-untyped-def]
-    """Takes the value of the pixel (y, x) where that is nearer to something known."""
-    if far[y, x] + step < far[v, u]:
-        far[v, u] = far[y, x] + step
-        out[v, u] = out[y, x]
 
 
 def widened(mask: Bool, pixels: int) -> Bool:

@@ -20,6 +20,10 @@ _SHOWN, _FAINT = 0.6, 0.36
 _CERTAIN, _CLEAR = 0.8, 0.68
 """How well somebody in an unlikely posture must be explained, and how sure the joints, among others."""
 
+_SOMEBODY, _PLAINLY = 0.8, 0.9
+"""How likely the network must find it to be a person; or how well it must be explained where it has a head
+above shoulders."""
+
 Found = tuple[Newcomer, Follower, float]
 """In whom a body was found, its fit, and how well that explains the pixels (up to 1)."""
 
@@ -40,7 +44,7 @@ class Search:
         for newcomer in newcomers:
             expecting = self._expecting(newcomer, view.time_ns)
             body = Follower.found(view, newcomer.pixels, expecting, self._fitter)
-            if body is None:
+            if body is None or not _likely(newcomer, *body):
                 newcomer.failed(view.time_ns)
             elif newcomer.tall or newcomer.awaited or alone or _certain(view, newcomer, *body):
                 made.append((newcomer, *body))
@@ -59,6 +63,11 @@ class Search:
             elif not best or made[2] > best[0][2] + _CLEARLY:
                 best = [made]
         return best
+
+
+def _likely(newcomer: Newcomer, follower: Follower, explained: float) -> bool:
+    """Whether what a body was found in is likely to be a person and no thing."""
+    return follower.somebody > _SOMEBODY or (newcomer.shape.upright and explained > _PLAINLY)
 
 
 def _certain(view: View, newcomer: Newcomer, follower: Follower, explained: float) -> bool:

@@ -67,7 +67,7 @@ class FitSettings:
         0.1, "How far what a point looks like outweighs where it is.", unit="m", low=0.0, high=1.0
     )
     free_space: float = setting(3.0, "Weight of 'no limb where the camera saw through'.", low=0.0, high=100.0)
-    landmarks: float = setting(0.3, "Weight of 'joints where the estimator sees them'.", low=0.0, high=100.0)
+    landmarks: float = setting(0.2, "Weight of 'joints where the estimator sees them'.", low=0.0, high=100.0)
     floor: float = setting(0.05, "Weight of 'no limb below the floor'.", low=0.0, high=100.0)
     temporal: float = setting(1.2, "Weight of staying near the predicted posture.", unit="1/rad^2", low=0.0)
     rest: float = setting(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
@@ -16,14 +17,18 @@ from enliven_edge.assets import ESTIMATOR
 from enliven_edge.estimator.crop import crop_person
 from enliven_edge.estimator.estimator import Estimate, PoseEstimator, shipped_estimator
 from enliven_edge.estimator.labels import FACINGS, MIRRORED
+from enliven_edge.estimator.pictures import Studio
 
 PICTURES = 60
-WITHIN_TOLD, WITHIN_NOT_TOLD = 0.40, 0.38
+WITHIN_TOLD, WITHIN_NOT_TOLD = 0.6, 0.58
 """Least share of the joints within 10 cm, hidden ones too, where the facing is told and where it is not."""
-FACING_RIGHT, FACING_NEARLY_RIGHT = 0.55, 0.80
+FACING_RIGHT, FACING_NEARLY_RIGHT = 0.6, 0.85
 """Least share of the people whose way to face is told rightly, and to an eighth of a turn."""
-PARTS_RIGHT = 0.55
+PARTS_RIGHT = 0.7
 """Least share of the person's pixels whose part is told rightly."""
+BELIEVED, PEOPLE_BELIEVED, THINGS_BELIEVED = 0.8, 0.8, 0.15
+"""Probability of being a person from which one is believed; the least share of the people, many of them
+mostly hidden, and the largest of the things of which it is said."""
 RANKED = 0.5
 """Least rank correlation of how far a joint is said to be off and how far it is."""
 SAID = (0.6, 1.6)
@@ -63,6 +68,19 @@ def test_the_way_to_face_is_told():
         wrong.append((told - round(fresh(n).facing * FACINGS / (2 * np.pi))) % FACINGS)
     assert np.mean(np.array(wrong) == 0) > FACING_RIGHT
     assert np.mean(np.isin(wrong, (0, 1, FACINGS - 1))) > FACING_NEARLY_RIGHT
+
+
+def test_people_are_told_from_things():
+    """Of fresh pictures of both, at the probability from which the tracker believes that it is somebody."""
+    studio = Studio()
+    people = [fresh(n).estimate(False).somebody for n in range(PICTURES)]
+    things = []
+    for n in range(PICTURES):
+        p = studio.thing(np.random.default_rng([77, n]))
+        z = np.where(p.z > 0, p.z, p.around).astype(np.float64)
+        things.append(shipped_estimator().estimate(z, p.z > 0, p.camera, p.world_from_camera, None).somebody)
+    assert np.mean(np.array(people) > BELIEVED) > PEOPLE_BELIEVED
+    assert np.mean(np.array(things) > BELIEVED) < THINGS_BELIEVED
 
 
 def test_the_ways_to_face_are_probabilities_and_not_what_was_told():
@@ -165,4 +183,4 @@ def test_a_file_of_something_else_is_refused(tmp_path):
 
 def test_the_shipped_file_names_no_folder_of_whoever_trained_it():
     held = ESTIMATOR.read_bytes()
-    assert b".py" not in held and b"enliven_edge" not in held
+    assert re.search(rb"\.py\b", held) is None and b"enliven_edge" not in held

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking.belonging import given_back
+from enliven_edge.tracking.belonging import given_back, grown
 
 PEOPLE = 3
 SHAPE = (14, 18)
@@ -188,3 +188,71 @@ def test_who_has_no_pixels_gets_none():
     owner, z, arm = two_with_an_arm(8)
     made, counts = after(owner, z, 3)
     assert (made[arm] == 1).all() and counts[2] == 0
+
+
+PLAIN = 0.1
+"""Metres from a surface within which a pixel is plainly somebody's."""
+
+
+def contested(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(owner, distance, z) of patches, plainly somebody's here and there, and the owner after."""
+    owner, z = scene(seed)
+    random = np.random.default_rng([seed, 1])
+    distance = np.where(random.random(SHAPE) < 0.3, 0.02, 0.15)
+    made = owner.copy()
+    grown(made, distance, z)
+    return owner, distance, z, made
+
+
+def steps_from(sources: list[tuple[int, int]], beside) -> dict[tuple[int, int], int]:
+    """How many steps along the surface it is to each pixel that is reached."""
+    steps, edge = dict.fromkeys(sources, 0), list(sources)
+    for here in edge:
+        for there in beside[here]:
+            if there not in steps:
+                steps[there] = steps[here] + 1
+                edge.append(there)
+    return steps
+
+
+def is_contested(owner: np.ndarray, distance: np.ndarray, beside) -> bool:
+    """Whether a pixel that is not plainly somebody's touches another's."""
+    pairs = ((a, b) for a in beside for b in beside[a] if owner[a] != owner[b])
+    return any(max(distance[a], distance[b]) > PLAIN for a, b in pairs)
+
+
+@given(SCENES)
+@settings(deadline=None, max_examples=60)
+def test_pixels_grow_to_whom_is_nearest_along_the_surface(seed):
+    owner, distance, z, made = contested(seed)
+    beside = neighbours(owner, z)
+    if not is_contested(owner, distance, beside):
+        np.testing.assert_array_equal(made, owner)
+        return
+    steps = [
+        steps_from([p for p in beside if owner[p] == k and distance[p] <= PLAIN], beside)
+        for k in range(PEOPLE)
+    ]
+    for pixel in beside:
+        least = min(reach.get(pixel, np.inf) for reach in steps)
+        if least == np.inf:
+            assert made[pixel] == owner[pixel]
+        else:
+            assert steps[made[pixel]].get(pixel, np.inf) == least
+
+
+@given(SCENES)
+@settings(deadline=None, max_examples=60)
+def test_what_is_plainly_somebodys_stays_theirs_and_nobodys_nobodys(seed):
+    owner, distance, _, made = contested(seed)
+    plain = (owner >= 0) & (distance <= PLAIN)
+    np.testing.assert_array_equal(made[plain], owner[plain])
+    np.testing.assert_array_equal(made < 0, owner < 0)
+
+
+def test_held_hands_are_parted_in_the_middle():
+    """An arm each, plain at the shoulders only, and all of both claimed by the one whose fit is nearer."""
+    owner, distance = np.full((1, 20), 0), np.full((1, 20), 0.15)
+    owner[0, 17:], distance[0, :3], distance[0, 17:] = 1, 0.0, 0.0
+    grown(owner, distance, np.full((1, 20), 2.0))
+    assert (owner[0, :10] == 0).all() and (owner[0, 10:] == 1).all()

@@ -1,0 +1,21 @@
+"""Who is known for a person though their shape does not convince: with raised arms beside the head, say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from enliven_edge.estimator.estimator import shipped_estimator
+from enliven_edge.tracking.newcomers import Newcomer
+from enliven_edge.tracking.view import View
+
+_RECOGNISED = 0.97
+"""Probability from which the network knows a person."""
+
+
+def recognise(newcomers: Iterable[Newcomer], view: View) -> None:
+    """Asks the network about those whose shape does not convince, now and then."""
+    for newcomer in newcomers:
+        if newcomer.puzzles(view.time_ns):
+            camera, pose = view.camera.camera, view.world_from_camera
+            seen = shipped_estimator().estimate(view.z, newcomer.pixels, camera, pose, None)
+            newcomer.recognised = seen.somebody > _RECOGNISED
