@@ -129,7 +129,7 @@ def _joined(owner, z):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _near(one, other):  # type: ignore[no-untyped-def]
     """Whether the depths of two neighbours are on one surface."""
-    return abs(one - other) < 0.035 + 0.012 * one * one
+    return abs(one - other) < 0.035 + 0.012 * one * other
 
 
 @njit(cache=True, nogil=True)

@@ -103,7 +103,8 @@ class Newcomer:
         whole = self.shape.cut or (self.shape.crown > _TALL and stout)
         slim = self.shape.cut or self.area < _BULKY * self.shape.crown**2
         stands = self.shape.upright and whole and slim
-        return (stands or self.recognised) and self.area > _LEAST and not self.refused
+        known = self.recognised and (self.shape.cut or self.shape.crown > _TALL)
+        return (stands or known) and self.area > _LEAST and not self.refused
 
     def puzzles(self, time_ns: int) -> bool:
         """Whether its shape does not convince, so that the network is to be asked, now and then."""

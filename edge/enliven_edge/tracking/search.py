@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.follower import Follower
 from enliven_edge.tracking.newcomers import Newcomer
@@ -23,6 +25,9 @@ _CERTAIN, _CLEAR = 0.8, 0.68
 _SOMEBODY, _PLAINLY = 0.8, 0.9
 """How likely the network must find it to be a person; or how well it must be explained where it has a head
 above shoulders."""
+
+_SAME = 0.25
+"""Metres between the hip centres of two people in whom one is seen."""
 
 Found = tuple[Newcomer, Follower, float]
 """In whom a body was found, its fit, and how well that explains the pixels (up to 1)."""
@@ -44,7 +49,7 @@ class Search:
         for newcomer in newcomers:
             expecting = self._expecting(newcomer, view.time_ns)
             body = Follower.found(view, newcomer.pixels, expecting, self._fitter)
-            if body is None or not _likely(newcomer, *body):
+            if body is None or not _likely(newcomer, *body) or _again(body[0], made):
                 newcomer.failed(view.time_ns)
             elif newcomer.tall or newcomer.awaited or alone or _certain(view, newcomer, *body):
                 made.append((newcomer, *body))
@@ -68,6 +73,12 @@ class Search:
 def _likely(newcomer: Newcomer, follower: Follower, explained: float) -> bool:
     """Whether what a body was found in is likely to be a person and no thing."""
     return follower.somebody > _SOMEBODY or (newcomer.shape.upright and explained > _PLAINLY)
+
+
+def _again(follower: Follower, found: list[Found]) -> bool:
+    """Whether somebody was just found there: in another piece of them."""
+    place = follower.posture.position
+    return any(float(np.linalg.norm(other.posture.position - place)) < _SAME for _, other, _ in found)
 
 
 def _certain(view: View, newcomer: Newcomer, follower: Follower, explained: float) -> bool:
