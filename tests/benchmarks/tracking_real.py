@@ -198,13 +198,14 @@ def _json(path: Path) -> list:
 
 
 def _near(samples: np.ndarray, middle: float) -> np.ndarray:
-    """The samples within 0.7 m of the body's depth: the rest hit the wall behind it, or nothing."""
-    return samples[(samples[:, 2] > -499) & (np.abs(samples[:, 2] - middle) < 700)]
+    """The samples within a metre of the body's depth: the rest hit the wall behind it, or nothing."""
+    apart = np.abs(samples[:, 2] - middle) * flow_room._METRES_PER_Z
+    return samples[(samples[:, 2] > -499) & (apart < 1.0)]
 
 
 def _camera_points(uvz: np.ndarray, distance: float) -> np.ndarray:
     """(N, 3) camera-frame metres. The recorded image is mirrored: left is at its left."""
-    z = distance + uvz[:, 2] * 1e-3
+    z = distance + uvz[:, 2] * flow_room._METRES_PER_Z
     x, y = (KINECT2.cx - uvz[:, 0]) / KINECT2.fx * z, (uvz[:, 1] - KINECT2.cy) / KINECT2.fy * z
     return np.stack([x, y, z], 1)
 

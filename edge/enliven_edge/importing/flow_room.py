@@ -26,9 +26,11 @@ FOCAL, CENTRE_U, CENTRE_V = 365.5, 256.0, 212.0
 """The usual depth camera of a Kinect v2 (512x424), pixels."""
 STATURE = 1.70
 """Metres of the average person from the ankles to the head joint's crown, which sets the distance."""
-_METRES_PER_Z = 0.001
+_METRES_PER_Z = 0.0036
+"""No unit is stated. With this one bones keep their lengths best while they turn towards the sensor, and all
+people in the known recordings agree on it; with millimetres they would be as flat as cut-outs."""
 _INVALID = -500
-_LONGEST = 0.25
+_LONGEST = 0.4
 """Metres of depth between neighbouring joints above which the background was hit instead of the body."""
 _HEAD_TO_ANKLE = 0.88
 """The head joint's height above the ankles as a part of the stature."""
@@ -49,7 +51,7 @@ _decoder = msgspec.json.Decoder(list[list[_Skeleton]])
 
 
 class FlowRoomReader:
-    """Frames of bodies of 21 joints: x, y in pixels of the depth image, z in mm from a hidden origin.
+    """Frames of bodies of 21 joints: x, y in pixels of the depth image, z of a hidden unit and origin.
 
     The origin of z is the same for everyone in a file. It is chosen so that the people are 1.70 m tall on
     average; shapes are right to a few per cent, distances from the sensor are not measured.
@@ -57,7 +59,7 @@ class FlowRoomReader:
 
     name = "flow-room"
     description = "Kinect v2 JSON of The Flow Room (21 joints in depth pixels, one or more people)"
-    note = "z has no stated origin: people are taken to be 1.70 m tall; no times: 30 frames a second"
+    note = "z has no stated unit or origin: people are taken to be 1.70 m tall; no times: 30 frames a second"
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         return any(_matches(path) for path in paths)
