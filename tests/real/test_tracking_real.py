@@ -4,6 +4,7 @@ Both recordings were looked at while the tracker was written, and its weights an
 them: these tests keep what was reached, and say nothing of people it has never seen."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,19 @@ def test_arms_are_found_at_first_sight():
         assert outside[UPPER].max() < 12, path.name
         wrists += list(outside[HANDS])
     assert np.mean(np.array(wrists) < 15) >= 0.9
+
+
+def test_somebody_who_sits_still_before_a_realsense_stays():
+    """Two single frames of a room with many holes, a second each: what is not known yet was not moved."""
+    folder = DATA / "depth" / "vcl3d_realsense_d415"
+    if not folder.is_dir():
+        pytest.skip(f"{folder} is not here")
+    for frame in frames_of("depth/vcl3d_realsense_d415"):
+        tracker = Tracker()
+        for n in range(30):
+            bodies = tracker.track(replace(frame, time_ns=n * 33_333_333))
+            assert [b.id for b in bodies] == [1], f"frame {n}"
+            assert not tracker.state.moved, f"frame {n}"
 
 
 def test_a_person_who_turns_is_followed_all_the_way():

@@ -195,7 +195,7 @@ def _learn(
                     nearer[v, u], waited[v, u] = room[v, u], 0.7 * absorb_after
                     room[v, u], away[v, u] = d, 0.0
             else:
-                count_nearer += 1
+                count_nearer += room[v, u] > 0.0
                 away[v, u] = 0.0
                 if guarded[v, u] >= 0 and abs(d - guard_z[v, u]) <= 2.0 * margin:
                     continue

@@ -34,6 +34,23 @@ def picture(metres):
     return np.full((8, 8), float(metres))
 
 
+@settings(max_examples=30)
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
+def test_only_what_is_known_can_differ(seed, held):
+    """What is held back for somebody and was never seen is compared with nothing: the sensor did not move."""
+    random = np.random.default_rng(seed)
+    room, still = Room((8, 8)), np.round(random.uniform(1.0, 4.0, (8, 8)), 3)
+    hold = random.random((8, 8)) < held
+    for n in range(5):
+        agreement = room.learn(still, NOBODY, round(n * FRAME * 1e9), hold)
+        assert agreement.nearer == agreement.farther == 0.0
+    assert agreement.compared == np.count_nonzero(~hold)
+    changed = np.where(random.random((8, 8)) < 0.5, still - 0.5, still + 0.5)
+    agreement = room.learn(changed, NOBODY, round(5 * FRAME * 1e9), hold)
+    expected = 1.0 if agreement.compared else 0.0
+    assert agreement.nearer + agreement.farther == pytest.approx(expected)
+
+
 @pytest.mark.parametrize("rate", [5, 30])
 def test_furniture_that_was_moved_in_is_absorbed_within_the_stated_time(rate):
     room = Room((8, 8), RoomSettings(absorb_after=6.0))
