@@ -43,6 +43,8 @@ class Newcomer:
         bystander: whether it is out of the zone, or locked out.
         awaited: whether somebody was lost about here, who may be in any posture.
         recognised: whether the network takes it for a person.
+        unions: (h, w) it with others that were parted from it, the largest first: raised arms look like
+            people of their own from above.
     """
 
     def __init__(self, centre: Float, time_ns: int) -> None:
@@ -53,6 +55,7 @@ class Newcomer:
         self.seen_ns = self.first_ns = time_ns
         self.before = self.plain = 0.0
         self.group: Loose | None = None
+        self.unions: list[Bool] = []
         self.checked_ns = time_ns
         self.shape: Shape
         self.pixels: Bool
@@ -212,6 +215,7 @@ class Newcomers:
                     continue
                 found = self._one(view, kind, part, group.area * part.sum() / max(1, mask.sum()), walls)
                 if found is not None and found not in present:
+                    found.unions = _unions(part, bare) if walls is None else []
                     found.bystander = not admits(found.centre)
                     found.awaited = awaits(found.centre)
                     found.group = group if len(parts) == 1 else None
@@ -242,6 +246,15 @@ class Newcomers:
         """Whether a thing is there that was taken for somebody."""
         self._refused = [(at, t) for at, t in self._refused if 0 <= time_ns - t < _REFUSED_NS]
         return any(float(np.linalg.norm((at - centre)[[0, 2]])) < _REFUSED for at, _ in self._refused)
+
+
+def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
+    """All of the parts of a group, and ``part`` with each of the others, the largest first; [] where alone."""
+    others = [other for other in parts if other is not part]
+    if not others or len(others) == len(parts):
+        return []
+    pairs = [part | other for other in others] if len(others) > 1 else []
+    return [np.logical_or.reduce(parts), *sorted(pairs, key=lambda pair: -int(pair.sum()))]
 
 
 def _shares(kind: UInt8) -> tuple[float, float]:

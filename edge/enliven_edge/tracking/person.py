@@ -21,6 +21,8 @@ _FAITH, _SUREST, _VAGUE, _BARELY_KNOWN = 0.1, 6, 0.4, 20
 _DOUBT, _THING, _MAYBE, _HARDLY_SEEN = 0.2, 0.4, 0.8, 3
 """Weight of a frame in the mean probability of being a person; that below which somebody new is none, and
 below which somebody seen in so few frames may be none."""
+_PLAIN, _PLAIN_FRAMES = 0.9, 10
+"""Who was so likely a person in so many frames is one, whatever the network makes of later postures."""
 UNDECIDED = 0
 
 
@@ -51,6 +53,7 @@ class Person:
         self._time_ns = time_ns
         self._turn = 0
         self._clear = self._somebody = 1.0
+        self._plain = 0
 
     @property
     def place(self) -> Float:
@@ -61,7 +64,8 @@ class Person:
     def vague(self) -> bool:
         """Whether hardly any joint has been seen since they were found, or the network doubts that they are
         one: a thing, most likely."""
-        odd = self._somebody < _THING and not (self.shapely or self.travelled)
+        known = self.shapely or self.travelled or self._plain >= _PLAIN_FRAMES
+        odd = self._somebody < _THING and not known
         return (self._clear < _VAGUE or odd) and self.looks.weight < _BARELY_KNOWN
 
     @property
@@ -97,6 +101,7 @@ class Person:
         surest = float(np.sort(self.follower.confidence)[-_SUREST:].mean())
         self._clear += _FAITH * (surest - self._clear)
         self._somebody += _DOUBT * (self.follower.somebody - self._somebody)
+        self._plain += self.follower.somebody > _PLAIN
         if good:
             self._seen(view, pixels, self.place - before, whole=whole)
         return good

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from enliven.arrays import Bool
 from enliven_edge.estimator.estimator import shipped_estimator
 from enliven_edge.tracking.newcomers import Newcomer
 from enliven_edge.tracking.view import View
@@ -12,10 +13,14 @@ _RECOGNISED = 0.97
 """Probability from which the network knows a person."""
 
 
+def likelihood(view: View, pixels: Bool) -> float:
+    """How likely the network finds it that the (h, w) pixels are one person, in [0, 1]."""
+    camera, pose = view.camera.camera, view.world_from_camera
+    return shipped_estimator().estimate(view.z, pixels, camera, pose, None).somebody
+
+
 def recognise(newcomers: Iterable[Newcomer], view: View) -> None:
     """Asks the network about those whose shape does not convince, now and then."""
     for newcomer in newcomers:
         if newcomer.puzzles(view.time_ns):
-            camera, pose = view.camera.camera, view.world_from_camera
-            seen = shipped_estimator().estimate(view.z, newcomer.pixels, camera, pose, None)
-            newcomer.recognised = seen.somebody > _RECOGNISED
+            newcomer.recognised = likelihood(view, newcomer.pixels) > _RECOGNISED

@@ -10,6 +10,7 @@ from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.follower import Follower
 from enliven_edge.tracking.newcomers import Newcomer
 from enliven_edge.tracking.person import trunk_shown
+from enliven_edge.tracking.recognition import likelihood
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.view import View
 
@@ -26,6 +27,8 @@ _SOMEBODY, _PLAINLY = 0.8, 0.9
 """How likely the network must find it to be a person; or how well it must be explained where it has a head
 above shoulders."""
 
+_ONE = 0.9
+"""How likely several parts must be one person together, and how well one body must explain them."""
 _SAME = 0.25
 """Metres between the hip centres of two people in whom one is seen."""
 
@@ -47,8 +50,7 @@ class Search:
         """Those of the newcomers in whom a body is found; ``alone``: nobody is followed."""
         made: list[Found] = []
         for newcomer in newcomers:
-            expecting = self._expecting(newcomer, view.time_ns)
-            body = Follower.found(view, newcomer.pixels, expecting, self._fitter)
+            body = None if _within(newcomer, made) else self._body(view, newcomer)
             if body is None or not _likely(newcomer, *body) or _again(body[0], made):
                 newcomer.failed(view.time_ns)
             elif newcomer.tall or newcomer.awaited or alone or _certain(view, newcomer, *body):
@@ -56,6 +58,18 @@ class Search:
             else:
                 newcomer.failed(view.time_ns)
         return made
+
+    def _body(self, view: View, newcomer: Newcomer) -> tuple[Follower, float] | None:
+        """The body in a newcomer; where one explains more of what it was parted from, in all of that."""
+        expecting = self._expecting(newcomer, view.time_ns)
+        for union in newcomer.unions if expecting.estimator else []:
+            if likelihood(view, union) < _ONE:
+                continue
+            body = Follower.found(view, union, expecting, self._fitter)
+            if body is not None and body[1] > _ONE:
+                newcomer.pixels = union
+                return body
+        return Follower.found(view, newcomer.pixels, expecting, self._fitter)
 
     def best_guess(self, view: View, due: Sequence[Newcomer], *, alone: bool) -> list[Found]:
         """In any posture somebody is better than nobody: the likeliest, or one explained clearly better."""
@@ -73,6 +87,12 @@ class Search:
 def _likely(newcomer: Newcomer, follower: Follower, explained: float) -> bool:
     """Whether what a body was found in is likely to be a person and no thing."""
     return follower.somebody > _SOMEBODY or (newcomer.shape.upright and explained > _PLAINLY)
+
+
+def _within(newcomer: Newcomer, found: list[Found]) -> bool:
+    """Whether most of it turned out to be of somebody who was just found."""
+    size = max(1, int(newcomer.pixels.sum()))
+    return any(int((newcomer.pixels & other.pixels).sum()) > 0.5 * size for other, _, _ in found)
 
 
 def _again(follower: Follower, found: list[Found]) -> bool:
