@@ -106,7 +106,7 @@ class Newcomer:
         whole = self.shape.cut or (self.shape.crown > _TALL and stout)
         slim = self.shape.cut or self.area < _BULKY * self.shape.crown**2
         stands = self.shape.upright and whole and slim
-        known = self.recognised and (self.shape.cut or self.shape.crown > _TALL)
+        known = self.recognised and self.shape.possible and (self.shape.cut or self.shape.crown > _TALL)
         return (stands or known) and self.area > _LEAST and not self.refused
 
     def puzzles(self, time_ns: int) -> bool:
@@ -213,7 +213,7 @@ class Newcomers:
                     (part & other.pixels).sum() > 0.5 * part.sum() for other in present if other.convincing
                 ):
                     continue
-                found = self._one(view, kind, part, group.area * part.sum() / max(1, mask.sum()), walls)
+                found = self._one(view, kind, part, walls)
                 if found is not None and found not in present:
                     found.unions = _unions(part, bare) if walls is None else []
                     found.bystander = not admits(found.centre)
@@ -223,11 +223,12 @@ class Newcomers:
         self._known = [n for n in self._known if n in present or 0 <= view.time_ns - n.seen_ns < _FORGET_NS]
         return sorted(present, key=lambda n: -n.shape.likeness)
 
-    def _one(self, view: View, kind: UInt8, part: Bool, area: float, walls: Bool | None) -> Newcomer | None:
+    def _one(self, view: View, kind: UInt8, part: Bool, walls: Bool | None) -> Newcomer | None:
         """The newcomer that a group of pixels is, None where it has not a person's size."""
         points = view.points[part]
         if len(points) < 30:
             return None
+        area = _area(view, part)
         shape = shape_of(view, part, area, walls)
         # Everything is free before the walls that were taken away from it: it has to have a head as well.
         if shape.likeness == 0 or (walls is not None and not shape.upright):
@@ -273,6 +274,12 @@ def _before_walls(view: View, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool
 def _tight(view: View, kind: UInt8, mask: Bool) -> list[Bool]:
     """The parts of a group that hang together more closely: somebody who stands beside a wall, say."""
     return _pieces(view, kind, mask, _TIGHTNESS)
+
+
+def _area(view: View, mask: Bool) -> float:
+    """Square metres towards the sensor that the (h, w) mask covers."""
+    camera = view.camera.intrinsics
+    return float((view.z[mask] ** 2).sum()) / (camera.fx * camera.fy)
 
 
 def _pieces(view: View, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]:

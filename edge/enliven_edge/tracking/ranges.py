@@ -28,7 +28,7 @@ def _middle() -> Float:
     middle = np.tile(np.eye(3), (13, 1, 1))
     middle[model.CHEST] = rotation(x=0.2)
     middle[model.UPPER_ARM_L] = rotation(x=-0.6, z=1.2)
-    middle[model.THIGH_L] = rotation(x=-0.5, z=0.45)
+    middle[model.THIGH_L] = rotation(x=-0.5, z=0.6)
     middle[model.FOREARM_L] = rotation(x=-1.25)
     middle[model.SHIN_L] = rotation(x=1.15)
     middle[model.FOOT_L] = rotation(x=0.2)
@@ -51,7 +51,7 @@ def _reach() -> Float:
     for limb, half in (
         (model.UPPER_ARM_L, (1.9, 1.3, 1.7)),
         (model.FOREARM_L, (1.3, _FREE, _FREE)),
-        (model.THIGH_L, (1.5, 0.7, 1.1)),
+        (model.THIGH_L, (1.5, 0.7, 1.25)),
         (model.SHIN_L, (1.2, _FREE, _FREE)),
         (model.FOOT_L, (0.6, _FREE, _FREE)),
     ):
