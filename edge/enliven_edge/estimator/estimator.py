@@ -22,7 +22,7 @@ exponentially with the distance, in space."""
 
 _FARTHEST = 1.0
 """Metres: the most that a joint is said to be off."""
-_SUREST, _USUAL = 0.03, 0.05
+_SUREST, _USUAL = 0.07, 0.05
 """Metres of spread below which a joint is not believed more, and at which its weight is one of twenty."""
 TRUST = np.repeat([1.0, 0.4], [12, 8])
 """(20,) shares of that weight: legs are found by their surface, and a crouch is easily taken for a kneel."""

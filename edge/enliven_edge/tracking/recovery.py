@@ -47,6 +47,8 @@ _OUTER = {limb: np.flatnonzero(np.isin(model.CAPSULES.frame, limb[1:])) for limb
 _DOUBTFUL, _SURE = 0.5, 0.9
 _BETTER, _MUCH_BETTER = 0.985, 0.8
 """Share of the energy that a limb, and a whole body, must fall below to be moved elsewhere."""
+_LOSES = 0.03
+"""Share of the points that no better posture leaves unexplained: a leg that the network does not know."""
 _STEPS = 6
 _WIDE_STEPS, _WIDE = 6, 0.25
 _DISAGREEMENT = 4.0
@@ -96,7 +98,8 @@ class SecondThoughts:
             return posture, report
         _, same = self._fitter.fit(observation, posture, iterations=1)
         before, after = cost(same, posture, seen), cost(tried[1], tried[0], seen)
-        return tried if after < better * before else (posture, report)
+        loses = same.explained - tried[1].explained > _LOSES
+        return tried if after < better * before and not loses else (posture, report)
 
     def _doubtful(self, posture: Posture, confidence: Float) -> list[tuple[int, ...]]:
         """The limbs that explain little of the picture; those that explain much are remembered."""
