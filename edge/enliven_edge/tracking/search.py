@@ -20,6 +20,8 @@ _CLEARLY = 0.05
 """How much better a less likely group of pixels must be explained to be taken for a person."""
 _SHOWN, _FAINT = 0.6, 0.36
 """Share of the trunk that must be seen where one is found, and how sure the joints must be at the least."""
+_HIGH = 1.3
+"""Metres above the floor that nobody's hip centre is by a guess: it is a wall, or a shelf."""
 _CERTAIN, _CLEAR = 0.8, 0.68
 """How well somebody in an unlikely posture must be explained, and how sure the joints, among others."""
 
@@ -77,6 +79,7 @@ class Search:
         for made in self.found(view, due[: TRIES if alone else 1], alone=alone):
             shown = trunk_shown(view, made[1].posture, made[0].pixels)
             borne_out = shown > _SHOWN and float(made[1].confidence.mean()) > _FAINT
+            borne_out = borne_out and float(made[1].posture.position[1]) < _HIGH
             if not borne_out or not (alone or made[0].awaited or _certain(view, *made)):
                 made[0].failed(view.time_ns)
             elif not best or made[2] > best[0][2] + _CLEARLY:
