@@ -10,6 +10,7 @@ from enliven.arrays import Float
 
 _PATCH, _PATCHED = 31, 0.12
 """Pixels of a square, and the share of it that must be known to say something of the room about it."""
+_FAR = 1e9
 _LEVEL = 1e-3
 """Sine below the horizon from which a ray meets the floor."""
 
@@ -44,38 +45,34 @@ def filled(z: Float) -> Float:
 
 @njit(cache=True, nogil=True)
 def _filled(z):  # type: ignore[no-untyped-def]
-    """A forward and a backward pass that hand on the value of the nearest known pixel."""
+    """A forward and a backward pass that hand on the value of the nearest known pixel.
+
+    Within a border of one pixel from which everything is far: without it the passes take twenty times as long.
+    """
     height, width = z.shape
-    out, far = z.copy(), np.empty((height, width))
+    out, far = np.zeros((height + 2, width + 2)), np.full((height + 2, width + 2), _FAR)
     for v in range(height):
         for u in range(width):
-            far[v, u] = np.inf if z[v, u] == 0.0 else 0.0
-    for v in range(height):
-        for u in range(width):
-            if u > 0:
-                _hand_on(out, far, v, u, v, u - 1, 1.0)
-            if v > 0:
-                _hand_on(out, far, v, u, v - 1, u, 1.0)
-                if u > 0:
-                    _hand_on(out, far, v, u, v - 1, u - 1, 1.414)
-                if u < width - 1:
-                    _hand_on(out, far, v, u, v - 1, u + 1, 1.414)
-    for v in range(height - 1, -1, -1):
-        for u in range(width - 1, -1, -1):
-            if u < width - 1:
-                _hand_on(out, far, v, u, v, u + 1, 1.0)
-            if v < height - 1:
-                _hand_on(out, far, v, u, v + 1, u, 1.0)
-                if u < width - 1:
-                    _hand_on(out, far, v, u, v + 1, u + 1, 1.414)
-                if u > 0:
-                    _hand_on(out, far, v, u, v + 1, u - 1, 1.414)
-    return out
+            if z[v, u] != 0.0:
+                out[v + 1, u + 1], far[v + 1, u + 1] = z[v, u], 0.0
+    for v in range(1, height + 1):
+        for u in range(1, width + 1):
+            if far[v, u] > 0.0:
+                best = _nearer((far[v, u], out[v, u]), far[v, u - 1] + 1.0, out[v, u - 1])
+                best = _nearer(best, far[v - 1, u] + 1.0, out[v - 1, u])
+                best = _nearer(best, far[v - 1, u - 1] + 1.414, out[v - 1, u - 1])
+                far[v, u], out[v, u] = _nearer(best, far[v - 1, u + 1] + 1.414, out[v - 1, u + 1])
+    for v in range(height, 0, -1):
+        for u in range(width, 0, -1):
+            if far[v, u] > 0.0:
+                best = _nearer((far[v, u], out[v, u]), far[v, u + 1] + 1.0, out[v, u + 1])
+                best = _nearer(best, far[v + 1, u] + 1.0, out[v + 1, u])
+                best = _nearer(best, far[v + 1, u + 1] + 1.414, out[v + 1, u + 1])
+                far[v, u], out[v, u] = _nearer(best, far[v + 1, u - 1] + 1.414, out[v + 1, u - 1])
+    return out[1:-1, 1:-1].copy()
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _hand_on(out, far, v, u, y, x, step):  # type: ignore[no-untyped-def]
-    """Takes the value of the pixel (y, x) where that is nearer to something known."""
-    if far[y, x] + step < far[v, u]:
-        far[v, u] = far[y, x] + step
-        out[v, u] = out[y, x]
+@njit(cache=True, nogil=True)
+def _nearer(best, away, value):  # type: ignore[no-untyped-def]
+    """The nearer of two, each a distance and the value there."""
+    return (away, value) if away < best[0] else best

@@ -34,7 +34,7 @@ def picture(metres):
     return np.full((8, 8), float(metres))
 
 
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
 def test_only_what_is_known_can_differ(seed, held):
     """What is held back for somebody and was never seen is compared with nothing: the sensor did not move."""
