@@ -4,6 +4,7 @@ Both recordings were looked at while the tracker was written, and its weights an
 them: these tests keep what was reached, and say nothing of people it has never seen."""
 
 import os
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +19,9 @@ from enliven.frames import DepthFrame
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader
 from enliven_edge.tracking.tracker import Tracker
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+from tracking_real import js6450
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 pytestmark = [
@@ -69,6 +73,18 @@ def test_somebody_who_sits_still_before_a_realsense_stays():
             bodies = tracker.track(replace(frame, time_ns=n * 33_333_333))
             assert [b.id for b in bodies] == [1], f"frame {n}"
             assert not tracker.state.moved, f"frame {n}"
+
+
+@pytest.mark.parametrize("start", [20, 50])
+def test_two_with_raised_and_held_hands_are_two_from_the_first_frame_on(start):
+    """Drawn from the samples of another tracker: raised arms are no people, joined hands do not hide one."""
+    path = DATA / "skeletons" / "js6450_kinect2_json" / "2people_raise-both-arms-MIN.json"
+    if not path.exists():
+        pytest.skip(f"{path} is not here")
+    real = js6450("js6450_two", path.name)
+    tracker = Tracker()
+    for n, frame in enumerate(real.frames[start:]):
+        assert [body.id for body in tracker.track(frame)] == [1, 2], f"frame {start + n}"
 
 
 def test_a_person_who_turns_is_followed_all_the_way():

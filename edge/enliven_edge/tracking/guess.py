@@ -47,7 +47,7 @@ def filled(z: Float) -> Float:
 def _filled(z):  # type: ignore[no-untyped-def]
     """A forward and a backward pass that hand on the value of the nearest known pixel.
 
-    Within a border of one pixel from which everything is far: without it the passes take twenty times as long.
+    Within a border of one pixel from which everything is far: it spares the passes their looks at the edges.
     """
     height, width = z.shape
     out, far = np.zeros((height + 2, width + 2)), np.full((height + 2, width + 2), _FAR)

@@ -250,7 +250,7 @@ class Newcomers:
 
 
 def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
-    """All of the parts of a group, and ``part`` with each of the others, the largest first; [] where alone."""
+    """All parts of a group, and ``part`` with each of the others, the largest first; [] where it is alone."""
     others = [other for other in parts if other is not part]
     if not others or len(others) == len(parts):
         return []

@@ -10,7 +10,7 @@ from estimates_for_tests import estimate_of, seen_as
 from postures_seen_for_tests import observed
 
 from enliven.body import Joint
-from enliven_edge.tracking import model, ranges
+from enliven_edge.tracking import model, ranges, recovery
 from enliven_edge.tracking.appearance import turned_about
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.observation import Observation
@@ -134,3 +134,16 @@ def test_thinning_keeps_the_landmarks(step):
     surface, affinity, view, landmarks = thin.seen
     assert surface.shape == (6, len(thin.points)) and affinity.size == 0
     assert view is observation.view and landmarks is thin.landmarks
+
+
+@pytest.mark.parametrize(("loses", "kept"), [(1.0, False), (recovery._LOSES, True)])
+def test_what_is_seen_is_not_left_for_what_the_network_does_not_know(loses, kept, monkeypatch):
+    """It is so sure that a held out arm hangs that the energy is lower there, but points stay unexplained."""
+    monkeypatch.setattr(recovery, "_LOSES", loses)
+    observation, fitter = observed(arm_out()), Fitter(FitSettings(landmarks=3.0))
+    posture, report = fitter.fit(observation, arm_out())
+    seen = seen_of(standing(), observation)
+    sure = replace(seen, estimate=replace(seen.estimate, spread=np.full(20, 0.01)))
+    misled = replace(observation, landmarks=sure.estimate.landmarks)
+    made, _ = SecondThoughts(fitter).reconsider(misled, posture, report, SURE, sure)
+    assert (off(made, arm_out(), LEFT_ARM) < 0.1) == kept
