@@ -77,6 +77,11 @@ class Newcomer:
         self.frames, self.seen_ns, self.checked_ns = self.frames + 1, time_ns, time_ns
         self.crowns = [*self.crowns[-_LONG:], shape.crown]
 
+    def grow(self, view: View, pixels: Bool) -> None:
+        """It turned out to be all of these (h, w) pixels."""
+        self.pixels, self.area, self.centre = pixels, _area(view, pixels), view.points[pixels].mean(0)
+        self.shape = shape_of(view, pixels, self.area)
+
     @property
     def proven(self) -> bool:
         """Whether it came into a room that was known, with a person's shape; or may be who was lost here."""

@@ -69,7 +69,7 @@ class Search:
                 continue
             body = Follower.found(view, union, expecting, self._fitter)
             if body is not None and body[1] > _ONE:
-                newcomer.pixels = union
+                newcomer.grow(view, union)
                 return body
         return Follower.found(view, newcomer.pixels, expecting, self._fitter)
 

@@ -72,6 +72,8 @@ def test_both_halves_of_somebody_are_one(scene):
     found = searched(view, two)
     assert [made[0] for made in found] == [two[0]]
     np.testing.assert_array_equal(two[0].pixels, mask)
+    np.testing.assert_allclose(two[0].centre, view.points[mask].mean(0))
+    assert two[0].shape == newcomer(view, mask).shape
     assert abs(float(found[0][1].posture.position[0])) < 0.1
 
 
