@@ -22,8 +22,10 @@ exponentially with the distance, in space."""
 
 _FARTHEST = 1.0
 """Metres: the most that a joint is said to be off."""
-_SUREST, _USUAL = 0.07, 0.05
+_SUREST, _USUAL = 0.03, 0.05
 """Metres of spread below which a joint is not believed more, and at which its weight is one of twenty."""
+_SUREST_BESIDE_DEPTH = 0.07
+"""And where the surface says better where a joint is: limbs of real people are off by more than is said."""
 TRUST = np.repeat([1.0, 0.4], [12, 8])
 """(20,) shares of that weight: legs are found by their surface, and a crouch is easily taken for a kneel."""
 _DOUBTED, _WIDTHS = 3.0, (0.12, 0.4)
@@ -56,8 +58,17 @@ class Estimate:
 
     @property
     def landmarks(self) -> Float:
-        """(20, 5) what the fit is to keep near, as ``terms.near_landmarks`` takes them."""
-        sure = np.maximum(self.spread, _SUREST)
+        """(20, 5) what a posture is to keep near, as ``terms.near_landmarks`` takes them."""
+        return self._landmarks(_SUREST)
+
+    @property
+    def guides(self) -> Float:
+        """(20, 5) the same beside depth, which has the last word."""
+        return self._landmarks(_SUREST_BESIDE_DEPTH)
+
+    def _landmarks(self, surest: float) -> Float:
+        """(20, 5) no joint surer than so many metres."""
+        sure = np.maximum(self.spread, surest)
         weight = TRUST * (_USUAL / sure) ** 2 / len(sure)
         width = np.clip(_DOUBTED * sure, *_WIDTHS)
         return np.concatenate([self.joints, weight[:, None], width[:, None]], 1)

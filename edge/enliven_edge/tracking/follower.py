@@ -243,7 +243,7 @@ def _look(view: View, pixels: Bool, observation: Observation, facing: float | No
 
 def _guided(observation: Observation, seen: Seen, affinity: float) -> Observation:
     """The observation with what the network says of it: what points look like, where joints are."""
-    return replace(observation, affinity=seen.affinity(affinity), landmarks=seen.estimate.landmarks)
+    return replace(observation, affinity=seen.affinity(affinity), landmarks=seen.estimate.guides)
 
 
 def _about(posture: Posture, seen: Seen, view: View) -> tuple[Posture, Seen]:
