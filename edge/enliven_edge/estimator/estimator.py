@@ -24,7 +24,7 @@ _FARTHEST = 1.0
 """Metres: the most that a joint is said to be off."""
 _SUREST, _USUAL = 0.03, 0.05
 """Metres of spread below which a joint is not believed more, and at which its weight is one of twenty."""
-_SUREST_BESIDE_DEPTH = 0.07
+_SUREST_BESIDE_DEPTH = 0.05
 """And where the surface says better where a joint is: limbs of real people are off by more than is said."""
 TRUST = np.repeat([1.0, 0.4], [12, 8])
 """(20,) shares of that weight: legs are found by their surface, and a crouch is easily taken for a kneel."""
