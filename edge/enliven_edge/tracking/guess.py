@@ -11,6 +11,7 @@ from enliven.arrays import Float
 _PATCH, _PATCHED = 31, 0.12
 """Pixels of a square, and the share of it that must be known to say something of the room about it."""
 _FAR = 1e9
+"""Pixels: farther than anything in an image is from what is known."""
 _LEVEL = 1e-3
 """Sine below the horizon from which a ray meets the floor."""
 
