@@ -21,8 +21,8 @@ _FAITH, _SUREST, _VAGUE, _BARELY_KNOWN = 0.1, 6, 0.4, 20
 _DOUBT, _THING, _MAYBE, _HARDLY_SEEN = 0.2, 0.4, 0.8, 3
 """Weight of a frame in the mean probability of being a person; that below which somebody new is none, and
 below which somebody seen in so few frames may be none."""
-_PLAIN, _PLAIN_FRAMES = 0.9, 10
-"""Who was so likely a person in so many frames is one, whatever the network makes of later postures."""
+_PLAIN, _PLAIN_FRAMES = 0.85, 10
+"""Who is so likely a person at the mean for so many frames is one, whatever their later postures."""
 UNDECIDED = 0
 
 
@@ -101,7 +101,7 @@ class Person:
         surest = float(np.sort(self.follower.confidence)[-_SUREST:].mean())
         self._clear += _FAITH * (surest - self._clear)
         self._somebody += _DOUBT * (self.follower.somebody - self._somebody)
-        self._plain += self.follower.somebody > _PLAIN
+        self._plain += self._somebody > _PLAIN
         if good:
             self._seen(view, pixels, self.place - before, whole=whole)
         return good
