@@ -14,6 +14,7 @@ from enliven_edge.tracking import model, ranges, terms
 from enliven_edge.tracking.gauss_newton import solve_damped, stepped
 from enliven_edge.tracking.kinematics import forward_into
 from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.wrenches import add_place, gather, no_sums
 
 _SQUARE_CM = 1e4
 _RANGES, _RELAXED = 100.0, 1.5
@@ -22,6 +23,7 @@ _EASE = np.full(13, _RELAXED)
 _EASE[model.PELVIS] = 0.0
 _EASE[[model.CHEST, model.HEAD]] = 15.0, 10.0
 _SKELETON = (model.FRAME_PARENTS, model.PIVOTS, model.MOVES, model.DOF_FRAME, model.DOF_AXIS)
+_FRAME_LENGTHS = model.FRAME_LENGTHS
 _LIMITS = (ranges.MIDDLE, ranges.REACH, _REST, _EASE)
 
 
@@ -96,11 +98,11 @@ def _normal_equations(  # type: ignore[no-untyped-def]
     middle, reach, rest, ease = limits
     matrix[:], gradient[:] = 0.0, 0.0
     world, pivots = np.empty((13, 3, 3)), np.empty((13, 3))
-    by_length = np.empty((13, 3, len(lengths)))
-    forward_into(world, pivots, by_length, position, rotations, lengths, parents, offsets)
-    columns, filled = np.empty((30, 3)), np.empty(30, np.int64)
-    body = (world, pivots, by_length, moves, dof_frame, dof_axis, frames, parents)
-    point, apart = np.empty(3), np.empty(3)
+    forward_into(world, pivots, position, rotations, lengths, parents, offsets)
+    frozen = np.empty((13, 3, 0))
+    body = (world, pivots, frozen, moves, dof_frame, dof_axis, _FRAME_LENGTHS, parents)
+    sums = no_sums(len(world), 0)
+    point, apart, stretch = np.empty(3), np.empty(3), np.empty((3, 0))
     energy = 0.0
     for i in range(len(frames)):
         if weights[i] <= 0.0:
@@ -112,8 +114,8 @@ def _normal_equations(  # type: ignore[no-untyped-def]
             square += apart[a] ** 2
         cost, doubt = terms.robust(np.sqrt(square), width)
         energy += weights[i] * _SQUARE_CM * cost
-        count = terms.point_columns(columns, filled, frames[i], point, local[i], body)
-        terms.add_point(matrix, gradient, columns, filled, count, apart, weights[i] * _SQUARE_CM * doubt)
+        add_place(sums, frames[i], point, apart, stretch, _FRAME_LENGTHS, weights[i] * _SQUARE_CM * doubt)
+    gather(matrix, gradient, sums, body)
     energy += terms.joint_ranges(matrix, gradient, rotations, middle, reach, _RANGES, dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, rest, ease, dof_frame, dof_axis)
     return energy

@@ -7,10 +7,10 @@ from numba import njit
 
 _NUMBER = 31
 """The bits of a cost that its capsule's number takes: at most 32 capsules."""
-_FAST = {"nsz", "arcp", "contract", "reassoc", "nnan", "ninf"}
+FAST = {"nsz", "arcp", "contract", "reassoc", "nnan", "ninf"}
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
+@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def nearest_capsules(which, seen, affinity, ends, radii, side):  # type: ignore[no-untyped-def]
     """The capsule on whose surface each observed point lies, into ``which``.
 
@@ -65,7 +65,7 @@ def foot(x, y, z, ends, radii):  # type: ignore[no-untyped-def]
     return t, np.sqrt(ax * ax + ay * ay + az * az) - radii[0] - t * (radii[1] - radii[0])
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
+@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def misfits(points, ends, radii, far):  # type: ignore[no-untyped-def]
     """(N,) the mean metres from points to the nearest surface, and from capsules to the nearest point.
 

@@ -1,14 +1,13 @@
 """The data term of the fit, compiled: observed points lie on the surface of the body.
 
-A point on capsule c with outward normal n, foot point x on the axis and parameter t along it has the residual
-r = distance - radius. Its derivatives by the unknowns are linear in eleven numbers,
+A point on a capsule with the axis s + t d, outward normal n and parameter t has the residual r = distance -
+radius, which falls by n . dx where the axis moves by dx and by dR where the radius R grows. All that the
+points of a capsule say is in the weighted moments
 
-    phi = (n, x cross n, t n, 1, t),    row = -B_c phi,
+    sum t^k n n',  sum t^k n,  sum t^k  (k = 0, 1, 2)   and   sum r t^k n,  sum r t^k  (k = 0, 1):
 
-with a matrix B_c that is the same for all points of the capsule. So each point adds only phi phi' to a small
-matrix S_c of its capsule, and the normal equations get B_c S_c B_c' once a capsule instead of a row a point.
-B_c has rows only for the unknowns that move the capsule. The last five numbers belong to the lengths: while
-those are frozen, phi is its first six.
+the wrench (n, (s + t d) cross n) is linear in n and t n, and the motion by a bone's length is linear along
+the axis. So a point costs a few products, and the rest is done once a capsule.
 """
 
 from __future__ import annotations
@@ -16,29 +15,17 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from enliven_edge.tracking.capsules import foot, nearest_capsules
-from enliven_edge.tracking.terms import body_girth, robust
+from enliven_edge.tracking.capsules import FAST, nearest_capsules
+from enliven_edge.tracking.terms import body_girth
+from enliven_edge.tracking.wrenches import of_frame
 
-_DOFS = 30
 _GIRTH = 11
-_FEATURES, _RIGID = 11, 6
+_PRODUCTS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 @njit(cache=True, nogil=True)
 def depth_to_model(  # type: ignore[no-untyped-def]
-    matrix,
-    gradient,
-    seen,
-    affinity,
-    ends,
-    radii,
-    capsule_frame,
-    capsule_local,
-    body,
-    weight,
-    width,
-    side,
-    support,
+    sums, seen, affinity, ends, radii, capsule_frame, by_ends, lengths_of, weight, width, side, support
 ):
     """Every observed point lies on the surface of its nearest capsule.
 
@@ -46,231 +33,190 @@ def depth_to_model(  # type: ignore[no-untyped-def]
     Returns (energy, share of the points that are explained).
 
     Args:
+        sums: as :func:`wrenches.no_sums` makes them.
         seen, affinity: as :func:`capsules.nearest_capsules` takes them.
+        by_ends: (C, 2, 3, L) the derivatives of the capsules' ends by the lengths, world frame; (C, 2, 3, 0)
+            where they are frozen.
+        lengths_of: (13, 1 + 12) how many lengths move what a frame carries, and which, the girth last.
     """
-    count = len(ends)
-    many = seen.shape[1]
-    which, met = np.empty(many, np.int32), np.zeros(count + 1, np.int64)
+    total, pull, cross, own, tug = sums
+    many = max(1, seen.shape[1])
+    which = np.empty(seen.shape[1], np.int32)
     nearest_capsules(which, seen, affinity, ends, radii, np.float32(side))
-    found = np.empty((many, 3))
+    points, first = _by_capsule(which, seen, len(ends))
+    squares, firsts, powers = np.empty((3, 3, 3)), np.empty((5, 3)), np.empty(5)
     energy, explained = 0.0, 0.0
-    support[:] = 0.0
-    per_point = weight / max(1, many)
-    for i in range(many):
-        c = which[i]
-        t, distance = foot(seen[0, i], seen[1, i], seen[2, i], ends[c], radii[c])
-        cost, w = robust(distance, width)
-        energy += per_point * cost
-        if abs(distance) < width:
-            explained += 1.0
-            support[c] += 1.0
-        found[i, 0], found[i, 1], found[i, 2] = t, distance, per_point * w
-        if w > 1e-4:
-            met[c + 1] += 1
-        else:
-            which[i] = -1
-    order = _by_capsule(which, met)
-    if matrix.shape[0] == _DOFS:
-        _add_rigid(matrix, gradient, seen, found, order, met, ends, capsule_frame, body)
-        return energy, explained / max(1, many)
+    for c in range(len(ends)):
+        f, here = capsule_frame[c], points[:, first[c] : first[c + 1]]
+        support[c] = 0.0
+        if here.shape[1] == 0:
+            continue
+        cost, support[c] = _moments(squares, firsts, powers, here, ends[c], radii[c], np.float32(width))
+        energy, explained = energy + cost, explained + support[c]
+        scale = weight / many
+        squares *= scale
+        firsts *= scale
+        powers *= scale
+        start, way = ends[c, 0], ends[c, 1] - ends[c, 0]
+        _add_wrenches(total[f], pull[f], squares, firsts, start, way)
+        if len(tug) > 0:
+            growth = radii[c] / body_girth(radii)
+            axis, moved = (start, way, by_ends[c], growth), of_frame(lengths_of, f, len(tug))
+            _add_lengths(cross[f], own, tug, squares, firsts, powers, axis, moved)
+    return weight / many * energy, explained / many
+
+
+@njit(cache=True, nogil=True)
+def _by_capsule(which, seen, count):  # type: ignore[no-untyped-def]
+    """(3, M) the points in the order of their capsules, and (C + 1,) where each capsule's begin."""
+    first = np.zeros(count + 1, np.int64)
+    for c in which:
+        first[c + 1] += 1
     for c in range(count):
-        if met[c + 1] > met[c]:
-            of_capsule = (seen, found, order[met[c] : met[c + 1]], ends[c])
-            shape = (capsule_frame[c], capsule_local[c], radii[c], body_girth(radii))
-            _add_capsule(matrix, gradient, c, shape, body, of_capsule)
-    return energy, explained / max(1, many)
-
-
-@njit(cache=True, nogil=True)
-def _add_rigid(matrix, gradient, seen, found, order, met, ends, capsule_frame, body):  # type: ignore[no-untyped-def]
-    """All points into the normal equations of translation and turns.
-
-    phi is in the world's frame, so the sums of all that an unknown moves are those of its frame and of the
-    frames beyond it, and two unknowns share the points of the one farther out: B of each is needed once.
-    """
-    world, pivots, _, moves, dof_frame, dof_axis, _, parents = body
-    total, pull = np.zeros((len(world), _RIGID, _RIGID)), np.zeros((len(world), _RIGID))
-    for c in range(len(capsule_frame)):
-        if met[c + 1] > met[c]:
-            f = capsule_frame[c]
-            _rigid_sums(total[f], pull[f], seen, found, order[met[c] : met[c + 1]], ends[c])
-    for f in range(len(world) - 1, 0, -1):
-        total[parents[f]] += total[f]
-        pull[parents[f]] += pull[f]
-    basis, product = np.zeros((len(dof_frame), _RIGID)), np.empty(_RIGID)
-    for a in range(3):
-        gradient[a] -= pull[0, a]
-        for b in range(a, 3):
-            matrix[a, b] += total[0, a, b]
-    for k in range(len(dof_frame)):
-        f, axis = dof_frame[k], dof_axis[k]
-        ax, ay, az = world[f, 0, axis], world[f, 1, axis], world[f, 2, axis]
-        x, y, z = pivots[f, 0], pivots[f, 1], pivots[f, 2]
-        basis[k, 0], basis[k, 1], basis[k, 2] = az * y - ay * z, ax * z - az * x, ay * x - ax * y
-        basis[k, 3], basis[k, 4], basis[k, 5] = ax, ay, az
-        for a in range(_RIGID):
-            product[a] = 0.0
-            for b in range(_RIGID):
-                product[a] += total[f, a, b] * basis[k, b]
-            gradient[3 + k] -= pull[f, a] * basis[k, a]
-        for a in range(3):
-            matrix[a, 3 + k] += product[a]
-        for i in range(k + 1):
-            if moves[f, i]:
-                value = 0.0
-                for a in range(_RIGID):
-                    value += product[a] * basis[i, a]
-                matrix[3 + i, 3 + k] += value
-
-
-@njit(cache=True, nogil=True)
-def _by_capsule(which, met):  # type: ignore[no-untyped-def]
-    """The points in the order of their capsules: those of c from met[c] to met[c + 1], numbers at first."""
-    for c in range(1, len(met)):
-        met[c] += met[c - 1]
-    order, filled = np.empty(len(which), np.int64), met.copy()
+        first[c + 1] += first[c]
+    points, filled = np.empty((3, len(which)), np.float32), first.copy()
     for i in range(len(which)):
         c = which[i]
-        if c >= 0:
-            order[filled[c]] = i
-            filled[c] += 1
-    return order
-
-
-@njit(cache=True, nogil=True)
-def _add_capsule(matrix, gradient, c, shape, body, of_capsule):  # type: ignore[no-untyped-def]
-    """The points of one capsule into the normal equations with the lengths."""
-    seen, found, order, ends = of_capsule
-    frame, local, radii, girth = shape
-    total, pull = np.zeros((_FEATURES, _FEATURES)), np.zeros(_FEATURES)
-    basis, product, phi = np.empty((matrix.shape[0], _FEATURES)), np.empty(_FEATURES), np.empty(_FEATURES)
-    for i in order:
-        if _features(phi, seen[0, i], seen[1, i], seen[2, i], ends, found[i, 0]):
-            _accumulate(total, pull, phi, found[i, 2], found[i, 1])
-    used = _capsule_basis(basis, c, frame, local, radii, girth, body)
-    _expand(matrix, gradient, basis, body[6][c, 2 : 2 + used], total, pull, product)
-
-
-@njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
-def _rigid_sums(total, pull, seen, found, order, ends):  # type: ignore[no-untyped-def]
-    """total += sum weight phi phi', pull += sum weight residual phi, of phi = (n, x cross n).
-
-    Written out, so that the sums stay in registers: this is what a frame's fit does most.
-    """
-    px, py, pz = ends[0, 0], ends[0, 1], ends[0, 2]
-    dx, dy, dz = ends[1, 0] - px, ends[1, 1] - py, ends[1, 2] - pz
-    aa = ab = ac = bb = bc = cc = 0.0
-    ad = ae = af = bd = be = bf = cd = ce = cf = 0.0
-    dd = de = df = ee = ef = ff = 0.0
-    ra = rb = rc = rd = re = rf = 0.0
-    for i in order:
-        t, residual, weight = found[i, 0], found[i, 1], found[i, 2]
-        x, y, z = px + t * dx, py + t * dy, pz + t * dz
-        a, b, c = seen[0, i] - x, seen[1, i] - y, seen[2, i] - z
-        length = np.sqrt(a * a + b * b + c * c)
-        if length < 1e-6:
-            continue
-        scale = 1.0 / length
-        a, b, c = a * scale, b * scale, c * scale
-        d, e, f = y * c - z * b, z * a - x * c, x * b - y * a
-        wa, wb, wc, wd, we, wf = weight * a, weight * b, weight * c, weight * d, weight * e, weight * f
-        aa, ab, ac, bb, bc, cc = aa + wa * a, ab + wa * b, ac + wa * c, bb + wb * b, bc + wb * c, cc + wc * c
-        ad, ae, af = ad + wa * d, ae + wa * e, af + wa * f
-        bd, be, bf = bd + wb * d, be + wb * e, bf + wb * f
-        cd, ce, cf = cd + wc * d, ce + wc * e, cf + wc * f
-        dd, de, df, ee, ef, ff = dd + wd * d, de + wd * e, df + wd * f, ee + we * e, ef + we * f, ff + wf * f
-        ra, rb, rc = ra + wa * residual, rb + wb * residual, rc + wc * residual
-        rd, re, rf = rd + wd * residual, re + we * residual, rf + wf * residual
-    rows = ((aa, ab, ac, ad, ae, af), (ab, bb, bc, bd, be, bf), (ac, bc, cc, cd, ce, cf))
-    more = ((ad, bd, cd, dd, de, df), (ae, be, ce, de, ee, ef), (af, bf, cf, df, ef, ff))
-    for k in range(3):
-        for j in range(_RIGID):
-            total[k, j] += rows[k][j]
-            total[3 + k, j] += more[k][j]
-    of = (ra, rb, rc, rd, re, rf)
-    for j in range(_RIGID):
-        pull[j] += of[j]
-
-
-@njit(cache=True, nogil=True)
-def _features(phi, px, py, pz, ends, t):  # type: ignore[no-untyped-def]
-    """phi of a point and its place on a capsule's axis; False where the point is on the axis itself."""
-    x = ends[0, 0] + t * (ends[1, 0] - ends[0, 0])
-    y = ends[0, 1] + t * (ends[1, 1] - ends[0, 1])
-    z = ends[0, 2] + t * (ends[1, 2] - ends[0, 2])
-    nx, ny, nz = px - x, py - y, pz - z
-    length = np.sqrt(nx * nx + ny * ny + nz * nz)
-    if length < 1e-6:
-        return False
-    nx, ny, nz = nx / length, ny / length, nz / length
-    phi[0], phi[1], phi[2] = nx, ny, nz
-    phi[3], phi[4], phi[5] = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
-    phi[6], phi[7], phi[8] = t * nx, t * ny, t * nz
-    phi[9], phi[10] = 1.0, t
-    return True
-
-
-@njit(cache=True, nogil=True)
-def _accumulate(total, pull, phi, weight, residual):  # type: ignore[no-untyped-def]
-    """total += weight phi phi' (upper triangle), pull += weight residual phi."""
-    for a in range(_FEATURES):
-        scaled = weight * phi[a]
-        pull[a] += scaled * residual
-        for b in range(a, _FEATURES):
-            total[a, b] += scaled * phi[b]
-
-
-@njit(cache=True, nogil=True)
-def _capsule_basis(basis, capsule, frame, local, radii, girth, body):  # type: ignore[no-untyped-def]
-    """The rows of B_c, up to the sign, for the unknowns that move the capsule; how many there are."""
-    world, pivots, by_length, _, dof_frame, dof_axis, unknowns, _ = body
-    turns = unknowns[capsule, 0]
-    used = unknowns[capsule, 1]
-    basis[:used] = 0.0
-    for a in range(3):
-        basis[a, a] = 1.0
-    for i in range(3, turns):
-        k = unknowns[capsule, 2 + i] - 3
-        f, axis = dof_frame[k], dof_axis[k]
-        ax, ay, az = world[f, 0, axis], world[f, 1, axis], world[f, 2, axis]
-        x, y, z = pivots[f, 0], pivots[f, 1], pivots[f, 2]
-        basis[i, 0] = -(ay * z - az * y)
-        basis[i, 1] = -(az * x - ax * z)
-        basis[i, 2] = -(ax * y - ay * x)
-        basis[i, 3], basis[i, 4], basis[i, 5] = ax, ay, az
-    for i in range(turns, used):
-        p = unknowns[capsule, 2 + i] - _DOFS
         for a in range(3):
-            start, change = by_length[frame, a, p], 0.0
-            for b in range(3):
-                start += world[frame, a, b] * local[0, b, p]
-                change += world[frame, a, b] * (local[1, b, p] - local[0, b, p])
-            basis[i, a] = start
-            basis[i, 6 + a] = change
-        if p == _GIRTH:
-            basis[i, 9] = radii[0] / girth
-            basis[i, 10] = (radii[1] - radii[0]) / girth
-    return used
+            points[a, filled[c]] = seen[a, i]
+        filled[c] += 1
+    return points, first
+
+
+@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+def _moments(squares, firsts, powers, points, ends, radii, width):  # type: ignore[no-untyped-def]
+    """The moments of a capsule's points by their robust weights; returns (energy, points within ``width``).
+
+    Written out in single precision, so that many points are summed at once: this is what a frame's fit does
+    most.
+
+    Args:
+        squares: (3, 3, 3) receives sum w t^k n n'.
+        firsts: (5, 3) receives sum w t^k n for k = 0, 1, 2 and sum w r t^k n for k = 0, 1.
+        powers: (5,) receives sum w t^k and sum w r t^k likewise.
+        points: (3, M) float32.
+        width: float32 metres.
+    """
+    zero, one = np.float32(0.0), np.float32(1.0)
+    sx, sy, sz = np.float32(ends[0, 0]), np.float32(ends[0, 1]), np.float32(ends[0, 2])
+    dx, dy, dz = np.float32(ends[1, 0]) - sx, np.float32(ends[1, 1]) - sy, np.float32(ends[1, 2]) - sz
+    share = one / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
+    start, growth = np.float32(radii[0]), np.float32(radii[1] - radii[0])
+    xx0 = xy0 = xz0 = yy0 = yz0 = zz0 = xx1 = xy1 = xz1 = yy1 = yz1 = zz1 = zero
+    xx2 = xy2 = xz2 = yy2 = yz2 = zz2 = x0 = y0 = z0 = x1 = y1 = z1 = x2 = y2 = z2 = zero
+    rx0 = ry0 = rz0 = rx1 = ry1 = rz1 = w0 = w1 = w2 = r0 = r1 = energy = within = zero
+    for i in range(points.shape[1]):
+        a, b, c = points[0, i] - sx, points[1, i] - sy, points[2, i] - sz
+        t = min(one, max(zero, (a * dx + b * dy + c * dz) * share))
+        a, b, c = a - t * dx, b - t * dy, c - t * dz
+        length = np.sqrt(a * a + b * b + c * c) + np.float32(1e-9)
+        scale = one / length
+        residual = length - start - t * growth
+        ratio = residual / width
+        kept = one / (one + ratio * ratio)
+        energy += residual * residual * kept
+        within += one if abs(residual) < width else zero
+        w = kept * kept
+        a, b, c = a * scale, b * scale, c * scale
+        wt = w * t
+        wtt, wr = wt * t, w * residual
+        wrt = wr * t
+        aa, ab, ac, bb, bc, cc = a * a, a * b, a * c, b * b, b * c, c * c
+        xx0, xy0, xz0 = xx0 + w * aa, xy0 + w * ab, xz0 + w * ac
+        yy0, yz0, zz0 = yy0 + w * bb, yz0 + w * bc, zz0 + w * cc
+        xx1, xy1, xz1 = xx1 + wt * aa, xy1 + wt * ab, xz1 + wt * ac
+        yy1, yz1, zz1 = yy1 + wt * bb, yz1 + wt * bc, zz1 + wt * cc
+        xx2, xy2, xz2 = xx2 + wtt * aa, xy2 + wtt * ab, xz2 + wtt * ac
+        yy2, yz2, zz2 = yy2 + wtt * bb, yz2 + wtt * bc, zz2 + wtt * cc
+        x0, y0, z0, x1, y1, z1 = x0 + w * a, y0 + w * b, z0 + w * c, x1 + wt * a, y1 + wt * b, z1 + wt * c
+        x2, y2, z2, w0, w1, w2 = x2 + wtt * a, y2 + wtt * b, z2 + wtt * c, w0 + w, w1 + wt, w2 + wtt
+        rx0, ry0, rz0, r0 = rx0 + wr * a, ry0 + wr * b, rz0 + wr * c, r0 + wr
+        rx1, ry1, rz1, r1 = rx1 + wrt * a, ry1 + wrt * b, rz1 + wrt * c, r1 + wrt
+    _fill_square(squares[0], xx0, xy0, xz0, yy0, yz0, zz0)
+    _fill_square(squares[1], xx1, xy1, xz1, yy1, yz1, zz1)
+    _fill_square(squares[2], xx2, xy2, xz2, yy2, yz2, zz2)
+    made = ((x0, y0, z0), (x1, y1, z1), (x2, y2, z2), (rx0, ry0, rz0), (rx1, ry1, rz1))
+    for k in range(5):
+        for a in range(3):
+            firsts[k, a] = made[k][a]
+    powers[0], powers[1], powers[2], powers[3], powers[4] = w0, w1, w2, r0, r1
+    return energy, within
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _fill_square(out, xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
+    """A symmetric (3, 3)."""
+    out[0, 0], out[0, 1], out[0, 2] = xx, xy, xz
+    out[1, 0], out[1, 1], out[1, 2] = xy, yy, yz
+    out[2, 0], out[2, 1], out[2, 2] = xz, yz, zz
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _turned(a, row):  # type: ignore[no-untyped-def]
+    """(3,) a cross a row, as a tuple."""
+    return a[1] * row[2] - a[2] * row[1], a[2] * row[0] - a[0] * row[2], a[0] * row[1] - a[1] * row[0]
 
 
 @njit(cache=True, nogil=True)
-def _expand(matrix, gradient, basis, unknowns, total, pull, product):  # type: ignore[no-untyped-def]
-    """matrix += B S B' (upper triangle), gradient -= B s, for the rows of B's unknowns, in rising order."""
-    for a in range(_FEATURES):
-        for b in range(a):
-            total[a, b] = total[b, a]
-    for i in range(len(unknowns)):
-        into = unknowns[i]
-        for b in range(_FEATURES):
-            product[b] = 0.0
-        for a in range(_FEATURES):
-            factor = basis[i, a]
-            if factor != 0.0:
-                gradient[into] -= factor * pull[a]
-                for b in range(_FEATURES):
-                    product[b] += factor * total[a, b]
-        for j in range(i, len(unknowns)):
-            value = 0.0
-            for b in range(_FEATURES):
-                value += product[b] * basis[j, b]
-            matrix[into, unknowns[j]] += value
+def _add_wrenches(total, pull, squares, firsts, start, way):  # type: ignore[no-untyped-def]
+    """The sums of phi phi' and -r phi of a capsule's points, phi = (n, start cross n + way cross t n)."""
+    # By rows of n: u[a] = sum w n_a (x cross n), v the same with t; what is turned twice follows from both.
+    u, v = np.empty((3, 3)), np.empty((3, 3))
+    for a in range(3):
+        s0, s1 = _turned(start, squares[0, a]), _turned(start, squares[1, a])
+        d1, d2 = _turned(way, squares[1, a]), _turned(way, squares[2, a])
+        for b in range(3):
+            u[a, b], v[a, b] = s0[b] + d1[b], s1[b] + d2[b]
+    for b in range(3):
+        twice, more = _turned(start, u[:, b]), _turned(way, v[:, b])
+        for a in range(3):
+            total[a, b] += squares[0, a, b]
+            total[a, 3 + b] += u[a, b]
+            total[3 + b, a] += u[a, b]
+            total[3 + a, 3 + b] += twice[a] + more[a]
+    about, along = _turned(start, firsts[3]), _turned(way, firsts[4])
+    for a in range(3):
+        pull[a] -= firsts[3, a]
+        pull[3 + a] -= about[a] + along[a]
+
+
+@njit(cache=True, nogil=True)
+def _add_lengths(cross, own, tug, squares, firsts, powers, axis, lengths):  # type: ignore[no-untyped-def]
+    """What a capsule's points say of the lengths.
+
+    A length moves the axis by g + t h and makes the surface thicker by b + t e, at n . (g + t h) + b + t e of
+    the residual. Kept by length: sum w n (that), and the same with t.
+
+    Args:
+        axis: start and way (3,), (2, 3, L) their ends' derivatives, (2,) the radii's by the girth.
+        lengths: which ones move the capsule, the girth last.
+    """
+    start, way, by_ends, growth = axis
+    count = len(lengths)
+    here, beyond = np.empty((count, 3)), np.empty((count, 3))
+    for m in range(count):
+        p = lengths[m]
+        thick = growth[0] if p == _GIRTH else 0.0
+        more = growth[1] - growth[0] if p == _GIRTH else 0.0
+        tug[p] -= thick * powers[3] + more * powers[4]
+        for a in range(3):
+            here[m, a] = thick * firsts[0, a] + more * firsts[1, a]
+            beyond[m, a] = thick * firsts[1, a] + more * firsts[2, a]
+            g, h = by_ends[0, a, p], by_ends[1, a, p] - by_ends[0, a, p]
+            tug[p] -= g * firsts[3, a] + h * firsts[4, a]
+            for b in range(3):
+                g, h = by_ends[0, b, p], by_ends[1, b, p] - by_ends[0, b, p]
+                here[m, a] += squares[0, a, b] * g + squares[1, a, b] * h
+                beyond[m, a] += squares[1, a, b] * g + squares[2, a, b] * h
+        about, along = _turned(start, here[m]), _turned(way, beyond[m])
+        for a in range(3):
+            cross[a, p] += here[m, a]
+            cross[3 + a, p] += about[a] + along[a]
+        for n in range(m + 1):
+            q, value = lengths[n], 0.0
+            for a in range(3):
+                g, h = by_ends[0, a, q], by_ends[1, a, q] - by_ends[0, a, q]
+                value += here[m, a] * g + beyond[m, a] * h
+            if p == _GIRTH and q == _GIRTH:
+                value += thick * (thick * powers[0] + 2 * more * powers[1]) + more * more * powers[2]
+            own[q, p] += value

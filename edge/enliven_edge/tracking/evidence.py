@@ -133,7 +133,7 @@ def uncertainty(fitter: Fitter, posture: Posture, observation: Observation) -> F
     matrix = fitter.information(posture, observation)
     world, pivots, by_length = forward(posture.position, posture.rotations, posture.lengths)
     turns = (model.MOVES, model.DOF_FRAME, model.DOF_AXIS)
-    body = (world, pivots, by_length, *turns, model.CAPSULE_UNKNOWNS, model.FRAME_PARENTS)
+    body = (world, pivots, by_length, *turns, model.FRAME_LENGTHS, model.FRAME_PARENTS)
     return np.asarray(_joint_spread(matrix, posture.joints(), model.JOINT_FRAMES, model.JOINT_OFFSETS, body))
 
 

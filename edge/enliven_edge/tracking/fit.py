@@ -54,7 +54,7 @@ def shape() -> tuple[AnyArray, ...]:
     """The body as the compiled fit takes it."""
     c = model.CAPSULES
     skeleton = (model.FRAME_PARENTS, model.PIVOTS, model.MOVES, model.DOF_FRAME, model.DOF_AXIS)
-    surface = (c.frame, c.ends, c.radii, model.CAPSULE_UNKNOWNS, _touching_pairs())
+    surface = (c.frame, c.ends, c.radii, model.FRAME_LENGTHS, _touching_pairs())
     return (*skeleton, *surface, model.JOINT_FRAMES, model.JOINT_OFFSETS)
 
 

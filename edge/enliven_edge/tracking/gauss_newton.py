@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 
 from enliven_edge.tracking import data_term, terms
-from enliven_edge.tracking.kinematics import capsules_into, forward_into, turn
+from enliven_edge.tracking.kinematics import capsules_into, forward_into, pivots_by_length, turn
+from enliven_edge.tracking.wrenches import gather, no_sums
 
 _DOFS = 30
 _SIDE = 0.04
@@ -80,38 +81,54 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
     position, rotations, lengths = state
     surface, affinity, view, landmarks = seen
     parents, offsets, moves, dof_frame, dof_axis = shape[:5]
-    frames, local, thickness, unknowns, pairs, joint_frames, joints = shape[5:]
+    frames, local, thickness, lengths_of, pairs, joint_frames, joints = shape[5:]
     predicted, stiffness, rest, relaxedness, middle, reach, reference, firmness = prior
     matrix[:], gradient[:] = 0.0, 0.0
-    world, pivots = np.empty((13, 3, 3)), np.empty((13, 3))
-    by_length = np.empty((13, 3, len(lengths)))
-    forward_into(world, pivots, by_length, position, rotations, lengths, parents, offsets)
-    ends, radii = np.empty((len(frames), 2, 3)), np.empty((len(frames), 2))
+    free = len(firmness)
+    world, pivots, of_pivots = np.empty((13, 3, 3)), np.empty((13, 3)), np.empty((13, 3, free))
+    forward_into(world, pivots, position, rotations, lengths, parents, offsets)
+    pivots_by_length(of_pivots, world, rotations, parents, offsets)
+    ends, radii, by_ends = (
+        np.empty((len(frames), 2, 3)),
+        np.empty((len(frames), 2)),
+        np.empty((len(frames), 2, 3, free)),
+    )
     capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness)
-    body = (world, pivots, by_length, moves, dof_frame, dof_axis, unknowns, parents)
+    body = (world, pivots, of_pivots, moves, dof_frame, dof_axis, lengths_of, parents)
+    terms.ends_by_length(by_ends, body, frames, local)
+    sums = no_sums(len(world), free)
     energy, explained = data_term.depth_to_model(
-        matrix, gradient, surface, affinity, ends, radii, frames, local, body,
-        weights[0], weights[4], _SIDE, support,
-    )  # fmt: skip
+        sums,
+        surface,
+        affinity,
+        ends,
+        radii,
+        frames,
+        by_ends,
+        lengths_of,
+        weights[0],
+        weights[4],
+        _SIDE,
+        support,
+    )
     energy += terms.free_space(
-        matrix, gradient, ends, radii, frames, local, body, view, weights[1], _FREE_WIDTH, _SAMPLES, violated
+        sums, ends, radii, frames, by_ends, lengths_of, view, weights[1], _FREE_WIDTH, _SAMPLES, violated
     )
+    energy += terms.above_floor(sums, ends, radii, frames, by_ends, lengths_of, weights[5], _FLOOR_SLACK)
+    energy += terms.near_landmarks(sums, landmarks, joint_frames, joints, lengths, body, weights[6])
+    gather(matrix, gradient, sums, body)
     energy += terms.self_intersection(
-        matrix, gradient, ends, radii, frames, local, body, pairs, weights[2], _PAIR_SAMPLES
-    )
-    energy += terms.above_floor(matrix, gradient, ends, radii, frames, local, body, weights[5], _FLOOR_SLACK)
-    energy += terms.near_landmarks(
-        matrix, gradient, landmarks, joint_frames, joints, lengths, body, weights[6]
+        matrix, gradient, ends, radii, frames, by_ends, body, pairs, weights[2], _PAIR_SAMPLES
     )
     energy += terms.joint_ranges(matrix, gradient, rotations, middle, reach, weights[3], dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, rest, relaxedness, dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, predicted, stiffness, dof_frame, dof_axis)
-    if len(firmness) > 0:
+    if free > 0:
         energy += terms.hold_build(matrix, gradient, lengths, reference, firmness, _SCALE)
     return energy, explained
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def cholesky(factor, matrix, damping):  # type: ignore[no-untyped-def]
     """The lower factor of M + damping diag(M) + 0.001; only M's upper triangle is read."""
     for i in range(len(matrix)):
@@ -124,7 +141,7 @@ def cholesky(factor, matrix, damping):  # type: ignore[no-untyped-def]
             factor[i, j] = np.sqrt(max(value, 1e-12)) if i == j else value / factor[j, j]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def solve_damped(step, factor, matrix, gradient, damping):  # type: ignore[no-untyped-def]
     """step = -(M + damping diag(M) + 0.001)^-1 gradient; only M's upper triangle is read."""
     count = len(gradient)

@@ -11,49 +11,77 @@ SHRUG = 0.3
 """Radians by which an arm that points straight up has lifted its shoulder about the base of the neck."""
 _LEVEL = 0.0
 """Height of the unit vector along the upper arm, in the chest's frame, from which on the shoulder lifts."""
+_SMALL = 1e-4
+"""Sine of an angle below which it is the angle, or a half turn less it."""
 
 
 @njit(cache=True, nogil=True)
-def forward_into(world, pivots, by_length, position, rotations, lengths, parents, offsets):  # type: ignore[no-untyped-def]
-    """Forward kinematics, parents first, into the first three arguments.
+def forward_into(world, pivots, position, rotations, lengths, parents, offsets):  # type: ignore[no-untyped-def]
+    """Forward kinematics, parents first, into the first two arguments.
 
     Args:
         world: (13, 3, 3) receives world_from_frame.
         pivots: (13, 3) receives the frames' origins.
-        by_length: (13, 3, 12) receives the origins' derivatives by the lengths.
         position: (3,) metres, of the first frame's origin.
         rotations: (13, 3, 3) parent_from_frame.
         lengths: (12,) metres.
         parents: (13,) of each frame.
         offsets: (13, 3, 12) each frame's origin in its parent's frame, linear in the lengths.
     """
-    count, terms = len(parents), len(lengths)
-    for a in range(3):
-        pivots[0, a] = position[a]
-        for b in range(3):
-            world[0, a, b] = rotations[0, a, b]
-        for term in range(terms):
-            by_length[0, a, term] = 0.0
-    for f in range(1, count):
+    pivots[0], world[0] = position, rotations[0]
+    for f in range(1, len(parents)):
         p = parents[f]
-        arm = f in (UPPER_ARM_L, UPPER_ARM_R)
-        sine, cosine = shrug(rotations[f]) if arm else (0.0, 1.0)
-        side = 1.0 if f == UPPER_ARM_L else -1.0
+        x, y, z = (
+            _along(offsets[f, 0], lengths),
+            _along(offsets[f, 1], lengths),
+            _along(offsets[f, 2], lengths),
+        )
+        if f in (UPPER_ARM_L, UPPER_ARM_R):
+            dx, dy = _shrugged(offsets[f], rotations[f], f)
+            x, y = x + dx * lengths[SHOULDER], y + dy * lengths[SHOULDER]
         for a in range(3):
-            pivots[f, a] = pivots[p, a]
-            for term in range(terms):
-                x, y = offsets[f, 0, term], offsets[f, 1, term]
-                if arm and term == SHOULDER:
-                    x, y = cosine * x - side * sine * y, side * sine * x + cosine * y
-                derivative = world[p, a, 0] * x + world[p, a, 1] * y + world[p, a, 2] * offsets[f, 2, term]
-                by_length[f, a, term] = by_length[p, a, term] + derivative
-                pivots[f, a] += derivative * lengths[term]
+            pivots[f, a] = pivots[p, a] + world[p, a, 0] * x + world[p, a, 1] * y + world[p, a, 2] * z
             for c in range(3):
                 world[f, a, c] = (
                     world[p, a, 0] * rotations[f, 0, c]
                     + world[p, a, 1] * rotations[f, 1, c]
                     + world[p, a, 2] * rotations[f, 2, c]
                 )
+
+
+@njit(cache=True, nogil=True)
+def pivots_by_length(out, world, rotations, parents, offsets):  # type: ignore[no-untyped-def]
+    """(13, 3, L) the derivatives of the frames' origins by the lengths, into ``out``; L is 0 or 12."""
+    out[:] = 0.0
+    for f in range(1, len(parents) if out.shape[2] > 0 else 0):
+        p = parents[f]
+        for a in range(3):
+            for term in range(out.shape[2]):
+                x, y, z = offsets[f, 0, term], offsets[f, 1, term], offsets[f, 2, term]
+                along = world[p, a, 0] * x + world[p, a, 1] * y + world[p, a, 2] * z
+                out[f, a, term] = out[p, a, term] + along
+        if f in (UPPER_ARM_L, UPPER_ARM_R):
+            dx, dy = _shrugged(offsets[f], rotations[f], f)
+            for a in range(3):
+                out[f, a, SHOULDER] += world[p, a, 0] * dx + world[p, a, 1] * dy
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def _along(row, lengths):  # type: ignore[no-untyped-def]
+    """A sum that may be taken in any order, and so many terms at once."""
+    total = 0.0
+    for term in range(len(lengths)):
+        total += row[term] * lengths[term]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _shrugged(offset, rotation, frame):  # type: ignore[no-untyped-def]
+    """Sideways and up, metres a metre of shoulder: where a raised arm has lifted its shoulder to."""
+    sine, cosine = shrug(rotation)
+    side = 1.0 if frame == UPPER_ARM_L else -1.0
+    x, y = offset[0, SHOULDER], offset[1, SHOULDER]
+    return cosine * x - side * sine * y - x, side * sine * x + cosine * y - y
 
 
 @njit(cache=True, nogil=True)
@@ -82,14 +110,10 @@ def capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness)
         f = frames[c]
         for e in range(2):
             radii[c, e] = thickness[c, e] * girth
+            of = local[c, e]
+            x, y, z = _along(of[0], lengths), _along(of[1], lengths), _along(of[2], lengths)
             for a in range(3):
-                ends[c, e, a] = pivots[f, a]
-            for b in range(3):
-                along = 0.0
-                for term in range(len(lengths)):
-                    along += local[c, e, b, term] * lengths[term]
-                for a in range(3):
-                    ends[c, e, a] += world[f, a, b] * along
+                ends[c, e, a] = pivots[f, a] + world[f, a, 0] * x + world[f, a, 1] * y + world[f, a, 2] * z
 
 
 @njit(cache=True, nogil=True)
@@ -128,15 +152,28 @@ def product(a, b):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def deviation(reference, rotation):  # type: ignore[no-untyped-def]
     """(3,) log(reference' rotation): the turn from one rotation to another, in the reference's axes."""
-    between = np.empty((3, 3))
+    out = np.empty(3)
+    deviation_into(out, reference, rotation)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def deviation_into(out, reference, rotation):  # type: ignore[no-untyped-def]
+    """:func:`deviation` into (3,) ``out``: the fit asks for some forty a step."""
+    trace = 0.0
     for i in range(3):
-        for j in range(3):
-            between[i, j] = (
-                reference[0, i] * rotation[0, j]
-                + reference[1, i] * rotation[1, j]
-                + reference[2, i] * rotation[2, j]
-            )
-    return logarithm(between)
+        j, k = (i + 1) % 3, (i + 2) % 3
+        out[i] = 0.0
+        for a in range(3):
+            trace += reference[a, i] * rotation[a, i]
+            out[i] += reference[a, k] * rotation[a, j] - reference[a, j] * rotation[a, k]
+    sine = 0.5 * np.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
+    if sine < _SMALL and trace < 1.0:
+        out[:] = logarithm(product(reference.T, rotation))  # near a half turn
+        return
+    scale = 0.5 if sine < _SMALL else 0.5 * np.arctan2(sine, 0.5 * (trace - 1.0)) / sine
+    for i in range(3):
+        out[i] *= scale
 
 
 @njit(cache=True, nogil=True)
@@ -166,7 +203,7 @@ def logarithm(r):  # type: ignore[no-untyped-def]
     sine = 0.5 * np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     cosine = 0.5 * (r[0, 0] + r[1, 1] + r[2, 2] - 1.0)
     angle = np.arctan2(sine, cosine)
-    if sine > 1e-4:
+    if sine > _SMALL:
         return v * (0.5 * angle / sine)
     if cosine > 0.0:
         return v * 0.5

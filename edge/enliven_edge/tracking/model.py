@@ -211,20 +211,19 @@ def _bone_frames() -> Int:
 BONE_FRAMES = _bone_frames()
 
 
-def _capsule_unknowns() -> Int:
-    """(C, 1 + 1 + 42) for each capsule: how many unknowns move it without and with the lengths, and which."""
-    table = np.zeros((len(CAPSULES.frame), 2 + UNKNOWNS), np.int64)
-    by_length = np.zeros((13, len(LENGTHS)), bool)
-    for frame in range(1, 13):
-        by_length[frame] = by_length[FRAME_PARENTS[frame]] | PIVOTS[frame].any(0)
-    for c, frame in enumerate(CAPSULES.frame):
-        turns = [0, 1, 2, *(3 + np.flatnonzero(MOVES[frame]))]
-        lengths = by_length[frame] | CAPSULES.ends[c].any((0, 1))
-        lengths[GIRTH] = True
-        every = [*turns, *(DOFS + np.flatnonzero(lengths))]
-        table[c, :2] = len(turns), len(every)
-        table[c, 2 : 2 + len(every)] = every
+def _frame_lengths() -> Int:
+    """(13, 1 + 12) for each frame: how many lengths move what it carries, and which, the girth last."""
+    table = np.zeros((13, 1 + len(LENGTHS)), np.int64)
+    of_pivot = np.zeros((13, len(LENGTHS)), bool)
+    for frame in range(13):
+        if frame > 0:
+            of_pivot[frame] = of_pivot[FRAME_PARENTS[frame]] | PIVOTS[frame].any(0)
+        moved = of_pivot[frame] | CAPSULES.ends[CAPSULES.frame == frame].any((0, 1, 2))
+        moved |= JOINT_OFFSETS[frame == JOINT_FRAMES].any((0, 1))
+        moved[GIRTH] = True
+        every = np.flatnonzero(moved)
+        table[frame, 0], table[frame, 1 : 1 + len(every)] = len(every), every
     return table
 
 
-CAPSULE_UNKNOWNS = _capsule_unknowns()
+FRAME_LENGTHS = _frame_lengths()

@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.rotation import from_matrix
 from enliven_edge.tracking import model
-from enliven_edge.tracking.kinematics import capsules_into, carry_on, forward_into
+from enliven_edge.tracking.kinematics import capsules_into, carry_on, forward_into, pivots_by_length
 
 
 @dataclass
@@ -57,7 +57,8 @@ def forward(position: Float, rotations: Float, lengths: Float) -> tuple[Float, F
     """World rotations (13, 3, 3), pivots (13, 3), and the pivots' derivatives by the lengths (13, 3, 12)."""
     world, pivots = np.empty((13, 3, 3)), np.empty((13, 3))
     by_length = np.empty((13, 3, len(lengths)))
-    forward_into(world, pivots, by_length, position, rotations, lengths, model.FRAME_PARENTS, model.PIVOTS)
+    forward_into(world, pivots, position, rotations, lengths, model.FRAME_PARENTS, model.PIVOTS)
+    pivots_by_length(by_length, world, rotations, model.FRAME_PARENTS, model.PIVOTS)
     return world, pivots, by_length
 
 

@@ -1,7 +1,8 @@
 """The terms of the fit, compiled: each adds its squared residuals to the normal equations of Gauss-Newton.
 
 The unknowns are ordered translation (3), rotations (27), lengths (12). A residual r with the row J of its
-derivatives and the weight w adds w J'J to the matrix, w J'r to the gradient and w r^2 to the energy.
+derivatives and the weight w adds w J'J to the matrix, w J'r to the gradient and w r^2 to the energy: those of
+points that a frame carries by way of the sums of :mod:`wrenches`, the others at once.
 """
 
 from __future__ import annotations
@@ -9,28 +10,20 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from enliven_edge.tracking.kinematics import deviation
+from enliven_edge.tracking.kinematics import deviation_into
 from enliven_edge.tracking.observation import nearest_pixel
+from enliven_edge.tracking.wrenches import add_place, add_ray, of_frame
 
 _DOFS = 30
 _GIRTH = 11
 
 
 @njit(cache=True, nogil=True)
-def add(matrix, gradient, row, residual, weight):  # type: ignore[no-untyped-def]
-    """One weighted residual into the upper triangle of the normal equations; most of a row is zero."""
-    filled, values = np.empty(len(row), np.int64), np.empty(len(row))
-    count = 0
-    for i in range(len(row)):
-        if row[i] != 0.0:
-            filled[count], values[count] = i, row[i]
-            count += 1
-    _add_few(matrix, gradient, filled, values, count, residual, weight)
-
-
-@njit(cache=True, nogil=True)
 def _add_few(matrix, gradient, filled, values, count, residual, weight):  # type: ignore[no-untyped-def]
-    """The same for a row of which only ``count`` entries, the ``values`` at ``filled``, are not zero."""
+    """One weighted residual into the upper triangle of the normal equations.
+
+    Its row has only ``count`` entries that are not zero, the ``values`` at ``filled``, in rising order.
+    """
     for m in range(count):
         i = filled[m]
         scaled = weight * values[m]
@@ -45,7 +38,7 @@ def point_row(row, scale, frame, point, normal, local, body):  # type: ignore[no
 
     Args:
         local: (3, 12) derivative of the point, in its frame, by the lengths.
-        body: (world, pivots, by_length, moves, dof_frame, dof_axis, capsule_unknowns, parents) of a posture;
+        body: (world, pivots, by_length, moves, dof_frame, dof_axis, frame_lengths, parents) of a posture;
             the row has no places for the lengths where they are frozen.
     """
     world, pivots, by_length, moves, dof_frame, dof_axis, _, _ = body
@@ -73,14 +66,6 @@ def point_row(row, scale, frame, point, normal, local, body):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True)
-def between(out, ends, t):  # type: ignore[no-untyped-def]
-    """(3, 12) the offset a share t along from the first to the second of (2, 3, 12), into ``out``."""
-    for a in range(3):
-        for p in range(out.shape[1]):
-            out[a, p] = (1.0 - t) * ends[0, a, p] + t * ends[1, a, p]
-
-
-@njit(cache=True, nogil=True)
 def robust(residual, width):  # type: ignore[no-untyped-def]
     """Geman-McClure: the energy r^2 / (1 + (r / width)^2) and its weight in iterated least squares."""
     ratio = residual / width
@@ -95,8 +80,37 @@ def body_girth(radii):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def ends_by_length(out, body, capsule_frame, capsule_local):  # type: ignore[no-untyped-def]
+    """(C, 2, 3, L) the derivatives of the capsules' ends by the lengths, world frame, into ``out``."""
+    for c in range(len(capsule_frame)):
+        for e in range(2):
+            by_length(out[c, e], capsule_frame[c], capsule_local[c, e], body)
+
+
+@njit(cache=True, nogil=True)
+def by_length(out, frame, local, body):  # type: ignore[no-untyped-def]
+    """(3, L) the derivatives by the lengths of a point that is (3, 12) in its frame, into ``out``."""
+    world, of_pivot, lengths_of = body[0], body[2], body[6]
+    out[:] = 0.0
+    for p in of_frame(lengths_of, frame, out.shape[1]):
+        x, y, z = local[0, p], local[1, p], local[2, p]
+        for a in range(3):
+            out[a, p] = of_pivot[frame, a, p] + world[frame, a, 0] * x + world[frame, a, 1] * y
+            out[a, p] += world[frame, a, 2] * z
+
+
+@njit(cache=True, nogil=True)
+def _stretch(out, normal, by_ends, t, frame, lengths_of):  # type: ignore[no-untyped-def]
+    """(L,) normal . d(point)/d(length), a share t along a capsule, into ``out``; not by the girth."""
+    out[:] = 0.0
+    for p in of_frame(lengths_of, frame, len(out)):
+        for a in range(3):
+            out[p] += normal[a] * ((1.0 - t) * by_ends[0, a, p] + t * by_ends[1, a, p])
+
+
+@njit(cache=True, nogil=True)
 def free_space(  # type: ignore[no-untyped-def]
-    matrix, gradient, ends, radii, capsule_frame, capsule_local, body, view, weight, width, samples, violated
+    sums, ends, radii, capsule_frame, by_ends, lengths_of, view, weight, width, samples, violated
 ):
     """No limb where the camera saw through, and none in front of what it saw.
 
@@ -109,39 +123,33 @@ def free_space(  # type: ignore[no-untyped-def]
             person's pixels, (h, w) of :func:`observation.nearest_columns`, (4,) fx, fy, cx, cy, and (4, 4).
         violated: (C,) receives the share of each capsule's samples seen through.
     """
-    depth, mask, nearest, camera, world_from_camera = view
-    height, width_px = depth.shape
-    row, normal, point = np.empty(matrix.shape[0]), np.empty(3), np.empty(3)
-    offset_row = np.empty((3, capsule_local.shape[3]))
+    depth, mask, nearest, camera, pose = view
+    normal, point, stretch = np.empty(3), np.empty(3), np.empty(len(sums[4]))
+    first, last = np.empty(3), np.empty(3)
     fx, fy, cx, cy = camera
     energy = 0.0
     violated[:] = 0.0
     per_sample = weight / (len(ends) * samples)
     for c in range(len(ends)):
+        _in_camera(first, pose, ends[c, 0])
+        _in_camera(last, pose, ends[c, 1])
         for s in range(samples):
             t = (s + 0.5) / samples
             radius = radii[c, 0] + t * (radii[c, 1] - radii[c, 0])
-            x, y, z = 0.0, 0.0, 0.0
-            for b in range(3):
-                point[b] = ends[c, 0, b] + t * (ends[c, 1, b] - ends[c, 0, b])
-                offset = point[b] - world_from_camera[b, 3]
-                x += world_from_camera[b, 0] * offset
-                y += world_from_camera[b, 1] * offset
-                z += world_from_camera[b, 2] * offset
+            z = first[2] + t * (last[2] - first[2])
             if z < 0.2:
                 continue
-            u, v = int(np.floor(fx * x / z + cx + 0.5)), int(np.floor(fy * y / z + cy + 0.5))
-            if u < 0 or v < 0 or u >= width_px or v >= height:
+            u = int(np.floor(fx * (first[0] + t * (last[0] - first[0])) / z + cx + 0.5))
+            v = int(np.floor(fy * (first[1] + t * (last[1] - first[1])) / z + cy + 0.5))
+            if u < 0 or v < 0 or u >= depth.shape[1] or v >= depth.shape[0]:
                 continue
-            seen = depth[v, u]
-            girth_row = 0.0
-            if mask[v, u]:
+            seen, inside = depth[v, u], mask[v, u]
+            if inside:
                 residual = seen - (z - radius) - 0.03
                 if residual <= 0.0:
                     continue
                 for a in range(3):
-                    normal[a] = -world_from_camera[a, 2]
-                girth_row = radius / body_girth(radii)
+                    normal[a] = -pose[a, 2]
             else:
                 if seen == 0.0 or seen < z - radius - 0.05:
                     continue
@@ -152,28 +160,37 @@ def free_space(  # type: ignore[no-untyped-def]
                 dx, dy = (u - near_u) * z / fx, (v - near_v) * z / fy
                 residual = np.sqrt(dx * dx + dy * dy)
                 for a in range(3):
-                    normal[a] = (dx * world_from_camera[a, 0] + dy * world_from_camera[a, 1]) / residual
-            row[:] = 0.0
-            between(offset_row, capsule_local[c], t)
-            point_row(row, 1.0, capsule_frame[c], point, normal, offset_row, body)
-            if len(row) > _DOFS:
-                row[_DOFS + _GIRTH] += girth_row
+                    normal[a] = (dx * pose[a, 0] + dy * pose[a, 1]) / residual
+            for a in range(3):
+                point[a] = ends[c, 0, a] + t * (ends[c, 1, a] - ends[c, 0, a])
+            _stretch(stretch, normal, by_ends[c], t, capsule_frame[c], lengths_of)
+            if inside and len(stretch) > 0:
+                stretch[_GIRTH] += radius / body_girth(radii)
             cost, w = robust(residual, width)
             energy += per_sample * cost
-            add(matrix, gradient, row, residual, per_sample * w)
+            add_ray(sums, capsule_frame[c], normal, point, stretch, lengths_of, residual, per_sample * w)
     return energy
 
 
 @njit(cache=True, nogil=True)
-def self_intersection(  # type: ignore[no-untyped-def]
-    matrix, gradient, ends, radii, capsule_frame, capsule_local, body, pairs, weight, samples
-):
+def _in_camera(out, pose, point):  # type: ignore[no-untyped-def]
+    """(3,) a point of the world in the frame of a camera at the (4, 4) pose, into ``out``."""
+    for a in range(3):
+        out[a] = 0.0
+        for b in range(3):
+            out[a] += pose[b, a] * (point[b] - pose[b, 3])
+
+
+@njit(cache=True, nogil=True)
+def self_intersection(matrix, gradient, ends, radii, capsule_frame, by_ends, body, pairs, weight, samples):  # type: ignore[no-untyped-def]
     """Limbs do not enter each other: samples on the first capsule of a pair stay outside the second."""
     filled, values = np.empty(matrix.shape[0], np.int64), np.empty(matrix.shape[0])
     normal, point, centre = np.empty(3), np.empty(3), np.empty(3)
     energy = 0.0
     for k in range(len(pairs)):
         i, j = pairs[k]
+        if _clear(ends[i], radii[i], ends[j], radii[j]):
+            continue
         for s in range(samples):
             t = (s + 0.5) / samples
             along, square = 0.0, 1e-12
@@ -195,24 +212,40 @@ def self_intersection(  # type: ignore[no-untyped-def]
                 continue
             for a in range(3):
                 normal[a] = (point[a] - centre[a]) / distance
-            first = (capsule_frame[i], point, capsule_local[i], t)
-            second = (capsule_frame[j], centre, capsule_local[j], along)
-            count = _parting_row(filled, values, first, second, normal, body, matrix.shape[0] > _DOFS)
+            first = (capsule_frame[i], point, by_ends[i], t)
+            second = (capsule_frame[j], centre, by_ends[j], along)
+            count = _parting_row(filled, values, first, second, normal, body)
             energy += weight * residual * residual
             _add_few(matrix, gradient, filled, values, count, residual, weight)
     return energy
 
 
 @njit(cache=True, nogil=True)
-def _parting_row(filled, values, first, second, normal, body, with_lengths):  # type: ignore[no-untyped-def]
+def _clear(one, thick, other, broad):  # type: ignore[no-untyped-def]
+    """Whether two capsules are too far apart to meet, by the balls about them."""
+    apart, first, second = 0.0, 0.0, 0.0
+    for a in range(3):
+        apart += (0.5 * (one[0, a] + one[1, a] - other[0, a] - other[1, a])) ** 2
+        first += (0.5 * (one[1, a] - one[0, a])) ** 2
+        second += (0.5 * (other[1, a] - other[0, a])) ** 2
+    reach = max(thick[0], thick[1]) + max(broad[0], broad[1]) + np.sqrt(first) + np.sqrt(second)
+    return apart > reach * reach
+
+
+@njit(cache=True, nogil=True)
+def _parting_row(filled, values, first, second, normal, body):  # type: ignore[no-untyped-def]
     """normal . d(second - first)/d(unknowns) of two points, ``normal`` along the line between them.
 
     What carries both points turns that line without making it longer, so only the unknowns that move one of
     them count: a few of the forearm against the chest. Returns how many were filled.
+
+    Args:
+        first, second: the frame, the (3,) point, (2, 3, L) the derivatives of its capsule's ends by the
+            lengths, and the share along it.
     """
-    world, pivots, by_length, moves, dof_frame, dof_axis, _, _ = body
-    one, point, one_local, t = first
-    other, centre, other_local, along = second
+    world, pivots, _, moves, dof_frame, dof_axis, _, _ = body
+    one, point, by_one, t = first
+    other, centre, by_other, along = second
     count = 0
     for k in range(len(dof_frame)):
         if moves[one, k] == moves[other, k]:
@@ -227,53 +260,43 @@ def _parting_row(filled, values, first, second, normal, body, with_lengths):  # 
             normal[0] * (ay * z - az * y) + normal[1] * (az * x - ax * z) + normal[2] * (ax * y - ay * x)
         )
         count += 1
-    if not with_lengths:
-        return count
-    for p in range(by_length.shape[2]):
+    for p in range(by_one.shape[2]):
         apart = 0.0
         for a in range(3):
-            change = by_length[other, a, p] - by_length[one, a, p]
-            for b in range(3):
-                here = (1.0 - t) * one_local[0, b, p] + t * one_local[1, b, p]
-                there = (1.0 - along) * other_local[0, b, p] + along * other_local[1, b, p]
-                change += world[other, a, b] * there - world[one, a, b] * here
-            apart += normal[a] * change
+            here = (1.0 - t) * by_one[0, a, p] + t * by_one[1, a, p]
+            apart += normal[a] * ((1.0 - along) * by_other[0, a, p] + along * by_other[1, a, p] - here)
         filled[count], values[count] = _DOFS + p, apart
         count += 1
     return count
 
 
 @njit(cache=True, nogil=True)
-def above_floor(matrix, gradient, ends, radii, capsule_frame, capsule_local, body, weight, slack):  # type: ignore[no-untyped-def]
+def above_floor(sums, ends, radii, capsule_frame, by_ends, lengths_of, weight, slack):  # type: ignore[no-untyped-def]
     """No limb below the floor at y = 0: the lowest point of both ends of every capsule, ``slack`` allowed."""
-    row, up = np.zeros(matrix.shape[0]), np.array([0.0, 1.0, 0.0])
+    down, stretch = np.array([0.0, -1.0, 0.0]), np.empty(len(sums[4]))
     energy = 0.0
     for c in range(len(ends)):
         for e in range(2):
             residual = radii[c, e] - slack - ends[c, e, 1]
             if residual <= 0.0:
                 continue
-            row[:] = 0.0
-            point_row(row, -1.0, capsule_frame[c], ends[c, e], up, capsule_local[c, e], body)
-            if len(row) > _DOFS:
-                row[_DOFS + _GIRTH] += radii[c, e] / body_girth(radii)
+            _stretch(stretch, down, by_ends[c], float(e), capsule_frame[c], lengths_of)
+            if len(stretch) > 0:
+                stretch[_GIRTH] += radii[c, e] / body_girth(radii)
             energy += weight * residual * residual
-            add(matrix, gradient, row, residual, weight)
+            add_ray(sums, capsule_frame[c], down, ends[c, e], stretch, lengths_of, residual, weight)
     return energy
 
 
 @njit(cache=True, nogil=True)
-def near_landmarks(  # type: ignore[no-untyped-def]
-    matrix, gradient, landmarks, frames, local, lengths, body, weight
-):
+def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):  # type: ignore[no-untyped-def]
     """Joints are near where something else than the surface puts them: weight w |p - landmark|^2, robustly.
 
     Args:
         landmarks: (20, 5) x, y, z, the weight w and the robust width of each joint; (0, 5): there are none.
         frames, local: (20,) and (20, 3, 12) the joints on the model.
     """
-    columns, filled = np.empty((matrix.shape[0], 3)), np.empty(matrix.shape[0], np.int64)
-    point, apart = np.empty(3), np.empty(3)
+    point, apart, stretch = np.empty(3), np.empty(3), np.empty((3, len(sums[4])))
     energy = 0.0
     for j in range(len(landmarks)):
         w = weight * landmarks[j, 3]
@@ -286,8 +309,8 @@ def near_landmarks(  # type: ignore[no-untyped-def]
             square += apart[a] * apart[a]
         cost, doubt = robust(np.sqrt(square), landmarks[j, 4])
         energy += w * cost
-        count = point_columns(columns, filled, frames[j], point, local[j], body)
-        add_point(matrix, gradient, columns, filled, count, apart, w * doubt)
+        by_length(stretch, frames[j], local[j], body)
+        add_place(sums, frames[j], point, apart, stretch, body[6], w * doubt)
     return energy
 
 
@@ -303,49 +326,6 @@ def carried(point, frame, local, lengths, body):  # type: ignore[no-untyped-def]
             offset += local[b, p] * lengths[p]
         for a in range(3):
             point[a] += world[frame, a, b] * offset
-
-
-@njit(cache=True, nogil=True)
-def point_columns(columns, filled, frame, point, local, body):  # type: ignore[no-untyped-def]
-    """d(point)/d(unknown), (3,) each, of the unknowns that move a point; how many, in rising order."""
-    world, pivots, by_length, moves, dof_frame, dof_axis, _, _ = body
-    for a in range(3):
-        filled[a] = a
-        for b in range(3):
-            columns[a, b] = 1.0 if a == b else 0.0
-    count = 3
-    for k in range(len(dof_frame)):
-        if moves[frame, k] == 0:
-            continue
-        f, axis = dof_frame[k], dof_axis[k]
-        ax, ay, az = world[f, 0, axis], world[f, 1, axis], world[f, 2, axis]
-        x, y, z = point[0] - pivots[f, 0], point[1] - pivots[f, 1], point[2] - pivots[f, 2]
-        columns[count, 0] = ay * z - az * y
-        columns[count, 1] = az * x - ax * z
-        columns[count, 2] = ax * y - ay * x
-        filled[count] = 3 + k
-        count += 1
-    if len(filled) == _DOFS:
-        return count
-    for p in range(local.shape[1]):
-        for a in range(3):
-            columns[count, a] = by_length[frame, a, p]
-            for b in range(3):
-                columns[count, a] += world[frame, a, b] * local[b, p]
-        filled[count] = _DOFS + p
-        count += 1
-    return count
-
-
-@njit(cache=True, nogil=True)
-def add_point(matrix, gradient, columns, filled, count, apart, weight):  # type: ignore[no-untyped-def]
-    """A point's three residuals at once into the upper triangle of the normal equations."""
-    for m in range(count):
-        x, y, z = weight * columns[m, 0], weight * columns[m, 1], weight * columns[m, 2]
-        i = filled[m]
-        gradient[i] += x * apart[0] + y * apart[1] + z * apart[2]
-        for n in range(m, count):
-            matrix[i, filled[n]] += x * columns[n, 0] + y * columns[n, 1] + z * columns[n, 2]
 
 
 @njit(cache=True, nogil=True)
@@ -381,10 +361,12 @@ def stay_near(matrix, gradient, rotations, reference, weights, dof_frame, dof_ax
     energy = 0.0
     last, turned = -1, np.zeros(3)
     for k in range(len(dof_frame)):
-        f = dof_frame[k]
+        f, w = dof_frame[k], weights[dof_frame[k]]
+        if w == 0.0:
+            continue
         if f != last:
-            turned, last = deviation(reference[f], rotations[f]), f
-        w = weights[f]
+            deviation_into(turned, reference[f], rotations[f])
+            last = f
         value = turned[dof_axis[k]]
         matrix[3 + k, 3 + k] += w
         gradient[3 + k] += w * value
@@ -400,7 +382,8 @@ def joint_ranges(matrix, gradient, rotations, middle, reach, weight, dof_frame, 
     for k in range(len(dof_frame)):
         f, axis = dof_frame[k], dof_axis[k]
         if f != last:
-            turned, last = deviation(middle[f], rotations[f]), f
+            deviation_into(turned, middle[f], rotations[f])
+            last = f
         value = turned[axis]
         excess = value - reach[f, axis] if value > 0.0 else value + reach[f, axis]
         if abs(value) <= reach[f, axis]:

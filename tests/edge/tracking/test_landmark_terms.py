@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from bodies_for_tests import TURNS, body_of, gathered
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven_edge.tracking import model, ranges, terms
 from enliven_edge.tracking.gauss_newton import stepped
-from enliven_edge.tracking.posture import Posture, forward
+from enliven_edge.tracking.posture import Posture
 
-TURNS = (model.DOF_FRAME, model.DOF_AXIS)
 JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
 SEEDS = st.integers(0, 10_000)
 COUNTS = st.sampled_from([model.DOFS, model.UNKNOWNS])
@@ -34,12 +34,6 @@ def moved_by(posture: Posture, step: np.ndarray) -> Posture:
     return Posture(*stepped(posture.position, posture.rotations, posture.lengths, full, *TURNS))
 
 
-def body_of(posture: Posture):
-    """The body as the terms take it."""
-    world, pivots, by_length = forward(posture.position, posture.rotations, posture.lengths)
-    return world, pivots, by_length, model.MOVES, *TURNS, model.CAPSULE_UNKNOWNS, model.FRAME_PARENTS
-
-
 def random_landmarks(posture: Posture, seed: int) -> np.ndarray:
     """(20, 5) about the joints, some far enough to be doubted, some of no weight."""
     dice = np.random.default_rng(seed)
@@ -50,11 +44,9 @@ def random_landmarks(posture: Posture, seed: int) -> np.ndarray:
 
 def near(posture: Posture, landmarks: np.ndarray, count: int = model.UNKNOWNS):
     """(energy, gradient, upper triangle of the matrix)."""
-    matrix, gradient = np.zeros((count, count)), np.zeros(count)
-    energy = terms.near_landmarks(
-        matrix, gradient, landmarks, *JOINTS, posture.lengths, body_of(posture), WEIGHT
-    )
-    return energy, gradient, matrix
+    free = count - model.DOFS
+    around = (*JOINTS, posture.lengths, body_of(posture, free), WEIGHT)
+    return gathered(lambda sums: terms.near_landmarks(sums, landmarks, *around), posture, free)
 
 
 def differences(of, posture: Posture, count: int) -> np.ndarray:
@@ -76,33 +68,13 @@ def test_a_carried_point_is_where_the_joint_is(seed):
         np.testing.assert_allclose(point, joint, atol=1e-12)
 
 
-@given(SEEDS, COUNTS, st.integers(0, 19))
+@given(SEEDS, st.integers(0, 19))
 @settings(max_examples=25, deadline=None)
-def test_the_columns_of_a_point_are_its_differences(seed, count, joint):
-    posture = random_posture(seed)
-    columns, filled = np.empty((count, 3)), np.empty(count, np.int64)
-    at = posture.joints()[joint]
-    found = terms.point_columns(columns, filled, JOINTS[0][joint], at, JOINTS[1][joint], body_of(posture))
-    assert (np.diff(filled[:found]) > 0).all(), "in rising order"
-    made = np.zeros((count, 3))
-    made[filled[:found]] = columns[:found]
-    slow = differences(lambda p: p.joints()[joint], posture, count)
-    np.testing.assert_allclose(made, slow, atol=1e-7)
-
-
-@given(SEEDS, st.integers(1, 42))
-@settings(max_examples=25, deadline=None)
-def test_a_point_adds_its_three_residuals(seed, count):
-    dice = np.random.default_rng(seed)
-    filled = np.sort(dice.permutation(42)[:count])
-    columns, apart, weight = dice.normal(size=(42, 3)), dice.normal(size=3), dice.uniform(0, 5)
-    matrix, gradient = np.zeros((42, 42)), np.zeros(42)
-    where = np.r_[filled, np.zeros(42 - count, np.int64)]
-    terms.add_point(matrix, gradient, columns, where, count, apart, weight)
-    rows = np.zeros((3, 42))
-    rows[:, filled] = columns[:count].T
-    np.testing.assert_allclose(matrix, np.triu(weight * rows.T @ rows), atol=1e-12)
-    np.testing.assert_allclose(gradient, weight * rows.T @ apart, atol=1e-12)
+def test_a_joint_moves_by_the_lengths_as_its_differences_say(seed, joint):
+    posture, by = random_posture(seed), np.empty((3, 12))
+    terms.by_length(by, JOINTS[0][joint], JOINTS[1][joint], body_of(posture))
+    slow = differences(lambda p: p.joints()[joint], posture, model.UNKNOWNS)[model.DOFS :]
+    np.testing.assert_allclose(by, slow.T, atol=1e-7)
 
 
 @given(SEEDS)

@@ -1,0 +1,169 @@
+"""The normal equations of a body of frames, from sums by frame.
+
+A residual r of a point x that a frame carries changes by n . dx, with a vector n. Moving the frame by the
+twist (v, w) about the world's origin makes that phi . (v, w), with the wrench
+
+    phi = (n, x cross n),
+
+and a bone's length p, which moves the point by dx/dp, makes it l_p = n . dx/dp. So the terms of the fit add
+only phi phi', r phi and their like with l to the sums of the frame; and as phi is in the world's frame, what
+an unknown moves has the sums of its frame and of all frames beyond it (composite rigid bodies, Walker and
+Orin 1982). Two unknowns share the points of the one farther out, so the normal equations are gathered from
+the sums once, however many residuals there are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_MOVES = 3
+"""Unknowns of the translation; turns follow, then lengths."""
+
+
+@njit(cache=True, nogil=True)
+def no_sums(frames, lengths):  # type: ignore[no-untyped-def]
+    """Empty sums of so many frames and lengths, 0 where those are frozen.
+
+    (total (F, 6, 6), pull (F, 6), cross (F, 6, L), own (L, L), tug (L,)): by frame the weighted sums of
+    phi phi', r phi and phi l', and of all frames together those of l l' and r l.
+    """
+    total, pull = np.zeros((frames, 6, 6)), np.zeros((frames, 6))
+    return total, pull, np.zeros((frames, 6, lengths)), np.zeros((lengths, lengths)), np.zeros(lengths)
+
+
+@njit(cache=True, nogil=True)
+def add_ray(sums, frame, normal, point, stretch, lengths_of, residual, weight):  # type: ignore[no-untyped-def]
+    """A residual along one direction.
+
+    Args:
+        normal: (3,) n, world frame.
+        point: (3,) metres, world frame.
+        stretch: (L,) the residual's derivatives by the lengths; (0,) where they are frozen.
+        lengths_of: (F, 1 + 12) as in ``model.FRAME_LENGTHS``.
+    """
+    total, pull, cross, own, tug = sums
+    moved = of_frame(lengths_of, frame, len(tug))
+    (x, y, z), (a, b, c) = (point[0], point[1], point[2]), (normal[0], normal[1], normal[2])
+    phi = (a, b, c, y * c - z * b, z * a - x * c, x * b - y * a)
+    for i in range(6):
+        scaled = weight * phi[i]
+        pull[frame, i] += scaled * residual
+        for j in range(6):
+            total[frame, i, j] += scaled * phi[j]
+        for p in moved:
+            cross[frame, i, p] += scaled * stretch[p]
+    for p in moved:
+        scaled = weight * stretch[p]
+        tug[p] += scaled * residual
+        for q in moved:
+            own[p, q] += scaled * stretch[q]
+
+
+@njit(cache=True, nogil=True)
+def add_place(sums, frame, point, apart, stretch, lengths_of, weight):  # type: ignore[no-untyped-def]
+    """The three residuals of a point that should be somewhere.
+
+    Args:
+        point: (3,) metres, world frame, where it is.
+        apart: (3,) from where it should be.
+        stretch: (3, L) the point's derivatives by the lengths; (3, 0) where they are frozen.
+    """
+    total, pull, cross, own, tug = sums
+    moved = of_frame(lengths_of, frame, len(tug))
+    x, y, z = point[0], point[1], point[2]
+    by_axis = ((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))
+    square = x * x + y * y + z * z
+    for a in range(3):
+        total[frame, a, a] += weight
+        total[frame, 3 + a, 3 + a] += weight * square
+        pull[frame, a] += weight * apart[a]
+        for b in range(3):
+            turned = weight * by_axis[a][b]
+            total[frame, a, 3 + b] += turned
+            total[frame, 3 + b, a] += turned
+            total[frame, 3 + a, 3 + b] -= weight * point[a] * point[b]
+            pull[frame, 3 + b] += turned * apart[a]
+            for p in moved:
+                cross[frame, 3 + b, p] += turned * stretch[a, p]
+        for p in moved:
+            scaled = weight * stretch[a, p]
+            cross[frame, a, p] += scaled
+            tug[p] += scaled * apart[a]
+            for q in moved:
+                own[p, q] += scaled * stretch[a, q]
+
+
+@njit(cache=True, nogil=True)
+def of_frame(lengths_of, frame, lengths):  # type: ignore[no-untyped-def]
+    """Which of the lengths move what a frame carries; none of 0."""
+    return lengths_of[frame, 1 : 1 + (lengths_of[frame, 0] if lengths > 0 else 0)]
+
+
+@njit(cache=True, nogil=True)
+def gather(matrix, gradient, sums, body):  # type: ignore[no-untyped-def]
+    """Adds the sums to the normal equations, the upper triangle of the matrix; the sums are used up.
+
+    Args:
+        body: (world, pivots, by_length, moves, dof_frame, dof_axis, lengths_of, parents) of a posture, as the
+            terms take it.
+    """
+    world, pivots, _, moves, dof_frame, dof_axis, _, parents = body
+    total, pull, cross, own, tug = sums
+    for f in range(len(world) - 1, 0, -1):
+        total[parents[f]] += total[f]
+        pull[parents[f]] += pull[f]
+        cross[parents[f]] += cross[f]
+    turns = _turns(world, pivots, dof_frame, dof_axis)
+    _gather_turns(matrix, gradient, total, pull, turns, moves, dof_frame)
+    first = _MOVES + len(turns)
+    for p in range(len(tug)):
+        gradient[first + p] += tug[p]
+        for q in range(p, len(tug)):
+            matrix[first + p, first + q] += own[p, q]
+        for a in range(_MOVES):
+            matrix[a, first + p] += cross[0, a, p]
+        for k in range(len(turns)):
+            f, value = dof_frame[k], 0.0
+            for a in range(6):
+                value += turns[k, a] * cross[f, a, p]
+            matrix[_MOVES + k, first + p] += value
+
+
+@njit(cache=True, nogil=True)
+def _turns(world, pivots, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
+    """(K, 6) the twist of every rotational unknown: about its axis, through its frame's pivot."""
+    out = np.empty((len(dof_frame), 6))
+    for k in range(len(dof_frame)):
+        f, axis = dof_frame[k], dof_axis[k]
+        ax, ay, az = world[f, 0, axis], world[f, 1, axis], world[f, 2, axis]
+        x, y, z = pivots[f, 0], pivots[f, 1], pivots[f, 2]
+        out[k, 0], out[k, 1], out[k, 2] = az * y - ay * z, ax * z - az * x, ay * x - ax * y
+        out[k, 3], out[k, 4], out[k, 5] = ax, ay, az
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _gather_turns(matrix, gradient, total, pull, turns, moves, dof_frame):  # type: ignore[no-untyped-def]
+    """The part of translation and turns; ``total`` and ``pull`` are those of all that a frame moves."""
+    product = np.empty(6)
+    for a in range(_MOVES):
+        gradient[a] += pull[0, a]
+        for b in range(a, _MOVES):
+            matrix[a, b] += total[0, a, b]
+    for k in range(len(turns)):
+        f, value = dof_frame[k], 0.0
+        for a in range(6):
+            value += pull[f, a] * turns[k, a]
+            product[a] = 0.0
+            for b in range(6):
+                product[a] += total[f, a, b] * turns[k, b]
+        gradient[_MOVES + k] += value
+        for a in range(_MOVES):
+            matrix[a, _MOVES + k] += product[a]
+        for i in range(k + 1):
+            if moves[f, i]:
+                value = 0.0
+                for a in range(6):
+                    value += product[a] * turns[i, a]
+                matrix[_MOVES + i, _MOVES + k] += value

@@ -1,0 +1,87 @@
+"""Postures at random, points on their surface, and what the compiled terms of the fit take of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven_edge.tracking import model, ranges, terms
+from enliven_edge.tracking.capsules import foot, nearest_capsules
+from enliven_edge.tracking.gauss_newton import stepped
+from enliven_edge.tracking.kinematics import pivots_by_length
+from enliven_edge.tracking.posture import Posture, forward
+from enliven_edge.tracking.wrenches import gather, no_sums
+
+TURNS = (model.DOF_FRAME, model.DOF_AXIS)
+NO_AFFINITY = np.zeros((0, 0), np.float32)
+
+
+def moved_by(posture: Posture, step) -> Posture:
+    return Posture(*stepped(posture.position, posture.rotations, posture.lengths, step, *TURNS))
+
+
+def random_posture(seed: int, spread: float = 0.3) -> Posture:
+    """A person at about 2.5 m in front of the sensor, limbs turned at random."""
+    random = np.random.default_rng(seed)
+    posture = Posture(np.array([0.1, 0.95, -2.5]), ranges.standing(), model.lengths_for_height(1.7))
+    step = np.concatenate([random.normal(0, 0.05, 3), random.normal(0, spread, model.DOFS - 3), np.zeros(12)])
+    return moved_by(posture, step)
+
+
+def body_of(posture: Posture, free: int = 12):
+    """The body as the terms take it, with so many lengths that are not frozen: 12 or 0."""
+    world, pivots = forward(posture.position, posture.rotations, posture.lengths)[:2]
+    by_length = np.empty((13, 3, free))
+    pivots_by_length(by_length, world, posture.rotations, model.FRAME_PARENTS, model.PIVOTS)
+    return world, pivots, by_length, model.MOVES, *TURNS, model.FRAME_LENGTHS, model.FRAME_PARENTS
+
+
+def surroundings(posture: Posture, free: int = 12, *, taper: bool = False):
+    """(ends, radii, frames, derivatives of the ends by the lengths) as the terms take them.
+
+    The terms take the point of the axis nearest to a sample as fixed, which is exact without taper only.
+    """
+    ends, radii = posture.capsules()
+    radii = radii if taper else np.repeat(radii[:, :1], 2, axis=1)
+    by_ends = np.empty((len(ends), 2, 3, free))
+    terms.ends_by_length(by_ends, body_of(posture, free), model.CAPSULES.frame, model.CAPSULES.ends)
+    return ends, radii, model.CAPSULES.frame, by_ends
+
+
+def gathered(term, posture: Posture, free: int = 12):
+    """(what the term returns, gradient, matrix) of a term that adds to the sums it is given."""
+    sums, count = no_sums(13, free), model.DOFS + free
+    returned = term(sums)
+    matrix, gradient = np.zeros((count, count)), np.zeros(count)
+    gather(matrix, gradient, sums, body_of(posture, free))
+    return returned, gradient, matrix
+
+
+def surface_points(posture: Posture, seed: int, count: int = 80, noise: float = 0.01):
+    """Points on the posture's capsules, moved by noise, and the outward normals there."""
+    random = np.random.default_rng(seed)
+    ends, radii = posture.capsules()
+    which = random.integers(0, len(ends), count)
+    t = random.uniform(0.1, 0.9, count)[:, None]
+    axis = ends[which, 1] - ends[which, 0]
+    normal = np.cross(axis, random.normal(size=(count, 3)))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    radius = radii[which, :1]
+    points = (
+        ends[which, 0] * (1 - t)
+        + ends[which, 1] * t
+        + normal * (radius + random.normal(0, noise, (count, 1)))
+    )
+    return points.astype(np.float32), normal.astype(np.float32)
+
+
+def seen_as(points, normals):
+    """(6, M) points and normals as the compiled search takes them."""
+    return np.ascontiguousarray(np.concatenate([points.T, normals.T]))
+
+
+def nearest(point, normal, ends, radii, likes=np.zeros(0, np.float32)):
+    """(capsule, t, signed distance) by the compiled search."""
+    seen, which = np.concatenate([point, normal]).astype(np.float32)[:, None], np.empty(1, np.int32)
+    nearest_capsules(which, seen, likes[:, None], ends, radii, np.float32(0.04))
+    c = int(which[0])
+    return c, *foot(*point, ends[c], radii[c])

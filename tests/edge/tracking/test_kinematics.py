@@ -1,0 +1,127 @@
+"""The body's frames: turns and their logarithms, bones that keep their lengths, sides not exchanged."""
+
+import numpy as np
+import pytest
+from bodies_for_tests import body_of, random_posture
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven_edge.tracking import model, ranges
+from enliven_edge.tracking.kinematics import deviation, exponential, logarithm
+from enliven_edge.tracking.posture import Posture, continued
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=50, deadline=None)
+def test_logarithm_inverts_exponential(seed):
+    v = np.random.default_rng(seed).normal(size=3)
+    v *= min(1.0, 3.1 / np.linalg.norm(v))
+    np.testing.assert_allclose(logarithm(exponential(v)), v, atol=1e-6)
+
+
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0.6, 0.8, 0), (-0.48, 0.6, 0.64)])
+def test_logarithm_of_half_a_turn(axis):
+    half_turn = exponential(np.pi * np.array(axis, float))
+    np.testing.assert_allclose(exponential(logarithm(half_turn)), half_turn, atol=1e-6)
+
+
+@given(st.integers(0, 10_000), st.floats(0.0, 1.0))
+@settings(max_examples=100, deadline=None)
+def test_a_deviation_is_the_logarithm_of_the_turn_between(seed, share):
+    """Whatever its angle: none, small, about a half turn."""
+    random = np.random.default_rng(seed)
+    reference, axis = exponential(random.normal(size=3)), random.normal(size=3)
+    angle = random.choice([share * 1e-4, share * np.pi, np.pi - 1e-5 * share])
+    turned = reference @ exponential(angle * axis / np.linalg.norm(axis))
+    found = deviation(reference, turned)
+    np.testing.assert_allclose(found, logarithm(reference.T @ turned), atol=1e-9)
+    np.testing.assert_allclose(reference @ exponential(found), turned, atol=2e-5)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=25, deadline=None)
+def test_pivots_are_linear_in_the_lengths_with_raised_arms_too(seed):
+    """Their derivatives by the lengths times the lengths are where they are, from the hips."""
+    posture = random_posture(seed, 1.0)
+    _, pivots, by_length, *_ = body_of(posture)
+    np.testing.assert_allclose(by_length @ posture.lengths, pivots - posture.position, atol=1e-12)
+    unlike = np.random.default_rng(seed).uniform(0.5, 1.5, 12) * posture.lengths
+    other = Posture(posture.position, posture.rotations, unlike)
+    np.testing.assert_allclose(by_length @ unlike, body_of(other)[1] - posture.position, atol=1e-12)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=25, deadline=None)
+def test_forward_kinematics_keeps_bone_lengths(seed):
+    from enliven.body import BONES
+
+    resting = Posture(np.zeros(3), ranges.standing(), model.lengths_for_height(1.7)).joints()
+    joints = random_posture(seed, 0.8).joints()
+    for a, b in BONES:
+        if (a, b) not in ((0, 1), (14, 15), (18, 19)):  # these cross a frame's pivot
+            assert np.linalg.norm(joints[a] - joints[b]) == pytest.approx(
+                np.linalg.norm(resting[a] - resting[b])
+            )
+
+
+def test_mirroring_twice_changes_nothing():
+    rotations = random_posture(5).rotations
+    np.testing.assert_allclose(ranges.mirrored(ranges.mirrored(rotations)), rotations, atol=1e-12)
+
+
+def test_standing_height_is_the_height_asked_for():
+    for height in (1.2, 1.75, 2.0):
+        assert model.height_of(model.lengths_for_height(height)) == pytest.approx(height, rel=0.01)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=25, deadline=None)
+def test_bones_lie_where_their_orientations_say(seed):
+    """Limbs along -Y of their bone's frame, the spine and the neck along +Y, the shoulders across."""
+    from enliven.body import Joint
+    from enliven.rotation import rotate
+
+    posture = random_posture(seed, 0.8)
+    joints, turned = posture.joints(), posture.orientations()
+    down, up = np.array([0.0, -1.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    for first in (Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT):
+        for k in (1, 2, 3):
+            bone = joints[first + k] - joints[first + k - 1]
+            np.testing.assert_allclose(
+                bone / np.linalg.norm(bone), rotate(turned[first + k], down), atol=1e-9
+            )
+    for knee in (Joint.KNEE_LEFT, Joint.KNEE_RIGHT):
+        for k in (0, 1):
+            bone = joints[knee + k] - joints[knee + k - 1]
+            np.testing.assert_allclose(bone / np.linalg.norm(bone), rotate(turned[knee + k], down), atol=1e-9)
+    for joint in (Joint.SHOULDER_CENTER, Joint.HEAD):
+        bone = joints[joint] - joints[joint - 1]
+        assert bone @ rotate(turned[joint], up) > 0.98 * np.linalg.norm(bone)
+    np.testing.assert_allclose(np.linalg.norm(turned, axis=1), 1.0)
+
+
+def test_who_stands_upright_has_no_turned_bones():
+    turned = Posture(
+        np.zeros(3), np.tile(np.eye(3), (13, 1, 1)), model.lengths_for_height(1.7)
+    ).orientations()
+    np.testing.assert_allclose(np.abs(turned[:, 0]), 1.0)
+
+
+def test_left_is_left():
+    joints = Posture(np.zeros(3), ranges.standing(), model.lengths_for_height(1.7)).joints()
+    from enliven.body import Joint
+
+    assert joints[Joint.HAND_LEFT, 0] > 0 > joints[Joint.HAND_RIGHT, 0]
+    assert joints[Joint.FOOT_LEFT, 2] > joints[Joint.ANKLE_LEFT, 2]
+
+
+def test_a_posture_goes_on_as_it_turned():
+    """A share of the last turn again, and never faster than a person turns."""
+    before, now = random_posture(1, 0.1), random_posture(1, 0.1)
+    slow, fast = np.array([0.1, -0.05, 0.02]), np.array([0.0, 2.0, 0.0])
+    now.rotations[model.HEAD] = before.rotations[model.HEAD] @ exponential(slow)
+    now.rotations[model.CHEST] = before.rotations[model.CHEST] @ exponential(fast)
+    made = continued(before, now)
+    for frame, turn in ((model.HEAD, 0.8 * slow), (model.CHEST, np.array([0.0, 0.25, 0.0]))):
+        expected = now.rotations[frame] @ exponential(turn)
+        np.testing.assert_allclose(made.rotations[frame], expected, atol=1e-9)
