@@ -61,7 +61,7 @@ class FitSettings:
     """The weights of the articulated fit; energies are in squared centimetres, averaged over the points."""
 
     points: int = setting(500, "Observed points used a frame.", low=100, high=20000)
-    iterations: int = setting(8, "Gauss-Newton steps a frame.", low=1, high=100)
+    iterations: int = setting(6, "Gauss-Newton steps a frame.", low=1, high=100)
     width: float = setting(0.07, "Residuals beyond this are doubted.", unit="m", low=0.005, high=1.0)
     affinity: float = setting(
         0.1, "How far what a point looks like outweighs where it is.", unit="m", low=0.0, high=1.0
