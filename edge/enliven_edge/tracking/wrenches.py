@@ -71,27 +71,27 @@ def add_place(sums, frame, point, apart, stretch, lengths_of, weight):  # type: 
     """
     total, pull, cross, own, tug = sums
     moved = of_frame(lengths_of, frame, len(tug))
-    x, y, z = point[0], point[1], point[2]
-    by_axis = ((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))
+    (x, y, z), (a, b, c) = (point[0], point[1], point[2]), (apart[0], apart[1], apart[2])
+    across = ((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))
     square = x * x + y * y + z * z
-    for a in range(3):
-        total[frame, a, a] += weight
-        total[frame, 3 + a, 3 + a] += weight * square
-        pull[frame, a] += weight * apart[a]
-        for b in range(3):
-            turned = weight * by_axis[a][b]
-            total[frame, a, 3 + b] += turned
-            total[frame, 3 + b, a] += turned
-            total[frame, 3 + a, 3 + b] -= weight * point[a] * point[b]
-            pull[frame, 3 + b] += turned * apart[a]
-            for p in moved:
-                cross[frame, 3 + b, p] += turned * stretch[a, p]
-        for p in moved:
-            scaled = weight * stretch[a, p]
-            cross[frame, a, p] += scaled
-            tug[p] += scaled * apart[a]
-            for q in moved:
-                own[p, q] += scaled * stretch[a, q]
+    force, moment = (a, b, c), (y * c - z * b, z * a - x * c, x * b - y * a)
+    for i in range(3):
+        pull[frame, i] += weight * force[i]
+        pull[frame, 3 + i] += weight * moment[i]
+        total[frame, i, i] += weight
+        total[frame, 3 + i, 3 + i] += weight * square
+        for j in range(3):
+            total[frame, i, 3 + j] += weight * across[i][j]
+            total[frame, 3 + j, i] += weight * across[i][j]
+            total[frame, 3 + i, 3 + j] -= weight * point[i] * point[j]
+    for p in moved:
+        a, b, c = weight * stretch[0, p], weight * stretch[1, p], weight * stretch[2, p]
+        tug[p] += a * apart[0] + b * apart[1] + c * apart[2]
+        wrench = (a, b, c, y * c - z * b, z * a - x * c, x * b - y * a)
+        for i in range(6):
+            cross[frame, i, p] += wrench[i]
+        for q in moved:
+            own[p, q] += a * stretch[0, q] + b * stretch[1, q] + c * stretch[2, q]
 
 
 @njit(cache=True, nogil=True)
