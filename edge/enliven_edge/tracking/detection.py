@@ -34,6 +34,8 @@ _LIKELIEST = 3
 _LOOSE = np.full(len(model.LENGTHS), 30.0)
 _COARSE_POINTS, _COARSE_STEPS, _WIDE = 160, 8, 0.25
 """Points and steps of the coarse fits of who is followed already, and all coarse fits' width in metres."""
+_GLANCE = 2
+"""Steps after which the worse half of the hypotheses is left."""
 _MIDDLE_POINTS, _LEFT = 250, 1.6
 """Points of the first half of a refinement, and how many times the least energy makes one be left then."""
 _PROMISING = 1.0
@@ -104,7 +106,7 @@ def detect_another(
     """
     coarse = _Coarse(fitter, observation, seen, eye, height, _COARSE_POINTS)
     mark, _ = coarse.fitted(now)
-    ranked = [coarse.fitted(s) for s in _starts(observation, supposed or [], eye, height, lengths)]
+    ranked = coarse.ranked(_starts(observation, supposed or [], eye, height, lengths))
     promising = [pair for pair in ranked if pair[0] < _PROMISING * mark]
     if not promising:
         return None
@@ -130,10 +132,19 @@ class _Coarse:
         self._seen = None if seen is None else seen.thinned(step)
         self._observation = _guided(observation.thinned(step), self._seen, _AFFINITY)
 
-    def fitted(self, start: Posture) -> tuple[float, Posture]:
-        """What a hypothesis costs, and its posture."""
+    def ranked(self, starts: list[Posture]) -> list[tuple[float, Posture]]:
+        """What the better half of some hypotheses costs, and their postures.
+
+        Who is among the worse after a few steps hardly ever wins.
+        """
+        glanced = sorted((self.fitted(s, _GLANCE) for s in starts), key=lambda pair: pair[0])
+        left = glanced[: max(_REFINED, len(starts) // 2)]
+        return [self.fitted(posture, _COARSE_STEPS - _GLANCE) for _, posture in left]
+
+    def fitted(self, start: Posture, steps: int = _COARSE_STEPS) -> tuple[float, Posture]:
+        """What a hypothesis costs after so many steps, and its posture."""
         fit = self._fitter.fit
-        posture, report = fit(self._observation, start, iterations=_COARSE_STEPS, width=_WIDE)
+        posture, report = fit(self._observation, start, iterations=steps, width=_WIDE)
         return report.energy + _oddness(self._seen, posture, self._eye, self._height), posture
 
 
