@@ -16,6 +16,7 @@ from enliven_edge.tracking import model
 from enliven_edge.tracking.appearance import Seen, agreement, turned_about
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.observation import Observation
+from enliven_edge.tracking.patience import Patience
 from enliven_edge.tracking.posing import drawn, posed
 from enliven_edge.tracking.posture import Posture, rotation
 from enliven_edge.tracking.ranges import mirrored, standing
@@ -51,6 +52,9 @@ _LOSES = 0.03
 """Share of the points that no better posture leaves unexplained: a leg that the network does not know."""
 _STEPS = 6
 _WIDE_STEPS, _WIDE = 6, 0.25
+_RAREST = 4
+"""Frames between two ideas of the whole body that explain nothing better, at most."""
+
 _DISAGREEMENT = 4.0
 _BADLY = 0.9
 """Share of the points explained (less what was seen through) below which the whole body is doubted."""
@@ -63,6 +67,7 @@ class SecondThoughts:
     def __init__(self, fitter: Fitter) -> None:
         self._fitter = fitter
         self._turn = 0
+        self._bodies = Patience(_RAREST)
         self._remembered: dict[tuple[int, ...], Float] = {}
         self._ideas: Iterator[Posture] = iter(())
 
@@ -86,20 +91,25 @@ class SecondThoughts:
         self._turn += 1
         if not (badly or doubtful or elsewhere):
             return posture, report
-        better = _BETTER
+        better, whole = _BETTER, False
         if seen is not None and elsewhere and (self._turn % 2 or not (badly or doubtful)):
             tried = self._where_seen(observation, posture, seen)
         elif badly and (not doubtful or self._turn % 4 < 2):
-            tried, better = self._elsewhere(observation, posture, seen), _MUCH_BETTER
+            if not self._bodies.is_due(report.energy):
+                return posture, report
+            tried, better, whole = self._elsewhere(observation, posture, seen), _MUCH_BETTER, True
         else:
             start = self._limb_elsewhere(posture, doubtful) if doubtful else posture
             tried = self._fitter.fit(observation, start, iterations=_STEPS)
         if not (badly or _same_way(tried[0], posture)):
             return posture, report
-        _, same = self._fitter.fit(observation, posture, iterations=1)
+        _, same = self._fitter.fit(observation, posture, iterations=0)
         before, after = cost(same, posture, seen), cost(tried[1], tried[0], seen)
         loses = same.explained - tried[1].explained > _LOSES
-        return tried if after < better * before and not loses else (posture, report)
+        taken = after < better * before and not loses
+        if whole:
+            self._bodies.tried(report.energy, better=taken)
+        return tried if taken else (posture, report)
 
     def _doubtful(self, posture: Posture, confidence: Float) -> list[tuple[int, ...]]:
         """The limbs that explain little of the picture; those that explain much are remembered."""
