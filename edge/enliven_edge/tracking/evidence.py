@@ -38,6 +38,8 @@ the network's estimate, 0 without one."""
 _COUNT = len(NAMES)
 _CLOSE = 0.02
 """Metres below which it says little how near a joint is to where it is seen."""
+_ENOUGH = 0.35
+"""Share of the points that a capsule would get, of a body that is all seen, which support it fully."""
 _SAMPLES = 5
 _SAME = 0.07
 """Metres between the model's surface and the observed one that still are the same."""
@@ -153,6 +155,30 @@ def capsule_shares(ends, radii, view):  # type: ignore[no-untyped-def]
                     else:
                         kind = 2
             out[c, kind] += 1.0 / _SAMPLES
+    return out
+
+
+def capsule_confidence(report: FitReport, observation: Observation, posture: Posture) -> Float:
+    """(C,) how far each capsule is supported by the points it explains, and not seen through."""
+    count = len(observation.points)
+    return np.asarray(_supported(report.support, report.violated, *posture.capsules(), count))
+
+
+@njit(cache=True, nogil=True)
+def _supported(support, violated, ends, radii, count):  # type: ignore[no-untyped-def]
+    """See :func:`capsule_confidence`.
+
+    A capsule is supported by a third of the points that it would get if all of the body were seen: its share
+    of the ``count`` points, by its frontal area.
+    """
+    area = np.empty(len(ends))
+    for c in range(len(ends)):
+        x, y, z = ends[c, 1, 0] - ends[c, 0, 0], ends[c, 1, 1] - ends[c, 0, 1], ends[c, 1, 2] - ends[c, 0, 2]
+        width = radii[c, 0] + radii[c, 1]
+        area[c] = (np.sqrt(x * x + y * y + z * z) + width) * width
+    enough, out = _ENOUGH * count / area.sum(), np.empty(len(ends))
+    for c in range(len(ends)):
+        out[c] = min(1.0, support[c] / max(1.0, enough * area[c])) * (1.0 - violated[c])
     return out
 
 

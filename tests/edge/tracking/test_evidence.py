@@ -11,7 +11,7 @@ from enliven_edge.tracking import evidence as of_joints
 from enliven_edge.tracking import model, ranges
 from enliven_edge.tracking.confidence import ALONE, GROUP_OF_JOINT, WITH_NETWORK, _weights, confidence
 from enliven_edge.tracking.evidence import NAMES
-from enliven_edge.tracking.fit import Fitter
+from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.settings import FitSettings
 
@@ -107,6 +107,21 @@ def test_evidence_is_gathered_of_the_bone_and_of_the_part_beside_it(seed, alone)
         shares, support, violated, 0.9, loose, unsupported, joints, *told, first, second
     )
     np.testing.assert_allclose(found, np.concatenate(slow, 1), atol=1e-12)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=30, deadline=None)
+def test_a_capsule_is_believed_by_its_share_of_the_points(seed):
+    """By frontal area: a third of what it would get in full view is enough; what is seen through is none."""
+    random = np.random.default_rng(seed)
+    report = FitReport(1.0, 0.9, random.integers(0, 60, 20) * 1.0, random.random(20))
+    ends, radii = standing().capsules()
+    area = (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) + radii.sum(1)) * radii.sum(1)
+    observation = observed(standing())
+    expected = len(observation.points) * area / area.sum()
+    slow = np.minimum(1.0, report.support / np.maximum(1.0, 0.35 * expected)) * (1.0 - report.violated)
+    found = of_joints.capsule_confidence(report, observation, standing())
+    np.testing.assert_allclose(found, slow, atol=1e-12)
 
 
 @given(st.integers(0, 10_000), st.booleans())
