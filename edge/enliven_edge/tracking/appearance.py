@@ -83,21 +83,12 @@ class Seen:
 
     def affinity(self, metres: float) -> Float32:
         """(20, M) metres by which a point is farther from a capsule than it seems, at most ``metres``."""
-        return np.asarray(_unlike(self.likelihood, np.float32(metres)))
+        return np.ascontiguousarray((np.float32(metres) * (1.0 - self.likelihood)).T)
 
     def sideless_affinity(self, metres: float) -> Float32:
         """The same where a left part is as good as a right one."""
-        return np.asarray(_unlike(np.minimum(1.0, self.probabilities @ _CARRY_EITHER), np.float32(metres)))
-
-
-@njit(cache=True, nogil=True)
-def _unlike(likelihood, metres):  # type: ignore[no-untyped-def]
-    """(C, M) float32 metres that (M, C) likelihoods leave of so many float32 metres."""
-    out, one = np.empty((likelihood.shape[1], len(likelihood)), np.float32), np.float32(1.0)
-    for i in range(len(likelihood)):
-        for c in range(likelihood.shape[1]):
-            out[c, i] = metres * (one - likelihood[i, c])
-    return out
+        either = np.minimum(1.0, self.probabilities @ _CARRY_EITHER)
+        return np.ascontiguousarray((np.float32(metres) * (1.0 - either)).T)
 
 
 def looked_at(observation: Observation, estimate: Estimate) -> Seen:

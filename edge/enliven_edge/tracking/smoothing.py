@@ -46,7 +46,7 @@ class _Filter:
         return self._value.copy()
 
     def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
-        """The filtered value after one more; moves the velocity on."""
+        """The filtered value after one more, which may be the same array; moves the velocity on."""
         raise NotImplementedError
 
 
@@ -57,11 +57,10 @@ class OneEuro(_Filter):
     """
 
     def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
-        velocity = (value - filtered) / seconds
-        self._velocity = self._velocity + _alpha(np.array(1.0), seconds) * (velocity - self._velocity)
-        speed = np.linalg.norm(self._velocity, axis=1, keepdims=True)
-        cutoff = (self.settings.cutoff + self.settings.speed * speed) / self.amount
-        return filtered + _alpha(cutoff, seconds) * (value - filtered)
+        raw = np.ascontiguousarray(value, np.float64)
+        cutoff, slope = self.settings.cutoff / self.amount, self.settings.speed / self.amount
+        filter_places(filtered, self._velocity, raw, seconds, cutoff, slope)
+        return filtered
 
 
 class OneEuroTurns(_Filter):
@@ -77,9 +76,30 @@ class OneEuroTurns(_Filter):
         return filtered
 
 
-def _alpha(cutoff: Float, seconds: float) -> Float:
+@njit(cache=True, nogil=True, inline="always")
+def _alpha(cutoff, seconds):  # type: ignore[no-untyped-def]
     """The smoothing factor of a first-order low-pass, equation (5) of the paper."""
-    return np.asarray(1.0 / (1.0 + 1.0 / (2 * np.pi * cutoff * seconds)))
+    return 1.0 / (1.0 + 1.0 / (2.0 * np.pi * cutoff * seconds))
+
+
+@njit(cache=True, nogil=True)
+def filter_places(value, velocity, raw, seconds, cutoff, slope):  # type: ignore[no-untyped-def]
+    """One step of the filter on (J, 3) ``value`` metres and (J, 3) ``velocity`` metres a second, in place.
+
+    Args:
+        raw: (J, 3) what was measured.
+        cutoff: Hz at rest.
+        slope: Hz for every metre a second.
+    """
+    follow = _alpha(1.0, seconds)
+    for j in range(len(value)):
+        square = 0.0
+        for a in range(3):
+            velocity[j, a] += follow * ((raw[j, a] - value[j, a]) / seconds - velocity[j, a])
+            square += velocity[j, a] ** 2
+        share = _alpha(cutoff + slope * np.sqrt(square), seconds)
+        for a in range(3):
+            value[j, a] += share * (raw[j, a] - value[j, a])
 
 
 @njit(cache=True, nogil=True)
@@ -91,7 +111,7 @@ def filter_turns(value, velocity, raw, seconds, cutoff, slope):  # type: ignore[
         cutoff: Hz at rest.
         slope: Hz for every radian a second.
     """
-    follow = 1.0 / (1.0 + 1.0 / (2.0 * np.pi * seconds))
+    follow = _alpha(1.0, seconds)
     for b in range(len(value)):
         w, x, y, z = value[b, 0], value[b, 1], value[b, 2], value[b, 3]
         rw, rx, ry, rz = raw[b, 0], raw[b, 1], raw[b, 2], raw[b, 3]
@@ -109,7 +129,7 @@ def filter_turns(value, velocity, raw, seconds, cutoff, slope):  # type: ignore[
         velocity[b, 1] += follow * (sy / seconds - velocity[b, 1])
         velocity[b, 2] += follow * (sz / seconds - velocity[b, 2])
         speed = np.sqrt(velocity[b, 0] ** 2 + velocity[b, 1] ** 2 + velocity[b, 2] ** 2)
-        share = 1.0 / (1.0 + 1.0 / (2.0 * np.pi * (cutoff + slope * speed) * seconds))
+        share = _alpha(cutoff + slope * speed, seconds)
         turn(value[b], share * sx, share * sy, share * sz)
 
 
