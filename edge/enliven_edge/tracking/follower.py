@@ -142,11 +142,12 @@ class Follower:
         if anew is not None:
             posture, report = anew
             seen = None if seen is None else _told(posture, seen, view)
-        if quality(report) <= _ACCEPTABLE and not self._missed() and self.lost:
+        bad = quality(report) <= _ACCEPTABLE
+        if bad and not self._missed() and self.lost:
             return False
         self._before, self.posture = (None if flipped or anew else self.posture), posture
         self._vouch(report, observation, seen)
-        if quality(report) <= _ACCEPTABLE:
+        if bad:
             return False
         self._fitted, self._bad = self._fitted + 1, 0
         return True
