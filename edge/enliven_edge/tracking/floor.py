@@ -169,7 +169,7 @@ def _lying_plane(points, usable):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _level_fit(plane, points):  # type: ignore[no-untyped-def]
-    """The least-squares y = a x + b z + c of (3, N) points, into (3,) ``plane``; False where they are a line."""
+    """The least-squares y = a x + b z + c of (3, N) points, into (3,) ``plane``; False: in a line."""
     x, y, z = points[0].mean(), points[1].mean(), points[2].mean()
     xx, xz, zz, xy, zy = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(points.shape[1]):

@@ -234,15 +234,15 @@ def sight(view: View, posture: Posture, owner: Int, index: int) -> tuple[float, 
 
 def trunk_shown(view: View, posture: Posture, pixels: Bool) -> float:
     """Of the trunk and the head that the image could show, the share that the (h, w) ``pixels`` do show."""
-    inside, covered, own = _seen(view, posture, pixels, True, _TRUNK)
+    inside, covered, own = _seen(view, posture, pixels.astype(np.int64), 1, _TRUNK)
     due = inside & ~(covered & ~own)
     return float((own & due).sum() / len(own)) if due.mean() < 0.25 else float(own[due].mean())
 
 
 def _seen(
-    view: View, posture: Posture, owner: Int | Bool, mine: int, capsules: slice | Int
+    view: View, posture: Posture, owner: Int, mine: int, capsules: slice | Int
 ) -> tuple[Bool, Bool, Bool]:
-    """(S,) of samples along the capsules: in the image, behind something, and on pixels that are ``mine``.
+    """(S,) of samples along the capsules: in the image, behind something, and on the pixels of ``mine``.
 
     Args:
         owner: (h, w) whose the pixels are.
