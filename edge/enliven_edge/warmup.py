@@ -38,7 +38,7 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
 
 
 def _warm_up_floor() -> None:
-    """Finds a floor and corrects it: the recording says itself where it is, and is too short to correct it."""
+    """Finds a floor and corrects it: the recording tells where its own is, and is too short for the rest."""
     x, z = np.meshgrid(np.linspace(-1.0, 1.0, 40), np.linspace(1.0, 3.0, 40))
     world_from_floor(np.stack([x, np.full(x.shape, 1.2), z], 2).reshape(-1, 3))
     corrected(np.eye(4), np.stack([x, np.zeros(x.shape), z], 2), np.ones(x.shape, bool), 1.0)

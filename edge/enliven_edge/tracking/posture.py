@@ -123,11 +123,19 @@ def _capsules(position, rotations, lengths, parents, offsets, frames, local, thi
 
 def rotation(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Float:
     """(3, 3) Rz(z) Ry(y) Rx(x): turns about the fixed x, then y, then z axis, radians."""
-    cx, sx, cy, sy, cz, sz = np.cos(x), np.sin(x), np.cos(y), np.sin(y), np.cos(z), np.sin(z)
-    about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
-    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-    about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
-    return np.asarray(about_z @ about_y @ about_x)
+    cx, sx, cy, sy, cz, sz = *_both(x), *_both(y), *_both(z)
+    return np.array(
+        [
+            [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
+            [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
+            [-sy, cy * sx, cy * cx],
+        ]
+    )
+
+
+def _both(angle: float) -> tuple[float, float]:
+    """Cosine and sine."""
+    return math.cos(angle), math.sin(angle)
 
 
 _CARRY_ON = 0.8

@@ -7,7 +7,7 @@ import pytest
 
 from enliven.rotation import from_matrix, from_rotation_vector, to_matrix, to_rotation_vector
 from enliven_edge.tracking import model
-from enliven_edge.tracking.posture import Posture, continued, forward
+from enliven_edge.tracking.posture import Posture, continued, forward, rotation
 from enliven_edge.tracking.ranges import standing
 
 
@@ -42,6 +42,16 @@ def test_orientations_are_those_of_the_bones_frames(seed):
     world, _, _ = forward(posture.position, posture.rotations, posture.lengths)
     expected = from_matrix(world[model.BONE_FRAMES])
     np.testing.assert_allclose(posture.orientations(), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_rotation_turns_about_x_then_y_then_z(seed):
+    angles = np.random.default_rng(seed).uniform(-4, 4, 3)
+    x, y, z = (
+        to_matrix(from_rotation_vector(angle * axis)) for angle, axis in zip(angles, np.eye(3), strict=True)
+    )
+    np.testing.assert_allclose(rotation(*angles), z @ y @ x, atol=1e-12)
+    np.testing.assert_array_equal(rotation(), np.eye(3))
 
 
 @pytest.mark.parametrize("seed", range(20))
