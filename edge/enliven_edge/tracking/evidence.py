@@ -62,6 +62,7 @@ _FIRST, _SECOND = _beside()
 _SKELETON = (model.FRAME_PARENTS, model.PIVOTS)
 _TURNS = (model.MOVES, model.DOF_FRAME, model.DOF_AXIS, model.CAPSULE_UNKNOWNS)
 _JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
+"""Of the model, what :func:`_joint_spread` takes."""
 _UNSEEN, _NO_SPREAD = np.zeros((0, 3)), np.zeros(0)
 """The network's joints and spread, where it saw nothing."""
 
@@ -106,12 +107,12 @@ def gathered(  # type: ignore[no-untyped-def]
     for j in range(len(joints)):
         out[j, 0] = 1.0
         for c in range(len(shares)):
-            for which, near in ((0, first[j, c]), (5, second[j, c])):
+            for column, near in ((1, first[j, c]), (6, second[j, c])):
                 if near == 0.0:
                     continue
-                out[j, 1 + which] += near * np.log1p(support[c])
+                out[j, column] += near * np.log1p(support[c])
                 for kind in range(4):
-                    out[j, 2 + which + kind] += near * shares[c, kind]
+                    out[j, column + 1 + kind] += near * shares[c, kind]
         out[j, 11] = np.log(loose[j])
         out[j, 12], out[j, 13] = explained, through
         out[j, 14] = np.log1p(unsupported[j])

@@ -40,7 +40,7 @@ class _Filter:
             return value
         self._time_ns = time_ns
         if self._value is None or not 0.0 < seconds < 1.0:
-            self._value, self._velocity = value.copy(), np.zeros((len(value), 3))
+            self._value, self._velocity = np.array(value, np.float64), np.zeros((len(value), 3))
             return value
         self._value = self._stepped(self._value, value, seconds)
         return self._value.copy()
@@ -113,24 +113,29 @@ def filter_turns(value, velocity, raw, seconds, cutoff, slope):  # type: ignore[
     """
     follow = _alpha(1.0, seconds)
     for b in range(len(value)):
-        w, x, y, z = value[b, 0], value[b, 1], value[b, 2], value[b, 3]
-        rw, rx, ry, rz = raw[b, 0], raw[b, 1], raw[b, 2], raw[b, 3]
-        # The step conj(value) raw, as a rotation vector of the shorter way round.
-        sw = w * rw + x * rx + y * ry + z * rz
-        sx = w * rx - x * rw - y * rz + z * ry
-        sy = w * ry + x * rz - y * rw - z * rx
-        sz = w * rz - x * ry + y * rx - z * rw
-        if sw < 0.0:
-            sw, sx, sy, sz = -sw, -sx, -sy, -sz
-        sine = np.sqrt(sx * sx + sy * sy + sz * sz)
-        scale = 2.0 * np.arctan2(sine, sw) / sine if sine > 1e-12 else 2.0
-        sx, sy, sz = scale * sx, scale * sy, scale * sz
+        sx, sy, sz = step_between(value[b], raw[b])
         velocity[b, 0] += follow * (sx / seconds - velocity[b, 0])
         velocity[b, 1] += follow * (sy / seconds - velocity[b, 1])
         velocity[b, 2] += follow * (sz / seconds - velocity[b, 2])
         speed = np.sqrt(velocity[b, 0] ** 2 + velocity[b, 1] ** 2 + velocity[b, 2] ** 2)
         share = _alpha(cutoff + slope * speed, seconds)
         turn(value[b], share * sx, share * sy, share * sz)
+
+
+@njit(cache=True, nogil=True)
+def step_between(q, r):  # type: ignore[no-untyped-def]
+    """(x, y, z) log(conj(q) r), radians: from a (4,) unit quaternion to another, the shorter way round."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    rw, rx, ry, rz = r[0], r[1], r[2], r[3]
+    sw = w * rw + x * rx + y * ry + z * rz
+    sx = w * rx - x * rw - y * rz + z * ry
+    sy = w * ry + x * rz - y * rw - z * rx
+    sz = w * rz - x * ry + y * rx - z * rw
+    if sw < 0.0:
+        sw, sx, sy, sz = -sw, -sx, -sy, -sz
+    sine = np.sqrt(sx * sx + sy * sy + sz * sz)
+    scale = 2.0 * np.arctan2(sine, sw) / sine if sine > 1e-12 else 2.0
+    return scale * sx, scale * sy, scale * sz
 
 
 @njit(cache=True, nogil=True)
