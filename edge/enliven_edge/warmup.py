@@ -14,6 +14,7 @@ from enliven.recording import Recording
 from enliven_edge.actor import Actor
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.stage import Stage
+from enliven_edge.tracking.floor import corrected, world_from_floor
 from enliven_edge.tracking.model import lengths_for_height
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.ranges import standing
@@ -33,6 +34,14 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
     for frame in _rehearsal():
         tracker.track(frame)
         tracker.surfaces()
+    _warm_up_floor()
+
+
+def _warm_up_floor() -> None:
+    """Finds a floor and corrects it: the recording tells where its own is, and is too short for the rest."""
+    x, z = np.meshgrid(np.linspace(-1.0, 1.0, 40), np.linspace(1.0, 3.0, 40))
+    world_from_floor(np.stack([x, np.full(x.shape, 1.2), z], 2).reshape(-1, 3))
+    corrected(np.eye(4), np.stack([x, np.zeros(x.shape), z], 2), np.ones(x.shape, bool), 1.0)
 
 
 def warm_up_stage(actor: Actor) -> None:

@@ -68,22 +68,54 @@ class Estimate:
 
     def _landmarks(self, surest: float) -> Float:
         """(20, 5) no joint surer than so many metres."""
-        sure = np.maximum(self.spread, surest)
-        weight = TRUST * (_USUAL / sure) ** 2 / len(sure)
-        width = np.clip(_DOUBTED * sure, *_WIDTHS)
-        return np.concatenate([self.joints, weight[:, None], width[:, None]], 1)
+        return np.asarray(_landmarks(self.joints, self.spread, surest, TRUST))
 
     def apart_from(self, joints: Float) -> bool:
         """Whether some of (20, 3) joints is plainly elsewhere than it is seen."""
-        apart = np.linalg.norm(joints - self.joints, axis=1)
-        return bool(np.any((apart > _APART) & (apart > _SPREADS * self.spread)))
+        return bool(_apart(joints, self.joints, self.spread))
 
     def parts_at(self, rays: Float) -> Float32:
         """(M, 17) probabilities of the parts at (M, 2) rays, x/z and y/z; between cells by four of them."""
         rows, columns = self.parts.shape[1:]
-        cells = self.crop.cells(rays) * (columns / COLUMNS) + np.array([columns, rows]) / 2 - 0.5
-        cells = np.clip(cells, 0.0, [columns - 1.001, rows - 1.001])
+        cells = _cells_of_parts(self.crop.cells(rays), rows, columns)
         return np.asarray(_between_cells(self.parts, cells))
+
+
+@njit(cache=True, nogil=True)
+def _landmarks(joints, spread, surest, trust):  # type: ignore[no-untyped-def]
+    """(J, 5) place, weight and robust width of the joints, see :attr:`Estimate.landmarks`."""
+    out = np.empty((len(joints), 5))
+    low, high = _WIDTHS
+    for j in range(len(joints)):
+        sure = max(spread[j], surest)
+        out[j, :3] = joints[j]
+        out[j, 3] = trust[j] * (_USUAL / sure) ** 2 / len(joints)
+        out[j, 4] = min(high, max(low, _DOUBTED * sure))
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _apart(joints, seen, spread):  # type: ignore[no-untyped-def]
+    """See :meth:`Estimate.apart_from`."""
+    for j in range(len(joints)):
+        x, y, z = joints[j, 0] - seen[j, 0], joints[j, 1] - seen[j, 1], joints[j, 2] - seen[j, 2]
+        apart = np.sqrt(x * x + y * y + z * z)
+        if apart > _APART and apart > _SPREADS * spread[j]:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _cells_of_parts(cells, rows, columns):  # type: ignore[no-untyped-def]
+    """(M, 2) column and row among the middles of the parts' cells, of (M, 2) as of :meth:`Crop.cells`.
+
+    What is beyond the outermost of them is put on them.
+    """
+    out, share = np.empty(cells.shape), columns / COLUMNS
+    for i in range(len(cells)):
+        out[i, 0] = min(columns - 1.001, max(0.0, cells[i, 0] * share + columns / 2 - 0.5))
+        out[i, 1] = min(rows - 1.001, max(0.0, cells[i, 1] * share + rows / 2 - 0.5))
+    return out
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -145,11 +177,8 @@ class PoseEstimator:
         made = []
         for n in range(len(told)):
             here = crop.to_camera(joints[n].astype(np.float64))
-            world = here @ world_from_camera[:3, :3].T + world_from_camera[:3, 3]
-            off = np.minimum(_FARTHEST, _DISTANCE * np.exp(spread[n].astype(np.float64)))
-            ways = facing[n, :FACINGS]
-            somebody = float(np.exp(_log_softmax(facing[n])[:FACINGS]).sum())
-            made.append(Estimate(world, off, _log_softmax(ways), parts[n], crop, somebody))
+            world, off, ways, somebody = _told(here, spread[n], facing[n], world_from_camera)
+            made.append(Estimate(world, off, ways, parts[n], crop, somebody))
         return made
 
     def estimate(
@@ -160,9 +189,31 @@ class PoseEstimator:
         return self.estimates(crop, world_from_camera, [facing])[0]
 
 
-def _log_softmax(values: Float32) -> Float:
-    shifted = values.astype(np.float64) - float(values.max())
-    return np.asarray(shifted - np.log(np.exp(shifted).sum()))
+@njit(cache=True, nogil=True)
+def _told(here, spread, facing, pose):  # type: ignore[no-untyped-def]
+    """What the network's numbers mean: joints, spread, facing and somebody, as of :class:`Estimate`.
+
+    Args:
+        here: (20, 3) metres, the joints in the camera's frame.
+        spread: (20,) float32 logarithms of the joints' scales, metres.
+        facing: (9,) float32 logits of the ways to face, and of being no person.
+        pose: (4, 4) world_from_camera.
+    """
+    world, off = np.empty(here.shape), np.empty(len(here))
+    for j in range(len(here)):
+        for a in range(3):
+            world[j, a] = pose[a, 0] * here[j, 0] + pose[a, 1] * here[j, 1] + pose[a, 2] * here[j, 2]
+            world[j, a] += pose[a, 3]
+        off[j] = min(_FARTHEST, _DISTANCE * np.exp(np.float64(spread[j])))
+    somebody = np.exp(_log_softmax(facing)[:FACINGS]).sum()
+    return world, off, _log_softmax(facing[:FACINGS]), somebody
+
+
+@njit(cache=True, nogil=True)
+def _log_softmax(logits):  # type: ignore[no-untyped-def]
+    """(N,) log probabilities, float64, of (N,) float32 logits."""
+    shifted = logits.astype(np.float64) - np.float64(logits.max())
+    return shifted - np.log(np.exp(shifted).sum())
 
 
 @lru_cache(maxsize=1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 import numpy as np
+from numba import njit
 
 from enliven.arrays import AnyArray, Float, Int, UInt8
 from enliven_edge.synthesis.flesh import PIECES
@@ -83,5 +84,10 @@ def facing_of(left: Float, place: Float, eye: Float) -> float:
         left: (3,) towards their left side, world frame: unlike the front it stays level when they bend.
         place, eye: (3,) where they and the sensor are.
     """
-    way = eye - place
-    return float(np.arctan2(-left[2], left[0]) - np.arctan2(way[0], way[2]))
+    return float(facing_in_plan(left, place, eye))
+
+
+@njit(cache=True, nogil=True)
+def facing_in_plan(left, place, eye):  # type: ignore[no-untyped-def]
+    """:func:`facing_of` for kernels; ``left`` may be a tuple."""
+    return np.arctan2(-left[2], left[0]) - np.arctan2(eye[0] - place[0], eye[2] - place[2])

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from enliven.arrays import Float
 from enliven.body import PARENTS
-from enliven.rotation import conjugate, from_rotation_vector, multiply, to_rotation_vector
+from enliven_edge.tracking.smoothing import step_between, turn
 
+_PARENTS = np.array(PARENTS)
 _CUTOFF = 3.0
 """Hz of the low-pass on the speeds: what is extrapolated must not shake."""
 _FASTEST, _FASTEST_TURN = 6.0, 10.0
@@ -32,11 +34,8 @@ class Ahead:
         self._learn(joints, turns, time_ns)
         if seconds <= 0.0:
             return joints, turns
-        moved = joints + seconds * _limited(self._speed, _FASTEST)
-        _restore_lengths(moved, joints)
-        if turns is not None:
-            turns = multiply(turns, from_rotation_vector(seconds * _limited(self._spin, _FASTEST_TURN)))
-        return moved, turns
+        moved = moved_on(joints, self._speed, seconds)
+        return moved, None if turns is None else turned_on(turns, self._spin, seconds)
 
     def _learn(self, joints: Float, turns: Float | None, time_ns: int) -> None:
         """The speeds, from this frame and the last."""
@@ -48,24 +47,60 @@ class Ahead:
             share = 1.0 / (1.0 + 1.0 / (2 * np.pi * _CUTOFF * passed))
             self._speed += share * ((joints - self._joints) / passed - self._speed)
             if turns is not None and self._turns is not None:
-                step = to_rotation_vector(multiply(conjugate(self._turns), turns))
-                self._spin += share * (step / passed - self._spin)
+                learn_spin(self._spin, self._turns, turns, passed, share)
         self._joints, self._turns, self._time_ns = joints, turns, time_ns
 
 
-def _limited(velocity: Float, most: float) -> Float:
-    """(20, 3) no longer than ``most``."""
-    speed = np.linalg.norm(velocity, axis=1, keepdims=True)
-    return np.asarray(velocity * np.minimum(1.0, most / np.maximum(speed, 1e-9)))
+@njit(cache=True, nogil=True)
+def learn_spin(spin, before, turns, passed, share):  # type: ignore[no-untyped-def]
+    """Low-pass on (J, 3) spins, radians a second about each bone's own axes, in place.
+
+    Args:
+        before, turns: (J, 4) unit quaternions, ``passed`` seconds apart.
+        share: of the difference that is taken over.
+    """
+    for j in range(len(spin)):
+        x, y, z = step_between(before[j], turns[j])
+        spin[j, 0] += share * (x / passed - spin[j, 0])
+        spin[j, 1] += share * (y / passed - spin[j, 1])
+        spin[j, 2] += share * (z / passed - spin[j, 2])
 
 
-def _restore_lengths(moved: Float, before: Float) -> None:
-    """Gives every bone of ``moved`` the length it has in ``before``, parents first."""
-    for joint, parent in enumerate(PARENTS):
+@njit(cache=True, nogil=True)
+def turned_on(turns, spin, seconds):  # type: ignore[no-untyped-def]
+    """(J, 4) turns after as many seconds at (J, 3) spins."""
+    out = turns.copy()
+    for j in range(len(out)):
+        far = seconds * _limit(spin[j], _FASTEST_TURN)
+        turn(out[j], far * spin[j, 0], far * spin[j, 1], far * spin[j, 2])
+    return out
+
+
+@njit(cache=True, nogil=True)
+def moved_on(joints, speed, seconds):  # type: ignore[no-untyped-def]
+    """(J, 3) joints after as many seconds at (J, 3) speeds; every bone as long as it is now."""
+    out = np.empty(joints.shape)
+    for j in range(len(out)):
+        far = seconds * _limit(speed[j], _FASTEST)
+        for a in range(3):
+            out[j, a] = joints[j, a] + far * speed[j, a]
+    for j in range(len(out)):  # parents come first
+        parent = _PARENTS[j]
         if parent < 0:
             continue
-        bone = moved[joint] - moved[parent]
-        length = np.sqrt(bone @ bone)
-        wanted = before[joint] - before[parent]
+        length = _length(out[j] - out[parent])
         if length > 1e-9:
-            moved[joint] = moved[parent] + bone * (np.sqrt(wanted @ wanted) / length)
+            wanted = _length(joints[j] - joints[parent])
+            out[j] = out[parent] + (out[j] - out[parent]) * (wanted / length)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _limit(velocity, most):  # type: ignore[no-untyped-def]
+    """The share of a (3,) velocity that is no faster than ``most``."""
+    return min(1.0, most / max(_length(velocity), 1e-9))
+
+
+@njit(cache=True, nogil=True)
+def _length(v):  # type: ignore[no-untyped-def]
+    return np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])

@@ -6,12 +6,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 
 from enliven.arrays import Float, Float32
 from enliven_edge.estimator.estimator import Estimate
-from enliven_edge.estimator.labels import FACINGS, MIRRORED, PARTS, Part, facing_of
+from enliven_edge.estimator.labels import FACINGS, MIRRORED, PARTS, Part, facing_in_plan
 from enliven_edge.tracking import model, ranges
 from enliven_edge.tracking.capsules import nearest_capsules
+from enliven_edge.tracking.chest import chest_axes
 from enliven_edge.tracking.observation import Observation
 from enliven_edge.tracking.posture import Posture, rotation
 
@@ -38,7 +40,6 @@ CARRIES = _capsule_parts()
 """(20, 17) which parts each capsule of the model carries."""
 _CARRY = CARRIES.T.astype(np.float32)
 _CARRY_EITHER = np.maximum(_CARRY, _CARRY[MIRRORED])
-_NO_AFFINITY = np.zeros((0, 0), np.float32)
 _TO_THE_SENSOR = 0.5
 """What facing the sensor is worth before anything is seen, as a log probability; facing away costs it."""
 
@@ -92,10 +93,18 @@ class Seen:
 
 def looked_at(observation: Observation, estimate: Estimate) -> Seen:
     """What an estimate of the same frame says at the points of an observation."""
-    camera = observation.view[3]
-    rows, columns = observation.pixels[:, 0], observation.pixels[:, 1]
-    rays = np.stack([(columns - camera[2]) / camera[0], (rows - camera[3]) / camera[1]], 1)
+    rays = _rays(observation.pixels, observation.view[3])
     return Seen(estimate, observation.points, estimate.parts_at(rays), rays)
+
+
+@njit(cache=True, nogil=True)
+def _rays(pixels, camera):  # type: ignore[no-untyped-def]
+    """(M, 2) x/z and y/z of (M, 2) rows and columns."""
+    rays = np.empty((len(pixels), 2))
+    for i in range(len(pixels)):
+        rays[i, 0] = (pixels[i, 1] - camera[2]) / camera[0]
+        rays[i, 1] = (pixels[i, 0] - camera[3]) / camera[1]
+    return rays
 
 
 def agreement(seen: Seen, posture: Posture) -> float:
@@ -103,9 +112,18 @@ def agreement(seen: Seen, posture: Posture) -> float:
 
     The agreement of a posture and of one turned about tells front from back, and left from right.
     """
-    which = np.empty(len(seen.points), np.int32)
-    nearest_capsules(which, seen.surface, _NO_AFFINITY, *posture.capsules(), np.float32(0.0))
-    return float(seen.likelihood[np.arange(len(which)), which].mean())
+    return float(_agreement(seen.surface, seen.likelihood, *posture.capsules()))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _agreement(surface, likelihood, ends, radii):  # type: ignore[no-untyped-def]
+    """See :func:`agreement`, :attr:`Seen.surface`, :attr:`Seen.likelihood` and :meth:`Posture.capsules`."""
+    which = np.empty(len(likelihood), np.int32)
+    nearest_capsules(which, surface, np.zeros((0, 0), np.float32), ends, radii, np.float32(0.0))
+    total = 0.0
+    for i in range(len(which)):
+        total += likelihood[i, which[i]]
+    return total / len(which)
 
 
 def facing_score(seen: Seen, posture: Posture, eye: Float) -> float:
@@ -114,18 +132,33 @@ def facing_score(seen: Seen, posture: Posture, eye: Float) -> float:
     A log probability, interpolated between the eight ways that the network tells. Who might as well face
     either way faces the sensor.
     """
-    turns = facing(posture, eye) * FACINGS / (2.0 * np.pi)
+    return float(likely_to_face(seen.estimate.facing, facing(posture, eye)))
+
+
+@njit(cache=True, nogil=True)
+def likely_to_face(ways, angle):  # type: ignore[no-untyped-def]
+    """See :func:`facing_score`.
+
+    Args:
+        ways: (8,) log probabilities of the ways to face.
+        angle: radians, as of :func:`facing`.
+    """
+    turns = angle * FACINGS / (2.0 * np.pi)
     before = int(np.floor(turns))
     share = turns - before
-    ways = seen.estimate.facing - seen.estimate.facing.max()
     likely = (1.0 - share) * ways[before % FACINGS] + share * ways[(before + 1) % FACINGS]
-    return float(likely + _TO_THE_SENSOR * np.cos(2.0 * np.pi * turns / FACINGS))
+    return likely - ways.max() + _TO_THE_SENSOR * np.cos(angle)
 
 
 def facing(posture: Posture, eye: Float) -> float:
     """Radians in plan from facing the sensor to the way the chest faces, anticlockwise from above."""
-    chest = posture.rotations[model.PELVIS] @ posture.rotations[model.CHEST]
-    return facing_of(chest[:, 0], posture.position, eye)
+    return float(_facing(posture.rotations, posture.position, eye))
+
+
+@njit(cache=True, nogil=True)
+def _facing(rotations, place, eye):  # type: ignore[no-untyped-def]
+    left, _ = chest_axes(rotations)
+    return facing_in_plan(left, place, eye)
 
 
 def turned_about(posture: Posture) -> Posture:

@@ -12,6 +12,7 @@ from functools import cache
 from importlib.resources import files
 
 import numpy as np
+from numba import njit
 
 from enliven.arrays import Float
 from enliven_edge.tracking.evidence import NAMES
@@ -44,12 +45,28 @@ def confidence(evidence: Float, *, alone: bool = False) -> Float:
     Args:
         alone: whether the fit had no network beside it.
     """
-    score = np.einsum("jf,jf->j", evidence, _weights(ALONE if alone else WITH_NETWORK)[GROUP_OF_JOINT])
-    likely = 1.0 / (1.0 + np.exp(-np.clip(score, -30.0, 30.0)))
-    return np.asarray(np.where(evidence[:, _OUTSIDE] > _NOT_SEEN, 0.0, likely))
+    return np.asarray(_likely(evidence, _weights_of_joints(ALONE if alone else WITH_NETWORK)))
+
+
+@njit(cache=True, nogil=True)
+def _likely(evidence, weights):  # type: ignore[no-untyped-def]
+    """(J,) see :func:`confidence`, by (J, F) weights."""
+    out = np.empty(len(evidence))
+    for j in range(len(evidence)):
+        score = 0.0
+        for f in range(evidence.shape[1]):
+            score += evidence[j, f] * weights[j, f]
+        likely = 1.0 / (1.0 + np.exp(-min(30.0, max(-30.0, score))))
+        out[j] = 0.0 if evidence[j, _OUTSIDE] > _NOT_SEEN else likely
+    return out
 
 
 @cache
+def _weights_of_joints(table_name: str) -> Float:
+    """(20, 17) the weights of each joint's group."""
+    return np.ascontiguousarray(_weights(table_name)[GROUP_OF_JOINT])
+
+
 def _weights(table_name: str) -> Float:
     """(12, 17) ordered by :data:`GROUPS` and :data:`evidence.NAMES`."""
     text = files("enliven_edge.assets").joinpath("confidence.json").read_text()

@@ -11,7 +11,7 @@ from enliven_edge.tracking import model
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.gauss_newton import cholesky
 from enliven_edge.tracking.observation import Observation
-from enliven_edge.tracking.posture import Posture, forward
+from enliven_edge.tracking.posture import Posture, frames_of, joints_into
 from enliven_edge.tracking.terms import point_row
 
 NAMES = (
@@ -35,8 +35,11 @@ NAMES = (
 )
 """What each column of :func:`evidence` is; "beside" is the neighbouring part of the body. The last two are of
 the network's estimate, 0 without one."""
+_COUNT = len(NAMES)
 _CLOSE = 0.02
 """Metres below which it says little how near a joint is to where it is seen."""
+_ENOUGH = 0.35
+"""Share of the points that a capsule would get, of a body that is all seen, which support it fully."""
 _SAMPLES = 5
 _SAME = 0.07
 """Metres between the model's surface and the observed one that still are the same."""
@@ -56,6 +59,12 @@ def _beside() -> tuple[Float, Float]:
 
 
 _FIRST, _SECOND = _beside()
+_SKELETON = (model.FRAME_PARENTS, model.PIVOTS)
+_TURNS = (model.MOVES, model.DOF_FRAME, model.DOF_AXIS, model.FRAME_LENGTHS)
+_JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
+"""Of the model, what :func:`_joint_spread` takes."""
+_UNSEEN, _NO_SPREAD = np.zeros((0, 3)), np.zeros(0)
+"""The network's joints and spread, where it saw nothing."""
 
 
 def evidence(
@@ -73,18 +82,44 @@ def evidence(
         estimate: what the network sees in the frame; None without one.
     """
     shares = capsule_shares(*posture.capsules(), observation.view)
-    support = np.log1p(report.support)
-    first, second = _FIRST @ shares, _SECOND @ shares
-    out = np.zeros((20, len(NAMES)))
-    out[:, 0] = 1.0
-    out[:, 1], out[:, 2:6] = _FIRST @ support, first
-    out[:, 6], out[:, 7:11] = _SECOND @ support, second
-    out[:, 11] = np.log(uncertainty(fitter, posture, observation))
-    out[:, 12], out[:, 13] = report.explained, report.violated.mean()
-    out[:, 14] = np.log1p(unsupported)
-    if estimate is not None:
-        apart = np.linalg.norm(posture.joints() - estimate.joints, axis=1)
-        out[:, 15], out[:, 16] = np.log(estimate.spread), np.log(_CLOSE + apart)
+    told = (_UNSEEN, _NO_SPREAD) if estimate is None else (estimate.joints, estimate.spread)
+    fit = (report.support, report.violated, report.explained)
+    joints, loose = _joints_held(fitter, posture, observation)
+    return np.asarray(gathered(shares, *fit, loose, unsupported, joints, *told, _FIRST, _SECOND))
+
+
+@njit(cache=True, nogil=True)
+def gathered(  # type: ignore[no-untyped-def]
+    shares, support, violated, explained, loose, unsupported, joints, seen, spread, first, second
+):
+    """(20, 17) see :func:`evidence`.
+
+    Args:
+        shares: (C, 4) as of :func:`capsule_shares`.
+        support, violated, explained: (C,), (C,) and a number, as of :class:`FitReport`.
+        loose: (20,) as of :func:`uncertainty`.
+        joints: (20, 3) metres, of the posture.
+        seen, spread: (20, 3) and (20,) metres, the network's joints; both empty without a network.
+        first, second: (20, C) as of :func:`_beside`.
+    """
+    out = np.zeros((len(joints), _COUNT))
+    through = violated.mean()
+    for j in range(len(joints)):
+        out[j, 0] = 1.0
+        for c in range(len(shares)):
+            for column, near in ((1, first[j, c]), (6, second[j, c])):
+                if near == 0.0:
+                    continue
+                out[j, column] += near * np.log1p(support[c])
+                for kind in range(4):
+                    out[j, column + 1 + kind] += near * shares[c, kind]
+        out[j, 11] = np.log(loose[j])
+        out[j, 12], out[j, 13] = explained, through
+        out[j, 14] = np.log1p(unsupported[j])
+        if len(seen) > 0:
+            x, y, z = joints[j, 0] - seen[j, 0], joints[j, 1] - seen[j, 1], joints[j, 2] - seen[j, 2]
+            out[j, 15] = np.log(spread[j])
+            out[j, 16] = np.log(_CLOSE + np.sqrt(x * x + y * y + z * z))
     return out
 
 
@@ -124,36 +159,80 @@ def capsule_shares(ends, radii, view):  # type: ignore[no-untyped-def]
     return out
 
 
+def capsule_confidence(report: FitReport, observation: Observation, posture: Posture) -> Float:
+    """(C,) how far each capsule is supported by the points it explains, and not seen through."""
+    count = len(observation.points)
+    return np.asarray(_supported(report.support, report.violated, *posture.capsules(), count))
+
+
+@njit(cache=True, nogil=True)
+def _supported(support, violated, ends, radii, count):  # type: ignore[no-untyped-def]
+    """See :func:`capsule_confidence`.
+
+    A capsule is supported by a third of the points that it would get if all of the body were seen: its share
+    of the ``count`` points, by its frontal area.
+    """
+    area = np.empty(len(ends))
+    for c in range(len(ends)):
+        x, y, z = ends[c, 1, 0] - ends[c, 0, 0], ends[c, 1, 1] - ends[c, 0, 1], ends[c, 1, 2] - ends[c, 0, 2]
+        width = radii[c, 0] + radii[c, 1]
+        area[c] = (np.sqrt(x * x + y * y + z * z) + width) * width
+    enough, out = _ENOUGH * count / area.sum(), np.empty(len(ends))
+    for c in range(len(ends)):
+        out[c] = min(1.0, support[c] / max(1.0, enough * area[c])) * (1.0 - violated[c])
+    return out
+
+
 def uncertainty(fitter: Fitter, posture: Posture, observation: Observation) -> Float:
     """(20,) how loosely each joint is held: the root of the trace of its covariance, relative.
 
     The covariance is J H^-1 J' with the Gauss-Newton matrix H of the frame alone, without what time predicts:
     a joint that nothing in the picture holds is loose, however steadily it has been predicted.
     """
+    return _joints_held(fitter, posture, observation)[1]
+
+
+def _joints_held(fitter: Fitter, posture: Posture, observation: Observation) -> tuple[Float, Float]:
+    """(20, 3) the joints, world frame, and (20,) how loosely each is held, see :func:`uncertainty`."""
     matrix = fitter.information(posture, observation)
-    world, pivots, by_length = forward(posture.position, posture.rotations, posture.lengths)
-    turns = (model.MOVES, model.DOF_FRAME, model.DOF_AXIS)
-    body = (world, pivots, by_length, *turns, model.FRAME_LENGTHS, model.FRAME_PARENTS)
-    return np.asarray(_joint_spread(matrix, posture.joints(), model.JOINT_FRAMES, model.JOINT_OFFSETS, body))
+    state = (posture.position, posture.rotations, posture.lengths)
+    joints, loose = _joint_spread(matrix, *state, *_SKELETON, _TURNS, *_JOINTS)
+    return joints, loose
 
 
 @njit(cache=True, nogil=True)
-def _joint_spread(matrix, joints, frames, offsets, body):  # type: ignore[no-untyped-def]
-    """(20,) sqrt(trace(J H^-1 J')) of every joint, by the Cholesky factor L of H: |L^-1 J'|."""
-    count = len(matrix)
-    factor, row, axis = np.zeros((count, count)), np.empty(count), np.empty(3)
+def _joint_spread(  # type: ignore[no-untyped-def]
+    matrix, position, rotations, lengths, parents, offsets, turns, frames, local
+):
+    """(J, 3) joints and (J,) sqrt(trace(J H^-1 J')) of each, by the Cholesky factor L of H: |L^-1 J'|.
+
+    Args:
+        matrix: (30, 30) upper triangle of H.
+        parents, offsets: as of :func:`kinematics.forward_into`.
+        turns: (moves, dof_frame, dof_axis, frame_lengths) as of :func:`terms.point_row`.
+        frames, local: as of :func:`posture.joints_into`.
+    """
+    world, pivots = frames_of(position, rotations, lengths, parents, offsets)
+    body = (world, pivots, np.empty((len(world), 3, 0)), *turns, parents)
+    joints = np.empty((len(frames), 3))
+    joints_into(joints, world, pivots, lengths, frames, local)
+    factor = np.zeros(matrix.shape)
     cholesky(factor, matrix, 0.0)
-    out = np.zeros(len(joints))
-    for j in range(len(joints)):
-        for a in range(3):
-            axis[:], row[:] = 0.0, 0.0
-            axis[a] = 1.0
-            point_row(row, 1.0, frames[j], joints[j], axis, offsets[j], body)
-            for i in range(count):
-                value = row[i]
-                for k in range(i):
-                    value -= factor[i, k] * row[k]
-                row[i] = value / factor[i, i]
-                out[j] += row[i] * row[i]
-        out[j] = np.sqrt(out[j])
-    return out
+    # A column for every joint and axis: the triangle is solved for all of them side by side.
+    columns, row, axis = np.empty((len(matrix), 3 * len(joints))), np.empty(len(matrix)), np.zeros(3)
+    for k in range(columns.shape[1]):
+        j, a = k // 3, k % 3
+        row[:], axis[:] = 0.0, 0.0
+        axis[a] = 1.0
+        point_row(row, 1.0, frames[j], joints[j], axis, local[j], body)
+        columns[:, k] = row
+    loose = np.zeros(len(joints))
+    for i in range(len(matrix)):
+        for k in range(i):
+            held = factor[i, k]
+            for c in range(columns.shape[1]):
+                columns[i, c] -= held * columns[k, c]
+        for c in range(columns.shape[1]):
+            columns[i, c] /= factor[i, i]
+            loose[c // 3] += columns[i, c] ** 2
+    return joints, np.sqrt(loose)

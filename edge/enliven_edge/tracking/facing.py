@@ -6,10 +6,12 @@ Two things tell: what the network sees, and that people walk forward.
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from enliven.arrays import Float
-from enliven_edge.tracking import model
-from enliven_edge.tracking.appearance import Seen, facing_score, turned_about
+from enliven_edge.estimator.labels import facing_in_plan
+from enliven_edge.tracking.appearance import Seen, likely_to_face
+from enliven_edge.tracking.chest import ahead_in_plan, chest_axes, chest_axes_about, leaning_back
 from enliven_edge.tracking.posture import Posture
 
 _MEMORY, _PATIENCE = 15.0, 12
@@ -23,8 +25,6 @@ _FORWARD = 4.5
 """What walking ahead is worth, as a log probability."""
 _UPRIGHT = 15.0
 """What it costs to lean backward, as a log probability a sine."""
-_LEANS, _LIES = 0.15, 0.4
-"""Sine from which a trunk leans backward, and of its rise below which it lies rather than leans."""
 
 
 class Facing:
@@ -42,10 +42,8 @@ class Facing:
             eye: (3,) the sensor, world frame.
             velocity: (3,) metres a second of the hip centre.
         """
-        turned = turned_about(posture)
-        advantage = facing_score(seen, posture, eye) - facing_score(seen, turned, eye)
-        advantage += _FORWARD * _walking(velocity[[0, 2]], forward_in_plan(posture))
-        advantage += _UPRIGHT * (backward(turned) - backward(posture))
+        ways = seen.estimate.facing
+        advantage = float(_advantage(posture.rotations, posture.position, eye, velocity, ways))
         self._frames += 1
         self._advantage += max(1.0 / _MEMORY, 1.0 / self._frames) * (advantage - self._advantage)
         if self._frames < _PATIENCE:
@@ -58,24 +56,50 @@ class Facing:
 
 
 def forward_in_plan(posture: Posture) -> Float:
-    """(2,) the unit (x, z) direction that the chest faces, by the line of its shoulders: bent over or not."""
-    chest = posture.rotations[model.PELVIS] @ posture.rotations[model.CHEST]
-    left = chest[:, 0]
-    ahead = np.array([-left[2], left[0]])
-    return np.asarray(ahead / (np.linalg.norm(ahead) + 1e-9))
+    """(2,) see :func:`chest.ahead_in_plan`."""
+    left, _ = chest_axes(posture.rotations)
+    return np.array(ahead_in_plan(left))
 
 
 def backward(posture: Posture) -> float:
-    """How far the trunk leans backward, as the sine beyond what is usual: people bend forward."""
-    up = posture.rotations[model.PELVIS] @ posture.rotations[model.CHEST][:, 1]
-    if up[1] < _LIES:
-        return 0.0
-    return max(0.0, -float(up[[0, 2]] @ forward_in_plan(posture)) - _LEANS)
+    """See :func:`chest.leaning_back`."""
+    return float(_backward(posture.rotations))
 
 
-def _walking(velocity: Float, ahead: Float) -> float:
-    """In [-1, 1]: how plainly somebody walks the way they face."""
-    speed = float(np.linalg.norm(velocity))
+@njit(cache=True, nogil=True)
+def _backward(rotations):  # type: ignore[no-untyped-def]
+    left, up = chest_axes(rotations)
+    return leaning_back(left, up)
+
+
+@njit(cache=True, nogil=True)
+def _advantage(rotations, place, eye, velocity, ways):  # type: ignore[no-untyped-def]
+    """Log probability by which one frame speaks for a posture's facing and against its opposite.
+
+    Args:
+        rotations: (13, 3, 3) and
+        place: (3,) of the posture.
+        eye, velocity: as of :meth:`Facing.is_wrong`.
+        ways: (8,) log probabilities of the ways to face.
+    """
+    left, up = chest_axes(rotations)
+    other_left, other_up = chest_axes_about(rotations)
+    seen = likely_to_face(ways, facing_in_plan(left, place, eye))
+    seen -= likely_to_face(ways, facing_in_plan(other_left, place, eye))
+    leans = leaning_back(other_left, other_up) - leaning_back(left, up)
+    return seen + _FORWARD * _walking(velocity, ahead_in_plan(left)) + _UPRIGHT * leans
+
+
+@njit(cache=True, nogil=True)
+def _walking(velocity, ahead):  # type: ignore[no-untyped-def]
+    """In [-1, 1]: how plainly somebody walks the way they face.
+
+    Args:
+        velocity: (3,) metres a second.
+        ahead: the unit (x, z) direction that they face.
+    """
+    speed = np.sqrt(velocity[0] ** 2 + velocity[2] ** 2)
     if speed < _STROLL:
         return 0.0
-    return min(1.0, (speed - _STROLL) / (_WALK - _STROLL)) * float(velocity @ ahead) / speed
+    along = (velocity[0] * ahead[0] + velocity[2] * ahead[1]) / speed
+    return min(1.0, (speed - _STROLL) / (_WALK - _STROLL)) * along

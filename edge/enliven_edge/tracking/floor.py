@@ -104,6 +104,10 @@ def _pose(normal: Float, height: float) -> Float:
 
 
 _NEAR_FLOOR, _STEADY = 0.12, np.deg2rad(6.0)
+_WIDTHS = (0.08, 0.05, 0.04)
+"""Metres from the plane beyond which points are left out of the next one."""
+_SPREAD = 0.15
+"""Metres by which the floor that is seen spreads at least, either way."""
 
 
 def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float) -> Float:
@@ -114,16 +118,8 @@ def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float
         usable: (h, w) pixels that are nobody's and known.
         gain: share of the correction that is made, in (0, 1].
     """
-    floor = points[usable & (np.abs(points[..., 1]) < _NEAR_FLOOR)]
-    for width in (0.08, 0.05, 0.04):
-        if len(floor) < _FEWEST:
-            return world_from_camera
-        flat = np.column_stack([floor[:, 0], floor[:, 2], np.ones(len(floor))])
-        plane = np.linalg.lstsq(flat, floor[:, 1], rcond=None)[0]
-        away = np.abs(floor[:, 1] - flat @ plane)
-        floor = floor[away < width]
-    spread = floor[:, [0, 2]].std(0).min()
-    if spread < 0.15 or np.hypot(plane[0], plane[1]) > np.tan(_STEADY):
+    plane, seen = _lying_plane(points, usable)
+    if not seen or np.hypot(plane[0], plane[1]) > np.tan(_STEADY):
         return world_from_camera
     normal = np.array([-plane[0] * gain, 1.0, -plane[1] * gain])
     normal /= np.linalg.norm(normal)
@@ -139,3 +135,50 @@ def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float
     height = float(plane[0] * foot[0] + plane[1] * foot[2] + plane[2])
     made[1, 3] -= gain * height
     return made
+
+
+@njit(cache=True, nogil=True)
+def _lying_plane(points, usable):  # type: ignore[no-untyped-def]
+    """(3,) a, b, c of the plane y = a x + b z + c through the floor's points; whether enough of it is seen.
+
+    Args:
+        points, usable: as of :func:`corrected`.
+    """
+    floor, count = np.empty((3, np.count_nonzero(usable))), 0
+    for v in range(usable.shape[0]):
+        for u in range(usable.shape[1]):
+            if usable[v, u] and abs(points[v, u, 1]) < _NEAR_FLOOR:
+                for a in range(3):
+                    floor[a, count] = points[v, u, a]
+                count += 1
+    plane, spread = np.zeros(3), 0.0
+    for width in _WIDTHS:
+        if count < _FEWEST or not _level_fit(plane, floor[:, :count]):
+            return plane, False
+        left = 0
+        for i in range(count):
+            if abs(floor[1, i] - plane[0] * floor[0, i] - plane[1] * floor[2, i] - plane[2]) < width:
+                for a in range(3):
+                    floor[a, left] = floor[a, i]
+                left += 1
+        count = left
+    if count > 0:
+        spread = min(floor[0, :count].std(), floor[2, :count].std())
+    return plane, spread >= _SPREAD
+
+
+@njit(cache=True, nogil=True)
+def _level_fit(plane, points):  # type: ignore[no-untyped-def]
+    """The least-squares y = a x + b z + c of (3, N) points, into (3,) ``plane``; False: in a line."""
+    x, y, z = points[0].mean(), points[1].mean(), points[2].mean()
+    xx, xz, zz, xy, zy = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(points.shape[1]):
+        dx, dy, dz = points[0, i] - x, points[1, i] - y, points[2, i] - z
+        xx, xz, zz = xx + dx * dx, xz + dx * dz, zz + dz * dz
+        xy, zy = xy + dx * dy, zy + dz * dy
+    determinant = xx * zz - xz * xz
+    if determinant <= 1e-12 * xx * zz:
+        return False
+    plane[0], plane[1] = (xy * zz - zy * xz) / determinant, (zy * xx - xy * xz) / determinant
+    plane[2] = y - plane[0] * x - plane[1] * z
+    return True

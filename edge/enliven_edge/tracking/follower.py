@@ -12,7 +12,7 @@ from enliven_edge.tracking import model
 from enliven_edge.tracking.appearance import Seen, facing, looked_at, turned_about
 from enliven_edge.tracking.confidence import confidence
 from enliven_edge.tracking.detection import cost, detect, detect_another, quality, supposing
-from enliven_edge.tracking.evidence import NAMES, evidence
+from enliven_edge.tracking.evidence import NAMES, capsule_confidence, evidence
 from enliven_edge.tracking.facing import Facing
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.observation import Observation, observe
@@ -134,7 +134,7 @@ class Follower:
             self.somebody = seen.estimate.somebody
             observation = _guided(observation, seen, self.settings.fit.affinity)
         posture, report = self._fitted_to(observation, predicted, self._proportions())
-        certain = _capsule_confidence(report, observation, posture)
+        certain = capsule_confidence(report, observation, posture)
         posture, report = self._second_thoughts.reconsider(observation, posture, report, certain, seen)
         velocity = self._moving(posture.position, view.time_ns)
         flipped = seen is not None and self._facing.is_wrong(seen, posture, view.eye, velocity)
@@ -146,11 +146,12 @@ class Follower:
         if anew is not None:
             posture, report = anew
             seen = None if seen is None else _told(posture, seen, view)
-        if quality(report) <= _ACCEPTABLE and not self._missed() and self.lost:
+        bad = quality(report) <= _ACCEPTABLE
+        if bad and not self._missed() and self.lost:
             return False
         self._before, self.posture = (None if flipped or anew else self.posture), posture
         self._vouch(report, observation, seen)
-        if quality(report) <= _ACCEPTABLE:
+        if bad:
             return False
         self._fitted, self._bad = self._fitted + 1, 0
         return True
@@ -264,17 +265,3 @@ def _told(posture: Posture, seen: Seen, view: View) -> Seen:
     """What the network sees in the same frame when it is told the facing of a posture."""
     told: list[float | None] = [facing(posture, view.eye)]
     return seen.of(shipped_estimator().estimates(seen.estimate.crop, view.world_from_camera, told)[0])
-
-
-def _capsule_confidence(report: FitReport, observation: Observation, posture: Posture) -> Float:
-    """(C,) how far each capsule is supported by the points it explains, and not seen through."""
-    expected = _expected_support(posture, len(observation.points))
-    supported = np.minimum(1.0, report.support / np.maximum(1.0, 0.35 * expected))
-    return np.asarray(supported * (1.0 - report.violated))
-
-
-def _expected_support(posture: Posture, count: int) -> Float:
-    """(C,) points each capsule would get if all of the body were seen, by its frontal area."""
-    ends, radii = posture.capsules()
-    area = (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) + radii.sum(1)) * radii.sum(1)
-    return np.asarray(count * area / area.sum())

@@ -45,7 +45,7 @@ class Looks:
         if crown is not None:
             self._crowns.append(crown)
             del self._crowns[:-240]
-            self.stature = float(np.percentile(self._crowns, 85))
+            self.stature = percentile(self._crowns, 0.85)
 
     def mismatch(self, other: Looks) -> float:
         """How unlike two people look, in squared standard deviations."""
@@ -55,6 +55,18 @@ class Looks:
         if mine is not None and theirs is not None:
             cost += ((mine - theirs) / _STATURE_SPREAD) ** 2
         return cost
+
+
+def percentile(values: Float | list[float], share: float) -> float:
+    """The number below which a share in [0, 1] of (N,) values is, between two of them linearly.
+
+    What ``np.percentile`` says, at a tenth of its cost for some hundred values.
+    """
+    ordered = np.sort(values)
+    at = share * (len(ordered) - 1)
+    low = int(at)
+    high = min(low + 1, len(ordered) - 1)
+    return float(ordered[low] + (at - low) * (ordered[high] - ordered[low]))
 
 
 @dataclass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from enliven.arrays import Float
 from enliven.body import PARENTS, Joint
@@ -19,9 +20,8 @@ def finite_joints(joints: Float, confidence: Float, last: Float | None) -> tuple
 
     Without a last place it is put where its parent is; the root, at the middle of the others.
     """
-    known = np.asarray(np.isfinite(joints).all(1))
-    sure = np.where(known & np.isfinite(confidence), confidence, 0.0).clip(0.0, 1.0)
-    if known.all():
+    known, sure, every = _known(joints, confidence)
+    if every:
         return joints, sure
     made = np.where(known[:, None], joints, 0.0 if last is None else last)
     if last is None:
@@ -33,16 +33,37 @@ def finite_joints(joints: Float, confidence: Float, last: Float | None) -> tuple
     return made, sure
 
 
+@njit(cache=True, nogil=True)
+def _known(joints, confidence):  # type: ignore[no-untyped-def]
+    """(J,) whether each joint is a number, (J,) confidence in [0, 1], 0 where it is none; whether all are."""
+    known, sure, every = np.empty(len(joints), np.bool_), np.zeros(len(joints)), True
+    for j in range(len(joints)):
+        known[j] = np.isfinite(joints[j, 0]) and np.isfinite(joints[j, 1]) and np.isfinite(joints[j, 2])
+        every &= known[j]
+        if known[j] and np.isfinite(confidence[j]):
+            sure[j] = min(1.0, max(0.0, confidence[j]))
+    return known, sure, every
+
+
 def finite_turns(orientations: Float, last: Float | None) -> Float:
     """(20, 4) unit quaternions: one that is none stays as it last was, or is the identity."""
-    length = np.einsum("ji,ji->j", orientations, orientations)
-    # Not (good) also where the length is NaN.
-    bad = ~(np.abs(length - 1.0) < 1e-6)
-    if not bad.any():
+    if _are_units(orientations):
         return orientations
+    length = np.einsum("ji,ji->j", orientations, orientations)
     usable = np.isfinite(length) & (length > 1e-12)
     made = normalized(orientations)
     return made if last is None else np.where(usable[:, None], made, last)
+
+
+@njit(cache=True, nogil=True)
+def _are_units(turns):  # type: ignore[no-untyped-def]
+    """Whether all of (J, 4) quaternions are of unit length."""
+    for j in range(len(turns)):
+        w, x, y, z = turns[j]
+        # Not (good) also where the length is NaN.
+        if not abs(w * w + x * x + y * y + z * z - 1.0) < 1e-6:
+            return False
+    return True
 
 
 class SpeedLimit:
@@ -72,13 +93,13 @@ class SpeedLimit:
         if last is None or fastest == 0.0 or not 0.0 < seconds < _LONGEST_GAP:
             self._last, self._waited[:] = joints, 0.0
             return joints, confidence
-        step = joints - last
-        distance = np.sqrt(np.einsum("ji,ji->j", step, step))
         allowed = fastest * seconds
-        leaps = distance > allowed
-        if not leaps.any():
+        if not _leaps(joints, last, allowed):
             self._last, self._waited[:] = joints, 0.0
             return joints, confidence
+        step = joints - last
+        distance = np.sqrt(np.einsum("ji,ji->j", step, step))
+        leaps = distance > allowed
         self._waited = np.where(leaps, self._waited + seconds, 0.0)
         waits = leaps & (self._waited <= self._settings.hold)
         share = np.where(waits, 0.0, np.minimum(1.0, allowed / np.maximum(distance, 1e-9)))
@@ -87,3 +108,13 @@ class SpeedLimit:
         made[waits] += carried
         self._last = made
         return made, confidence * share
+
+
+@njit(cache=True, nogil=True)
+def _leaps(joints, last, allowed):  # type: ignore[no-untyped-def]
+    """Whether any of (J, 3) joints is farther than ``allowed`` metres from where it was."""
+    for j in range(len(joints)):
+        x, y, z = joints[j, 0] - last[j, 0], joints[j, 1] - last[j, 1], joints[j, 2] - last[j, 2]
+        if np.sqrt(x * x + y * y + z * z) > allowed:
+            return True
+    return False

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
@@ -9,7 +11,7 @@ from enliven.arrays import Bool, Float, Int
 from enliven.body import Joint
 from enliven_edge.tracking import model
 from enliven_edge.tracking.follower import FEWEST_PIXELS, Follower
-from enliven_edge.tracking.identity import Looks
+from enliven_edge.tracking.identity import Looks, percentile
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.view import View
 
@@ -23,6 +25,8 @@ _DOUBT, _THING, _MAYBE, _HARDLY_SEEN = 0.2, 0.4, 0.8, 3
 below which somebody seen in so few frames may be none."""
 _PLAIN, _PLAIN_FRAMES = 0.85, 10
 """Who is so likely a person at the mean for so many frames is one, whatever their later postures."""
+_HEAD_ABOUT = 0.18
+"""Metres in plan from the head's joint within which the top of the head is."""
 UNDECIDED = 0
 
 
@@ -98,7 +102,7 @@ class Person:
         """
         before = self.place.copy()
         good = self.follower.follow(view, pixels)
-        surest = float(np.sort(self.follower.confidence)[-_SUREST:].mean())
+        surest = sum(sorted(self.follower.confidence.tolist())[-_SUREST:]) / _SUREST
         self._clear += _FAITH * (surest - self._clear)
         self._somebody += _DOUBT * (self.follower.somebody - self._somebody)
         self._plain += self._somebody > _PLAIN
@@ -112,7 +116,7 @@ class Person:
         if centre is not None and self._centre is not None:
             step = centre - self._centre
             step[1] = 0.0
-            self.follower.carry(step * min(1.0, 0.15 / max(1e-9, float(np.linalg.norm(step)))))
+            self.follower.carry(step * min(1.0, 0.15 / max(1e-9, math.hypot(*step))))
             self.seen_ns = view.time_ns
         self._centre = centre
 
@@ -121,7 +125,7 @@ class Person:
         if self.hidden_ns is None:
             self.hidden_ns = time_ns
         seconds = min(0.2, max(0.0, (time_ns - self._time_ns) * 1e-9))
-        self._velocity = self._velocity * np.exp(-seconds / _SLOWING)
+        self._velocity = self._velocity * math.exp(-seconds / _SLOWING)
         self.follower.carry(self._velocity * seconds)
         self.follower.confidence = np.zeros(20)
         self._time_ns, self._centre = time_ns, None
@@ -140,11 +144,11 @@ class Person:
         if 0.0 < seconds < 0.5:
             velocity = step / seconds
             velocity[1] = 0.0
-            velocity *= min(1.0, _FASTEST / max(1e-9, float(np.linalg.norm(velocity))))
+            velocity *= min(1.0, _FASTEST / max(1e-9, math.hypot(*velocity)))
             self._velocity += min(1.0, seconds / 0.15) * (velocity - self._velocity)
         self._time_ns = self.seen_ns = view.time_ns
         self.hidden_ns = None
-        self.travelled = self.travelled or float(np.linalg.norm(self.place - self._start)) > _TRAVELLED
+        self.travelled = self.travelled or math.dist(self.place, self._start) > _TRAVELLED
         self._turn += 1
         self._centre = None
         if self._turn % _LOOK_EVERY != 1 and self.looks.weight > _LOOK_OFTEN:
@@ -168,20 +172,47 @@ class Person:
         """Metres above the floor of the top of the head, where they stand with the hands below it."""
         joints, sure = self.follower.posture.joints(), self.follower.confidence
         head = joints[Joint.HEAD]
-        upright = (head - joints[Joint.HIP_CENTER])[1] > 0.9 * np.linalg.norm(head - joints[Joint.HIP_CENTER])
+        risen = head - joints[Joint.HIP_CENTER]
+        upright = risen[1] > 0.9 * math.hypot(*risen)
         hands = max(float(joints[j, 1]) for j in (Joint.HAND_LEFT, Joint.HAND_RIGHT))
         if sure[Joint.HEAD] < 0.5 or not upright or hands > head[1] - 0.1:
             return None
-        points = view.points[pixels]
-        near = np.linalg.norm((points - head)[:, [0, 2]], axis=1) < 0.18
-        return float(np.percentile(points[near, 1], 99)) if np.count_nonzero(near) > 20 else None
+        heights = heights_beside(view.points, pixels, head, _HEAD_ABOUT)
+        return percentile(heights, 0.99) if len(heights) > 20 else None
 
 
 def _centre(view: View, pixels: Bool) -> Float | None:
     """(3,) the mean of somebody's points, None where there are too few."""
     if np.count_nonzero(pixels) < FEWEST_PIXELS:
         return None
-    return np.asarray(view.points[pixels].mean(0))
+    return np.asarray(mean_point(view.points, pixels))
+
+
+@njit(cache=True, nogil=True)
+def mean_point(points, pixels):  # type: ignore[no-untyped-def]
+    """(3,) the mean of (h, w, 3) points on the (h, w) pixels, one at least."""
+    x, y, z, count = 0.0, 0.0, 0.0, 0
+    for v in range(pixels.shape[0]):
+        for u in range(pixels.shape[1]):
+            if pixels[v, u]:
+                x, y, z = x + points[v, u, 0], y + points[v, u, 1], z + points[v, u, 2]
+                count += 1
+    return np.array([x, y, z]) / count
+
+
+@njit(cache=True, nogil=True)
+def heights_beside(points, pixels, place, radius):  # type: ignore[no-untyped-def]
+    """(N,) heights of (h, w, 3) points on the (h, w) pixels, of those within a radius of a place in plan."""
+    heights, count = np.empty(np.count_nonzero(pixels)), 0
+    for v in range(pixels.shape[0]):
+        for u in range(pixels.shape[1]):
+            if not pixels[v, u]:
+                continue
+            x, z = points[v, u, 0] - place[0], points[v, u, 2] - place[2]
+            if x * x + z * z < radius * radius:
+                heights[count] = points[v, u, 1]
+                count += 1
+    return heights[:count]
 
 
 _SAMPLES, _BEFORE = 3, 0.12
@@ -196,27 +227,33 @@ def sight(view: View, posture: Posture, owner: Int, index: int) -> tuple[float, 
         owner: (h, w) whose the pixels are; a person's own arm hides nothing.
         index: which owner is this person.
     """
-    inside, covered, own = _seen(view, posture, owner == index, slice(None))
-    covered &= ~own
-    return float(covered.mean()), float(1.0 - inside.mean())
+    inside, covered, own = _seen(view, posture, owner, index, slice(None))
+    hidden, shown = np.count_nonzero(covered & ~own), np.count_nonzero(inside)
+    return hidden / len(own), 1.0 - shown / len(own)
 
 
 def trunk_shown(view: View, posture: Posture, pixels: Bool) -> float:
     """Of the trunk and the head that the image could show, the share that the (h, w) ``pixels`` do show."""
-    inside, covered, own = _seen(view, posture, pixels, _TRUNK)
+    inside, covered, own = _seen(view, posture, pixels.astype(np.int64), 1, _TRUNK)
     due = inside & ~(covered & ~own)
     return float((own & due).sum() / len(own)) if due.mean() < 0.25 else float(own[due].mean())
 
 
-def _seen(view: View, posture: Posture, pixels: Bool, capsules: slice | Int) -> tuple[Bool, Bool, Bool]:
-    """(S,) of samples along the capsules: in the image, behind something, and on the (h, w) pixels."""
+def _seen(
+    view: View, posture: Posture, owner: Int, mine: int, capsules: slice | Int
+) -> tuple[Bool, Bool, Bool]:
+    """(S,) of samples along the capsules: in the image, behind something, and on the pixels of ``mine``.
+
+    Args:
+        owner: (h, w) whose the pixels are.
+    """
     ends, radii = (each[capsules] for each in posture.capsules())
-    out = _samples(ends, radii, view.z, pixels, view.camera.camera, view.world_from_camera)
+    out = _samples(ends, radii, view.z, owner, mine, view.camera.camera, view.world_from_camera)
     return out[0], out[1], out[2]
 
 
 @njit(cache=True, nogil=True)
-def _samples(ends, radii, depth, pixels, camera, pose):  # type: ignore[no-untyped-def]
+def _samples(ends, radii, depth, owner, mine, camera, pose):  # type: ignore[no-untyped-def]
     """(3, S) see :func:`_seen`."""
     height, width = depth.shape
     out = np.zeros((3, len(ends) * _SAMPLES), np.bool_)
@@ -234,6 +271,6 @@ def _samples(ends, radii, depth, pixels, camera, pose):  # type: ignore[no-untyp
         v = int(np.floor(camera[1] * y / z + camera[3] + 0.5))
         if 0 <= u < width and 0 <= v < height:
             seen, radius = depth[v, u], max(radii[c, 0], radii[c, 1])
-            out[0, n], out[2, n] = True, pixels[v, u]
+            out[0, n], out[2, n] = True, owner[v, u] == mine
             out[1, n] = 0.0 < seen < z - radius - _BEFORE
     return out

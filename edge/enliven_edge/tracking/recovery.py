@@ -43,7 +43,7 @@ _LEGS = (
     (model.THIGH_L, model.SHIN_L, model.FOOT_L),
     (model.THIGH_R, model.SHIN_R, model.FOOT_R),
 )
-_OUTER = {limb: np.flatnonzero(np.isin(model.CAPSULES.frame, limb[1:])) for limb in (*_ARMS, *_LEGS)}
+_OUTER = {limb: np.flatnonzero(np.isin(model.CAPSULES.frame, limb[1:])).tolist() for limb in (*_ARMS, *_LEGS)}
 """The capsules of each limb beyond its first bone."""
 _DOUBTFUL, _SURE = 0.5, 0.9
 _BETTER, _MUCH_BETTER = 0.985, 0.8
@@ -114,10 +114,12 @@ class SecondThoughts:
     def _doubtful(self, posture: Posture, confidence: Float) -> list[tuple[int, ...]]:
         """The limbs that explain little of the picture; those that explain much are remembered."""
         doubtful: list[tuple[int, ...]] = []
-        for limb in (*_ARMS, *_LEGS):
-            sure = float(confidence[_OUTER[limb]].min())
+        sure_of = confidence.tolist()
+        for limb, capsules in _OUTER.items():
+            sure = min(sure_of[c] for c in capsules)
             if sure > _SURE:
-                self._remembered[limb] = posture.rotations[list(limb)].copy()
+                # Its frames follow each other: a slice is cheaper than a list of them.
+                self._remembered[limb] = posture.rotations[limb[0] : limb[-1] + 1].copy()
             elif sure < _DOUBTFUL:
                 doubtful.append(limb)
         return doubtful

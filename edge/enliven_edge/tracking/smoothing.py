@@ -40,13 +40,13 @@ class _Filter:
             return value
         self._time_ns = time_ns
         if self._value is None or not 0.0 < seconds < 1.0:
-            self._value, self._velocity = value.copy(), np.zeros((len(value), 3))
+            self._value, self._velocity = np.array(value, np.float64), np.zeros((len(value), 3))
             return value
         self._value = self._stepped(self._value, value, seconds)
         return self._value.copy()
 
     def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
-        """The filtered value after one more; moves the velocity on."""
+        """The filtered value after one more, which may be the same array; moves the velocity on."""
         raise NotImplementedError
 
 
@@ -57,11 +57,10 @@ class OneEuro(_Filter):
     """
 
     def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
-        velocity = (value - filtered) / seconds
-        self._velocity = self._velocity + _alpha(np.array(1.0), seconds) * (velocity - self._velocity)
-        speed = np.linalg.norm(self._velocity, axis=1, keepdims=True)
-        cutoff = (self.settings.cutoff + self.settings.speed * speed) / self.amount
-        return filtered + _alpha(cutoff, seconds) * (value - filtered)
+        raw = np.ascontiguousarray(value, np.float64)
+        cutoff, slope = self.settings.cutoff / self.amount, self.settings.speed / self.amount
+        filter_places(filtered, self._velocity, raw, seconds, cutoff, slope)
+        return filtered
 
 
 class OneEuroTurns(_Filter):
@@ -77,9 +76,30 @@ class OneEuroTurns(_Filter):
         return filtered
 
 
-def _alpha(cutoff: Float, seconds: float) -> Float:
+@njit(cache=True, nogil=True, inline="always")
+def _alpha(cutoff, seconds):  # type: ignore[no-untyped-def]
     """The smoothing factor of a first-order low-pass, equation (5) of the paper."""
-    return np.asarray(1.0 / (1.0 + 1.0 / (2 * np.pi * cutoff * seconds)))
+    return 1.0 / (1.0 + 1.0 / (2.0 * np.pi * cutoff * seconds))
+
+
+@njit(cache=True, nogil=True)
+def filter_places(value, velocity, raw, seconds, cutoff, slope):  # type: ignore[no-untyped-def]
+    """One step of the filter on (J, 3) ``value`` metres and (J, 3) ``velocity`` metres a second, in place.
+
+    Args:
+        raw: (J, 3) what was measured.
+        cutoff: Hz at rest.
+        slope: Hz for every metre a second.
+    """
+    follow = _alpha(1.0, seconds)
+    for j in range(len(value)):
+        square = 0.0
+        for a in range(3):
+            velocity[j, a] += follow * ((raw[j, a] - value[j, a]) / seconds - velocity[j, a])
+            square += velocity[j, a] ** 2
+        share = _alpha(cutoff + slope * np.sqrt(square), seconds)
+        for a in range(3):
+            value[j, a] += share * (raw[j, a] - value[j, a])
 
 
 @njit(cache=True, nogil=True)
@@ -91,26 +111,31 @@ def filter_turns(value, velocity, raw, seconds, cutoff, slope):  # type: ignore[
         cutoff: Hz at rest.
         slope: Hz for every radian a second.
     """
-    follow = 1.0 / (1.0 + 1.0 / (2.0 * np.pi * seconds))
+    follow = _alpha(1.0, seconds)
     for b in range(len(value)):
-        w, x, y, z = value[b, 0], value[b, 1], value[b, 2], value[b, 3]
-        rw, rx, ry, rz = raw[b, 0], raw[b, 1], raw[b, 2], raw[b, 3]
-        # The step conj(value) raw, as a rotation vector of the shorter way round.
-        sw = w * rw + x * rx + y * ry + z * rz
-        sx = w * rx - x * rw - y * rz + z * ry
-        sy = w * ry + x * rz - y * rw - z * rx
-        sz = w * rz - x * ry + y * rx - z * rw
-        if sw < 0.0:
-            sw, sx, sy, sz = -sw, -sx, -sy, -sz
-        sine = np.sqrt(sx * sx + sy * sy + sz * sz)
-        scale = 2.0 * np.arctan2(sine, sw) / sine if sine > 1e-12 else 2.0
-        sx, sy, sz = scale * sx, scale * sy, scale * sz
+        sx, sy, sz = step_between(value[b], raw[b])
         velocity[b, 0] += follow * (sx / seconds - velocity[b, 0])
         velocity[b, 1] += follow * (sy / seconds - velocity[b, 1])
         velocity[b, 2] += follow * (sz / seconds - velocity[b, 2])
         speed = np.sqrt(velocity[b, 0] ** 2 + velocity[b, 1] ** 2 + velocity[b, 2] ** 2)
-        share = 1.0 / (1.0 + 1.0 / (2.0 * np.pi * (cutoff + slope * speed) * seconds))
+        share = _alpha(cutoff + slope * speed, seconds)
         turn(value[b], share * sx, share * sy, share * sz)
+
+
+@njit(cache=True, nogil=True)
+def step_between(q, r):  # type: ignore[no-untyped-def]
+    """(x, y, z) log(conj(q) r), radians: from a (4,) unit quaternion to another, the shorter way round."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    rw, rx, ry, rz = r[0], r[1], r[2], r[3]
+    sw = w * rw + x * rx + y * ry + z * rz
+    sx = w * rx - x * rw - y * rz + z * ry
+    sy = w * ry + x * rz - y * rw - z * rx
+    sz = w * rz - x * ry + y * rx - z * rw
+    if sw < 0.0:
+        sw, sx, sy, sz = -sw, -sx, -sy, -sz
+    sine = np.sqrt(sx * sx + sy * sy + sz * sz)
+    scale = 2.0 * np.arctan2(sine, sw) / sine if sine > 1e-12 else 2.0
+    return scale * sx, scale * sy, scale * sz
 
 
 @njit(cache=True, nogil=True)

@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from people_for_estimator import scene
 from scipy.ndimage import map_coordinates
+from scipy.special import log_softmax, softmax
 
 from enliven_edge.estimator.crop import COLUMNS, ROWS, crop_person
-from enliven_edge.estimator.estimator import TRUST, Estimate
+from enliven_edge.estimator.estimator import TRUST, Estimate, _told
 from enliven_edge.estimator.labels import PARTS
 from enliven_edge.estimator.lessons import LABEL_COLUMNS, LABEL_ROWS
 
@@ -89,6 +90,30 @@ def test_beside_depth_no_joint_is_surer_than_usual(spread):
     np.testing.assert_allclose(estimate.guides, capped.landmarks)
     np.testing.assert_array_equal(estimate.guides[:, :3], estimate.landmarks[:, :3])
     assert (estimate.guides[:, 3] <= estimate.landmarks[:, 3]).all()
+
+
+@given(SEEDS)
+@settings(max_examples=25, deadline=None)
+def test_what_the_network_says_is_read_as_it_was_learnt(seed):
+    """Places turned into the world, spreads and probabilities from their logarithms."""
+    dice = np.random.default_rng(seed)
+    here, spread = dice.normal(size=(20, 3)), dice.normal(-3, 2, 20).astype(np.float32)
+    facing, pose = dice.normal(0, 4, 9).astype(np.float32), np.eye(4)
+    pose[:3, :3], pose[:3, 3] = np.linalg.qr(dice.normal(size=(3, 3)))[0], dice.normal(size=3)
+    world, off, ways, somebody = _told(here, spread, facing, pose)
+    np.testing.assert_allclose(world, here @ pose[:3, :3].T + pose[:3, 3], atol=1e-12)
+    np.testing.assert_allclose(off, np.minimum(1.0, 3.0 * np.exp(spread.astype(float))), rtol=1e-12)
+    np.testing.assert_allclose(ways, log_softmax(facing[:8].astype(float)), atol=1e-12)
+    assert somebody == pytest.approx(softmax(facing.astype(float))[:8].sum(), abs=1e-12)
+
+
+@given(SEEDS)
+@settings(max_examples=25, deadline=None)
+def test_a_landmark_is_weighed_by_its_spread(seed):
+    estimate = made_up(seed)
+    sure = np.maximum(estimate.spread, 0.03)
+    columns = [TRUST * (0.05 / sure) ** 2 / 20, np.clip(3.0 * sure, 0.12, 0.4)]
+    np.testing.assert_allclose(estimate.landmarks, np.c_[estimate.joints, np.transpose(columns)], atol=1e-12)
 
 
 @given(SEEDS, st.integers(0, 19))

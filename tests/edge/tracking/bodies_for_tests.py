@@ -29,7 +29,7 @@ def random_posture(seed: int, spread: float = 0.3) -> Posture:
 
 def body_of(posture: Posture, free: int = 12):
     """The body as the terms take it, with so many lengths that are not frozen: 12 or 0."""
-    world, pivots = forward(posture.position, posture.rotations, posture.lengths)[:2]
+    world, pivots = forward(posture.position, posture.rotations, posture.lengths)
     by_length = np.empty((13, 3, free))
     pivots_by_length(by_length, world, posture.rotations, model.FRAME_PARENTS, model.PIVOTS)
     return world, pivots, by_length, model.MOVES, *TURNS, model.FRAME_LENGTHS, model.FRAME_PARENTS

@@ -19,6 +19,7 @@ from enliven_edge.tracking.appearance import (
     looked_at,
     turned_about,
 )
+from enliven_edge.tracking.capsules import nearest_capsules
 from enliven_edge.tracking.posture import Posture, rotation
 
 PARTS_RIGHT = 0.6
@@ -119,6 +120,18 @@ def test_a_posture_agrees_with_its_own_surface_more_than_turned_about(yaw):
     own, other = agreement(seen, standing(yaw)), agreement(seen, turned_about(standing(yaw)))
     assert own > 0.8
     assert 0.0 <= other < own - 0.4
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=25, deadline=None)
+def test_agreement_is_the_mean_likelihood_on_the_nearest_surface(seed):
+    """Point by point, each of the capsule that :func:`nearest_capsules` finds for it."""
+    points, shown = noise(seed)
+    seen, posture = seen_as(estimate_of(np.zeros((20, 3))), points, shown), standing(0.3)
+    which, nobody = np.empty(len(points), np.int32), np.zeros((0, 0), np.float32)
+    nearest_capsules(which, seen.surface, nobody, *posture.capsules(), np.float32(0.0))
+    like = [CARRIES[c] @ shares for c, shares in zip(which, seen.probabilities, strict=True)]
+    assert agreement(seen, posture) == pytest.approx(np.mean(like), abs=1e-6)
 
 
 @given(YAWS, st.floats(-0.6, 0.6))

@@ -77,3 +77,45 @@ def test_a_body_that_floats_does_not_stand():
     for i in range(30):
         said = contacts(body.joints + 0.5 * UP, body.confidence, i * STEP)
     assert said.max() < 0.1
+
+
+class _Slowly:
+    """The same as :class:`Contacts`, all points at once in whole arrays."""
+
+    def __init__(self, settings: ContactSettings) -> None:
+        self.settings, self.last, self.time_ns = settings, None, 0
+
+    def __call__(self, joints, confidence, time_ns):
+        settings, points = self.settings, np.array([[15, 14], [19, 18]])
+        places, highest = joints[points], settings.floor + np.array([0.0, 0.06])
+        height, seconds, self.time_ns = places[..., 1], (time_ns - self.time_ns) * 1e-9, time_ns
+        if self.last is None or not 0.0 < seconds < 1.0:
+            self.ground, self.speed = np.minimum(height, highest), np.zeros((2, 2))
+            self.stands = (height < 0.6 * highest).any(1)
+        else:
+            moved = np.linalg.norm(places - self.last, axis=-1) / seconds
+            self.speed += (moved - self.speed) / (1.0 + 1.0 / (2 * np.pi * 6.0 * seconds))
+            self.ground = np.minimum(np.minimum(height, self.ground + 0.03 * seconds), highest)
+        self.last = places
+        stiff = np.where(self.stands, settings.hysteresis, 1.0)[:, None]
+        excess = np.maximum((height - self.ground) / settings.lift, self.speed / settings.speed) / stiff
+        likely = 1.0 / (
+            1.0 + np.exp(np.minimum(5.0 * (np.maximum(excess, height / highest).min(1) - 1.0), 50.0))
+        )
+        self.stands = likely > 0.5
+        return likely * np.clip(confidence[points].max(1) / 0.1, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_foot_by_foot_is_as_all_at_once(seed):
+    """Feet that come and go anyhow, over frames that are missing now and then."""
+    random, settings = np.random.default_rng(seed), ContactSettings()
+    fast, slow = Contacts(settings), _Slowly(settings)
+    joints, time_ns = random.normal(0, 1, (20, 3)), 0
+    for _ in range(60):
+        joints = joints + random.normal(0, 0.02 * random.random(), (20, 3))
+        joints[12:, 1] = np.abs(0.7 * joints[12:, 1])
+        confidence = random.choice([0.0, 0.05, 0.9], 20)
+        time_ns += int(random.choice([STEP, 3 * STEP, 2_000_000_000], p=[0.9, 0.08, 0.02]))
+        expected = slow(joints, confidence, time_ns)
+        np.testing.assert_allclose(fast(joints, confidence, time_ns), expected, atol=1e-9)

@@ -9,9 +9,9 @@ from postures_seen_for_tests import observed
 
 from enliven_edge.tracking import evidence as of_joints
 from enliven_edge.tracking import model, ranges
-from enliven_edge.tracking.confidence import GROUP_OF_JOINT, confidence
+from enliven_edge.tracking.confidence import ALONE, GROUP_OF_JOINT, WITH_NETWORK, _weights, confidence
 from enliven_edge.tracking.evidence import NAMES
-from enliven_edge.tracking.fit import Fitter
+from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.settings import FitSettings
 
@@ -84,6 +84,57 @@ def test_the_network_is_evidence_where_there_is_one():
     nearer = estimate_of(posture.joints() + np.array([0.0, 0.0, 0.1]))
     near = of_joints.evidence(fitter, posture, report, observation, np.zeros(20), nearer)
     assert (near[:, last[1]] < found[:, last[1]]).all()
+
+
+@given(st.integers(0, 10_000), st.booleans())
+@settings(max_examples=30, deadline=None)
+def test_evidence_is_gathered_of_the_bone_and_of_the_part_beside_it(seed, alone):
+    random = np.random.default_rng(seed)
+    shares, support, violated = random.random((20, 4)), random.integers(0, 90, 20) * 1.0, random.random(20)
+    loose, unsupported = random.uniform(0.01, 2, 20), random.integers(0, 50, 20) * 1.0
+    joints, seen, spread = random.normal(size=(20, 3)), random.normal(size=(20, 3)), random.uniform(0, 1, 20)
+    first, second = of_joints._beside()
+    of_network = np.zeros((20, 2))
+    if not alone:
+        apart = np.linalg.norm(joints - seen, axis=1)
+        of_network = np.stack([np.log(spread), np.log(0.02 + apart)], 1)
+    counted = np.log1p(support)[:, None]
+    slow = [np.ones((20, 1)), first @ counted, first @ shares, second @ counted, second @ shares]
+    slow += [np.log(loose)[:, None], np.full((20, 1), 0.9), np.full((20, 1), violated.mean())]
+    slow += [np.log1p(unsupported)[:, None], of_network]
+    told = (np.zeros((0, 3)), np.zeros(0)) if alone else (seen, spread)
+    found = of_joints.gathered(
+        shares, support, violated, 0.9, loose, unsupported, joints, *told, first, second
+    )
+    np.testing.assert_allclose(found, np.concatenate(slow, 1), atol=1e-12)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=30, deadline=None)
+def test_a_capsule_is_believed_by_its_share_of_the_points(seed):
+    """By frontal area: a third of what it would get in full view is enough; what is seen through is none."""
+    random = np.random.default_rng(seed)
+    report = FitReport(1.0, 0.9, random.integers(0, 60, 20) * 1.0, random.random(20))
+    ends, radii = standing().capsules()
+    area = (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) + radii.sum(1)) * radii.sum(1)
+    observation = observed(standing())
+    expected = len(observation.points) * area / area.sum()
+    slow = np.minimum(1.0, report.support / np.maximum(1.0, 0.35 * expected)) * (1.0 - report.violated)
+    found = of_joints.capsule_confidence(report, observation, standing())
+    np.testing.assert_allclose(found, slow, atol=1e-12)
+
+
+@given(st.integers(0, 10_000), st.booleans())
+@settings(max_examples=30, deadline=None)
+def test_confidence_is_the_logistic_regression_of_the_joints_group(seed, alone):
+    found = np.random.default_rng(seed).normal(0, 3, (20, len(NAMES)))
+    found[:, NAMES.index("outside")] = np.random.default_rng(seed).choice([0.5, 0.98, 1.0], 20)
+    table = _weights(ALONE if alone else WITH_NETWORK)
+    likely = [
+        1 / (1 + np.exp(-(row @ table[group]))) for row, group in zip(found, GROUP_OF_JOINT, strict=True)
+    ]
+    slow = np.where(found[:, NAMES.index("outside")] == 1.0, 0.0, likely)
+    np.testing.assert_allclose(confidence(found, alone=alone), slow, atol=1e-12)
 
 
 @given(st.integers(0, 10_000), st.booleans())

@@ -5,8 +5,9 @@ import pytest
 from estimates_for_tests import EYE, estimate_of, seen_as, ways_of
 
 from enliven_edge.tracking import model, ranges
-from enliven_edge.tracking.appearance import Seen, turned_about
-from enliven_edge.tracking.facing import Facing, backward, forward_in_plan
+from enliven_edge.tracking.appearance import Seen, facing_score, turned_about
+from enliven_edge.tracking.chest import chest_axes, chest_axes_about
+from enliven_edge.tracking.facing import Facing, _advantage, backward, forward_in_plan
 from enliven_edge.tracking.posture import Posture, rotation
 
 STILL = (0.0, 0.0, 0.0)
@@ -94,3 +95,37 @@ def test_who_has_been_facing_rightly_is_turned_only_by_more_than_who_is_new():
     assert not any(facing.is_wrong(against, sideways, EYE, np.zeros(3)) for _ in range(60))
     plainly = seen_facing(other, plainly=2.5)
     assert any(facing.is_wrong(plainly, sideways, EYE, np.zeros(3)) for _ in range(60))
+
+
+def any_posture(random) -> Posture:
+    """Somebody anywhere, bent and turned anyhow."""
+    posture = standing(random.uniform(-np.pi, np.pi))
+    posture.position = posture.position + random.normal(0, 1, 3)
+    posture.rotations[model.PELVIS] = rotation(*random.normal(0, [0.5, 2, 0.5]))
+    posture.rotations[model.CHEST] = rotation(*random.normal(0, 0.6, 3))
+    return posture
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_chest_turned_about_is_that_of_the_posture_turned_about(seed):
+    posture = any_posture(np.random.default_rng(seed))
+    for made, axes in ((posture, chest_axes), (turned_about(posture), chest_axes_about)):
+        chest = made.rotations[model.PELVIS] @ made.rotations[model.CHEST]
+        np.testing.assert_allclose(np.transpose(axes(posture.rotations)), chest[:, :2], atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_frames_evidence_is_the_difference_to_the_posture_turned_about(seed):
+    """Made out at length: by the network, by the walk, and by who leans backward."""
+    random = np.random.default_rng(seed)
+    posture, velocity = any_posture(random), random.normal(0, 0.7, 3)
+    seen = seen_as(estimate_of(posture.joints(), ways=random.normal(0, 2, 8)))
+    turned = turned_about(posture)
+    slow = facing_score(seen, posture, EYE) - facing_score(seen, turned, EYE)
+    speed = np.linalg.norm(velocity[[0, 2]])
+    plainly = np.clip((speed - 0.45) / 0.45, 0.0, 1.0)
+    slow += 4.5 * plainly * (velocity[[0, 2]] / speed) @ forward_in_plan(posture)
+    slow += 15.0 * (backward(turned) - backward(posture))
+    ways = seen.estimate.facing
+    found = _advantage(posture.rotations, posture.position, EYE, velocity, ways)
+    assert found == pytest.approx(slow, abs=1e-9)

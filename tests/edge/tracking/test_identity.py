@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking.identity import Looks, Register
+from enliven_edge.tracking.identity import Looks, Register, percentile
 from enliven_edge.tracking.model import lengths_for_height
 from enliven_edge.tracking.settings import PeopleSettings
 from enliven_edge.tracking.zone import Lock, Zone
@@ -25,6 +25,12 @@ def looks(height, frames=20, noise=0.0, seed=0):
 def test_numbers_are_never_given_twice():
     register = Register(PeopleSettings())
     assert [register.new() for _ in range(3)] == [1, 2, 3]
+
+
+@given(st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=60), st.floats(0.0, 1.0))
+@settings(max_examples=60, deadline=None)
+def test_a_percentile_is_numpys(values, share):
+    assert percentile(values, share) == pytest.approx(np.percentile(values, 100 * share), abs=1e-9)
 
 
 def test_the_stature_is_that_of_standing_upright():

@@ -11,7 +11,7 @@ from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking import model
 from enliven_edge.tracking.gauss_newton import stepped
 from enliven_edge.tracking.observation import WorkingCamera, world_points
-from enliven_edge.tracking.person import sight, trunk_shown
+from enliven_edge.tracking.person import heights_beside, mean_point, sight, trunk_shown
 from enliven_edge.tracking.posture import Posture, rotation
 from enliven_edge.tracking.ranges import standing
 from enliven_edge.tracking.view import View
@@ -115,3 +115,14 @@ def test_where_nothing_is_measured_nobody_is_hidden():
 def test_who_is_beside_or_behind_the_sensor_is_outside_the_image(away):
     assert sight(view_of(wall(1.0)), away, np.full(SHAPE, -1), 0) == (0.0, 1.0)
     assert trunk_shown(view_of(wall(1.0)), away, np.ones(SHAPE, bool)) == 0.0
+
+
+@given(st.integers(0, 100_000), st.floats(0.1, 1.0))
+@settings(max_examples=30, deadline=None)
+def test_the_middle_and_the_top_of_somebodys_points_are_those_of_the_list_of_them(seed, share):
+    random = np.random.default_rng(seed)
+    points, pixels = random_view(random).points, random.random(SHAPE) < share
+    place, listed = points[30, 40] + random.normal(0, 0.1, 3), points[pixels]
+    np.testing.assert_allclose(mean_point(points, pixels), listed.mean(0), atol=1e-9)
+    away = np.linalg.norm((listed - place)[:, [0, 2]], axis=1)
+    np.testing.assert_array_equal(heights_beside(points, pixels, place, 0.3), listed[away < 0.3, 1])

@@ -42,6 +42,24 @@ def test_more_is_smoother():
     assert spread == sorted(spread, reverse=True)
 
 
+@given(st.integers(0, 1000), st.floats(0.1, 10.0))
+@settings(max_examples=20, deadline=None)
+def test_places_are_filtered_as_in_the_paper(seed, amount):
+    """Written out in whole arrays."""
+
+    def alpha(cutoff):
+        return 1.0 / (1.0 + 1.0 / (2 * np.pi * cutoff * STEP * 1e-9))
+
+    values, cutoffs = np.random.default_rng(seed).normal(0, 0.1, (15, 20, 3)).cumsum(0), SmoothingSettings()
+    place, velocity, made = values[0], np.zeros((20, 3)), [values[0]]
+    for value in values[1:]:
+        velocity = velocity + alpha(1.0) * ((value - place) / (STEP * 1e-9) - velocity)
+        speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+        place = place + alpha((cutoffs.cutoff + cutoffs.speed * speed) / amount) * (value - place)
+        made.append(place)
+    np.testing.assert_allclose(filtered(amount, values), made, atol=1e-9)
+
+
 def test_steady_motion_is_followed_within_a_centimetre_or_two():
     walk = np.arange(60)[:, None, None] * np.array([0.05, 0, 0]) + np.zeros((60, 20, 3))
     assert np.abs(filtered(1.0, walk)[30:] - walk[30:]).max() < 0.03
