@@ -11,6 +11,7 @@ from numba import njit
 
 from enliven.arrays import Bool, Float, Float32, Int, UInt16
 from enliven.camera import Intrinsics, rays
+from enliven.masks import pixels_of
 from enliven_edge.tracking.reduction import reduce_depth
 
 
@@ -172,18 +173,6 @@ def sampled(mask, points):  # type: ignore[no-untyped-def]
         pixel = pixels[((2 * n + 1) * total) // (2 * kept)]
         out[n, 0], out[n, 1] = pixel // width, pixel % width
     return out
-
-
-@njit(cache=True, nogil=True)
-def pixels_of(mask):  # type: ignore[no-untyped-def]
-    """(M,) int32 the masked pixels' places in reading order."""
-    flat = mask.reshape(-1)
-    out, count = np.empty(len(flat) + 1, np.int32), 0
-    for i in range(len(flat)):
-        # Written without asking, and overwritten by the next one unless it is masked.
-        out[np.uintp(count)] = i
-        count += flat[i]
-    return out[:count]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
