@@ -104,6 +104,8 @@ def _pose(normal: Float, height: float) -> Float:
 
 
 _NEAR_FLOOR, _STEADY = 0.12, np.deg2rad(6.0)
+_LINE = 1e-9
+"""One less the square of how x and z of points on a line go together."""
 
 
 def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float) -> Float:
@@ -118,10 +120,8 @@ def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float
     for width in (0.08, 0.05, 0.04):
         if len(floor) < _FEWEST:
             return world_from_camera
-        flat = np.column_stack([floor[:, 0], floor[:, 2], np.ones(len(floor))])
-        plane = np.linalg.lstsq(flat, floor[:, 1], rcond=None)[0]
-        away = np.abs(floor[:, 1] - flat @ plane)
-        floor = floor[away < width]
+        plane = _slope(floor)
+        floor = _along(floor, plane, width)
     spread = floor[:, [0, 2]].std(0).min()
     if spread < 0.15 or np.hypot(plane[0], plane[1]) > np.tan(_STEADY):
         return world_from_camera
@@ -139,3 +139,31 @@ def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float
     height = float(plane[0] * foot[0] + plane[1] * foot[2] + plane[2])
     made[1, 3] -= gain * height
     return made
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _slope(points):  # type: ignore[no-untyped-def]
+    """(3,) a, b and c of the plane y = a x + b z + c that is nearest to (N, 3) points, in y.
+
+    By the moments about their mean, which are two equations, however many points there are. Where the points
+    lie on a line, it is level.
+    """
+    count = len(points)
+    x0, y0, z0 = points[:, 0].sum() / count, points[:, 1].sum() / count, points[:, 2].sum() / count
+    xx, xz, zz, xy, zy = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(count):
+        x, y, z = points[i, 0] - x0, points[i, 1] - y0, points[i, 2] - z0
+        xx, xz, zz, xy, zy = xx + x * x, xz + x * z, zz + z * z, xy + x * y, zy + z * y
+    a, b, square = zz * xy - xz * zy, xx * zy - xz * xy, xx * zz - xz * xz
+    a, b = (a / square, b / square) if square > _LINE * xx * zz else (0.0, 0.0)
+    return np.array([a, b, y0 - a * x0 - b * z0])
+
+
+@njit(cache=True, nogil=True)
+def _along(points, plane, width):  # type: ignore[no-untyped-def]
+    """Those of (N, 3) points that lie less than ``width`` metres above or below a plane."""
+    out, count = np.empty_like(points), 0
+    for i in range(len(points)):
+        out[count] = points[i]
+        count += abs(points[i, 1] - points[i, 0] * plane[0] - points[i, 2] * plane[1] - plane[2]) < width
+    return out[:count]

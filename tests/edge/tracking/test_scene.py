@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.tracking.floor import world_from_floor
+from enliven_edge.tracking.floor import _along, _slope, world_from_floor
 from enliven_edge.tracking.observation import WorkingCamera, nearest_columns, surface_samples, world_points
 from enliven_edge.tracking.reduction import reduce_depth
 
@@ -36,6 +36,28 @@ def test_a_wall_alone_is_no_floor():
     wall = np.stack([random.uniform(-1, 1, 2000), random.uniform(-1, 1, 2000), np.full(2000, 2.0)], 1)
     assert world_from_floor(wall) is None
     assert world_from_floor(np.zeros((0, 3))) is None
+
+
+@given(st.integers(0, 1000), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(0.001, 0.1))
+@settings(max_examples=30, deadline=None)
+def test_a_floor_is_fitted_by_least_squares_over_all_its_points(seed, a, b, width):
+    random = np.random.default_rng(seed)
+    x, z, noise = random.uniform(-2, 2, 300), random.uniform(-4, -1, 300), random.normal(0, 0.02, 300)
+    points = np.stack([x, a * x + b * z + 0.05 + noise, z], 1)
+    flat = np.stack([x, z, np.ones(300)], 1)
+    expected = np.linalg.lstsq(flat, points[:, 1], rcond=None)[0]
+    np.testing.assert_allclose(_slope(points), expected, atol=1e-9)
+    on = np.abs(points[:, 1] - flat @ expected) < width
+    np.testing.assert_array_equal(_along(points, expected, width), points[on])
+
+
+@given(st.integers(0, 1000), st.floats(0.0, 3.0))
+@settings(max_examples=30, deadline=None)
+def test_points_on_a_line_say_nothing_of_a_slope(seed, turn):
+    random = np.random.default_rng(seed)
+    along, height = random.uniform(-2, 2, 300), random.normal(0.1, 0.02, 300)
+    slope = _slope(np.stack([np.cos(turn) * along, height, np.sin(turn) * along], 1))
+    np.testing.assert_allclose(slope, [0.0, 0.0, height.mean()], atol=1e-9)
 
 
 def test_reduction_is_a_median_of_what_is_known():
