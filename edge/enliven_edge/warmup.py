@@ -14,6 +14,7 @@ from enliven.recording import Recording
 from enliven_edge.actor import Actor
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.stage import Stage
+from enliven_edge.tracking.floor import corrected, world_from_floor
 from enliven_edge.tracking.model import lengths_for_height
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.ranges import standing
@@ -33,6 +34,7 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
     for frame in _rehearsal():
         tracker.track(frame)
         tracker.surfaces()
+    _look_at_a_floor()
 
 
 def warm_up_stage(actor: Actor) -> None:
@@ -63,6 +65,13 @@ def _rehearsal() -> Iterator[DepthFrame]:
         if i >= _ALONE + _TOGETHER:
             depth = np.zeros_like(depth)
         yield dataclasses.replace(frame, depth=depth, time_ns=i * _STEP_NS)
+
+
+def _look_at_a_floor() -> None:
+    """A floor is found and kept in place; the recorded sensor knows itself where it stands."""
+    x, z = np.meshgrid(np.linspace(-1.0, 1.0, 40), np.linspace(1.0, 3.0, 40))
+    world_from_floor(np.stack([x, np.ones_like(x), z], -1).reshape(-1, 3))
+    corrected(np.eye(4), np.stack([x, np.zeros_like(x), -z], -1), np.ones(x.shape, bool), 1.0)
 
 
 def _beside_themselves(depth):  # type: ignore[no-untyped-def]
