@@ -382,6 +382,26 @@ def test_by_the_floor_only_the_floor_is_known(seed, height, tilt):
     np.testing.assert_allclose(made[unknown], floor[unknown])
 
 
+def guessed_slowly(z, ray, mount, floor_band):
+    """The same by whole images."""
+    rise, height = ray @ mount[1, :2] + mount[1, 2], mount[1, 3]
+    patches = ndimage.uniform_filter((z > 0).astype(np.float64), 31) > 0.12
+    made = filled(np.where(patches, np.where(rise * z + height < floor_band, -z, z), 0.0))
+    floor = np.where(rise < -1e-3, -height / np.minimum(rise, -1e-3), 0.0)
+    return np.where(z > 0, z, np.where(made < 0, np.maximum(floor, 0.0), made))
+
+
+@given(st.integers(0, 10_000), st.integers(1, 70), st.integers(1, 70), st.floats(0.2, 4.0))
+@settings(max_examples=40, deadline=None)
+def test_the_guess_is_that_of_the_slow_twin(seed, h, w, coarse):
+    """In images smaller than a patch too, which are mirrored over and over."""
+    random = np.random.default_rng(seed)
+    known = ndimage.gaussian_filter(random.standard_normal((h, w)), coarse) > random.uniform(-0.1, 0.1)
+    z, ray = random.uniform(1, 4, (h, w)) * known, random.standard_normal((h, w, 2))
+    mount = world_from_level_camera(random.uniform(0.5, 2.5), random.uniform(-0.5, 0.5))
+    np.testing.assert_allclose(guessed(z, ray, mount, 0.08), guessed_slowly(z, ray, mount, 0.08))
+
+
 @given(st.integers(0, 1000), st.integers(0, 3))
 @settings(max_examples=20, deadline=None)
 def test_widened_is_a_dilation(seed, pixels):
