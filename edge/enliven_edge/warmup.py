@@ -34,14 +34,7 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
     for frame in _rehearsal():
         tracker.track(frame)
         tracker.surfaces()
-    _warm_up_floor()
-
-
-def _warm_up_floor() -> None:
-    """Finds a floor and corrects it: the recording tells where its own is, and is too short for the rest."""
-    x, z = np.meshgrid(np.linspace(-1.0, 1.0, 40), np.linspace(1.0, 3.0, 40))
-    world_from_floor(np.stack([x, np.full(x.shape, 1.2), z], 2).reshape(-1, 3))
-    corrected(np.eye(4), np.stack([x, np.zeros(x.shape), z], 2), np.ones(x.shape, bool), 1.0)
+    _look_at_a_floor()
 
 
 def warm_up_stage(actor: Actor) -> None:
@@ -72,6 +65,13 @@ def _rehearsal() -> Iterator[DepthFrame]:
         if i >= _ALONE + _TOGETHER:
             depth = np.zeros_like(depth)
         yield dataclasses.replace(frame, depth=depth, time_ns=i * _STEP_NS)
+
+
+def _look_at_a_floor() -> None:
+    """A floor is found and kept in place; the recorded sensor knows itself where it stands."""
+    x, z = np.meshgrid(np.linspace(-1.0, 1.0, 40), np.linspace(1.0, 3.0, 40))
+    world_from_floor(np.stack([x, np.ones_like(x), z], -1).reshape(-1, 3))
+    corrected(np.eye(4), np.stack([x, np.zeros_like(x), -z], -1), np.ones(x.shape, bool), 1.0)
 
 
 def _beside_themselves(depth):  # type: ignore[no-untyped-def]

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from enliven.arrays import Bool, Float, Float32
+from enliven.masks import pixels_of
 
 ROWS, COLUMNS = 80, 64
 _SMALLEST, _LARGEST = 0.02, 0.036
@@ -109,58 +110,71 @@ def _upright(world_from_camera: Float) -> Float:
     return np.array([[-y, x], [-x, -y]])
 
 
-@njit(cache=True, nogil=True)
-def _extent(z, mask, camera, axes):  # type: ignore[no-untyped-def]
+def _extent(z: Float, mask: Bool, camera: Float, axes: Float) -> tuple[Float, Float, float]:
     """(2,), (2,) and metres: the ends of the person along the axes at unit depth, and their median depth."""
-    total = 0
-    for v in range(mask.shape[0]):
-        for u in range(mask.shape[1]):
-            total += mask[v, u]
-    step = max(1, total // _SAMPLES)
-    samples = np.empty((3, total // step + 1))
-    seen, n = 0, 0
-    for v in range(mask.shape[0]):
-        for u in range(mask.shape[1]):
-            if not mask[v, u]:
-                continue
-            if seen % step == 0:
-                x, y = (u - camera[2]) / camera[0], (v - camera[3]) / camera[1]
-                samples[0, n] = axes[0, 0] * x + axes[0, 1] * y
-                samples[1, n] = axes[1, 0] * x + axes[1, 1] * y
-                samples[2, n] = z[v, u]
-                n += 1
-            seen += 1
-    low, high = np.empty(2), np.empty(2)
-    first = int(_OUTLIERS * n)
-    for a in range(2):
-        ordered = np.sort(samples[a, :n])
-        low[a], high[a] = ordered[first], ordered[n - 1 - first]
-    return low, high, np.sort(samples[2, :n])[n // 2]
+    ordered = np.sort(_samples(z, mask, camera, axes), axis=1)
+    count = ordered.shape[1]
+    first = int(_OUTLIERS * count)
+    return ordered[:2, first], ordered[:2, count - 1 - first], float(ordered[2, count // 2])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _samples(z, mask, camera, axes):  # type: ignore[no-untyped-def]
+    """(3, N) right and down along the axes at unit depth, and depth, of some masked pixels."""
+    pixels, width = pixels_of(mask), mask.shape[1]
+    some = pixels[:: max(1, len(pixels) // _SAMPLES)]
+    out = np.empty((3, len(some)))
+    for n in range(len(some)):
+        v, u = some[n] // width, some[n] % width
+        x, y = (u - camera[2]) / camera[0], (v - camera[3]) / camera[1]
+        out[0, n] = axes[0, 0] * x + axes[0, 1] * y
+        out[1, n] = axes[1, 0] * x + axes[1, 1] * y
+        out[2, n] = z[v, u]
+    return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill(image, z, mask, camera, pose, axes, centre, depth, cell, raised):  # type: ignore[no-untyped-def]
     """The four channels, each cell by the pixels nearest to its four quarters' middles."""
-    height, width = mask.shape
     rows, columns = image.shape[1:]
-    size = cell / depth
+    size, rise = cell / depth, pose[1]
+    z, mask, shape = z.ravel(), mask.ravel(), z.shape
+    rays, pixels = np.empty((2, 2 * columns)), np.empty(2 * columns, np.int32)
     for i in range(2 * rows):
         down = (0.5 * i + 0.25 - 0.5 * rows) * size + centre[1]
+        _aim(rays, pixels, down, size, camera, axes, centre, shape)
+        row = i // 2
         for j in range(2 * columns):
-            right = (0.5 * j + 0.25 - 0.5 * columns) * size + centre[0]
-            x = axes[0, 0] * right + axes[1, 0] * down
-            y = axes[0, 1] * right + axes[1, 1] * down
-            u = int(np.floor(camera[0] * x + camera[2] + 0.5))
-            v = int(np.floor(camera[1] * y + camera[3] + 0.5))
-            row, column = i // 2, j // 2
-            if u < 0 or v < 0 or u >= width or v >= height or z[v, u] == 0.0:
+            column, pixel = j // 2, np.uintp(pixels[j])
+            if pixels[j] < 0 or z[pixel] == 0.0:
                 image[3, row, column] += 0.25
                 continue
-            away = z[v, u]
-            level = (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2]) * away + pose[1, 3]
-            if mask[v, u]:
+            away = z[pixel]
+            if not mask[pixel] and away >= depth - _BEFORE:
+                continue
+            level = (rise[0] * rays[0, j] + rise[1] * rays[1, j] + rise[2]) * away + rise[3]
+            if mask[pixel]:
                 image[0, row, column] += 0.25
                 image[1, row, column] += 0.25 * (away - depth)
                 image[2, row, column] += 0.25 * (level + raised)
-            elif away < depth - _BEFORE and level > _GROUND:
+            elif level > _GROUND:
                 image[3, row, column] += 0.25
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _aim(rays, pixels, down, size, camera, axes, centre, shape):  # type: ignore[no-untyped-def]
+    """The rays, x/z and y/z, of a row of quarters ``down`` from the middle, and the pixels that they meet.
+
+    Into (2, J) and (J,): a pixel's place in reading order, -1 outside the image. Apart from what the pixels
+    show, so that many are computed at once.
+    """
+    height, width = shape
+    fx, fy, cx, cy = camera
+    for j in range(len(pixels)):
+        right = (0.5 * j + 0.25 - 0.25 * len(pixels)) * size + centre[0]
+        x = axes[0, 0] * right + axes[1, 0] * down
+        y = axes[0, 1] * right + axes[1, 1] * down
+        u, v = np.floor(fx * x + cx + 0.5), np.floor(fy * y + cy + 0.5)
+        inside = (u >= 0.0) & (v >= 0.0) & (u < width) & (v < height)
+        pixels[j] = np.int32(v * width + u) if inside else np.int32(-1)
+        rays[0, j], rays[1, j] = x, y

@@ -37,6 +37,8 @@ def _contested(owner, distance, z):  # type: ignore[no-untyped-def]
     """Whether a pixel that is not plainly somebody's touches another's."""
     height, width = owner.shape
     for v in range(height):
+        if not _abut(owner, v):
+            continue
         for u in range(width):
             if owner[v, u] < 0:
                 continue
@@ -44,6 +46,37 @@ def _contested(owner, distance, z):  # type: ignore[no-untyped-def]
                 if q < 0 or p < 0 or owner[q, p] < 0 or owner[q, p] == owner[v, u]:
                     continue
                 if max(distance[v, u], distance[q, p]) > _PLAIN and _near(z[v, u], z[q, p]):
+                    return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _abut(owner, v):  # type: ignore[no-untyped-def]
+    """Whether two people's pixels lie side by side in a row, or in it and the one above; in any depth.
+
+    Without a branch, so that many pixels are looked at at once: mostly nobody's do.
+    """
+    row, above = owner[v], owner[max(0, v - 1)]
+    found = False
+    for u in range(len(row)):
+        found |= (row[u] >= 0) & (above[u] >= 0) & (row[u] != above[u])
+    for u in range(1, len(row)):
+        found |= (row[u] >= 0) & (row[u - 1] >= 0) & (row[u] != row[u - 1])
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _meet(owner, z):  # type: ignore[no-untyped-def]
+    """Whether two people's pixels lie side by side on one surface."""
+    height, width = owner.shape
+    for v in range(height):
+        if not _abut(owner, v):
+            continue
+        for u in range(width):
+            for q, p in ((v, u - 1), (v - 1, u)):
+                if q < 0 or p < 0 or owner[q, p] == owner[v, u] or min(owner[q, p], owner[v, u]) < 0:
+                    continue
+                if _near(z[v, u], z[q, p]):
                     return True
     return False
 
@@ -83,10 +116,9 @@ def given_back(owner: Int, z: Float, counts: Int) -> Int:
     Returns:
         (K,) each person's pixels now.
     """
-    parent, meet = _joined(owner, z)
-    if not meet:
+    if not _meet(owner, z):
         return counts
-    number, whose, size = _pieces(parent, owner)
+    number, whose, size = _pieces(_joined(owner, z), owner)
     largest = np.array([_largest(whose, size, k) for k in range(len(counts))])
     contacts = _contacts(owner, z, number, whose, largest)
     other = contacts.argmax(1)
@@ -107,10 +139,9 @@ def _largest(whose: Int, size: Int, person: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _joined(owner, z):  # type: ignore[no-untyped-def]
-    """(h w,) parents of each person's pixels that hang together, -1 for nobody's; whether two people meet."""
+    """(h w,) parents of each person's pixels that hang together, -1 for nobody's."""
     height, width = z.shape
     parent = np.full(height * width, -1, np.int64)
-    meet = False
     for v in range(height):
         for u in range(width):
             if owner[v, u] < 0:
@@ -118,12 +149,9 @@ def _joined(owner, z):  # type: ignore[no-untyped-def]
             here = v * width + u
             parent[here] = here
             for back, q, p in ((1, v, u - 1), (width, v - 1, u)):
-                if q >= 0 and p >= 0 and owner[q, p] >= 0 and _near(z[v, u], z[q, p]):
-                    if owner[q, p] == owner[v, u]:
-                        join(parent, here, here - back)
-                    else:
-                        meet = True
-    return parent, meet
+                if q >= 0 and p >= 0 and owner[q, p] == owner[v, u] and _near(z[v, u], z[q, p]):
+                    join(parent, here, here - back)
+    return parent
 
 
 @njit(cache=True, nogil=True)

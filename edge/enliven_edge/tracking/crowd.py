@@ -121,7 +121,7 @@ class Crowd:
 
     def follow(self, view: View, kind: UInt8) -> Segments:
         """Fits everybody who is known; whose the pixels of the frame are."""
-        if np.count_nonzero(view.z) < _DARK * view.z.size:
+        if np.count_nonzero(view.z > 0.0) < _DARK * view.z.size:
             return self._wait_in_the_dark(view, kind)
         handicap = np.array([_HANDICAP if p.hidden else 0.0 for p in self.people])
         expected = [p.expected() for p in self.people]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from scipy import ndimage
 
 from enliven.arrays import Float
 
@@ -27,13 +26,71 @@ def guessed(z: Float, ray: Float, world_from_camera: Float, floor_band: float) -
         ray: (h, w, 2) x/z and y/z of the pixels.
         floor_band: metres above the floor below which something belongs to it.
     """
-    rise = ray @ world_from_camera[1, :2] + world_from_camera[1, 2]
-    height = world_from_camera[1, 3]
-    patches = ndimage.uniform_filter((z > 0).astype(np.float32), _PATCH) > _PATCHED
-    made = filled(np.where(patches, np.where(rise * z + height < floor_band, -z, z), 0.0))
-    made = np.where(z > 0, z, made)
-    floor = np.where(rise < -_LEVEL, -height / np.minimum(rise, -_LEVEL), 0.0)
-    return np.asarray(np.where(made < 0.0, np.maximum(floor, 0.0), made))
+    pose = np.ascontiguousarray(world_from_camera)
+    return np.asarray(_with_floor(z, filled(_patches(z, ray, pose, floor_band)), ray, pose))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _patches(z, ray, pose, floor_band):  # type: ignore[no-untyped-def]
+    """(h, w) the depth where enough is known around a pixel, less than 0 on the floor; 0 elsewhere."""
+    height, width = z.shape
+    out, enough = np.empty((height, width)), _PATCHED * _PATCH * _PATCH
+    around = _known_around(z)
+    for v in range(height):
+        for u in range(width):
+            rise = ray[v, u, 0] * pose[1, 0] + ray[v, u, 1] * pose[1, 1] + pose[1, 2]
+            value = -z[v, u] if rise * z[v, u] + pose[1, 3] < floor_band else z[v, u]
+            out[v, u] = value if around[v, u] > enough else 0.0
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _known_around(z):  # type: ignore[no-untyped-def]
+    """(h, w) the known pixels of the square around each; beyond its border the image is mirrored."""
+    height, width = z.shape
+    columns, out = np.zeros(width, np.int32), np.empty((height, width), np.int32)
+    rows, places = _mirrored(height), _mirrored(width)
+    for v in range(_PATCH - 1):
+        _count(columns, z[rows[v]], 1)
+    for v in range(height):
+        _count(columns, z[rows[v + _PATCH - 1]], 1)
+        total = 0
+        for u in range(_PATCH - 1):
+            total += columns[places[u]]
+        for u in range(width):
+            total += columns[places[u + _PATCH - 1]]
+            out[v, u] = total
+            total -= columns[places[u]]
+        _count(columns, z[rows[v]], -1)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _mirrored(size):  # type: ignore[no-untyped-def]
+    """Which of so many places each shows, from half a patch before the first to half a patch after."""
+    places = np.arange(-(_PATCH // 2), size + _PATCH // 2) % (2 * size)
+    return np.minimum(places, 2 * size - 1 - places).astype(np.uint64)
+
+
+@njit(cache=True, nogil=True)
+def _count(columns, row, sign):  # type: ignore[no-untyped-def]
+    """Adds the known pixels of a row to the numbers of each column, or takes them away."""
+    for u in range(len(row)):
+        columns[u] += sign if row[u] > 0.0 else 0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _with_floor(z, made, ray, pose):  # type: ignore[no-untyped-def]
+    """(h, w) what is known, else what was made of it, on the floor where that is less than 0."""
+    height, width = z.shape
+    out = np.empty((height, width))
+    for v in range(height):
+        for u in range(width):
+            rise = ray[v, u, 0] * pose[1, 0] + ray[v, u, 1] * pose[1, 1] + pose[1, 2]
+            floor = max(-pose[1, 3] / min(rise, -_LEVEL), 0.0) if rise < -_LEVEL else 0.0
+            likely = floor if made[v, u] < 0.0 else made[v, u]
+            out[v, u] = z[v, u] if z[v, u] > 0.0 else likely
+    return out
 
 
 def filled(z: Float) -> Float:

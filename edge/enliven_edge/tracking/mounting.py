@@ -88,12 +88,12 @@ class Mounting:
         points = world_points(z, self._camera.ray, self.world_from_camera)
         return View(frame.time_ns, z, points, self._camera, self.world_from_camera)
 
-    def watch(self, view: View, agreement: Agreement, nobody: Bool) -> None:
+    def watch(self, view: View, agreement: Agreement, somebody: Bool) -> None:
         """Notices that the sensor was moved, and keeps the floor where it is.
 
         Args:
             agreement: of the frame with the room.
-            nobody: (h, w) the pixels that are nobody's.
+            somebody: (h, w) the pixels that are somebody's.
         """
         if self._told_by_sensor:
             return
@@ -103,14 +103,14 @@ class Mounting:
         self._suspicious = self._suspicious + 1 if moved and enough else 0
         self._differing = self._differing + 1 if differs > _DIFFERENT * self._moved and enough else 0
         looked = self._differing % _LOOK_AGAIN == _SUSPICIOUS_FRAMES
-        if self._suspicious >= _SUSPICIOUS_FRAMES or (looked and self._floor_is_elsewhere(view, nobody)):
+        if self._suspicious >= _SUSPICIOUS_FRAMES or (looked and self._floor_is_elsewhere(view, somebody)):
             self._differing = 0
             self.falling, self._suspicious, self._still = True, 0, 0
             self._before, self._fell_ns = view.z, view.time_ns
         elif self._floor_known and not 0 <= view.time_ns - self._corrected_ns < _CORRECT_EVERY_NS:
             self._corrected_ns = view.time_ns
             assert self.world_from_camera is not None
-            usable = nobody & (view.z > 0) & (view.z < self.settings.far)
+            usable = ~somebody & (view.z > 0) & (view.z < self.settings.far)
             self.world_from_camera = corrected(self.world_from_camera, view.points, usable, _GAIN)
 
     @property
@@ -118,12 +118,12 @@ class Mounting:
         """Whether so much differs from the room that the sensor may have been moved: believe nobody new."""
         return self._suspicious > 0
 
-    def _floor_is_elsewhere(self, view: View, nobody: Bool) -> bool:
+    def _floor_is_elsewhere(self, view: View, somebody: Bool) -> bool:
         """Whether the floor lies otherwise than it did: who steps before the room moves no floor."""
         assert self.world_from_camera is not None
         if not self._floor_known:
             return False
-        points = unproject(view.z * 1e3, self.camera.ray)[nobody & (view.z > 0)]
+        points = unproject(view.z * 1e3, self.camera.ray)[~somebody & (view.z > 0)]
         found = world_from_floor(points, self.settings.upside_down)
         if found is None:
             return False

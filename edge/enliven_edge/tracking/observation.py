@@ -11,6 +11,8 @@ from numba import njit
 
 from enliven.arrays import Bool, Float, Float32, Int, UInt16
 from enliven.camera import Intrinsics, rays
+from enliven.masks import pixels_of
+from enliven_edge.tracking.reduction import reduce_depth
 
 
 class WorkingCamera:
@@ -35,45 +37,6 @@ class WorkingCamera:
         """(h, w) metres along the optical axis; 0 where nothing is known."""
         h, w = self.intrinsics.height, self.intrinsics.width
         return reduce_depth(depth, self.stride, h, w)
-
-
-@njit(cache=True, nogil=True)
-def reduce_depth(depth, stride, height, width):  # type: ignore[no-untyped-def]
-    """The lower median of up to nine known samples of every stride x stride block, in metres.
-
-    A median keeps a depth edge an edge, where a mean would invent points between the two sides. A whole row
-    of blocks is sorted at once, unknown samples last: the inner loops are minima and maxima of two rows.
-    """
-    out = np.zeros((height, width))
-    step = max(1, stride // 3)
-    side = min(3, (stride + step - 1) // step)
-    samples = np.empty((side * side, width), np.uint16)
-    known = np.empty(width, np.uint8)
-    for v in range(height):
-        known[:] = 0
-        for k in range(side * side):
-            row, first = depth[v * stride + (k // side) * step], (k % side) * step
-            for u in range(width):
-                millimetres = row[u * stride + first]
-                seen = (millimetres != 0) & (millimetres != 65535)
-                samples[k, u] = millimetres if seen else 65535
-                known[u] += seen
-        _sort_columns(samples)
-        for u in range(width):
-            if known[u] > 0:
-                out[v, u] = samples[(known[u] - 1) // 2, u] * 1e-3
-    return out
-
-
-@njit(cache=True, nogil=True)
-def _sort_columns(rows):  # type: ignore[no-untyped-def]
-    """Sorts every column of (K, width) in place, by odd-even transposition."""
-    count, width = rows.shape
-    for turn in range(count):
-        for k in range(turn % 2, count - 1, 2):
-            for u in range(width):
-                low, high = min(rows[k, u], rows[k + 1, u]), max(rows[k, u], rows[k + 1, u])
-                rows[k, u], rows[k + 1, u] = low, high
 
 
 @dataclass(frozen=True)
@@ -143,23 +106,22 @@ def _world_points(z, ray, pose):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def nearest_columns(mask):  # type: ignore[no-untyped-def]
-    """(h, w) the masked column nearest to every pixel in its own row; -1 in rows without any."""
+    """(h, w) int16 the masked column nearest to every pixel in its row, the left one of two; -1: none is."""
     height, width = mask.shape
-    out = np.full((height, width), -1, np.int64)
+    out = np.empty((height, width), np.int16)
     for v in range(height):
-        last = -1
+        row, last = out[v], -1
         for u in range(width):
-            if mask[v, u]:
-                last = u
-            out[v, u] = last
-        if last < 0:
-            continue
-        for n in range(width):
-            u = width - 1 - n
-            if mask[v, u]:
-                last = u
-            if out[v, u] < 0 or last - u < u - out[v, u]:
-                out[v, u] = last if last >= u else out[v, u]
+            if not mask[v, u]:
+                continue
+            row[u] = u
+            if last < 0:
+                row[:u] = u
+            elif u > last + 1:
+                middle = (last + u) // 2 + 1
+                row[last + 1 : middle], row[middle:u] = last, u
+            last = u
+        row[last + 1 :] = last
     return out
 
 
@@ -202,26 +164,18 @@ def observe(
 @njit(cache=True, nogil=True)
 def sampled(mask, points):  # type: ignore[no-untyped-def]
     """(M, 2) rows and columns of at most so many masked pixels, evenly spread in reading order."""
-    total = 0
-    for v in range(mask.shape[0]):
-        for u in range(mask.shape[1]):
-            total += mask[v, u]
+    pixels, width = pixels_of(mask), mask.shape[1]
+    total = len(pixels)
     kept = min(points, total)
     out = np.empty((kept, 2), np.int64)
-    seen, n = 0, 0
-    for v in range(mask.shape[0]):
-        for u in range(mask.shape[1]):
-            if not mask[v, u]:
-                continue
-            # The n-th kept pixel is number floor((n + 1/2) total / kept): evenly spread, and never twice.
-            if n < kept and seen == ((2 * n + 1) * total) // (2 * kept):
-                out[n, 0], out[n, 1] = v, u
-                n += 1
-            seen += 1
+    for n in range(kept):
+        # Number floor((n + 1/2) total / kept): evenly spread, and never twice.
+        pixel = pixels[((2 * n + 1) * total) // (2 * kept)]
+        out[n, 0], out[n, 1] = pixel // width, pixel % width
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def surface_samples(points, z, pixels, eye):  # type: ignore[no-untyped-def]
     """(M, 3) float32 points at M pixels, and their unit normals from differences across two pixels.
 
@@ -230,28 +184,37 @@ def surface_samples(points, z, pixels, eye):  # type: ignore[no-untyped-def]
     """
     height, width = z.shape
     found, out = np.empty((len(pixels), 3), np.float32), np.empty((len(pixels), 3), np.float32)
-    normal = np.empty(3)
     for i in range(len(pixels)):
-        v, u = pixels[i]
-        for a in range(3):
-            found[i, a] = points[v, u, a]
-            normal[a] = eye[a] - points[v, u, a]
+        v, u = pixels[i, 0], pixels[i, 1]
+        here = points[v, u]
+        x, y, depth = eye[0] - here[0], eye[1] - here[1], eye[2] - here[2]
         if 0 < v < height - 1 and 0 < u < width - 1:
-            low = min(min(z[v, u + 1], z[v, u - 1]), min(z[v + 1, u], z[v - 1, u]))
-            high = max(max(z[v, u + 1], z[v, u - 1]), max(z[v + 1, u], z[v - 1, u]))
+            right, left, down, up = z[v, u + 1], z[v, u - 1], z[v + 1, u], z[v - 1, u]
+            low, high = min(min(right, left), min(down, up)), max(max(right, left), max(down, up))
             if low > 0.0 and high - low < 0.06 + 0.04 * low:
-                _cross(normal, points[v, u + 1], points[v, u - 1], points[v + 1, u], points[v - 1, u])
-        length = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2) + 1e-12
-        for a in range(3):
-            out[i, a] = normal[a] / length
+                across = _between(points[v, u - 1], points[v, u + 1])
+                along = _between(points[v - 1, u], points[v + 1, u])
+                x, y, depth = _turned_to((x, y, depth), _cross(across, along))
+        length = np.sqrt(x**2 + y**2 + depth**2) + 1e-12
+        found[i, 0], found[i, 1], found[i, 2] = here[0], here[1], here[2]
+        out[i, 0], out[i, 1], out[i, 2] = x / length, y / length, depth / length
     return found, out
 
 
 @njit(cache=True, nogil=True)
-def _cross(out, right, left, down, up):  # type: ignore[no-untyped-def]
-    """(right - left) x (down - up), turned to the side that ``out`` points to, into ``out``."""
-    ax, ay, az = right[0] - left[0], right[1] - left[1], right[2] - left[2]
-    bx, by, bz = down[0] - up[0], down[1] - up[1], down[2] - up[2]
-    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    side = 1.0 if x * out[0] + y * out[1] + z * out[2] >= 0.0 else -1.0
-    out[0], out[1], out[2] = side * x, side * y, side * z
+def _between(a, b):  # type: ignore[no-untyped-def]
+    """The vector from one point to another."""
+    return b[0] - a[0], b[1] - a[1], b[2] - a[2]
+
+
+@njit(cache=True, nogil=True)
+def _cross(a, b):  # type: ignore[no-untyped-def]
+    """a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True, nogil=True)
+def _turned_to(a, b):  # type: ignore[no-untyped-def]
+    """b, turned about where it points away from a."""
+    side = 1.0 if b[0] * a[0] + b[1] * a[1] + b[2] * a[2] >= 0.0 else -1.0
+    return side * b[0], side * b[1], side * b[2]

@@ -85,7 +85,7 @@ class Room:
         self.age += step
         hold = np.zeros(z.shape, bool) if hold is None else hold
         seen_for = _SEEN_FOR if self.age > _AT_ONCE else 0.0
-        measured = np.count_nonzero(z) > _MEASURED * np.count_nonzero(self.z)
+        measured = np.count_nonzero(z > 0.0) > _MEASURED * np.count_nonzero(self.z > 0.0)
         compared, nearer, farther = _learn(
             self.z, z, widened(person, 2), hold, self._nearer, self._waited, self._away, self._guarded,
             self._guard_z, self._flips, step, self.settings.absorb_after, self.settings.clear_after,
@@ -123,21 +123,19 @@ class Room:
             self._filled_ns = time_ns if known else None
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _classify(z, points, room, guess, near, far, floor_band):  # type: ignore[no-untyped-def]
-    """See :meth:`Room.classify`."""
+    """See :meth:`Room.classify`; without a branch, so that many pixels are compared at once."""
     height, width = z.shape
-    out = np.zeros((height, width), np.uint8)
+    out = np.empty((height, width), np.uint8)
     for v in range(height):
         for u in range(width):
-            d = z[v, u]
-            if d <= near or d >= far or points[v, u, 1] <= floor_band:
-                continue
+            d, known, likely = z[v, u], room[v, u], guess[v, u]
             margin = 0.05 + 0.012 * d * d
-            if room[v, u] > 0.0:
-                out[v, u] = BEFORE if d < room[v, u] - margin else ROOM
-            else:
-                out[v, u] = UNSEEN if guess[v, u] == 0.0 or d < guess[v, u] - margin else UNLIKELY
+            seen = BEFORE if d < known - margin else ROOM
+            never_seen = UNSEEN if (likely == 0.0) | (d < likely - margin) else UNLIKELY
+            counts = (d > near) & (d < far) & (points[v, u, 1] > floor_band)
+            out[v, u] = (seen if known > 0.0 else never_seen) if counts else ROOM
     return out
 
 
@@ -230,17 +228,14 @@ def _not_measured(room, waited, away, v, u, step, dark):  # type: ignore[no-unty
 @njit(cache=True, nogil=True)
 def _guard(owner, ids, z, guarded, guard_z):  # type: ignore[no-untyped-def]
     """See :meth:`Room.guard`; who is followed guards nothing but where they are."""
-    height, width = z.shape
+    height, width = owner.shape
     for v in range(height):
+        for i in ids:
+            for u in range(width):
+                guarded[v, u] = -1 if guarded[v, u] == i else guarded[v, u]
         for u in range(width):
-            k = owner[v, u]
-            if k >= 0:
-                guarded[v, u], guard_z[v, u] = ids[k], z[v, u]
-            elif guarded[v, u] >= 0:
-                for i in ids:
-                    if guarded[v, u] == i:
-                        guarded[v, u] = -1
-                        break
+            if owner[v, u] >= 0:
+                guarded[v, u], guard_z[v, u] = ids[owner[v, u]], z[v, u]
 
 
 def widened(mask: Bool, pixels: int) -> Bool:
@@ -250,23 +245,19 @@ def widened(mask: Bool, pixels: int) -> Bool:
 
 @njit(cache=True, nogil=True)
 def _widened(mask, pixels):  # type: ignore[no-untyped-def]
-    """Rows, then columns: the distance to the last masked pixel on either side."""
+    """Each row is made of those around it, and then of itself moved by up to so many pixels."""
     height, width = mask.shape
-    rows, out = np.zeros((height, width), np.bool_), np.zeros((height, width), np.bool_)
+    out, row = np.zeros((height, width), np.bool_), np.empty(width + 2 * pixels, np.bool_)
+    middle = row[pixels : pixels + width]
     for v in range(height):
-        last = -pixels - 1
-        for u in range(width + pixels):
-            if u < width and mask[v, u]:
-                last = u
-            here = u - pixels
-            if here >= 0 and last >= here - pixels:
-                rows[v, here] = True
-    for u in range(width):
-        last = -pixels - 1
-        for v in range(height + pixels):
-            if v < height and rows[v, u]:
-                last = v
-            here = v - pixels
-            if here >= 0 and last >= here - pixels:
-                out[here, u] = True
+        row[:] = False
+        for near in range(max(0, v - pixels), min(height, v + pixels + 1)):
+            beside = mask[near]
+            for u in range(width):
+                middle[u] |= beside[u]
+        made = out[v]
+        for first in range(2 * pixels + 1):
+            moved = row[first : first + width]
+            for u in range(width):
+                made[u] |= moved[u]
     return out

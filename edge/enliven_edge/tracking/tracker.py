@@ -114,9 +114,10 @@ class Tracker:
         hold = self._crowd.look(view, kind, segments, room, believe=not self._mounting.suspected)
         self._owner, self._view = segments.owner, view
         room.guard(segments.owner, self._crowd.owners(), view.z)
-        agreement = room.learn(view.z, segments.owner >= 0, view.time_ns, hold)
+        somebody = segments.owner >= 0
+        agreement = room.learn(view.z, somebody, view.time_ns, hold)
         self._take_back(room, view)
-        self._mounting.watch(view, agreement, segments.owner < 0)
+        self._mounting.watch(view, agreement, somebody)
         return self._bodies(frame)
 
     def _take_back(self, room: Room, view: View) -> None:

@@ -9,7 +9,7 @@ from scipy import ndimage
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.guess import filled, guessed
 from enliven_edge.tracking.observation import WorkingCamera, world_points
-from enliven_edge.tracking.room import BEFORE, ROOM, UNLIKELY, UNSEEN, Room, widened
+from enliven_edge.tracking.room import BEFORE, ROOM, UNLIKELY, UNSEEN, Room, _classify, _guard, widened
 from enliven_edge.tracking.settings import RoomSettings
 from enliven_edge.tracking.view import View
 
@@ -227,6 +227,38 @@ def test_every_pixel_is_told_apart():
     assert kind[5, 2] == ROOM
 
 
+@given(st.integers(0, 10_000))
+@settings(max_examples=25, deadline=None)
+def test_pixels_are_told_apart_as_the_slow_twin_does(seed):
+    random, shape = np.random.default_rng(seed), (9, 11)
+    z, known, likely = (random.uniform(0.2, 5.0, shape) * (random.random(shape) < 0.8) for _ in range(3))
+    points = random.uniform(-0.3, 2.0, (*shape, 3))
+    kind = _classify(z, points, known, likely, 0.4, 4.5, 0.05)
+    for at in np.ndindex(shape):
+        nearer = z[at] - np.array([known[at], likely[at]]) < -(0.05 + 0.012 * z[at] ** 2)
+        if not 0.4 < z[at] < 4.5 or points[at][1] <= 0.05:
+            expected = ROOM
+        elif known[at] > 0:
+            expected = BEFORE if nearer[0] else ROOM
+        else:
+            expected = UNSEEN if nearer[1] or likely[at] == 0 else UNLIKELY
+        assert kind[at] == expected
+
+
+@given(st.integers(0, 10_000), st.integers(0, 4))
+@settings(max_examples=25, deadline=None)
+def test_pixels_are_guarded_as_the_slow_twin_does(seed, people):
+    random, shape = np.random.default_rng(seed), (9, 11)
+    ids = random.permutation(8)[:people] - 1
+    owner, guarded = random.integers(-1, people, shape), random.integers(-1, 8, shape)
+    z, guard_z = random.random(shape), random.random(shape)
+    expected = [np.where(np.isin(guarded, ids), -1, guarded), guard_z.copy()]
+    for at in np.argwhere(owner >= 0):
+        expected[0][tuple(at)], expected[1][tuple(at)] = ids[owner[tuple(at)]], z[tuple(at)]
+    _guard(owner, ids, z, guarded, guard_z)
+    np.testing.assert_array_equal([guarded, guard_z], expected)
+
+
 @given(st.integers(0, 1000), st.floats(0.0, 1.0))
 @settings(max_examples=25, deadline=None)
 def test_filling_takes_about_the_nearest_known_value(seed, share):
@@ -348,6 +380,26 @@ def test_by_the_floor_only_the_floor_is_known(seed, height, tilt):
     z += (z > 0) * np.random.default_rng(seed).uniform(-0.01, 0.01, z.shape)
     unknown, made = z == 0, guess(z, mount)
     np.testing.assert_allclose(made[unknown], floor[unknown])
+
+
+def guessed_slowly(z, ray, mount, floor_band):
+    """The same by whole images."""
+    rise, height = ray @ mount[1, :2] + mount[1, 2], mount[1, 3]
+    patches = ndimage.uniform_filter((z > 0).astype(np.float64), 31) > 0.12
+    made = filled(np.where(patches, np.where(rise * z + height < floor_band, -z, z), 0.0))
+    floor = np.where(rise < -1e-3, -height / np.minimum(rise, -1e-3), 0.0)
+    return np.where(z > 0, z, np.where(made < 0, np.maximum(floor, 0.0), made))
+
+
+@given(st.integers(0, 10_000), st.integers(1, 70), st.integers(1, 70), st.floats(0.2, 4.0))
+@settings(max_examples=40, deadline=None)
+def test_the_guess_is_that_of_the_slow_twin(seed, h, w, coarse):
+    """In images smaller than a patch too, which are mirrored over and over."""
+    random = np.random.default_rng(seed)
+    known = ndimage.gaussian_filter(random.standard_normal((h, w)), coarse) > random.uniform(-0.1, 0.1)
+    z, ray = random.uniform(1, 4, (h, w)) * known, random.standard_normal((h, w, 2))
+    mount = world_from_level_camera(random.uniform(0.5, 2.5), random.uniform(-0.5, 0.5))
+    np.testing.assert_allclose(guessed(z, ray, mount, 0.08), guessed_slowly(z, ray, mount, 0.08))
 
 
 @given(st.integers(0, 1000), st.integers(0, 3))

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.floor import world_from_floor
-from enliven_edge.tracking.observation import WorkingCamera, reduce_depth, surface_samples, world_points
+from enliven_edge.tracking.observation import WorkingCamera, nearest_columns, surface_samples, world_points
+from enliven_edge.tracking.reduction import reduce_depth
 
 
 def floor_and_wall(mount: np.ndarray, seed: int) -> np.ndarray:
@@ -73,3 +74,42 @@ def test_normals_of_a_slanted_plane():
     found, normals = surface_samples(points, z, pixels, np.zeros(3))
     np.testing.assert_allclose(normals, np.tile(normal, (3, 1)), atol=1e-6)
     np.testing.assert_allclose(found, points[tuple(pixels.T)], atol=1e-6)
+
+
+def normal_slowly(points, z, v, u, eye):
+    """(3,) the normal at a pixel by numpy; towards the eye at the border, at edges and beside the unknown."""
+    toward, (height, width) = eye - points[v, u], z.shape
+    if 0 < v < height - 1 and 0 < u < width - 1:
+        around = z[[v, v, v - 1, v + 1], [u - 1, u + 1, u, u]]
+        if around.min() > 0 and np.ptp(around) < 0.06 + 0.04 * around.min():
+            normal = np.cross(points[v, u + 1] - points[v, u - 1], points[v + 1, u] - points[v - 1, u])
+            toward = normal * (1 if normal @ toward >= 0 else -1)
+    return toward / np.linalg.norm(toward)
+
+
+@given(st.integers(0, 10_000), st.floats(0.0, 0.1))
+@settings(max_examples=25, deadline=None)
+def test_normals_are_those_of_the_slow_twin(seed, rough):
+    """On a slope with steps and holes, up to the image's border."""
+    random, camera = np.random.default_rng(seed), WorkingCamera(Intrinsics(24, 18, 20, 20, 11.5, 8.5), 24)
+    z = 2.0 + 0.01 * np.arange(24) + rough * random.standard_normal((18, 24))
+    z[random.random(z.shape) < 0.1] = 0.0
+    mount = world_from_level_camera(1.2, random.uniform(-0.5, 0.5))
+    points, eye = world_points(z, camera.ray, mount), mount[:3, 3]
+    pixels = np.argwhere(z > 0)
+    found, normals = surface_samples(points, z, pixels, eye)
+    expected = [normal_slowly(points, z, v, u, eye) for v, u in pixels]
+    np.testing.assert_allclose(normals, expected, atol=1e-5)
+    np.testing.assert_array_equal(found, points[tuple(pixels.T)].astype(np.float32))
+
+
+@given(st.integers(0, 10_000), st.floats(0.0, 1.0))
+@settings(max_examples=40, deadline=None)
+def test_the_nearest_column_is_that_of_the_obvious_search(seed, share):
+    random = np.random.default_rng(seed)
+    mask = (random.random((9, 13)) < share) & (random.random((9, 1)) < 0.8)
+    for row, found in zip(mask, nearest_columns(mask), strict=True):
+        masked = np.flatnonzero(row)
+        for u, nearest in enumerate(found):
+            # Of two that are as near, argmin takes the first: the left one.
+            assert nearest == (masked[np.abs(masked - u).argmin()] if len(masked) else -1)

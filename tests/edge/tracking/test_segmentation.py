@@ -8,12 +8,13 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from enliven.camera import Intrinsics, world_from_level_camera
+from enliven_edge.tracking.claiming import claim, image_boxes
 from enliven_edge.tracking.model import lengths_for_height
 from enliven_edge.tracking.observation import WorkingCamera, world_points
 from enliven_edge.tracking.posture import Posture, rotation
 from enliven_edge.tracking.ranges import standing
-from enliven_edge.tracking.room import UNSEEN
-from enliven_edge.tracking.segmentation import REACH, claim, image_boxes, loose_groups, segmented
+from enliven_edge.tracking.room import ROOM, UNLIKELY, UNSEEN
+from enliven_edge.tracking.segmentation import REACH, SPECKLE, loose_groups, segmented
 from enliven_edge.tracking.view import View
 
 CAMERA = WorkingCamera(Intrinsics(80, 60, 66, 66, 39.5, 29.5), 80)
@@ -55,6 +56,29 @@ def test_pixels_go_to_the_nearest_body_within_reach(seed, apart):
     expected = np.where(exact.min(0) < REACH, exact.argmin(0), -1)
     np.testing.assert_array_equal(owner[clear], expected[clear])
     assert set(np.unique(owner[~clear])) <= {-1, 0, 1}
+
+
+@given(st.integers(0, 100_000), st.floats(0.0, 0.1))
+@settings(max_examples=25, deadline=None)
+def test_claims_are_those_of_the_slow_twin(seed, handicap):
+    """Whatever the pixels are, near and far, and whoever is hidden; a surface that is met ends the search."""
+    random, shape = np.random.default_rng(seed), (60, 80)
+    view = view_of(random.uniform(1.5, 3.5, (60, 1)) + 0.3 * random.standard_normal(shape))
+    postures = [person(x, -2.0 - x**2, arm_raise=random.uniform(0, 2)) for x in random.uniform(-1, 1, 3)]
+    ends, radii = (np.stack(x) for x in zip(*(p.capsules() for p in postures), strict=True))
+    kind, weaker = random.integers(0, 4, shape).astype(np.uint8), np.array([0.0, handicap, 0.0])
+    owner, distance = np.full(shape, -1), np.full(shape, np.inf)
+    claim(view.points, kind, image_boxes(view, ends, radii, REACH), ends, radii, weaker, REACH, 0.08, owner,
+          distance)  # fmt: skip
+    away = np.stack([surface_distance(view.points, p) for p in postures]).clip(0.0) + weaker[:, None, None]
+    limit = np.where(kind == ROOM, 0.0, np.where(kind == UNLIKELY, 0.08, REACH))
+    least, second = np.sort(away, axis=0)[:2]
+    clear = (second - least > 0.026) & (np.abs(away - limit).min(0) > 0.026)
+    np.testing.assert_array_equal(owner[clear], np.where(least < limit, away.argmin(0), -1)[clear])
+    theirs = clear & (owner >= 0)
+    exact = theirs & (least > 0.025 + handicap)
+    np.testing.assert_allclose(distance[exact], least[exact], atol=1e-9)
+    assert (distance[theirs] < least[theirs] + 0.025).all()
 
 
 def boxes_slowly(view, ends, radii, reach):
@@ -124,6 +148,44 @@ def test_a_step_in_depth_parts_two_groups():
     z[:, 5:] = 2.0
     kind, nobody = np.full((10, 10), UNSEEN, np.uint8), np.full((10, 10), -1)
     assert loose_groups(z, kind, nobody)[1] == 2
+
+
+def contacts_slowly(view, owner, group, people):
+    """(K,) at how many sides of a group's pixels somebody's pixel is on one surface with it."""
+    made = np.zeros(people, int)
+    for v, u in np.argwhere(group):
+        for q, p in ((v - 1, u), (v + 1, u), (v, u - 1), (v, u + 1)):
+            if 0 <= q < 60 and 0 <= p < 80 and owner[q, p] >= 0:
+                made[owner[q, p]] += abs(view.z[q, p] - view.z[v, u]) < 0.035 + 0.012 * view.z[v, u] ** 2
+    return made
+
+
+@given(st.integers(0, 100_000), st.integers(0, 2))
+@settings(max_examples=25, deadline=None)
+def test_loose_groups_are_measured_as_their_slow_twins(seed, people):
+    """None of them is a speckle or a limb, the largest come first, and everybody's pixels are counted."""
+    random = np.random.default_rng(seed)
+    view = view_of(2.4 + 0.4 * ndimage.gaussian_filter(random.standard_normal((60, 80)), 4))
+    spots = ndimage.gaussian_filter(random.standard_normal((60, 80)), 3) > 0.03
+    kind = np.where(spots, UNSEEN, UNLIKELY).astype(np.uint8)
+    segments = segmented(view, kind, [person(x) for x in (-0.4, 0.5)[:people]])
+    owner, areas = segments.owner, [group.area for group in segments.loose]
+    np.testing.assert_array_equal(segments.counts, [np.count_nonzero(owner == k) for k in range(people)])
+    assert areas == sorted(areas, reverse=True)
+    assert all(area >= SPECKLE for area in areas)
+    for group in segments.loose:
+        where = segments.group(group)
+        assert (owner[where] == -1).all()
+        points, (rows, columns) = view.points[where], np.nonzero(where)
+        np.testing.assert_allclose(group.area, (view.z[where] ** 2).sum() / 66**2)
+        np.testing.assert_array_equal([group.low, group.high], [points.min(0), points.max(0)])
+        np.testing.assert_allclose(group.centre, points.mean(0))
+        assert group.box == (rows.min(), columns.min(), rows.max() + 1, columns.max() + 1)
+        contact = contacts_slowly(view, np.where(segments.labels > 0, -1, owner), where, people)
+        # What hung together with it is a limb by now, and hung together with nobody's pixels: not with it.
+        np.testing.assert_array_equal(group.contact, contact)
+        short = np.linalg.norm(group.high - group.low) < 0.95
+        assert not (contact.any() and group.area < 0.12 and short)
 
 
 def drawn(boxes):

@@ -1,0 +1,77 @@
+"""A depth image at the working resolution: the median of what is known in every block of pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_SIDE = 3
+"""Samples of a block, along and across, that are looked at."""
+_NEAREST, _FARTHEST = np.uint16(0), np.uint16(65535)
+"""Both mean that nothing is known; nothing that is known is as near, or as far."""
+
+
+@njit(cache=True, nogil=True)
+def reduce_depth(depth, stride, height, width):  # type: ignore[no-untyped-def]
+    """The lower median of up to nine known samples of every stride x stride block, in metres.
+
+    A median keeps a depth edge an edge, where a mean would invent points between the two sides. A whole row
+    of blocks is worked on at once: the inner loops are minima and maxima of rows.
+    """
+    out = np.empty((height, width))
+    step = max(1, stride // _SIDE)
+    side = min(_SIDE, (stride + step - 1) // step)
+    # Samples that a small block has not are unknown ones.
+    samples, odd = np.zeros((_SIDE * _SIDE, width), np.uint16), np.empty(width, np.bool_)
+    for v in range(height):
+        for k in range(side * side):
+            row, first = depth[v * stride + (k // side) * step], (k % side) * step
+            for u in range(width):
+                samples[k, u] = row[np.uintp(u * stride + first)]
+        _balance(samples, odd)
+        _medians(samples, out[v])
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _balance(samples, odd):  # type: ignore[no-untyped-def]
+    """Makes every other unknown sample of each column of (9, width) the nearest and the rest the farthest.
+
+    A pair of them leaves the median of the known where it was, and an odd one makes it the lower one. With
+    no sample known the median is the nearest: unknown again.
+    """
+    odd[:] = False
+    for k in range(len(samples)):
+        for u in range(len(odd)):
+            sample = samples[k, u]
+            unknown = (sample == _NEAREST) | (sample == _FARTHEST)
+            outermost = _FARTHEST if odd[u] else _NEAREST
+            samples[k, u] = outermost if unknown else sample
+            odd[u] ^= unknown
+
+
+@njit(cache=True, nogil=True)
+def _medians(samples, out):  # type: ignore[no-untyped-def]
+    """(width,) metres: the median of each column of (9, width) millimetres.
+
+    Of three ordered triples: the median of the greatest of the least, the median of the middle ones, and the
+    least of the greatest.
+    """
+    a, b, c, d, e, f, g, h, i = (samples[0], samples[1], samples[2], samples[3], samples[4], samples[5],
+                                 samples[6], samples[7], samples[8])  # fmt: skip
+    for u in range(len(out)):
+        low_a, middle_a, high_a = _ordered(a[u], b[u], c[u])
+        low_b, middle_b, high_b = _ordered(d[u], e[u], f[u])
+        low_c, middle_c, high_c = _ordered(g[u], h[u], i[u])
+        low = max(low_a, max(low_b, low_c))
+        _, middle, _ = _ordered(middle_a, middle_b, middle_c)
+        high = min(high_a, min(high_b, high_c))
+        out[u] = _ordered(low, middle, high)[1] * 1e-3
+
+
+@njit(cache=True, nogil=True)
+def _ordered(a, b, c):  # type: ignore[no-untyped-def]
+    """Three numbers, the least first."""
+    a, b = min(a, b), max(a, b)
+    b, c = min(b, c), max(b, c)
+    return min(a, b), max(a, b), c
