@@ -162,13 +162,13 @@ class Follower:
         """The better of two fits: from where time puts the person, and from a wider look around the last."""
         fit = self._fitter.fit
         best = fit(observation, predicted, predicted=predicted, proportions=proportions)
-        badness = 1.0 - best[1].explained
-        if best[1].explained > _EXPLAINED or not self._wide_looks.is_due(badness):
+        unexplained = 1.0 - best[1].explained
+        if best[1].explained > _EXPLAINED or not self._wide_looks.is_due(unexplained):
             return best
         wide, _ = fit(observation, self.posture, predicted=predicted, iterations=5, width=_WIDE)
         other = fit(observation, wide, predicted=predicted, proportions=proportions)
         better = other[1].energy < best[1].energy
-        self._wide_looks.tried(badness, better=better)
+        self._wide_looks.tried(unexplained, better=better)
         return other if better else best
 
     def _looked_anew(

@@ -54,7 +54,6 @@ _STEPS = 6
 _WIDE_STEPS, _WIDE = 6, 0.25
 _RAREST = 4
 """Frames between two ideas of the whole body that explain nothing better, at most."""
-
 _DISAGREEMENT = 4.0
 _BADLY = 0.9
 """Share of the points explained (less what was seen through) below which the whole body is doubted."""
@@ -91,25 +90,40 @@ class SecondThoughts:
         self._turn += 1
         if not (badly or doubtful or elsewhere):
             return posture, report
-        better, whole = _BETTER, False
         if seen is not None and elsewhere and (self._turn % 2 or not (badly or doubtful)):
             tried = self._where_seen(observation, posture, seen)
         elif badly and (not doubtful or self._turn % 4 < 2):
-            if not self._bodies.is_due(report.energy):
-                return posture, report
-            tried, better, whole = self._elsewhere(observation, posture, seen), _MUCH_BETTER, True
+            return self._whole_body(observation, posture, report, seen)
         else:
             start = self._limb_elsewhere(posture, doubtful) if doubtful else posture
             tried = self._fitter.fit(observation, start, iterations=_STEPS)
         if not (badly or _same_way(tried[0], posture)):
             return posture, report
+        return tried if self._is_better(tried, observation, posture, seen, _BETTER) else (posture, report)
+
+    def _whole_body(
+        self, observation: Observation, posture: Posture, report: FitReport, seen: Seen | None
+    ) -> tuple[Posture, FitReport]:
+        """The posture, or the next idea of the whole body where it is due and much better."""
+        if not self._bodies.is_due(report.energy):
+            return posture, report
+        tried = self._elsewhere(observation, posture, seen)
+        taken = self._is_better(tried, observation, posture, seen, _MUCH_BETTER)
+        self._bodies.tried(report.energy, better=taken)
+        return tried if taken else (posture, report)
+
+    def _is_better(
+        self,
+        tried: tuple[Posture, FitReport],
+        observation: Observation,
+        posture: Posture,
+        seen: Seen | None,
+        share: float,
+    ) -> bool:
+        """Whether a posture costs less than such a share of another, both without what time predicts."""
         _, same = self._fitter.fit(observation, posture, iterations=0)
         before, after = cost(same, posture, seen), cost(tried[1], tried[0], seen)
-        loses = same.explained - tried[1].explained > _LOSES
-        taken = after < better * before and not loses
-        if whole:
-            self._bodies.tried(report.energy, better=taken)
-        return tried if taken else (posture, report)
+        return after < share * before and same.explained - tried[1].explained <= _LOSES
 
     def _doubtful(self, posture: Posture, confidence: Float) -> list[tuple[int, ...]]:
         """The limbs that explain little of the picture; those that explain much are remembered."""
