@@ -53,8 +53,7 @@ _STATURE, _SPREAD = 2.0, 0.15
 _SHORTEST, _TALLEST, _ALIKE = 0.9, 2.1, 0.08
 """Metres within which a person may just stand there, and the share by which statures are much the same."""
 _BANKED, _BANKED_BESIDES = 8, 3
-_STANDING, _STANDING_BESIDES = 8, 4
-"""Hypotheses of the bank, and standing ones, without a network and besides one."""
+"""Hypotheses of the bank without a network, and besides one."""
 
 
 def detect(
@@ -181,9 +180,8 @@ def _starts(
     builds = [lengths] if lengths is not None else _builds(observation, height)
     by_estimate = [posed(estimate, build) for build in builds for estimate in supposed]
     ends = extremities(z, mask, camera, pose)
-    upright, others = (_STANDING_BESIDES, _BANKED_BESIDES) if supposed else (_STANDING, _BANKED)
-    standing = standing_starts(observation, eye, builds[-1], upright)
-    return [*by_estimate, *standing, *banked_starts(observation, ends, eye, builds[0], others)]
+    banked = banked_starts(observation, ends, eye, builds[0], _BANKED_BESIDES if supposed else _BANKED)
+    return [*by_estimate, *standing_starts(observation, eye, builds[-1]), *banked]
 
 
 def _refined(

@@ -75,19 +75,18 @@ BANK = _bank()
 """[(13, 3, 3)] facing +Z."""
 
 
-def standing_starts(observation: Observation, eye: Float, lengths: Float, most: int) -> list[Posture]:
+def standing_starts(observation: Observation, eye: Float, lengths: Float) -> list[Posture]:
     """Standing under the crown: six ways to hold the arms facing the sensor, two turned to the sides.
 
     Args:
         eye: (3,) the sensor's position, world frame.
         lengths: (12,) the person's, or an average person's.
-        most: how many are returned, the simplest first.
     """
     centre = np.median(observation.points, axis=0).astype(np.float64)
     facing = _towards(eye, centre)
     return [
         _under_crown(observation, centre, _turned(rotations, facing + yaw), lengths)
-        for rotations, yaw in _STANDING[:most]
+        for rotations, yaw in _STANDING
     ]
 
 
