@@ -16,7 +16,6 @@ from enliven_edge.tracking.evidence import NAMES, capsule_confidence, evidence
 from enliven_edge.tracking.facing import Facing
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.observation import Observation, observe
-from enliven_edge.tracking.patience import Patience
 from enliven_edge.tracking.posing import drawn
 from enliven_edge.tracking.posture import Posture, continued
 from enliven_edge.tracking.recovery import SecondThoughts
@@ -37,8 +36,6 @@ _EARLY, _AGAIN_AFTER, _LONGEST, _WORSE = (4, 14), 15, 60, 1.2
 """Frames after which somebody new is looked at once more; between two looks at somebody doubtful, at first
 and, when nothing better was found again and again, at most; and the cost, of that of the last look in vain,
 from which the next one is as soon as the first."""
-_RAREST = 4
-"""Frames between two wide looks that find nothing better, at most."""
 _KNOWN_AFTER = 120
 """Well fitted frames after which a person's build is known."""
 _NO_AFFINITY, _NO_LANDMARKS = np.zeros((0, 0), np.float32), np.zeros((0, 5))
@@ -79,7 +76,6 @@ class Follower:
         self._before: Posture | None = None
         self._fitted = 0
         self._bad = 0
-        self._wide_looks = Patience(_RAREST)
         self._unsupported = np.zeros(20)
         self._velocity, self._time_ns = np.zeros(3), 0
         self._since_detected, self._since_found = 0, 0
@@ -162,14 +158,11 @@ class Follower:
         """The better of two fits: from where time puts the person, and from a wider look around the last."""
         fit = self._fitter.fit
         best = fit(observation, predicted, predicted=predicted, proportions=proportions)
-        unexplained = 1.0 - best[1].explained
-        if best[1].explained > _EXPLAINED or not self._wide_looks.is_due(unexplained):
+        if best[1].explained > _EXPLAINED:
             return best
         wide, _ = fit(observation, self.posture, predicted=predicted, iterations=5, width=_WIDE)
         other = fit(observation, wide, predicted=predicted, proportions=proportions)
-        better = other[1].energy < best[1].energy
-        self._wide_looks.tried(unexplained, better=better)
-        return other if better else best
+        return other if other[1].energy < best[1].energy else best
 
     def _looked_anew(
         self, observation: Observation, posture: Posture, report: FitReport, seen: Seen | None, eye: Float

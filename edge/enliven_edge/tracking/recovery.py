@@ -121,7 +121,7 @@ class SecondThoughts:
         share: float,
     ) -> bool:
         """Whether a posture costs less than such a share of another, both without what time predicts."""
-        _, same = self._fitter.fit(observation, posture, iterations=0)
+        _, same = self._fitter.fit(observation, posture, iterations=1)
         before, after = cost(same, posture, seen), cost(tried[1], tried[0], seen)
         return after < share * before and same.explained - tried[1].explained <= _LOSES
 
