@@ -47,11 +47,11 @@ def depth_to_model(  # type: ignore[no-untyped-def]
     squares, firsts, powers = np.empty((3, 3, 3)), np.empty((5, 3)), np.empty(5)
     energy, explained = 0.0, 0.0
     for c in range(len(ends)):
-        f, here = capsule_frame[c], points[:, first[c] : first[c + 1]]
-        support[c] = 0.0
-        if here.shape[1] == 0:
+        f, support[c] = capsule_frame[c], 0.0
+        if first[c] == first[c + 1]:
             continue
-        cost, support[c] = _moments(squares, firsts, powers, here, ends[c], radii[c], np.float32(width))
+        here, axis = (first[c], first[c + 1]), (ends[c], radii[c])
+        cost, support[c] = _moments(squares, firsts, powers, points, here, axis, np.float32(width))
         energy, explained = energy + cost, explained + support[c]
         scale = weight / many
         squares *= scale
@@ -61,8 +61,8 @@ def depth_to_model(  # type: ignore[no-untyped-def]
         _add_wrenches(total[f], pull[f], squares, firsts, start, way)
         if len(tug) > 0:
             growth = radii[c] / body_girth(radii)
-            axis, moved = (start, way, by_ends[c], growth), of_frame(lengths_of, f, len(tug))
-            _add_lengths(cross[f], own, tug, squares, firsts, powers, axis, moved)
+            along, moved = (start, way, by_ends[c], growth), of_frame(lengths_of, f, len(tug))
+            _add_lengths(cross[f], own, tug, squares, firsts, powers, along, moved)
     return weight / many * energy, explained / many
 
 
@@ -84,7 +84,7 @@ def _by_capsule(which, seen, count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-def _moments(squares, firsts, powers, points, ends, radii, width):  # type: ignore[no-untyped-def]
+def _moments(squares, firsts, powers, points, here, axis, width):  # type: ignore[no-untyped-def]
     """The moments of a capsule's points by their robust weights; returns (energy, points within ``width``).
 
     Written out in single precision, so that many points are summed at once: this is what a frame's fit does
@@ -94,9 +94,12 @@ def _moments(squares, firsts, powers, points, ends, radii, width):  # type: igno
         squares: (3, 3, 3) receives sum w t^k n n'.
         firsts: (5, 3) receives sum w t^k n for k = 0, 1, 2 and sum w r t^k n for k = 0, 1.
         powers: (5,) receives sum w t^k and sum w r t^k likewise.
-        points: (3, M) float32.
+        points: (3, M) float32, of all capsules: a part of each row would not be known to lie side by side.
+        here: the first point of the capsule, and the one after its last.
+        axis: (2, 3) and (2,) the capsule's ends and radii.
         width: float32 metres.
     """
+    ends, radii = axis
     zero, one = np.float32(0.0), np.float32(1.0)
     sx, sy, sz = np.float32(ends[0, 0]), np.float32(ends[0, 1]), np.float32(ends[0, 2])
     dx, dy, dz = np.float32(ends[1, 0]) - sx, np.float32(ends[1, 1]) - sy, np.float32(ends[1, 2]) - sz
@@ -105,7 +108,7 @@ def _moments(squares, firsts, powers, points, ends, radii, width):  # type: igno
     xx0 = xy0 = xz0 = yy0 = yz0 = zz0 = xx1 = xy1 = xz1 = yy1 = yz1 = zz1 = zero
     xx2 = xy2 = xz2 = yy2 = yz2 = zz2 = x0 = y0 = z0 = x1 = y1 = z1 = x2 = y2 = z2 = zero
     rx0 = ry0 = rz0 = rx1 = ry1 = rz1 = w0 = w1 = w2 = r0 = r1 = energy = within = zero
-    for i in range(points.shape[1]):
+    for i in range(here[0], here[1]):
         a, b, c = points[0, i] - sx, points[1, i] - sy, points[2, i] - sz
         t = min(one, max(zero, (a * dx + b * dy + c * dz) * share))
         a, b, c = a - t * dx, b - t * dy, c - t * dz
