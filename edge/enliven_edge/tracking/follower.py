@@ -29,8 +29,6 @@ _EXPLAINED = 0.93
 """Share of the points; a frame that is explained less is looked at twice."""
 _WIDE = 0.25
 """Metres: the robust width of the second look, about what a fast hand moves in a frame."""
-_SAME = 0.03
-"""Metres: a wide look all of whose joints end so near to the first fit's has found nothing else."""
 _DOUBTED, _CLEARLY = 8.5, 0.8
 """Cost of a frame, square centimetres a point, from which the person is looked for anew, and the share of it
 that must be left to believe what is found."""
@@ -163,8 +161,6 @@ class Follower:
         if best[1].explained > _EXPLAINED:
             return best
         wide, _ = fit(observation, self.posture, predicted=predicted, iterations=5, width=_WIDE)
-        if _farthest(wide, best[0]) < _SAME:
-            return best
         other = fit(observation, wide, predicted=predicted, proportions=proportions)
         return other if other[1].energy < best[1].energy else best
 
@@ -233,11 +229,6 @@ class Follower:
             return None
         firmness = settings.proportions * (1.0 + 30.0 * self._fitted / settings.settle_frames)
         return np.full(len(model.LENGTHS), firmness)
-
-
-def _farthest(one: Posture, other: Posture) -> float:
-    """Metres between the joints of two postures that are farthest apart."""
-    return float(np.sqrt(((one.joints() - other.joints()) ** 2).sum(1).max()))
 
 
 def _observed(view: View, pixels: Bool, settings: TrackerSettings) -> Observation:
