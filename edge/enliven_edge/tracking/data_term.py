@@ -20,13 +20,10 @@ from enliven_edge.tracking.terms import body_girth
 from enliven_edge.tracking.wrenches import of_frame
 
 _GIRTH = 11
-_PRODUCTS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 @njit(cache=True, nogil=True)
-def depth_to_model(  # type: ignore[no-untyped-def]
-    sums, seen, affinity, ends, radii, capsule_frame, by_ends, lengths_of, weight, width, side, support
-):
+def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):  # type: ignore[no-untyped-def]
     """Every observed point lies on the surface of its nearest capsule.
 
     ``support`` (C,) receives the number of points that each capsule explains within ``width``.
@@ -35,11 +32,10 @@ def depth_to_model(  # type: ignore[no-untyped-def]
     Args:
         sums: as :func:`wrenches.no_sums` makes them.
         seen, affinity: as :func:`capsules.nearest_capsules` takes them.
-        by_ends: (C, 2, 3, L) the derivatives of the capsules' ends by the lengths, world frame; (C, 2, 3, 0)
-            where they are frozen.
-        lengths_of: (13, 1 + 12) how many lengths move what a frame carries, and which, the girth last.
+        surface: as the other terms take it, see :mod:`terms`.
     """
     total, pull, cross, own, tug = sums
+    ends, radii, capsule_frame, by_ends, lengths_of = surface
     many = max(1, seen.shape[1])
     which = np.empty(seen.shape[1], np.int32)
     nearest_capsules(which, seen, affinity, ends, radii, np.float32(side))

@@ -79,53 +79,42 @@ def minimise(  # type: ignore[no-untyped-def]
 def assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated):  # type: ignore[no-untyped-def]
     """The normal equations (upper triangle) and the energy at a posture; returns (energy, explained)."""
     position, rotations, lengths = state
-    surface, affinity, view, landmarks = seen
-    parents, offsets, moves, dof_frame, dof_axis = shape[:5]
-    frames, local, thickness, lengths_of, pairs, joint_frames, joints = shape[5:]
+    observed, affinity, view, landmarks = seen
+    dof_frame, dof_axis, pairs, joint_frames, joints = shape[3], shape[4], shape[9], shape[10], shape[11]
     predicted, stiffness, rest, relaxedness, middle, reach, reference, firmness = prior
     matrix[:], gradient[:] = 0.0, 0.0
     free = len(firmness)
-    world, pivots, of_pivots = np.empty((13, 3, 3)), np.empty((13, 3)), np.empty((13, 3, free))
-    forward_into(world, pivots, position, rotations, lengths, parents, offsets)
-    pivots_by_length(of_pivots, world, rotations, parents, offsets)
-    ends, radii, by_ends = (
-        np.empty((len(frames), 2, 3)),
-        np.empty((len(frames), 2)),
-        np.empty((len(frames), 2, 3, free)),
-    )
-    capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness)
-    body = (world, pivots, of_pivots, moves, dof_frame, dof_axis, lengths_of, parents)
-    terms.ends_by_length(by_ends, body, frames, local)
-    sums = no_sums(len(world), free)
+    body, surface = _placed(position, rotations, lengths, shape, free)
+    sums = no_sums(len(rotations), free)
     energy, explained = data_term.depth_to_model(
-        sums,
-        surface,
-        affinity,
-        ends,
-        radii,
-        frames,
-        by_ends,
-        lengths_of,
-        weights[0],
-        weights[4],
-        _SIDE,
-        support,
+        sums, observed, affinity, surface, weights[0], weights[4], _SIDE, support
     )
-    energy += terms.free_space(
-        sums, ends, radii, frames, by_ends, lengths_of, view, weights[1], _FREE_WIDTH, _SAMPLES, violated
-    )
-    energy += terms.above_floor(sums, ends, radii, frames, by_ends, lengths_of, weights[5], _FLOOR_SLACK)
+    energy += terms.free_space(sums, surface, view, weights[1], _FREE_WIDTH, _SAMPLES, violated)
+    energy += terms.above_floor(sums, surface, weights[5], _FLOOR_SLACK)
     energy += terms.near_landmarks(sums, landmarks, joint_frames, joints, lengths, body, weights[6])
     gather(matrix, gradient, sums, body)
-    energy += terms.self_intersection(
-        matrix, gradient, ends, radii, frames, by_ends, body, pairs, weights[2], _PAIR_SAMPLES
-    )
+    energy += terms.self_intersection(matrix, gradient, surface, body, pairs, weights[2], _PAIR_SAMPLES)
     energy += terms.joint_ranges(matrix, gradient, rotations, middle, reach, weights[3], dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, rest, relaxedness, dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, predicted, stiffness, dof_frame, dof_axis)
     if free > 0:
         energy += terms.hold_build(matrix, gradient, lengths, reference, firmness, _SCALE)
     return energy, explained
+
+
+@njit(cache=True, nogil=True)
+def _placed(position, rotations, lengths, shape, free):  # type: ignore[no-untyped-def]
+    """(body, surface) of a posture as the terms take them, with so many lengths that are not frozen."""
+    parents, offsets, moves, dof_frame, dof_axis, frames, local, thickness, lengths_of = shape[:9]
+    world, pivots, of_pivots = np.empty((13, 3, 3)), np.empty((13, 3)), np.empty((13, 3, free))
+    forward_into(world, pivots, position, rotations, lengths, parents, offsets)
+    pivots_by_length(of_pivots, world, rotations, parents, offsets)
+    body = (world, pivots, of_pivots, moves, dof_frame, dof_axis, lengths_of, parents)
+    count = len(frames)
+    ends, radii, by_ends = np.empty((count, 2, 3)), np.empty((count, 2)), np.empty((count, 2, 3, free))
+    capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness)
+    terms.ends_by_length(by_ends, body, frames, local)
+    return body, (ends, radii, frames, by_ends, lengths_of)
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})

@@ -3,6 +3,10 @@
 The unknowns are ordered translation (3), rotations (27), lengths (12). A residual r with the row J of its
 derivatives and the weight w adds w J'J to the matrix, w J'r to the gradient and w r^2 to the energy: those of
 points that a frame carries by way of the sums of :mod:`wrenches`, the others at once.
+
+What is called *surface* is (ends (C, 2, 3), radii (C, 2), frames (C,), by_ends (C, 2, 3, L), lengths_of): the
+capsules, metres, world frame, the frames that carry them, the derivatives of their ends by the lengths, and
+``model.FRAME_LENGTHS``. L is 12, or 0 where the lengths are frozen.
 """
 
 from __future__ import annotations
@@ -109,9 +113,7 @@ def _stretch(out, normal, by_ends, t, frame, lengths_of):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True)
-def free_space(  # type: ignore[no-untyped-def]
-    sums, ends, radii, capsule_frame, by_ends, lengths_of, view, weight, width, samples, violated
-):
+def free_space(sums, surface, view, weight, width, samples, violated):  # type: ignore[no-untyped-def]
     """No limb where the camera saw through, and none in front of what it saw.
 
     Points along every capsule's axis are projected. Outside the person's silhouette they are drawn to the
@@ -123,6 +125,7 @@ def free_space(  # type: ignore[no-untyped-def]
             person's pixels, (h, w) of :func:`observation.nearest_columns`, (4,) fx, fy, cx, cy, and (4, 4).
         violated: (C,) receives the share of each capsule's samples seen through.
     """
+    ends, radii, capsule_frame, by_ends, lengths_of = surface
     depth, mask, nearest, camera, pose = view
     normal, point, stretch = np.empty(3), np.empty(3), np.empty(len(sums[4]))
     first, last = np.empty(3), np.empty(3)
@@ -182,8 +185,9 @@ def _in_camera(out, pose, point):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def self_intersection(matrix, gradient, ends, radii, capsule_frame, by_ends, body, pairs, weight, samples):  # type: ignore[no-untyped-def]
+def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):  # type: ignore[no-untyped-def]
     """Limbs do not enter each other: samples on the first capsule of a pair stay outside the second."""
+    ends, radii, capsule_frame, by_ends, _ = surface
     filled, values = np.empty(matrix.shape[0], np.int64), np.empty(matrix.shape[0])
     normal, point, centre = np.empty(3), np.empty(3), np.empty(3)
     energy = 0.0
@@ -271,8 +275,9 @@ def _parting_row(filled, values, first, second, normal, body):  # type: ignore[n
 
 
 @njit(cache=True, nogil=True)
-def above_floor(sums, ends, radii, capsule_frame, by_ends, lengths_of, weight, slack):  # type: ignore[no-untyped-def]
+def above_floor(sums, surface, weight, slack):  # type: ignore[no-untyped-def]
     """No limb below the floor at y = 0: the lowest point of both ends of every capsule, ``slack`` allowed."""
+    ends, radii, capsule_frame, by_ends, lengths_of = surface
     down, stretch = np.array([0.0, -1.0, 0.0]), np.empty(len(sums[4]))
     energy = 0.0
     for c in range(len(ends)):

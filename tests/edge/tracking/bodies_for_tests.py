@@ -36,7 +36,7 @@ def body_of(posture: Posture, free: int = 12):
 
 
 def surroundings(posture: Posture, free: int = 12, *, taper: bool = False):
-    """(ends, radii, frames, derivatives of the ends by the lengths) as the terms take them.
+    """The posture's surface as the terms take it, see :mod:`enliven_edge.tracking.terms`.
 
     The terms take the point of the axis nearest to a sample as fixed, which is exact without taper only.
     """
@@ -44,7 +44,7 @@ def surroundings(posture: Posture, free: int = 12, *, taper: bool = False):
     radii = radii if taper else np.repeat(radii[:, :1], 2, axis=1)
     by_ends = np.empty((len(ends), 2, 3, free))
     terms.ends_by_length(by_ends, body_of(posture, free), model.CAPSULES.frame, model.CAPSULES.ends)
-    return ends, radii, model.CAPSULES.frame, by_ends
+    return ends, radii, model.CAPSULES.frame, by_ends, model.FRAME_LENGTHS
 
 
 def gathered(term, posture: Posture, free: int = 12):

@@ -27,10 +27,10 @@ PAIRS = shape()[9]
 def depth_energy(posture: Posture, points, normals):
     around = surroundings(posture)
     support = np.zeros(len(model.CAPSULES.frame))
-    rest = (model.FRAME_LENGTHS, 1.0, 0.07, 0.04, support)
+    rest = (1.0, 0.07, 0.04, support)
 
     def term(sums):
-        return data_term.depth_to_model(sums, seen_as(points, normals), NO_AFFINITY, *around, *rest)[0]
+        return data_term.depth_to_model(sums, seen_as(points, normals), NO_AFFINITY, around, *rest)[0]
 
     return gathered(term, posture)[:2]
 
@@ -43,14 +43,14 @@ def explainers(posture: Posture, points, normals) -> list[int]:
 
 def self_energy(posture: Posture):
     matrix, gradient = np.zeros((42, 42)), np.zeros(42)
-    around = (*surroundings(posture), body_of(posture))
+    around = (surroundings(posture), body_of(posture))
     return terms.self_intersection(matrix, gradient, *around, PAIRS, 1.0, 3), gradient
 
 
 def free_space_energy(posture: Posture, view):
-    around = (*surroundings(posture), model.FRAME_LENGTHS)
+    around = surroundings(posture)
     violated = np.zeros(len(model.CAPSULES.frame))
-    return gathered(lambda s: terms.free_space(s, *around, view, 1.0, 0.25, 5, violated), posture)[:2]
+    return gathered(lambda s: terms.free_space(s, around, view, 1.0, 0.25, 5, violated), posture)[:2]
 
 
 def slope(function, posture: Posture, direction, h: float = 1e-6) -> float:
@@ -103,8 +103,8 @@ def test_gradient_of_the_floor_is_half_the_energy_slope(seed, sunk):
 
 
 def floor_energy(posture: Posture):
-    around = (*surroundings(posture), model.FRAME_LENGTHS)
-    return gathered(lambda s: terms.above_floor(s, *around, 1.0, 0.02), posture)[:2]
+    around = surroundings(posture)
+    return gathered(lambda s: terms.above_floor(s, around, 1.0, 0.02), posture)[:2]
 
 
 @given(st.integers(0, 10_000))

@@ -29,10 +29,10 @@ def test_normal_equations_match_one_row_a_point(seed, count):
     frames, local = model.CAPSULES.frame, model.CAPSULES.ends
     around, body = surroundings(posture, count - model.DOFS, taper=True), body_of(posture)
     ends, radii = around[:2]
-    rest = (model.FRAME_LENGTHS, 1.0, 0.07, 0.04, np.zeros(len(frames)))
+    rest = (1.0, 0.07, 0.04, np.zeros(len(frames)))
 
     def term(sums):
-        return data_term.depth_to_model(sums, seen_as(points, normals), NO_AFFINITY, *around, *rest)
+        return data_term.depth_to_model(sums, seen_as(points, normals), NO_AFFINITY, around, *rest)
 
     (energy, explained), fast_gradient, fast = gathered(term, posture, count - model.DOFS)
     slow, slow_gradient, slow_energy = np.zeros((42, 42)), np.zeros(42), 0.0
