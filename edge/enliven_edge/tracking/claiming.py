@@ -19,7 +19,7 @@ def image_boxes(view: View, ends: Float, radii: Float, reach: float) -> Int:
 
 @njit(cache=True, nogil=True)
 def _boxes(ends, radii, reach, camera, pose, shape):  # type: ignore[no-untyped-def]
-    """See :func:`image_boxes`; what is behind the sensor, or right before it, covers a lot."""
+    """See :func:`image_boxes`; what is beside the sensor covers all there is on that side."""
     out = np.empty((len(ends), 4), np.int64)
     for k in range(len(ends)):
         top, left, bottom, right = np.inf, np.inf, -np.inf, -np.inf
@@ -31,11 +31,17 @@ def _boxes(ends, radii, reach, camera, pose, shape):  # type: ignore[no-untyped-
                     x += pose[b, 0] * offset
                     y += pose[b, 1] * offset
                     z += pose[b, 2] * offset
-                z, around = max(z, 0.2), radii[k, c, e] + reach
-                u, v = camera[0] * x / z + camera[2], camera[1] * y / z + camera[3]
-                du, dv = camera[0] * around / z, camera[1] * around / z
-                top, bottom = min(top, v - dv), max(bottom, v + dv)
-                left, right = min(left, u - du), max(right, u + du)
+                around = radii[k, c, e] + reach
+                first, last = _span(y, z, around)
+                top, bottom = (
+                    min(top, camera[1] * first + camera[3]),
+                    max(bottom, camera[1] * last + camera[3]),
+                )
+                first, last = _span(x, z, around)
+                left, right = (
+                    min(left, camera[0] * first + camera[2]),
+                    max(right, camera[0] * last + camera[2]),
+                )
         if not (bottom > top and right > left):  # no number among them
             out[k] = 0
             continue
@@ -44,6 +50,25 @@ def _boxes(ends, radii, reach, camera, pose, shape):  # type: ignore[no-untyped-
         out[k, 2] = int(min(max(np.ceil(bottom) + 1.0, 0.0), shape[0]))
         out[k, 3] = int(min(max(np.ceil(right) + 1.0, 0.0), shape[1]))
     return out
+
+
+@njit(cache=True, nogil=True)
+def _span(x, z, radius):  # type: ignore[no-untyped-def]
+    """The least and the greatest x / z of a ball about (x, z): the slopes of its tangents through the sensor.
+
+    Seen from the side a ball is wider in the picture than its radius by its distance.
+    """
+    square = x * x + z * z
+    if not np.isfinite(square + radius):
+        return np.nan, np.nan
+    if square <= radius * radius:
+        return -np.inf, np.inf
+    sine = radius / np.sqrt(square)
+    cosine = np.sqrt(1.0 - sine * sine)
+    ahead, back = z * cosine + x * sine, z * cosine - x * sine
+    least = (x * cosine - z * sine) / ahead if ahead > 0.0 else -np.inf
+    most = (x * cosine + z * sine) / back if back > 0.0 else np.inf
+    return least, most
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})

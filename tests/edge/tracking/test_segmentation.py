@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.tracking.claiming import claim, image_boxes
+from enliven_edge.tracking.claiming import _span, claim, image_boxes
 from enliven_edge.tracking.model import lengths_for_height
 from enliven_edge.tracking.observation import WorkingCamera, world_points
 from enliven_edge.tracking.posture import Posture, rotation
@@ -82,18 +82,23 @@ def test_claims_are_those_of_the_slow_twin(seed, handicap):
 
 
 def boxes_slowly(view, ends, radii, reach):
-    """(K, 4) the boxes around the discs that the capsules' ends are in the image; what is no number apart."""
+    """(K, 4) the boxes around the balls at the capsules' ends, by angles; what is no number apart."""
     mount, (fx, fy, cx, cy), (height, width) = view.world_from_camera, view.camera.camera, view.z.shape
     local = (ends - mount[:3, 3]) @ mount[:3, :3]
-    z = np.maximum(local[..., 2], 0.2)
     made = []
-    for person in range(len(ends)):
+    for person, balls in enumerate(radii + reach):
         sides = []
         for axis, (f, c, size) in enumerate(((fy, cy, height), (fx, cx, width))):
-            middle = (f * local[..., 1 - axis] / z + c)[person]
-            around = (f * (radii + reach) / z)[person]
-            low, high = np.floor(np.nanmin(middle - around)), np.ceil(np.nanmax(middle + around)) + 1
-            sides.append([np.clip(low, 0, size), np.clip(high, 0, size)])
+            x, z = local[person, ..., 1 - axis], local[person, ..., 2]
+            share = balls / np.hypot(x, z)
+            half = np.arcsin(np.minimum(share, 1.0))
+            low, high = np.arctan2(x, z) - half, np.arctan2(x, z) + half
+            least = np.where((share < 1) & (np.cos(low) > 0), np.tan(low), -np.inf)
+            most = np.where((share < 1) & (np.cos(high) > 0), np.tan(high), np.inf)
+            numbers = np.isfinite(share)
+            least, most = least[numbers].min(), most[numbers].max()
+            ends_of = np.floor(f * least + c), np.ceil(f * most + c) + 1
+            sides.append([np.clip(end, 0, size) for end in ends_of])
         made.append(np.transpose(sides).ravel())
     return np.array(made)
 
@@ -214,3 +219,17 @@ def test_somebody_who_touches_somebody_is_not_their_limb():
     right = (view.z > 0) & (view.points[..., 0] > 0.7)
     assert (segments.owner[right] == -1).all()
     assert segments.counts[0] == np.count_nonzero(segments.owner == 0)
+
+
+@given(st.integers(0, 10_000), st.floats(-2.0, 2.0), st.floats(-1.0, 4.0), st.floats(0.05, 0.5))
+@settings(max_examples=100, deadline=None)
+def test_a_ball_is_seen_between_its_tangents(seed, x, z, radius):
+    """No point of it that is before the sensor is seen outside, and some right beside both ends."""
+    dice = np.random.default_rng(seed)
+    turn = dice.uniform(0, 2 * np.pi, 4000)
+    across, along = x + radius * np.cos(turn), z + radius * np.sin(turn)
+    slopes = (across / along)[along > 1e-3]
+    least, most = _span(x, z, radius)
+    assert (slopes >= least - 1e-6).all() and (slopes <= most + 1e-6).all()
+    if z > 1.0 and abs(x) < z:
+        assert slopes.min() < least + 0.01 and slopes.max() > most - 0.01

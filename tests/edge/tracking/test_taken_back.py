@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from enliven.body import Joint
@@ -42,6 +42,7 @@ def surface_distance(points, postures):
 
 
 @given(st.integers(0, 1000), st.floats(0.03, 0.3), st.floats(-0.1, 1.0), st.integers(1, 3))
+@example(3, 0.28515625, 0.0, 3)  # a limb at the image's border, whose reach goes farther there
 @settings(max_examples=20, deadline=None)
 def test_what_lies_on_somebody_is_all_that_is_near_enough_and_high_enough(seed, reach, above, people):
     random = np.random.default_rng(seed)
