@@ -63,6 +63,12 @@ if sys.argv[1] == "dev":
 PY
 }
 
+spoken_tests() {
+    # Tests speak to the voice commands with these; without them they are skipped, and nothing else is lost.
+    command -v espeak-ng >/dev/null 2>&1 || printf 'espeak-ng '
+    .venv/bin/python -c 'import ctypes; ctypes.CDLL("libportaudio.so.2")' 2>/dev/null || printf 'libportaudio2'
+}
+
 stamp=".venv/.ready-$kind"
 wanted=$(cat constraints.txt shared/pyproject.toml edge/pyproject.toml viewer/pyproject.toml scripts/setup.sh | cksum)
 make_venv
@@ -78,5 +84,8 @@ if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
         install_system $missing || fail "these system packages are missing: $missing" \
             "Type: sudo apt-get install -y $missing"
     fi
+    [ "$kind" = dev ] && [ "$(uname -s)" = Linux ] && more=$(spoken_tests) || more=
+    # shellcheck disable=SC2086
+    [ -z "$more" ] || install_system $more || say "without $more the tests of voice commands are skipped"
     printf '%s' "$wanted" >"$stamp"
 fi
