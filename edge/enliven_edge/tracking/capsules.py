@@ -54,17 +54,6 @@ def nearest_capsules(which, seen, affinity, ends, radii, side):  # type: ignore[
         which[i] &= np.int32(_NUMBER)
 
 
-@njit(cache=True, nogil=True, inline="always")
-def foot(x, y, z, ends, radii):  # type: ignore[no-untyped-def]
-    """(t, signed distance): how far along the axis a point's foot is, and metres to the surface."""
-    ax, ay, az = x - ends[0, 0], y - ends[0, 1], z - ends[0, 2]
-    dx, dy, dz = ends[1, 0] - ends[0, 0], ends[1, 1] - ends[0, 1], ends[1, 2] - ends[0, 2]
-    t = (ax * dx + ay * dy + az * dz) / (dx * dx + dy * dy + dz * dz + 1e-12)
-    t = min(1.0, max(0.0, t))
-    ax, ay, az = ax - t * dx, ay - t * dy, az - t * dz
-    return t, np.sqrt(ax * ax + ay * ay + az * az) - radii[0] - t * (radii[1] - radii[0])
-
-
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def misfits(points, ends, radii, far):  # type: ignore[no-untyped-def]
     """(N,) the mean metres from points to the nearest surface, and from capsules to the nearest point.

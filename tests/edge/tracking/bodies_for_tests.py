@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven_edge.tracking import model, ranges, terms
-from enliven_edge.tracking.capsules import foot, nearest_capsules
+from enliven_edge.tracking.capsules import nearest_capsules
 from enliven_edge.tracking.gauss_newton import stepped
 from enliven_edge.tracking.kinematics import pivots_by_length
 from enliven_edge.tracking.posture import Posture, forward
@@ -77,6 +77,13 @@ def surface_points(posture: Posture, seed: int, count: int = 80, noise: float = 
 def seen_as(points, normals):
     """(6, M) points and normals as the compiled search takes them."""
     return np.ascontiguousarray(np.concatenate([points.T, normals.T]))
+
+
+def foot(x, y, z, ends, radii):
+    """(t, signed distance): how far along a capsule's axis a point's foot is, and metres to its surface."""
+    point, way = np.array([x, y, z]) - ends[0], ends[1] - ends[0]
+    t = np.clip(point @ way / (way @ way + 1e-12), 0.0, 1.0)
+    return t, np.linalg.norm(point - t * way) - radii[0] - t * (radii[1] - radii[0])
 
 
 def nearest(point, normal, ends, radii, likes=np.zeros(0, np.float32)):

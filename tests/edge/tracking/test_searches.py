@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from bodies_for_tests import nearest, random_posture
+from bodies_for_tests import foot, nearest, random_posture
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking.capsules import foot, misfits
+from enliven_edge.tracking.capsules import misfits
 from enliven_edge.tracking.observation import nearest_columns, nearest_pixel, sampled
 
 
