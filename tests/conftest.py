@@ -1,4 +1,26 @@
-"""Options of the whole test suite."""
+"""Options of the whole test suite, and the two profiles of its laws."""
+
+import random
+import sys
+import time
+from pathlib import Path
+
+import hypothesis
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent / "helpers"))
+
+ALIKE = {
+    "database": None,
+    "deadline": None,
+    "print_blob": True,
+    "suppress_health_check": [hypothesis.HealthCheck.too_slow],
+}
+"""What both profiles keep to: nothing is remembered between runs, and no clock makes a law fail."""
+# The same examples every day; `make test-more` names the profile that searches at random.
+hypothesis.settings.register_profile("steady", derandomize=True, **ALIKE)
+hypothesis.settings.register_profile("more", derandomize=False, **ALIKE)
+hypothesis.settings.load_profile("steady")
 
 
 def pytest_addoption(parser):
@@ -7,3 +29,50 @@ def pytest_addoption(parser):
         action="store_true",
         help="store the poses and the picture of tests/system again, on purpose",
     )
+    parser.addoption(
+        "--shuffle",
+        type=int,
+        metavar="SEED",
+        help="run the files, and the tests of each file, in an order of chance",
+    )
+    parser.addoption(
+        "--until", type=float, metavar="TIME", help="skip what has not begun by then (seconds of the epoch)"
+    )
+    parser.addoption(
+        "--examples", type=int, default=1, metavar="TIMES", help="try that many times the examples of each law"
+    )
+
+
+def pytest_collection_modifyitems(config, items):
+    seed = config.getoption("--shuffle")
+    if seed is not None:
+        items[:] = shuffled(items, random.Random(seed))
+    times = config.getoption("--examples")
+    for item in items if times != 1 else ():
+        if hypothesis.is_hypothesis_test(getattr(item, "obj", None)):
+            try_more(item.obj, times)
+
+
+def shuffled(items, dice):
+    """The tests in another order: a file's stay together, so that its fixtures are made once."""
+    files = {}
+    for item in items:
+        files.setdefault(item.path, []).append(item)
+    order = list(files.values())
+    dice.shuffle(order)
+    for tests in order:
+        dice.shuffle(tests)
+    return [test for tests in order for test in tests]
+
+
+def try_more(law, times):
+    """Multiply the number of examples that a law asks for: Hypothesis has no other door to it."""
+    own = law._hypothesis_internal_use_settings
+    law._hypothesis_internal_use_settings = hypothesis.settings(own, max_examples=times * own.max_examples)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    until = item.config.getoption("--until")
+    if until is not None and time.time() > until:
+        pytest.skip("the time is out")

@@ -16,7 +16,7 @@ import typer
 
 from enliven import __version__
 from enliven.errors import EnlivenError
-from enliven.logs import start_logging
+from enliven.logs import keep_going_unheard, start_logging
 
 _ORDER = (
     "run",
@@ -56,6 +56,7 @@ machine lacks (a port, a sensor, OpenGL), 130 interrupted. --log-json, anywhere,
 def main() -> None:
     """Runs the command line and ends the process with its exit code."""
     arguments = sys.argv[1:]
+    keep_going_unheard()
     start_logging(as_json="--log-json" in arguments)
     sys.exit(run([a for a in arguments if a != "--log-json"]))
 

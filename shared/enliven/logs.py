@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import json
 import logging
 import sys
 import time
 import warnings
+from typing import Any
 
 
 class JsonLines(logging.Formatter):
@@ -41,6 +43,27 @@ class Sentences(logging.Formatter):
 def _sentence(message: Warning | str, *place: object, **more: object) -> str:
     """A warning without the line of source that raised it."""
     return str(message)
+
+
+class _Lossy(io.FileIO):
+    """Standard error that never fails: what cannot be written, its reader gone or its disk full, is dropped."""
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data) or 0
+        except OSError:
+            return memoryview(data).nbytes
+
+
+def keep_going_unheard() -> None:
+    """Lets nothing that is said on standard error end the process or change its exit code."""
+    try:
+        stream = io.BufferedWriter(_Lossy(sys.stderr.fileno(), "w", closefd=False))
+        sys.stderr = io.TextIOWrapper(
+            stream, sys.stderr.encoding, errors="backslashreplace", line_buffering=True
+        )
+    except (AttributeError, OSError):  # no standard error at all, or one that is no file
+        return
 
 
 def start_logging(*, as_json: bool = False, level: int = logging.INFO) -> None:

@@ -1,5 +1,6 @@
 """What cannot be used is said in one line with an exit code, and never with a traceback or a hang."""
 
+import os
 import socket
 import subprocess
 import sys
@@ -103,6 +104,22 @@ def test_two_edges_of_one_name(tmp_path):
     assert second.returncode == 4, second.stderr
     assert "twin" in second.stderr
     assert first.returncode == 0
+
+
+def test_an_edge_that_is_not_listened_to_any_more_goes_on_and_ends_well(tmp_path):
+    """The reader of its log goes; what it says from then on, at its end at least, is lost and nothing else."""
+    path = recorded(tmp_path / "short.mcap", lambda i: np.zeros((120, 160), np.uint16), 30)
+    ports = ["--port", "0", "--control-port", "0", "--name", "unheard"]
+    command = [sys.executable, "-m", "enliven", "edge", "--recording", str(path), *ports]
+    # Python keeps what could not be written, unless told not to, and tries again at its end.
+    usual = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=usual) as edge:
+        try:
+            said = next(line for line in edge.stderr if "listens" in line)
+            edge.stderr.close()
+            assert edge.wait(120) == 0, said
+        finally:
+            edge.kill()
 
 
 def test_a_viewer_with_no_edge(tmp_path):
