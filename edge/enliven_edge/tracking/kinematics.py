@@ -207,12 +207,13 @@ def logarithm(r):  # type: ignore[no-untyped-def]
         return v * (0.5 * angle / sine)
     if cosine > 0.0:
         return v * 0.5
-    # Near a half turn the axis is the eigenvector of R + I with the largest diagonal.
+    # Near a half turn r is nearly 2 a a' - 1 for the axis a: its largest column gives a up to its sign, v the sign.
     axis = 0
     for i in range(1, 3):
         if r[i, i] > r[axis, axis]:
             axis = i
-    column = np.array([r[0, axis], r[1, axis], r[2, axis]])
-    column[axis] += 1.0
+    column = 0.5 * (r[:, axis] + r[axis])
+    column[axis] -= cosine
     norm = np.sqrt(column[0] ** 2 + column[1] ** 2 + column[2] ** 2)
-    return column * (angle / norm)
+    along = column[0] * v[0] + column[1] * v[1] + column[2] * v[2]
+    return column * (angle / norm if along >= 0.0 else -angle / norm)

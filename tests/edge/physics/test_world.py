@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from enliven.errors import ResourceError
@@ -20,6 +20,9 @@ if importlib.util.find_spec("mujoco") is None:
 from enliven_edge.physics.contacts import FLOOR, NOTHING, correct_contacts, limit_speeds
 from enliven_edge.physics.engine import need_engine
 from enliven_edge.physics.world import World
+
+LONGEST_ROCKING = 60
+"""Seconds after which two boxes that were dropped lie still: 17 was the longest of 2,700 tries at random."""
 
 
 def tower(high: int = 5) -> World:
@@ -48,7 +51,9 @@ def test_a_tower_stands_still():
 
 @given(height=st.floats(0.3, 2.0), turn=st.integers(0, 99))
 @settings(max_examples=10, deadline=None)
+@example(1.1, 0)  # the upper box balances on the edge of the lower one, slips for 12 s, and falls
 def test_no_energy_comes_from_nowhere(height, turn):
+    """However long they rock and slip: two boxes that fall on each other lose energy, and lie still in the end."""
     world = World(boxes(2), UNBOUND)
     spin = np.random.default_rng(turn).normal(size=(2, 4))
     world.put(
@@ -56,15 +61,18 @@ def test_no_energy_comes_from_nowhere(height, turn):
         np.array([[0, height, 0], [0.05, height + 0.4, 0]]),
         spin / np.linalg.norm(spin, axis=1, keepdims=True),
     )
-    energy = world.energy
-    for _ in range(60):
-        assert world.advance(FRAME) == ""
-        # A contact gives back what it took: for a moment the energy rises, but not above what there was.
-        assert world.energy <= energy + 1e-3
-    run(world, 2.0)
-    rest = world.energy
-    run(world, 1.0)
-    assert rest < energy and abs(world.energy - rest) < 1e-4
+    start = before = world.energy
+    for _ in range(LONGEST_ROCKING):
+        for _ in range(round(1 / FRAME)):
+            assert world.advance(FRAME) == ""
+            # A contact gives back what it took: for a moment the energy rises, but not above what there was.
+            assert world.energy <= start + 1e-3
+        if abs(world.energy - before) < 1e-4:
+            break
+        before = world.energy
+    else:
+        raise AssertionError("they never came to rest")
+    assert world.energy < start
 
 
 @given(angle=st.floats(0, 2 * np.pi), speed=st.floats(0.5, 10))

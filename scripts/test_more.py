@@ -1,0 +1,46 @@
+"""Tries the laws on new examples of chance, again and again, until the time is out: exit 1 where one fell.
+
+Usage: test_more.py [--minutes N] [what pytest takes ...]
+"""
+
+import argparse
+import random
+import subprocess
+import sys
+import time
+
+WHOLE = ["tests"]
+"""Where laws are looked for unless said otherwise."""
+
+
+MOST_TIMES = 64
+"""Every round tries twice the examples of the one before, up to this many times what a law asks for."""
+
+
+def round_of_laws(seed: int, times: int, until: float, rest: list[str]) -> bool:
+    """Whether every law held in one round: those that the time leaves, in an order of chance."""
+    laws = ["-m", "hypothesis", "--hypothesis-profile", "more", "--hypothesis-seed", str(seed)]
+    laws += ["--examples", str(times)]
+    order = ["--shuffle", str(seed), "--until", str(until)]
+    again = [sys.executable, "-m", "pytest", *laws, *(rest or WHOLE)]
+    print(f"round of seed {seed}; the same again: {' '.join(again)}", flush=True)
+    return subprocess.run([*again, *order], check=False).returncode == 0
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=10.0, help="begin no law later than this")
+    options, rest = parser.parse_known_args()
+    until = time.time() + 60 * options.minutes
+    rounds, fell = 0, []
+    while time.time() < until:
+        seed = random.SystemRandom().randrange(2**32)
+        if not round_of_laws(seed, min(2**rounds, MOST_TIMES), until, rest):
+            fell.append(seed)
+        rounds += 1
+    print(f"{rounds} rounds in {options.minutes:g} min; seeds with a law that fell: {fell or 'none'}")
+    return 1 if fell else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
