@@ -39,7 +39,11 @@ def pytest_addoption(parser):
         "--until", type=float, metavar="TIME", help="skip what has not begun by then (seconds of the epoch)"
     )
     parser.addoption(
-        "--examples", type=int, default=1, metavar="TIMES", help="try that many times the examples of each law"
+        "--examples",
+        type=int,
+        default=1,
+        metavar="TIMES",
+        help="try so many times the examples of each law",
     )
 
 

@@ -46,7 +46,7 @@ def _sentence(message: Warning | str, *place: object, **more: object) -> str:
 
 
 class _Lossy(io.FileIO):
-    """Standard error that never fails: what cannot be written, its reader gone or its disk full, is dropped."""
+    """Standard error that never fails: what its gone reader or full disk cannot take is dropped."""
 
     def write(self, data: Any) -> int:
         try:

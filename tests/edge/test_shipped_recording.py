@@ -1,13 +1,10 @@
-"""The recording that ships: what it holds, and that the command makes it again bit for bit."""
+"""The recording that ships: what it holds, and that the command makes it again."""
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 import numpy as np
-import pytest
-from mcap.reader import make_reader
 
 from enliven.recording import Recording
 from enliven_edge.assets import CHAIR
@@ -16,6 +13,9 @@ from enliven_edge.sensors.profile import load_profile
 from enliven_edge.synthesis.studio import Studio, StudioSettings
 
 AGAIN = "make it again:  enliven synthesize -o edge/enliven_edge/assets/chair.mcap --overwrite"
+
+ROUNDED_OTHERWISE = 1e-3
+"""Share of the pixels that may differ on another processor: millimetres that are rounded the other way."""
 
 
 def test_it_holds_nine_seconds_with_the_truth() -> None:
@@ -41,18 +41,20 @@ def test_its_images_and_joints_are_those_of_the_studio() -> None:
     for n, (frame, truth) in enumerate(zip(recording.frames(), recording.truth(), strict=True)):
         if n % 17:
             continue
-        assert np.array_equal(frame.depth, studio.frame(n).depth), AGAIN
+        assert np.mean(frame.depth != studio.frame(n).depth) < ROUNDED_OTHERWISE, AGAIN
         assert np.allclose(truth.bodies[0].joints, studio.body(frame.time_ns).joints, atol=1e-6), AGAIN
 
 
-def test_the_command_makes_it_again_bit_for_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with CHAIR.open("rb") as file:
-        library = make_reader(file).get_header().library
-    # The header names the version of enliven that wrote the file; that of a later one may differ in this.
-    monkeypatch.setattr("enliven.recording.recorder.__version__", library.removeprefix("enliven "))
+def test_the_command_makes_it_again(tmp_path: Path) -> None:
     synthesize(
         tmp_path / "chair.mcap", choreography="chair", profile="kinect1", seed=0, width=320, noise=True,
         level=19, overwrite=False,
     )  # fmt: skip
-    made = hashlib.sha256((tmp_path / "chair.mcap").read_bytes()).hexdigest()
-    assert made == hashlib.sha256(CHAIR.read_bytes()).hexdigest(), AGAIN
+    made, shipped = Recording(tmp_path / "chair.mcap"), Recording(CHAIR)
+    assert made.info.metadata == shipped.info.metadata, AGAIN
+    for new, old in zip(made.frames(), shipped.frames(), strict=True):
+        assert (new.time_ns, new.intrinsics) == (old.time_ns, old.intrinsics), AGAIN
+        assert np.mean(new.depth != old.depth) < ROUNDED_OTHERWISE, AGAIN
+    for new, old in zip(made.truth(), shipped.truth(), strict=True):
+        assert new.time_ns == old.time_ns
+        assert np.allclose(new.bodies[0].joints, old.bodies[0].joints, atol=1e-6), AGAIN

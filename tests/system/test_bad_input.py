@@ -107,7 +107,7 @@ def test_two_edges_of_one_name(tmp_path):
 
 
 def test_an_edge_that_is_not_listened_to_any_more_goes_on_and_ends_well(tmp_path):
-    """The reader of its log goes; what it says from then on, at its end at least, is lost and nothing else."""
+    """The reader of its log goes; what it says from then on is lost, and nothing else."""
     path = recorded(tmp_path / "short.mcap", lambda i: np.zeros((120, 160), np.uint16), 30)
     ports = ["--port", "0", "--control-port", "0", "--name", "unheard"]
     command = [sys.executable, "-m", "enliven", "edge", "--recording", str(path), *ports]

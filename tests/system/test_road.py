@@ -158,7 +158,7 @@ def test_children_of_a_killed_run_end_by_themselves(tmp_path):
 
 
 def started_run(folder: Path) -> tuple[subprocess.Popen, list[int]]:
-    """A run of the main job that does not end by itself, with both its programs at work, in its own process group."""
+    """An endless run of the main job, both its programs at work, in a process group of its own."""
     take = folder / "take.mcap"
     command = [sys.executable, "-m", "enliven", "run", "--film", "--out", str(folder), "--record", str(take)]
     command += ["--sensor", "synthetic", "--seconds", "3600"]

@@ -60,7 +60,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     said["renamed"] = sorted(editor.project.shapes)
     ctx.item_click("side/Duplicate")
     said["copied"] = sorted(editor.project.shapes)
-    ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.z)  # Python 3.11.2 cannot join two keys)
+    ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.z))  # Python 3.11.2 cannot join the keys themselves
     said["after ctrl z"] = sorted(editor.project.shapes)
     ctx.item_click("side/wave   2.0 s##take wave")
     said["source"] = [desk.hand.tool.name, desk.hand.tool.source.take]

@@ -207,7 +207,7 @@ def logarithm(r):  # type: ignore[no-untyped-def]
         return v * (0.5 * angle / sine)
     if cosine > 0.0:
         return v * 0.5
-    # Near a half turn r is nearly 2 a a' - 1 for the axis a: its largest column gives a up to its sign, v the sign.
+    # Near a half turn r is nearly 2 a a' - 1: its largest column gives the axis a but for its sign, v that.
     axis = 0
     for i in range(1, 3):
         if r[i, i] > r[axis, axis]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tolerances import assert_alike
 
 pytest.importorskip("torch", reason="PyTorch is not installed (the extra 'training')")
 
@@ -76,7 +77,7 @@ def test_the_ways_to_face_do_not_depend_on_what_is_told():
     (_, _, facing, _), image, told = seen_by(network, 2)
     with torch.no_grad():
         other = network(torch.from_numpy(image), torch.from_numpy(-told))[2].numpy()
-    np.testing.assert_array_equal(facing, other)
+    assert_alike(facing, other)
 
 
 def test_the_exported_network_says_what_it_said_before(tmp_path):

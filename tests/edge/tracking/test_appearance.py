@@ -8,6 +8,7 @@ from estimates_for_tests import EYE, estimate_of, seen_as, ways_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from people_seen_for_tests import CLASSES, SEEDS, seen_in, seen_person, taken
+from tolerances import alike, assert_alike
 
 from enliven_edge.estimator.labels import FACINGS, MIRRORED, PARTS, Part
 from enliven_edge.tracking import model, ranges
@@ -109,7 +110,7 @@ def test_thinning_keeps_what_each_point_looks_like(seed, step):
     thin = seen.thinned(step)
     assert np.array_equal(thin.points, seen.points[::step])
     assert np.array_equal(thin.rays, seen.rays[::step])
-    assert np.array_equal(thin.affinity(0.1), seen.affinity(0.1)[:, ::step])
+    assert alike(thin.affinity(0.1), seen.affinity(0.1)[:, ::step])
     assert thin.estimate is seen.estimate
 
 
@@ -211,6 +212,6 @@ def test_another_estimate_of_the_same_frame_is_seen_at_the_same_points():
     for estimate in supposed:
         other, itself = seen.of(estimate), looked_at(observation, estimate)
         assert other.estimate is estimate and other.points is observation.points
-        np.testing.assert_array_equal(other.probabilities, itself.probabilities)
-        np.testing.assert_array_equal(seen.thinned(7).of(estimate).affinity(0.1), other.affinity(0.1)[:, ::7])
+        assert_alike(other.probabilities, itself.probabilities)
+        assert_alike(seen.thinned(7).of(estimate).affinity(0.1), other.affinity(0.1)[:, ::7])
     np.testing.assert_allclose(seen.of(supposed[0]).probabilities, seen.probabilities, atol=1e-3)

@@ -53,6 +53,7 @@ def test_pixels_go_to_the_nearest_body_within_reach(seed, apart):
     claim(view.points, kind, boxes, ends, radii, np.zeros(2), REACH, 0.08, owner, distance)
     exact = np.stack([surface_distance(view.points, p) for p in postures]).clip(0.0)
     clear = np.abs(exact[0] - exact[1]) > 0.03  # on both surfaces, either may have it
+    clear &= np.abs(exact.min(0) - REACH) > 1e-6  # at the end of its reach, rounding decides
     expected = np.where(exact.min(0) < REACH, exact.argmin(0), -1)
     np.testing.assert_array_equal(owner[clear], expected[clear])
     assert set(np.unique(owner[~clear])) <= {-1, 0, 1}

@@ -52,7 +52,9 @@ def test_what_lies_on_somebody_is_all_that_is_near_enough_and_high_enough(seed, 
     postures = [person(x, arm_raise=float(random.uniform(0.0, 1.5))) for x in random.uniform(-1, 1, people)]
     found = lying_on(view, postures, above, reach)
     distance = surface_distance(view.points, postures)
-    np.testing.assert_array_equal(found, (z > 0) & (view.points[..., 1] > above) & (distance < reach))
+    clear = np.abs(distance - reach) > 1e-6  # float32 capsules
+    expected = (z > 0) & (view.points[..., 1] > above) & (distance < reach)
+    np.testing.assert_array_equal(found[clear], expected[clear])
     assert found.any()
 
 

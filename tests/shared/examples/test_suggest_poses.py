@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tolerances import assert_alike
 
 from enliven.errors import InputError
 from enliven.examples.poses import Examples
@@ -74,7 +75,7 @@ def test_what_rests_does_so_in_the_mirror_where_the_mesh_is_not_quite_symmetric(
     rng = np.random.default_rng(0)
     rest = np.array([[2, 0, 1], [0.02, 0, 1], [1.05, 1, 1.0]])
     normal = np.array([1.0, 0, 0])
-    np.testing.assert_array_equal(mirrored_places(rest, rest, ORDER, normal), rest)
+    assert_alike(mirrored_places(rest, rest, ORDER, normal), rest)
     places = rest + rng.normal(size=(4, 3, 3))
     once = mirrored_places(places, rest, ORDER, normal)
     np.testing.assert_allclose(once[:, 0] - rest[0], (places[:, 1] - rest[1]) * [-1, 1, 1], atol=1e-12)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tolerances import assert_alike
 
 from enliven.character import Pose
 from enliven.deformation.graph import DeformationGraph, character_from
@@ -97,7 +98,7 @@ def test_a_shape_plays_what_was_recorded(walking):
     between = graph_pose(project, shape, 0.3)[1]
     np.testing.assert_allclose(between, (stream.positions[1] + stream.positions[2]) / 2, atol=1e-12)
     late = graph_pose(project, shape, 99.0)
-    np.testing.assert_array_equal(late[1], stream.positions[-1])
+    assert_alike(late[1], stream.positions[-1])
     part = shape.parts[0]
     loop = GraphPart("sway", part.nodes, offset=1.0, speed=-2.0, loop=True)
     turned = shape.with_changes(parts=(loop,))
@@ -126,10 +127,10 @@ def test_a_cut_moves_no_node_and_no_vertex_at_any_time(walking, x, time, later):
         old = [(whole[tuple(v)], i) for i, v in enumerate(piece.mesh.vertices) if tuple(v) in whole]
         count += len(old)
         a, b = np.array(old).T
-        np.testing.assert_array_equal(after[b], before[a])
+        assert_alike(after[b], before[a])
         which = [nodes[tuple(p)] for p in piece.positions]
-        np.testing.assert_array_equal(kept[0], places[0][which])
-        np.testing.assert_array_equal(kept[1], places[1][which])
+        assert_alike(kept[0], places[0][which])
+        assert_alike(kept[1], places[1][which])
         assert len(which) < len(shape.positions)
     assert count == len(shape.mesh.vertices)
     total = sum(volume(edited.graph(part).mesh) for part in ids)
@@ -157,8 +158,8 @@ def test_a_merge_leaves_both_where_they_were_and_the_graft_rides(walking, time, 
     node = shape.parts[1].ride.node
     for later in (time, *random.uniform(-0.5, 3.0, 3)):
         ours, now = graph_pose(project, host, later), graph_pose(merged, shape, later)
-        np.testing.assert_array_equal(now[1][:count], ours[1])
-        np.testing.assert_array_equal(now[0][:count], ours[0])
+        assert_alike(now[1][:count], ours[1])
+        assert_alike(now[0][:count], ours[0])
         alone = graph_pose(project, graft, later)[1]
         base = np.linalg.svd(here[0][node])
         there = np.linalg.svd(now[0][node])
