@@ -23,6 +23,9 @@ from enliven.wire.envelope import pack_control, unpack_control, unpack_stream
 from enliven_edge.name_lock import NameLock
 from enliven_edge.publisher import Publisher
 
+ROUNDS = 12_000
+"""Looks of 5 ms, a minute in all: a loaded machine may take as long."""
+
 
 def unique() -> str:
     return f"test-{uuid.uuid4().hex[:10]}"
@@ -62,14 +65,14 @@ class Peer:
         return reply
 
     def raw_reply(self) -> bytes:
-        for _ in range(1000):
+        for _ in range(ROUNDS):
             assert not self.publisher.poll()
             if self.dealer.poll(5):
                 return self.dealer.recv()
         raise AssertionError("no reply")
 
     def commands(self) -> list:
-        for _ in range(1000):
+        for _ in range(ROUNDS):
             commands = self.publisher.poll()
             if commands:
                 return commands
@@ -78,7 +81,7 @@ class Peer:
 
     def listen(self) -> None:
         """Until the streams arrive."""
-        for _ in range(1000):
+        for _ in range(ROUNDS):
             self.publisher.beat()
             if self.sub.poll(5):
                 return

@@ -8,6 +8,7 @@ import uuid
 import msgspec
 import numpy as np
 import pytest
+from patience import PATIENCE
 
 from enliven.body import Body, Joint
 from enliven.frames import BodyFrame, Frame
@@ -106,7 +107,7 @@ def test_what_is_wrong_is_in_the_heartbeat_and_what_is_late_is_not_published(out
 def test_a_sensor_that_is_silent_is_said_to_be_while_it_is(outlet):
     with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(3)]
-    said = serve([*frames[:2], *[None] * 3, frames[2]], outlet, silent=0.05)
+    said = serve([*frames[:2], *[None] * 3, frames[2]], outlet, silent=PATIENCE)
     assert HealthKind.NO_FRAMES not in said[1]
     assert HealthKind.NO_FRAMES not in said[-1]
 
@@ -148,7 +149,7 @@ def test_a_viewer_may_turn_a_performer_s_smoothing_off(outlet, tmp_path):
     ]
     answers = []
     with contextlib.closing(Link([outlet.publisher.endpoint])) as link:
-        deadline = time.monotonic() + 10.0
+        deadline = time.monotonic() + PATIENCE
         while link.status is None and time.monotonic() < deadline:
             link.poll()
             outlet.publisher.poll()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from patience import PATIENCE
 
 from enliven.frames import BodyFrame, Frame
 from enliven_edge.matching.rig_actor import RigActor
@@ -74,7 +75,7 @@ class House:
         time.sleep(0.002)
 
     def until(self, done) -> None:
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + PATIENCE
         while not done():
             assert time.monotonic() < deadline, "it never came to be"
             self.step()

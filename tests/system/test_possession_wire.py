@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from patience import PATIENCE
 
 from enliven.body import Body
 from enliven.deformation.graph import DeformationGraph, character_from
@@ -74,7 +75,7 @@ class House:
         time.sleep(0.002)
 
     def until(self, done) -> None:
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + PATIENCE
         while not done():
             assert time.monotonic() < deadline, "it never came to be"
             self.step()
@@ -145,7 +146,7 @@ def test_who_is_tracked_in_depth_is_locked_from_the_key_and_let_go(house: House)
     tracker, silent = house.edge.tracker, lambda: (house.edge._listen(), house.feed.poll(house.document))
     for wanted, ids in ((True, frozenset()), (False, None)):
         house.app.toggle_lock()
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + PATIENCE
         while house.app.grasp.locked != wanted and time.monotonic() < deadline:
             silent()
         assert house.app.grasp.locked == wanted and tracker._crowd.lock.ids == ids

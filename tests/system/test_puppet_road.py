@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from patience import PATIENCE
 from PIL import Image
 
 from enliven.cactus_puppet import cactus_project
@@ -88,7 +89,7 @@ class House:
         time.sleep(0.002)
 
     def until(self, done) -> None:
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + PATIENCE
         while not done():
             assert time.monotonic() < deadline, "it never came to be"
             self.step()
@@ -148,7 +149,7 @@ def test_who_comes_late_sees_the_whole_of_it(house: House) -> None:
     house.until(lambda: house.hand(LEFT) > 1.05)
     late, surfaces = Document(), Surfaces(wait=True)
     feed = EdgeFeed(Link([house.outlet.publisher.endpoint]))
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + PATIENCE
     while not (late.characters and len(late.timeline)):
         assert time.monotonic() < deadline
         house.step()

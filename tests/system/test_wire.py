@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import zmq
+from patience import PATIENCE
 
 from enliven.body import Body
 from enliven.character import Character, SkinWeights
@@ -24,8 +25,6 @@ from enliven_edge.control import Command
 from enliven_edge.publisher import Publisher
 from enliven_viewer.clock import ClockEstimate
 from enliven_viewer.link import Link
-
-PATIENCE = 10.0
 
 
 def unique() -> str:

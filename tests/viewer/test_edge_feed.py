@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from patience import PATIENCE
 
 from enliven.body import Body
 from enliven.character import Pose
@@ -25,7 +26,7 @@ def publisher():
     made.close()
 
 
-def until(condition, *steps, seconds: float = 10.0) -> None:
+def until(condition, *steps, seconds: float = PATIENCE) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it never came"

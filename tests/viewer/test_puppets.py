@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from patience import until
 from tolerances import SOLVED, assert_alike
 
 from enliven.arrays import Float
@@ -54,10 +54,9 @@ def bent(by: float = 0.2) -> Float:
 
 def shown(surfaces: Surfaces, made: Pose, character: Character = CHARACTER) -> Float:
     """The vertices once they are there."""
-    until = time.monotonic() + 60
-    while (vertices := surfaces.vertices(character, made)) is None:
-        assert time.monotonic() < until
-        time.sleep(0.005)
+    until(lambda: surfaces.vertices(character, made) is not None, "the surface")
+    vertices = surfaces.vertices(character, made)
+    assert vertices is not None
     return vertices
 
 

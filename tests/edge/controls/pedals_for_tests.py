@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import time
 import tty
-from collections.abc import Callable
 from pathlib import Path
 
 
@@ -34,11 +32,3 @@ class Pedal:
     def close(self) -> None:
         if self._master >= 0:
             self.unplug()
-
-
-def until(done: Callable[[], bool], seconds: float = 20.0) -> None:
-    """Waits for something that happens in another thread."""
-    deadline = time.monotonic() + seconds
-    while not done():
-        assert time.monotonic() < deadline, "it never came to be"
-        time.sleep(0.005)

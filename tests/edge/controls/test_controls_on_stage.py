@@ -25,6 +25,7 @@ from enliven_edge.tracking.tracker import Tracker
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "matching"))
 
+from patience import PATIENCE
 from pedals_for_tests import Pedal
 from rigs_for_stage import person, star
 
@@ -74,7 +75,7 @@ class House:
         self.edge._listen()
 
     def until(self, done) -> None:
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + PATIENCE
         while not done():
             assert time.monotonic() < deadline, "it never came to be"
             self.step()

@@ -17,7 +17,7 @@ from enliven_edge.controls.settings import ControlSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from pedals_for_tests import until
+from patience import until
 
 CODES = {
     "a": 4,

@@ -17,7 +17,8 @@ from enliven_edge.controls.settings import ControlSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from pedals_for_tests import Pedal, until
+from patience import until
+from pedals_for_tests import Pedal
 
 pytest.importorskip("serial", reason="pyserial is not installed (the extra 'controls')")
 

@@ -26,7 +26,7 @@ from enliven_edge.settings import EdgeSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from pedals_for_tests import until
+from patience import until
 
 pytest.importorskip("pocketsphinx", reason="pocketsphinx is not installed (the extra 'voice')")
 

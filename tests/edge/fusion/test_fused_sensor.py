@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from patience import PATIENCE, until
 from tolerances import alike
 from walkers import Walker, stand, told
 
@@ -73,7 +74,7 @@ def watched(reels, space=SPACE):
     """Everything that comes out, and the sensor."""
     frames = []
     with FusedSensors(reels, {name: Tracker() for name in reels}, space) as sensor:
-        while (frame := sensor.read(20.0)) is not None:
+        while (frame := sensor.read(PATIENCE)) is not None:
             frames.append(frame)
     assert all(reel.closed for reel in reels.values())
     return frames, sensor
@@ -170,7 +171,7 @@ def test_a_read_that_waits_too_long_says_so():
     streams = seen()
     reels = {name: Reel(name, told, live=0.001) for name, told in streams.items()}
     with FusedSensors(reels, {n: Tracker() for n in "ab"}, SPACE) as sensor:
-        sensor.read(5.0)
+        sensor.read(PATIENCE)
         with pytest.raises(TimeoutError):
             for _ in range(5):
                 sensor.read(0.05)
@@ -180,10 +181,8 @@ def test_a_collector_keeps_everything_and_stops_in_time():
     streams = seen()
     collector = Collector("a", Reel("a", streams["a"]), Tracker(), seconds=1.0)
     collector.start()
-    deadline = time.monotonic() + 10
-    while not collector.ended and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert collector.ended and not collector.failure
+    until(lambda: collector.ended, "the end of the collector")
+    assert not collector.failure
     assert collector.frames == 31
     assert collector.level_from_camera is None
     (track,) = collector.stream().tracks
@@ -194,7 +193,4 @@ def test_a_collector_that_fails_says_why():
     collector = Collector("a", Reel("a", seen()["a"], breaks=4), Tracker())
     collector.start()
     collector.stop()
-    deadline = time.monotonic() + 10
-    while not collector.ended and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert collector.ended
+    until(lambda: collector.ended, "the end of the collector")

@@ -5,11 +5,11 @@ import signal
 import subprocess
 import sys
 import textwrap
-import time
 
 import numpy as np
 import pytest
 import typer
+from patience import PATIENCE, until
 from PIL import Image
 from typer.testing import CliRunner
 
@@ -159,10 +159,13 @@ def test_ctrl_c_finishes_the_file(tmp_path):
     words = ["--sensor", "replay", "--set", f"path={tmp_path / 'slow.mcap'}", "-o", str(output)]
     program = [sys.executable, "-c", textwrap.dedent(PROGRAM), *words]
     with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
-        while process.poll() is None and not (output.exists() and output.stat().st_size > 3000):
-            time.sleep(0.02)
+
+        def written() -> bool:
+            return output.exists() and output.stat().st_size > 3000
+
+        until(lambda: written() or process.poll() is not None, "a recording")
         process.send_signal(signal.SIGINT)
-        said = process.communicate(timeout=30)[0]
+        said = process.communicate(timeout=PATIENCE)[0]
     assert process.returncode == 0, said
     assert "frames of slow" in said
     info = Recording(output).info

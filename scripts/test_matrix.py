@@ -1,0 +1,129 @@
+"""Runs the tests once for each row: other processors' instructions, other orders, a loaded machine.
+
+Usage: test_matrix.py [--only ROW ROW ...] [--load N] [what pytest takes ...]
+Prints a table with what passed, what failed and the seconds of each row; exit 1 where a test failed.
+"""
+
+import argparse
+import contextlib
+import dataclasses
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+TWO = ("-n", "2", "--dist", "loadfile")
+"""As `make test` has it: two processes that share the files."""
+SEED = "20251123"
+"""Of the shuffled order: any number, the same each time."""
+PLAIN_NUMPY = "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"
+"""All that NumPy 2.4 chooses by the processor on x86-64: what is left is compiled for SSE4.2."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One way to run the tests.
+
+    Attributes:
+        name: as ``--only`` has it.
+        environment: variables that are set.
+        options: of pytest.
+        busy: processes that do nothing but keep the processor busy meanwhile.
+        apart: Numba's compiled kernels are kept apart, as they were compiled for another processor.
+    """
+
+    name: str
+    environment: dict[str, str] = dataclasses.field(default_factory=dict)
+    options: tuple[str, ...] = TWO
+    busy: int = 0
+    apart: bool = False
+
+
+def rows(load: int) -> list[Row]:
+    """All of them, in the order in which they are run."""
+    cores = ("Sandybridge", "Haswell", "SkylakeX", "Zen")
+    old = {"NPY_DISABLE_CPU_FEATURES": PLAIN_NUMPY, "NUMBA_CPU_NAME": "generic"}
+    return [
+        Row("two"),
+        Row("one", options=()),
+        Row("shuffled", options=(*TWO, "--shuffle", SEED)),
+        *(Row(core.lower(), {"OPENBLAS_CORETYPE": core}) for core in cores),
+        Row("generic", old, apart=True),
+        Row("load", busy=load),
+    ]
+
+
+@contextlib.contextmanager
+def kept_busy(count: int) -> Iterator[None]:
+    """So many processes that turn in a circle."""
+    circles = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for circle in circles:
+            circle.kill()
+            circle.wait()
+
+
+def command_of(row: Row, rest: list[str]) -> str:
+    """What is typed to run this row alone."""
+    words = [
+        f'{name}="{value}"' if " " in value else f"{name}={value}" for name, value in row.environment.items()
+    ]
+    words += ["NUMBA_CACHE_DIR=$(mktemp -d)"] if row.apart else []
+    return " ".join([*words, ".venv/bin/python -m pytest", *row.options, *rest])
+
+
+def counted(said: str) -> tuple[int, int]:
+    """(passed, failed) of pytest's last line; errors count as failed."""
+    lines = [line for line in said.splitlines() if re.search(r"\d+ (passed|failed|error)", line)]
+    found = {
+        word: int(count) for count, word in re.findall(r"(\d+) (passed|failed|error)", (lines or [""])[-1])
+    }
+    return found.get("passed", 0), found.get("failed", 0) + found.get("error", 0)
+
+
+def run(row: Row, rest: list[str]) -> tuple[bool, str]:
+    """Whether the row holds, and its line of the table."""
+    with tempfile.TemporaryDirectory() as kernels, kept_busy(row.busy):
+        extra = {"NUMBA_CACHE_DIR": kernels} if row.apart else {}
+        begun = time.monotonic()
+        done = subprocess.run(
+            [sys.executable, "-m", "pytest", *row.options, *rest],
+            env=os.environ | row.environment | extra, cwd=ROOT, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        seconds = time.monotonic() - begun
+    passed, failed = counted(done.stdout)
+    if done.returncode:
+        print(f"--- {row.name}: exit {done.returncode}\n{done.stdout}\n{done.stderr}", file=sys.stderr)
+    beside = f" beside {row.busy} busy processes" if row.busy else ""
+    line = f"| {row.name} | `{command_of(row, rest)}`{beside} | {passed} | {failed} | {seconds:.0f} |"
+    return done.returncode == 0, line
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", nargs="*", default=[], metavar="ROW", help="these rows alone")
+    parser.add_argument("--load", type=int, default=8, help="busy processes of the row 'load'")
+    options, rest = parser.parse_known_args()
+    known = {row.name: row for row in rows(options.load)}
+    if unknown := [name for name in options.only if name not in known]:
+        parser.error(f"there is no row {' '.join(unknown)}; there are {' '.join(known)}")
+    print("| row | command | passed | failed | seconds |\n|---|---|---|---|---|", flush=True)
+    held = []
+    for name in options.only or known:
+        good, line = run(known[name], rest)
+        held.append(good)
+        print(line, flush=True)
+    return 0 if all(held) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
