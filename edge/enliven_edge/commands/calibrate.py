@@ -20,11 +20,11 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.commands.record import sensor_options
-from enliven_edge.settings import EdgeSettings
 
 if TYPE_CHECKING:
     from enliven_edge.fusion.calibration import Calibration, Pair
     from enliven_edge.fusion.collecting import Collector
+    from enliven_edge.settings import EdgeSettings
 
 log = logging.getLogger(__name__)
 
@@ -66,6 +66,7 @@ def calibrate(
       enliven edge --recording left.mcap --recording right.mcap --space space.toml
     """
     from enliven_edge.sensors.sources import opened, source_of, sources_of
+    from enliven_edge.settings import EdgeSettings
 
     chosen = load_settings(EdgeSettings, settings) if settings else EdgeSettings()
     options = sensor_options(option or [])
