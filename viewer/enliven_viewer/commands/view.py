@@ -32,6 +32,9 @@ def view(
     ] = None,
     size: Annotated[str | None, typer.Option(help="Of window or film, such as 1920x1080.")] = None,
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Stop after this long.")] = None,
+    wait: Annotated[
+        float | None, typer.Option(min=0.0, help="Seconds a film waits for an edge; else by the settings.")
+    ] = None,
     hud: Annotated[bool, typer.Option(help="Whether anything is written over the picture.")] = True,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
 ) -> None:
@@ -47,6 +50,8 @@ def view(
     Press H in the window for the keys.
     """
     chosen = _sized(load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size)
+    if wait is not None:
+        chosen = replace(chosen, film=replace(chosen.film, patience=wait))
     filming = film is not None or sheet is not None
     if not filming and not has_display():
         raise ResourceError(
