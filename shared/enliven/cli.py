@@ -24,17 +24,17 @@ HELP = """Step into any mesh and bring it alive.
 
 \b
   enliven run                              watch the chair move with a recorded person
-  enliven run --recording take.mcap --mesh horse.obj
-  enliven import depth/*.png -o take.mcap  bring in a recording made by others
+  enliven run --recording TAKE.mcap --mesh HORSE.obj
+  enliven import DEPTH/*.png -o take.mcap  bring in a recording made by others
   enliven edge --sensor synthetic          the program beside the camera
   enliven view --edge 192.168.1.20         the program on a screen
-  enliven studio spider.glb                sketch, animate, cut and merge shapes
-  enliven graph horse.obj -o horse.png     what a mesh is possessed by
-  enliven retarget walk.bvh horse.glb -o out.glb   move a model by a motion
-  enliven examples fit session.toml -o out.glb     move a mesh by a few example poses
+  enliven studio SPIDER.glb                sketch, animate, cut and merge shapes
+  enliven graph HORSE.obj -o horse.png     what a mesh is possessed by
+  enliven retarget WALK.bvh HORSE.glb -o out.glb   move a model by a motion
+  enliven examples fit SESSION.toml -o out.glb     move a mesh by a few example poses
   enliven doctor                           what this machine lacks, and how to mend it
 
-Exit codes: 0 done, 1 a fault of enliven, 2 wrong usage, 3 an input that cannot be used, 4 something this
+A file in capitals is one of your own. Exit codes: 0 done, 1 a fault of enliven, 2 wrong usage, 3 an input that cannot be used, 4 something this
 machine lacks (a port, a sensor, OpenGL), 130 interrupted. --log-json, anywhere, makes every line JSON.
 """
 

@@ -60,10 +60,10 @@ def calibrate(
     enough; recordings must have been made at the same time. What was in the file before is kept beside it.
 
     \b
-      enliven calibrate left.mcap right.mcap -o space.toml
-      enliven calibrate left=oak right=oak --set left.serial=1844 --set right.serial=1907
-      enliven calibrate --settings two-sensors.toml
-      enliven edge --recording left.mcap --recording right.mcap --space space.toml
+      enliven calibrate LEFT.mcap RIGHT.mcap -o space.toml
+      enliven calibrate left=ONE.mcap right=TWO.mcap --seconds 30 -o space.toml
+      enliven calibrate --settings TWO-SENSORS.toml
+      enliven edge --recording left=ONE.mcap --recording right=TWO.mcap --space space.toml
     """
     from enliven_edge.sensors.sources import opened, source_of, sources_of
     from enliven_edge.settings import EdgeSettings

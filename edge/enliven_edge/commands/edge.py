@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 def edge(
     sensor: Annotated[
         list[str] | None,
-        typer.Option(help="A sensor by name, such as synthetic; several: left=oak, right=oak."),
+        typer.Option(help="A sensor by name, such as synthetic; several: NAME=SENSOR."),
     ] = None,
     recording: Annotated[
         list[str] | None, typer.Option(help="Replay this recording instead of a sensor; several: NAME=FILE.")
@@ -86,13 +86,13 @@ def edge(
 
     \b
       enliven edge --sensor synthetic
-      enliven edge --recording take.mcap --mesh horse.obj --possess-at 2
-      enliven edge --sensor synthetic --host 0.0.0.0 --settings edge.toml
-      enliven edge --recording take.mcap --record performance.mcap --possess-at 1
-      enliven edge --sensor left=oak --sensor right=oak --space space.toml
+      enliven edge --recording TAKE.mcap --mesh HORSE.obj --possess-at 2
+      enliven edge --sensor synthetic --host 0.0.0.0 --settings EDGE.toml
+      enliven edge --recording TAKE.mcap --record performance.mcap --possess-at 1
+      enliven edge --recording LEFT.mcap --recording RIGHT.mcap --space SPACE.toml
       enliven edge --sensor synthetic --physics boxes
-      enliven edge --sensor oak --mesh spider.glb --drive skeleton
-      enliven edge --sensor oak --mesh cactus.toml
+      enliven edge --sensor synthetic --mesh SPIDER.glb --drive skeleton
+      enliven edge --sensor synthetic --mesh CACTUS.toml
     """
     from enliven_edge.physics.settings import PhysicsSettings
     from enliven_edge.settings import EdgeSettings

@@ -77,10 +77,10 @@ def import_recording(
     """Bring a foreign recording in: depth images or skeletons, in any of the known layouts.
 
     \b
-      enliven import person_turn/ -o turn.mcap                    a folder of depth images
-      enliven import gestures/wave.csv -o wave.mcap               one skeleton recording
-      enliven import study.csv --device 10.0.0.7 -o two.mcap      one of several Kinects in a file
-      enliven import "frames/*.u16" --fps 15 -o frames.mcap       images without times
+      enliven import PERSON_TURN/ -o turn.mcap                    a folder of depth images
+      enliven import GESTURES/WAVE.csv -o wave.mcap               one skeleton recording
+      enliven import STUDY.csv --device 10.0.0.7 -o two.mcap      one of several Kinects in a file
+      enliven import "FRAMES/*.u16" --fps 15 -o frames.mcap       images without times
       enliven import --list-readers                               the layouts that are known
     """
     from enliven_edge.importing.base import ImportOptions

@@ -30,8 +30,8 @@ def inspect(
     """Film what the tracker sees and says: skeletons over depth, coloured by confidence, and its health.
 
     \b
-      enliven inspect take.mcap -o take.mp4
-      enliven inspect take.mcap -o take.mp4 --sheet take.png --slow 4
+      enliven inspect TAKE.mcap -o take.mp4
+      enliven inspect TAKE.mcap -o take.mp4 --sheet take.png --slow 4
     """
     import numpy as np
     from PIL import Image

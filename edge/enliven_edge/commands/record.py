@@ -39,7 +39,7 @@ def record(
 
     \b
       enliven record --sensor synthetic --seconds 10 -o take.mcap
-      enliven record --sensor replay --set path=long.mcap --set speed=0 --seconds 5 -o start.mcap
+      enliven record --sensor replay --set path=LONG.mcap --set speed=0 --seconds 5 -o start.mcap
     """
     from enliven.recording import Recorder
     from enliven_edge.sensors.registry import open_sensor

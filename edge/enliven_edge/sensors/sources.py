@@ -1,6 +1,6 @@
 """Where frames come from, as a user says it: a sensor's name or a recording, with a name of one's own or not.
 
-One word says it on the command line, ``synthetic``, ``take.mcap``, ``left=oak``; a table of the settings file
+One word says it on the command line, ``synthetic``, ``take.mcap``, ``left=synthetic``; a table of the settings file
 says more.
 """
 

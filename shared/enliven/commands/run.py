@@ -44,13 +44,13 @@ def run(
 
     \b
       enliven run
-      enliven run --recording take.mcap --mesh horse.obj --possess-at 2
+      enliven run --recording TAKE.mcap --mesh HORSE.obj --possess-at 2
       enliven run --sensor synthetic --window
       enliven run --physics boxes
-      enliven run --mesh horse.obj --settings edge.toml
-      enliven run --mesh spider.glb --drive skeleton --parts arms
+      enliven run --mesh HORSE.obj --settings EDGE.toml
+      enliven run --mesh SPIDER.glb --drive skeleton --parts arms
       enliven run --mesh cactus
-      enliven run --mesh cactus.toml --recording take.mcap
+      enliven run --mesh CACTUS.toml --recording TAKE.mcap
     """
     _need_both_programs()
     for what, path in (("recording", recording), ("file of settings", settings)):

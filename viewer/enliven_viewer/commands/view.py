@@ -43,9 +43,9 @@ def view(
     \b
       enliven view                                 the edge on this machine, in a window
       enliven view --edge 192.168.1.20             an edge on the network
-      enliven view take.mcap                       play a take: space, arrows, drag the timeline
+      enliven view TAKE.mcap                       play a take: space, arrows, drag the timeline
       enliven view --film out.mp4 --sheet out.png  no display needed; ends with the edge's stream
-      enliven view take.mcap --film out.mp4 --size 1920x1080 --no-hud
+      enliven view TAKE.mcap --film out.mp4 --size 1920x1080 --no-hud
 
     Press H in the window for the keys.
     """
