@@ -34,8 +34,9 @@ HELP = """Step into any mesh and bring it alive.
   enliven examples fit SESSION.toml -o out.glb     move a mesh by a few example poses
   enliven doctor                           what this machine lacks, and how to mend it
 
-A file in capitals is one of your own. Exit codes: 0 done, 1 a fault of enliven, 2 wrong usage, 3 an input that cannot be used, 4 something this
-machine lacks (a port, a sensor, OpenGL), 130 interrupted. --log-json, anywhere, makes every line JSON.
+A file in capitals is one of your own. Exit codes: 0 done, 1 a fault of enliven, 2 wrong usage, 3 an
+input that cannot be used, 4 something this machine lacks (a port, a sensor, OpenGL), 130 interrupted.
+--log-json, anywhere, makes every line JSON.
 """
 
 

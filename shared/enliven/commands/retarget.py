@@ -66,7 +66,7 @@ def retarget(
       enliven retarget WALK.bvh HORSE.glb -o out.glb --sheet out.png --write-map map.toml
       enliven retarget WALK.bvh HORSE.glb -o out.glb --map map.toml --start 1 --end 5
       enliven retarget FOX.glb DEER.glb -o out.glb --animation Run
-      enliven retarget PERFORMANCE.mcap SPIDER.glb -o out.glb --travel --pin
+      enliven retarget JOINTS.mcap SPIDER.glb -o out.glb --travel --pin
     """
     # Heavy modules are imported only here, so that the help is quick.
     from enliven.formats.gltf import read_gltf
