@@ -18,6 +18,7 @@ from enliven_viewer.camera import FilmCamera
 from enliven_viewer.document import Document
 from enliven_viewer.encoder import FilmWriter
 from enliven_viewer.feed import Feed
+from enliven_viewer.film_strip import FilmStrip
 from enliven_viewer.hud import clock
 from enliven_viewer.match_cards import cards_of, draw_cards
 from enliven_viewer.puppets import Surfaces
@@ -70,12 +71,11 @@ def make_film(
     with ExitStack() as stack:
         # The file first: a place that cannot be written is better known before the edge starts.
         writer = stack.enter_context(studio.writer(film)) if film else None
+        strip = stack.enter_context(FilmStrip(writer, studio.tiles))
         progress = stack.enter_context(_progress(console))
         task = progress.add_task("Waiting for the first pose", total=seconds, told="")
         for moment, second in _moments(feed, document, studio.settings, seconds):
-            picture = studio.draw(moment, second)
-            if writer:
-                writer.add(picture)
+            strip.add(second, studio.draw(moment, second))
             told = f"{clock(second)}  {1000 * studio.draw_seconds / studio.count:.0f} ms a picture"
             progress.update(task, description="Filming", completed=second, told=told)
     if sheet:
@@ -108,7 +108,7 @@ class _Studio:
         return FilmWriter(path, self.size, film.rate, film.bit_rate)
 
     def draw(self, moment: Moment, second: float) -> UInt8:
-        """(H, W, 3) the picture of a moment, ``second`` seconds into the film."""
+        """(H, W, 4) the picture of a moment, ``second`` seconds into the film; bottom row first."""
         began = time.perf_counter()
         scene = scene_of(self.document, moment, self._look(moment, second), self._surfaces)
         aspect = self.size[0] / self.size[1]
@@ -119,8 +119,7 @@ class _Studio:
             cards = cards_of(scene, view)
             draw_cards(self._canvas, self.size, self.size[1] / 720, self._text, cards)
             self._caption(moment, second)
-        picture = self._renderer.pixels()
-        self.tiles.add(second, picture)
+        picture = self._renderer.picture.raw()
         self.count += 1
         self.draw_seconds += time.perf_counter() - began
         return picture

@@ -20,11 +20,11 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.commands.record import sensor_options
-from enliven_edge.settings import EdgeSettings
 
 if TYPE_CHECKING:
     from enliven_edge.fusion.calibration import Calibration, Pair
     from enliven_edge.fusion.collecting import Collector
+    from enliven_edge.settings import EdgeSettings
 
 log = logging.getLogger(__name__)
 
@@ -60,12 +60,13 @@ def calibrate(
     enough; recordings must have been made at the same time. What was in the file before is kept beside it.
 
     \b
-      enliven calibrate left.mcap right.mcap -o space.toml
-      enliven calibrate left=oak right=oak --set left.serial=1844 --set right.serial=1907
-      enliven calibrate --settings two-sensors.toml
-      enliven edge --recording left.mcap --recording right.mcap --space space.toml
+      enliven calibrate LEFT.mcap RIGHT.mcap -o space.toml
+      enliven calibrate left=ONE.mcap right=TWO.mcap --seconds 30 -o space.toml
+      enliven calibrate --settings TWO-SENSORS.toml
+      enliven edge --recording left=ONE.mcap --recording right=TWO.mcap --space space.toml
     """
     from enliven_edge.sensors.sources import opened, source_of, sources_of
+    from enliven_edge.settings import EdgeSettings
 
     chosen = load_settings(EdgeSettings, settings) if settings else EdgeSettings()
     options = sensor_options(option or [])

@@ -16,18 +16,16 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 
 from enliven.errors import InputError
 from enliven.settings import load_settings
-from enliven_edge.doctor import shipped_recording
-from enliven_edge.physics.engine import need_engine
-from enliven_edge.physics.settings import PhysicsSettings
-from enliven_edge.settings import EdgeSettings, WireSettings
 
 if TYPE_CHECKING:
     from enliven.character import Character
     from enliven_edge.fusion.fused_sensor import FusedSensors
     from enliven_edge.landmarks.eye import ColourEye
     from enliven_edge.physics.playground import Playground
+    from enliven_edge.physics.settings import PhysicsSettings
     from enliven_edge.sensors.base import Sensor
     from enliven_edge.sensors.sources import Source
+    from enliven_edge.settings import EdgeSettings
     from enliven_edge.stage import AnyActor
 
 log = logging.getLogger(__name__)
@@ -36,7 +34,7 @@ log = logging.getLogger(__name__)
 def edge(
     sensor: Annotated[
         list[str] | None,
-        typer.Option(help="A sensor by name, such as synthetic; several: left=oak, right=oak."),
+        typer.Option(help="A sensor by name, such as synthetic; several: NAME=SENSOR."),
     ] = None,
     recording: Annotated[
         list[str] | None, typer.Option(help="Replay this recording instead of a sensor; several: NAME=FILE.")
@@ -88,14 +86,17 @@ def edge(
 
     \b
       enliven edge --sensor synthetic
-      enliven edge --recording take.mcap --mesh horse.obj --possess-at 2
-      enliven edge --sensor synthetic --host 0.0.0.0 --settings edge.toml
-      enliven edge --recording take.mcap --record performance.mcap --possess-at 1
-      enliven edge --sensor left=oak --sensor right=oak --space space.toml
+      enliven edge --recording TAKE.mcap --mesh HORSE.obj --possess-at 2
+      enliven edge --sensor synthetic --host 0.0.0.0 --settings EDGE.toml
+      enliven edge --recording TAKE.mcap --record performance.mcap --possess-at 1
+      enliven edge --recording LEFT.mcap --recording RIGHT.mcap --space SPACE.toml
       enliven edge --sensor synthetic --physics boxes
-      enliven edge --sensor oak --mesh spider.glb --drive skeleton
-      enliven edge --sensor oak --mesh cactus.toml
+      enliven edge --sensor synthetic --mesh SPIDER.glb --drive skeleton
+      enliven edge --sensor synthetic --mesh CACTUS.toml
     """
+    from enliven_edge.physics.settings import PhysicsSettings
+    from enliven_edge.settings import EdgeSettings
+
     chosen = _settings(settings, name=name, host=host, port=port, control_port=control_port)
     if physics is not None:
         world = load_settings(PhysicsSettings, {"world": physics}, where="--physics").world
@@ -124,6 +125,7 @@ def serve(
     from enliven_edge.casting import parts_for
     from enliven_edge.controls.desk import open_controls
     from enliven_edge.outlet import Outlet
+    from enliven_edge.physics.engine import need_engine
     from enliven_edge.service import Edge
     from enliven_edge.stage import Stage
     from enliven_edge.tracking.health import HealthMonitor
@@ -219,6 +221,8 @@ def _playground(chosen: PhysicsSettings, characters: list[Character], live: bool
 
 def _settings(path: Path | None, **overrides: str | int | None) -> EdgeSettings:
     """The settings of the file, with what the command line says on top."""
+    from enliven_edge.settings import EdgeSettings, WireSettings
+
     loaded = load_settings(EdgeSettings, path) if path else EdgeSettings()
     given = {key: value for key, value in overrides.items() if value is not None}
     port = given.get("port")
@@ -239,6 +243,7 @@ def _sources(
 ) -> list[Source]:
     """What was asked for: on the command line, else in the settings, else the shipped recording."""
     from enliven_edge.commands.record import sensor_options
+    from enliven_edge.doctor import shipped_recording
     from enliven_edge.sensors.sources import source_of, sources_of
 
     if len(sensors) == 1 and len(recordings) == 1:

@@ -7,19 +7,18 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from enliven.errors import InputError, ResourceError
-from enliven.frames import DepthFrame, Frame
-from enliven.recording import Recorder
 from enliven_edge.commands.progress import frame_progress
-from enliven_edge.importing.base import ImportOptions, Reader
-from enliven_edge.importing.mirror import mirrored
-from enliven_edge.importing.registry import find_files, find_reader, readers
+
+if TYPE_CHECKING:
+    from enliven.frames import Frame
+    from enliven_edge.importing.base import Reader
 
 
 @dataclass
@@ -36,6 +35,8 @@ class Found:
 
     def add(self, frame: Frame) -> None:
         """Count one frame."""
+        from enliven.frames import DepthFrame
+
         self.first_ns = frame.time_ns if not self.frames else self.first_ns
         self.frames, self.last_ns = self.frames + 1, frame.time_ns
         self.sensors[frame.sensor] += 1
@@ -76,12 +77,16 @@ def import_recording(
     """Bring a foreign recording in: depth images or skeletons, in any of the known layouts.
 
     \b
-      enliven import person_turn/ -o turn.mcap                    a folder of depth images
-      enliven import gestures/wave.csv -o wave.mcap               one skeleton recording
-      enliven import study.csv --device 10.0.0.7 -o two.mcap      one of several Kinects in a file
-      enliven import "frames/*.u16" --fps 15 -o frames.mcap       images without times
+      enliven import PERSON_TURN/ -o turn.mcap                    a folder of depth images
+      enliven import GESTURES/WAVE.csv -o wave.mcap               one skeleton recording
+      enliven import STUDY.csv --device 10.0.0.7 -o two.mcap      one of several Kinects in a file
+      enliven import "FRAMES/*.u16" --fps 15 -o frames.mcap       images without times
       enliven import --list-readers                               the layouts that are known
     """
+    from enliven_edge.importing.base import ImportOptions
+    from enliven_edge.importing.mirror import mirrored
+    from enliven_edge.importing.registry import find_files, find_reader
+
     console = Console()
     if list_readers:
         console.print(_reader_table())
@@ -110,6 +115,8 @@ def write_recording(
     Raises:
         InputError: where the output exists already, or a file cannot be understood; nothing is left behind.
     """
+    from enliven.recording import Recorder
+
     if output.exists() and not overwrite:
         raise InputError("the file exists already", where=str(output), mend="Add --overwrite to replace it.")
     passing = output.with_name(output.name + ".part")
@@ -141,6 +148,8 @@ def _rename(passing: Path, output: Path) -> None:
 
 
 def _reader_table() -> Table:
+    from enliven_edge.importing.registry import readers
+
     table = Table("reader", "layout", "note")
     for reader in readers().values():
         table.add_row(reader.name, reader.description, reader.note)

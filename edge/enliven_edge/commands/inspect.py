@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
-from PIL import Image
 from rich.progress import track
 
-from enliven.arrays import UInt8
 from enliven.errors import InputError
-from enliven.frames import DepthFrame
-from enliven.recording import DEPTH_TOPIC, Recording
-from enliven_edge.inspection.film import Film
-from enliven_edge.inspection.inspector import Inspector
-from enliven_edge.inspection.picture import contact_sheet
-from enliven_edge.tracking.tracker import Tracker
+
+if TYPE_CHECKING:
+    from enliven.arrays import UInt8
+    from enliven.recording import Recording
 
 _USUAL_RATE = 30.0
 
@@ -35,9 +30,19 @@ def inspect(
     """Film what the tracker sees and says: skeletons over depth, coloured by confidence, and its health.
 
     \b
-      enliven inspect take.mcap -o take.mp4
-      enliven inspect take.mcap -o take.mp4 --sheet take.png --slow 4
+      enliven inspect TAKE.mcap -o take.mp4
+      enliven inspect TAKE.mcap -o take.mp4 --sheet take.png --slow 4
     """
+    import numpy as np
+    from PIL import Image
+
+    from enliven.frames import DepthFrame
+    from enliven.recording import DEPTH_TOPIC, Recording
+    from enliven_edge.inspection.film import Film
+    from enliven_edge.inspection.inspector import Inspector
+    from enliven_edge.inspection.picture import contact_sheet
+    from enliven_edge.tracking.tracker import Tracker
+
     source = Recording(recording)
     count = source.info.topics[DEPTH_TOPIC].count if DEPTH_TOPIC in source.info.topics else 0
     if count == 0:

@@ -7,16 +7,17 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 
 from enliven.errors import InputError
-from enliven.recording import Recorder
 from enliven_edge.commands.progress import frame_progress
-from enliven_edge.sensors.base import Sensor
-from enliven_edge.sensors.registry import open_sensor
+
+if TYPE_CHECKING:
+    from enliven.recording import Recorder
+    from enliven_edge.sensors.base import Sensor
 
 _PATIENCE = 0.25
 """Seconds to wait for a frame before looking whether to stop and handing what there is to the disk."""
@@ -38,8 +39,11 @@ def record(
 
     \b
       enliven record --sensor synthetic --seconds 10 -o take.mcap
-      enliven record --sensor replay --set path=long.mcap --set speed=0 --seconds 5 -o start.mcap
+      enliven record --sensor replay --set path=LONG.mcap --set speed=0 --seconds 5 -o start.mcap
     """
+    from enliven.recording import Recorder
+    from enliven_edge.sensors.registry import open_sensor
+
     console = Console()
     with (
         open_sensor(sensor, **sensor_options(setting or [])) as stream,

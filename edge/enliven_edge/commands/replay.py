@@ -26,9 +26,9 @@ def replay(
     """Send a recording through the edge: tracked, driven and published like a live sensor.
 
     \b
-      enliven replay take.mcap
-      enliven replay take.mcap --speed 0.5 --loop
-      enliven replay take.mcap --fast --record performance.mcap
+      enliven replay TAKE.mcap
+      enliven replay TAKE.mcap --speed 0.5 --loop
+      enliven replay TAKE.mcap --fast --record performance.mcap
     """
     edge(
         recording=[str(recording)],

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.progress import track
 
-from enliven.frames import BodyFrame
-from enliven.recording import Recorder
 from enliven.settings import load_settings
-from enliven_edge.sensors.profile import load_profile
-from enliven_edge.synthesis.studio import Studio, StudioSettings
+
+if TYPE_CHECKING:
+    from enliven.recording import Recorder
+    from enliven_edge.synthesis.studio import Studio
 
 
 def synthesize(
@@ -36,6 +36,10 @@ def synthesize(
       enliven synthesize -o chair.mcap             the recording that ships with enliven, again
       enliven synthesize -o wave.mcap --choreography wave --profile oak-d --width 0
     """
+    from enliven.recording import Recorder
+    from enliven_edge.sensors.profile import load_profile
+    from enliven_edge.synthesis.studio import Studio, StudioSettings
+
     values = {"choreography": choreography, "seed": seed, "width": width, "noise": noise}
     studio = Studio(load_profile(profile), load_settings(StudioSettings, values, where="synthesize"))
     with Recorder(output, compression_level=level, sync_seconds=math.inf, overwrite=overwrite) as recorder:
@@ -49,6 +53,8 @@ def synthesize(
 
 def write_performance(studio: Studio, recorder: Recorder) -> Iterator[int]:
     """Write one run of the choreography, depth and truth; yields each frame's number when it is written."""
+    from enliven.frames import BodyFrame
+
     for index in range(studio.frames):
         frame = studio.frame(index)
         recorder.write_frame(frame)

@@ -1,7 +1,7 @@
 """Where frames come from, as a user says it: a sensor's name or a recording, with a name of one's own or not.
 
-One word says it on the command line, ``synthetic``, ``take.mcap``, ``left=oak``; a table of the settings file
-says more.
+One word says it on the command line, ``synthetic``, ``take.mcap``, ``left=synthetic``; a table of the
+settings file says more.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ def _examples() -> None:
     """Move a mesh by a few example poses: a session says what poses of a performer mean on it.
 
     \b
-      enliven examples new cactus.off traffic.bvh -o cactus.toml --height 1.5
+      enliven examples new CACTUS.off TRAFFIC.bvh -o cactus.toml --height 1.5
       enliven examples check cactus.toml
       enliven examples fit cactus.toml -o cactus.glb --sheet cactus.png
     """
@@ -57,8 +57,8 @@ def new(
     is as at its time: by hand in the file, or in the studio.
 
     \b
-      enliven examples new cactus.off traffic.bvh -o cactus.toml --height 1.5
-      enliven examples new trex.ply walk.bvh -o trex.toml --up z --turned 90 --poses 4
+      enliven examples new CACTUS.off TRAFFIC.bvh -o cactus.toml --height 1.5
+      enliven examples new TREX.ply WALK.bvh -o trex.toml --up z --turned 90 --poses 4
     """
     from enliven.formats.example_session import fitted
     from enliven.formats.session_tables import MeshTable, TakeTable
@@ -93,8 +93,8 @@ def check(
     The exit code is 3 where something is missing.
 
     \b
-      enliven examples check cactus.toml
-      enliven examples check show.enliven --puppet cactus
+      enliven examples check CACTUS.toml
+      enliven examples check SHOW.enliven --puppet cactus
     """
     from enliven.examples.coverage import coverage_of, unposed
     from enliven.examples.puppet_motion import missing, motion_of
@@ -141,10 +141,10 @@ def fit(
     """Move the mesh as its examples say: the file that the studio's panel makes.
 
     \b
-      enliven examples fit cactus.toml -o cactus.glb
-      enliven examples fit cactus.toml -o cactus.glb --sheet cactus.png --end 5
-      enliven examples fit show.enliven --puppet cactus -o cactus.mcap
-      enliven examples fit cactus.toml -o cactus.enliven
+      enliven examples fit CACTUS.toml -o cactus.glb
+      enliven examples fit CACTUS.toml -o cactus.glb --sheet cactus.png --end 5
+      enliven examples fit SHOW.enliven --puppet cactus -o cactus.mcap
+      enliven examples fit CACTUS.toml -o cactus.enliven
     """
     from enliven.examples.puppet_motion import missing, motion_of
 

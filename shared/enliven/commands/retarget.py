@@ -62,11 +62,11 @@ def retarget(
     """Move a model by a motion: whole body at once, or as a mapping file says.
 
     \b
-      enliven retarget walk.bvh horse.glb -o out.glb
-      enliven retarget walk.bvh horse.glb -o out.glb --sheet out.png --write-map map.toml
-      enliven retarget walk.bvh horse.glb -o out.glb --map map.toml --start 1 --end 5
-      enliven retarget fox.glb deer.glb -o out.glb --animation Run
-      enliven retarget take.mcap spider.glb -o out.glb --travel --pin
+      enliven retarget WALK.bvh HORSE.glb -o out.glb
+      enliven retarget WALK.bvh HORSE.glb -o out.glb --sheet out.png --write-map map.toml
+      enliven retarget WALK.bvh HORSE.glb -o out.glb --map map.toml --start 1 --end 5
+      enliven retarget FOX.glb DEER.glb -o out.glb --animation Run
+      enliven retarget JOINTS.mcap SPIDER.glb -o out.glb --travel --pin
     """
     # Heavy modules are imported only here, so that the help is quick.
     from enliven.formats.gltf import read_gltf

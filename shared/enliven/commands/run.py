@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import typer
@@ -14,6 +15,8 @@ from enliven.errors import InputError, ResourceError
 from enliven.wire.ports import free_ports
 
 _FILM_SECONDS = 10.0
+_PATIENCE = 600.0
+"""Seconds in which an edge compiles everything on a slow machine; one that fails ends the run at once."""
 
 
 def run(
@@ -41,13 +44,13 @@ def run(
 
     \b
       enliven run
-      enliven run --recording take.mcap --mesh horse.obj --possess-at 2
+      enliven run --recording TAKE.mcap --mesh HORSE.obj --possess-at 2
       enliven run --sensor synthetic --window
       enliven run --physics boxes
-      enliven run --mesh horse.obj --settings edge.toml
-      enliven run --mesh spider.glb --drive skeleton --parts arms
+      enliven run --mesh HORSE.obj --settings EDGE.toml
+      enliven run --mesh SPIDER.glb --drive skeleton --parts arms
       enliven run --mesh cactus
-      enliven run --mesh cactus.toml --recording take.mcap
+      enliven run --mesh CACTUS.toml --recording TAKE.mcap
     """
     _need_both_programs()
     for what, path in (("recording", recording), ("file of settings", settings)):
@@ -68,9 +71,9 @@ def run(
     edge += ["--drive", drive] if drive else []
     edge += ["--settings", str(settings)] if settings else []
     view = _view_arguments(out, ports, as_film)
-    # The edge compiles and prepares the mesh before it listens, a minute the very first time.
-    first = Process("edge", edge, ready=lambda: is_listening("127.0.0.1", ports[0]))
-    code = run_together([first, Process("viewer", view, leads=True)])
+    code = run_together(
+        [Process("edge", edge, ready=_ready(ports, as_film)), Process("viewer", view, leads=True)]
+    )
     if code:
         raise typer.Exit(code)
     if as_film:
@@ -82,6 +85,14 @@ def has_display() -> bool:
     if sys.platform in ("win32", "darwin"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _ready(ports: tuple[int, ...], as_film: bool) -> Callable[[], bool]:
+    """Says when to start the viewer: a film's at once, a window when there is something to see in it.
+
+    The edge compiles and prepares the mesh before it listens, a minute the very first time.
+    """
+    return lambda: as_film or is_listening("127.0.0.1", ports[0])
 
 
 def _need_both_programs() -> None:
@@ -124,4 +135,5 @@ def _view_arguments(out: Path, ports: tuple[int, ...], as_film: bool) -> list[st
     arguments = ["view", "--edge", "127.0.0.1", "--port", str(ports[0]), "--control-port", str(ports[1])]
     if as_film:
         arguments += ["--film", str(out / "enliven.mp4"), "--sheet", str(out / "enliven.png")]
+        arguments += ["--wait", f"{_PATIENCE:g}"]
     return arguments

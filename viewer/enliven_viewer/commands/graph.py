@@ -32,9 +32,9 @@ def graph(
     """Draw the deformation graph that a mesh would be possessed by, from three sides.
 
     \b
-      enliven graph horse.obj -o horse.png
+      enliven graph HORSE.obj -o horse.png
       enliven graph chair -o chair.png --nodes 256
-      enliven graph scan.ply -o scan.png --up z --radius 0.1
+      enliven graph SCAN.ply -o scan.png --up z --radius 0.1
 
     Nodes that part the graph, and the edges that a part hangs by, are marked: KinEtre's E_rig acts there.
     """

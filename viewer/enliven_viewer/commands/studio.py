@@ -26,9 +26,9 @@ def studio(
 
     \b
       enliven studio                     an empty stage: sketch a part with S
-      enliven studio spider.glb walk.bvh a model, and a take to give it
-      enliven studio cactus.ply walk.bvh a mesh without a skeleton, to act by examples
-      enliven studio squid.enliven       go on with a project
+      enliven studio SPIDER.glb WALK.bvh a model, and a take to give it
+      enliven studio CACTUS.ply WALK.bvh a mesh without a skeleton, to act by examples
+      enliven studio SQUID.enliven       go on with a project
 
     Press F1 in the window for the keys.
     """

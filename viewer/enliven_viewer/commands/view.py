@@ -32,6 +32,9 @@ def view(
     ] = None,
     size: Annotated[str | None, typer.Option(help="Of window or film, such as 1920x1080.")] = None,
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Stop after this long.")] = None,
+    wait: Annotated[
+        float | None, typer.Option(min=0.0, help="Seconds a film waits for an edge; else by the settings.")
+    ] = None,
     hud: Annotated[bool, typer.Option(help="Whether anything is written over the picture.")] = True,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
 ) -> None:
@@ -40,13 +43,15 @@ def view(
     \b
       enliven view                                 the edge on this machine, in a window
       enliven view --edge 192.168.1.20             an edge on the network
-      enliven view take.mcap                       play a take: space, arrows, drag the timeline
+      enliven view TAKE.mcap                       play a take: space, arrows, drag the timeline
       enliven view --film out.mp4 --sheet out.png  no display needed; ends with the edge's stream
-      enliven view take.mcap --film out.mp4 --size 1920x1080 --no-hud
+      enliven view TAKE.mcap --film out.mp4 --size 1920x1080 --no-hud
 
     Press H in the window for the keys.
     """
     chosen = _sized(load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size)
+    if wait is not None:
+        chosen = replace(chosen, film=replace(chosen.film, patience=wait))
     filming = film is not None or sheet is not None
     if not filming and not has_display():
         raise ResourceError(

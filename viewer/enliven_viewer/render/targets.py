@@ -40,14 +40,22 @@ class Picture:
 
     def pixels(self) -> UInt8:
         """(H, W, 3) sRGB of the resolved picture, top row first."""
+        return upright(self.raw())
+
+    def raw(self) -> UInt8:
+        """(H, W, 4) the resolved picture as OpenGL keeps it, bottom row first."""
         width, height = self.size
-        raw = np.frombuffer(self.resolved.read(components=4), np.uint8).reshape(height, width, 4)
-        return np.ascontiguousarray(raw[::-1, :, :3])
+        return np.frombuffer(self.resolved.read(components=4), np.uint8).reshape(height, width, 4)
 
     def release(self) -> None:
         """Give the GPU's memory back."""
         for item in reversed(self._own):
             item.release()  # type: ignore[attr-defined]
+
+
+def upright(raw: UInt8) -> UInt8:
+    """(H, W, 3) sRGB, top row first, of a picture as OpenGL keeps it, (H, W, 4)."""
+    return np.ascontiguousarray(raw[::-1, :, :3])
 
 
 def _available(ctx: moderngl.Context, wanted: int) -> int:

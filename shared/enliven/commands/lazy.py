@@ -1,0 +1,113 @@
+"""The group of all installed commands: listed from their source, imported only when one is asked for."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from enliven.errors import EnlivenError
+
+GROUP = "enliven.commands"
+"""The entry points that packages contribute their commands by."""
+
+_ORDER = (
+    "run",
+    "edge",
+    "view",
+    "import",
+    "record",
+    "replay",
+    "calibrate",
+    "synthesize",
+    "graph",
+    "retarget",
+    "examples",
+    "doctor",
+)
+
+
+class LazyCommands(TyperGroup):
+    """A command group whose members are the entry points; a command's module is imported when it is used."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The names of all installed commands, the usual ones first."""
+        return list(contributed())
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command of that name with its module imported, or None."""
+        entry = contributed().get(cmd_name)
+        if entry is not None and cmd_name not in self.commands:
+            self.commands[cmd_name] = _command(entry)
+        return self.commands.get(cmd_name)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """As the base does; the names of all commands are there to suggest one for a misspelt name."""
+        if args and args[0] not in contributed():
+            for name in contributed():
+                self.get_command(ctx, name)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Writes a line for each command, without importing any."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, summary(entry)) for name, entry in contributed().items()])
+
+
+def contributed() -> dict[str, EntryPoint]:
+    """The commands of all installed packages by name, the usual ones first."""
+    found = {entry.name: entry for entry in entry_points(group=GROUP)}
+    order = sorted(found, key=lambda name: (_ORDER.index(name) if name in _ORDER else len(_ORDER), name))
+    return {name: found[name] for name in order}
+
+
+def summary(entry: EntryPoint) -> str:
+    """The first line of a command's docstring as its source has it; empty where there is no source."""
+    try:
+        spec = importlib.util.find_spec(entry.module)
+        tree = ast.parse(Path(spec.origin).read_bytes()) if spec and spec.origin else ast.Module([], [])
+    except (ImportError, OSError, SyntaxError, ValueError):
+        return ""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and _is_of(node, entry.attr):
+            return (ast.get_docstring(node) or "").partition("\n")[0]
+    return ""
+
+
+def _is_of(function: ast.FunctionDef, name: str) -> bool:
+    """Whether a function is the command ``name``, or the callback of the group of commands ``name``."""
+    decorators = {ast.unparse(decorator) for decorator in function.decorator_list}
+    return function.name == name or f"{name}.callback()" in decorators
+
+
+def _command(entry: EntryPoint) -> Any:
+    """The command, or the group of commands, of an entry point."""
+    app = typer.Typer(add_completion=False, rich_markup_mode=None)
+    app.callback()(lambda: None)
+    found = _loaded(entry)
+    if isinstance(found, typer.Typer):
+        app.add_typer(found, name=entry.name)
+    else:
+        app.command(entry.name)(found)
+    group: Any = typer.main.get_command(app)
+    return group.commands[entry.name]
+
+
+def _loaded(entry: EntryPoint) -> Any:
+    """The command's function, or its typer group; where it cannot be imported, a function that says so."""
+    try:
+        return entry.load()
+    except ImportError as error:
+        reason = str(error)
+
+        def broken() -> None:
+            raise EnlivenError(
+                f"the command {entry.name!r} cannot be loaded: {reason}", mend="Install it again."
+            )
+
+        return broken

@@ -1,0 +1,141 @@
+"""Every block of code of the documents runs as it stands, in a folder that holds only one's own files."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from blocks import PAGES, ROOT, Block, blocks_of
+from own_files import make_own_files
+
+import enliven.commands.run as run_command
+import enliven_viewer.commands.studio as studio_command
+import enliven_viewer.studio.window as studio_window
+from enliven import cli
+from enliven.mapping.plan_file import read_plan
+from enliven.settings import load_settings
+from enliven_edge.settings import EdgeSettings
+from enliven_edge.tracking.model import lengths_for_height
+from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.ranges import standing
+from enliven_viewer.studio.settings import StudioSettings
+
+BLOCKS = [block for page in PAGES for block in blocks_of(page)]
+BOUNDS = {
+    "edge": ["--seconds", "1.4", "--speed", "0", "--port", "0"],
+    "replay": ["--fast", "--port", "0"],
+    "view": ["--film", "bounded.mp4", "--seconds", "0.1", "--size", "160x90"],
+    "inspect": ["--frames", "3"],
+    "synthesize": ["--width", "80", "--level", "1"],
+    "studio": ["--seconds", "0.1"],
+}
+"""What is added to a command line so that it ends soon. Of an option that is given twice the last counts."""
+TELLS = {"doctor": 4, "examples": 3}
+"""Exit codes of commands that tell what is lacking: on this machine, or in a session with no poses yet."""
+
+
+def pages_of(kind: str) -> list[Path]:
+    """The documents that have blocks of that kind which are to be run."""
+    return [page for page in PAGES if runnable(page, kind)]
+
+
+def runnable(page: Path, kind: str) -> list[Block]:
+    return [block for block in BLOCKS if block.page == page and block.kind == kind and not block.reason]
+
+
+def named(pages: list[Path]):
+    return pytest.mark.parametrize("page", pages, ids=[str(page.relative_to(ROOT)) for page in pages])
+
+
+def test_every_block_is_run_or_says_why_not():
+    assert [str(b) for b in BLOCKS if b.kind not in ("shell", "python", "toml") and not b.reason] == []
+    assert sum(not block.reason for block in BLOCKS) > 0.7 * len(BLOCKS)
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory) -> Path:
+    """A folder with the files in capitals, and the folder that ships beside them."""
+    folder = tmp_path_factory.mktemp("own")
+    make_own_files(folder)
+    (folder / "firmware_configs").symlink_to(ROOT / "firmware_configs")
+    return folder
+
+
+@pytest.fixture
+def place(own, tmp_path, monkeypatch) -> Path:
+    """An empty working folder in which one's own files are found."""
+    for file in own.iterdir():
+        (tmp_path / file.name).symlink_to(file)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path
+
+
+@pytest.fixture
+def without_processes(monkeypatch):
+    """``enliven run`` runs its edge here, and reads its viewer's line; the studio's window closes at once."""
+
+    def here(processes) -> int:
+        edge, view = (list(process.arguments) for process in processes)
+        edge[edge.index("--wait-for-viewer") + 1] = "0"
+        from test_command_lines import parse
+
+        assert parse(view).params["edge"] == "127.0.0.1"
+        return cli.run([*edge, *BOUNDS["edge"]])
+
+    class Closed:
+        def __init__(self, desk) -> None:
+            self.desk = desk
+
+        def run(self, seconds: float | None = None) -> None:
+            assert self.desk.editor is not None
+
+    monkeypatch.setattr(run_command, "run_together", here)
+    monkeypatch.setattr(studio_command, "has_display", lambda: True)
+    monkeypatch.setattr(studio_window, "StudioWindow", Closed)
+
+
+@named(pages_of("shell"))
+def test_the_commands_of_a_document_run(page, place, without_processes, capsys):
+    for block in runnable(page, "shell"):
+        for words in block.commands:
+            if words[0] != "enliven" or "COMMAND" in words:
+                continue
+            code = cli.run([*words[1:], *BOUNDS.get(words[1], [])])
+            assert code in (0, TELLS.get(words[1])), f"{block}: {' '.join(words)}: {capsys.readouterr().err}"
+
+
+GIVEN = {
+    "shared/README.md": lambda: {"joints": _standing(0.0), "moved_joints": _standing(0.1)},
+}
+"""What a document's code says that the reader has."""
+
+
+def _standing(moved: float) -> np.ndarray:
+    """(20, 3) joints of a person who stands in the chair, ``moved`` metres to the left."""
+    place = np.array([moved, 0.95, 0.0])
+    return Posture(place, standing(elbow=1.5), lengths_for_height(1.75)).joints()
+
+
+@named(pages_of("python"))
+def test_the_code_of_a_document_runs(page, place, capsys):
+    names = GIVEN.get(str(page.relative_to(ROOT)), dict)()
+    for block in runnable(page, "python"):
+        exec(compile("\n" * (block.line - 1) + block.text, str(page), "exec"), names)
+
+
+@pytest.mark.parametrize("block", [b for b in BLOCKS if b.kind == "toml" and not b.reason], ids=str)
+def test_the_settings_of_a_document_are_settings(block, tmp_path):
+    values = tomllib.loads(block.text)
+    path = tmp_path / "page.toml"
+    path.write_text(block.text)
+    if "chain" in values:
+        assert len(read_plan(path).chains) == len(values["chain"])
+    elif block.page.name == "studio.md":
+        assert load_settings(StudioSettings, path).width == values["width"]
+    elif block.page.name == "examples.md":
+        assert {"mesh", "take"} <= set(values)  # tests/shared/examples/test_examples_doc.py plays it
+    else:
+        assert load_settings(EdgeSettings, path) != EdgeSettings()

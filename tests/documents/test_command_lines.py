@@ -1,0 +1,122 @@
+"""Every command line of documents and helps can be typed: its options exist, its files ship or were made."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from blocks import PAGES, ROOT, TOOLS, Block, blocks_of
+
+from enliven.cli import HELP, application
+from enliven_edge.sensors.registry import sensor_names
+
+GROUP = application()
+MADE = ("-o", "--output", "--record", "--film", "--sheet", "--write-map")
+"""Options that name a file to be written."""
+FILE = re.compile(r"(?:\w+=)?([\w/*.-]+\.[a-z]\w+)(?:#\w+)?")
+
+
+def leaves(command, name):
+    """(name, command) of a command, or of every command of a group."""
+    with command.make_context(name, [], resilient_parsing=True) as context:
+        names = command.list_commands(context) if hasattr(command, "list_commands") else []
+        members = [(f"{name} {word}", command.get_command(context, word)) for word in names]
+    return [(name, command)] + [leaf for word, member in members for leaf in leaves(member, word)]
+
+
+COMMANDS = dict(leaves(GROUP, "enliven"))
+
+
+def parse(words: list[str]):
+    """The context of a command line without its first word, as the program would run it.
+
+    Raises:
+        Exception: a usage error of click's or typer's.
+    """
+    with GROUP.make_context("enliven", list(words)) as context:
+        name, command, rest = GROUP.resolve_command(context, words)
+        while hasattr(command, "list_commands"):
+            with command.make_context(name, list(rest), parent=context) as context:
+                name, command, rest = command.resolve_command(context, rest)
+        return command.make_context(name, list(rest), parent=context)
+
+
+def of_help(name: str) -> list[list[str]]:
+    """The examples of a command's help; what is said beside one is two spaces or a # away."""
+    text = HELP if name == "enliven" else COMMANDS[name].help or ""
+    lines = re.findall(r"^ *(enliven .*)$", text, re.MULTILINE)
+    return [shlex.split(re.split(r"\s{2,}| \| ", line)[0], comments=True) for line in lines]
+
+
+SHELL = [block for page in PAGES for block in blocks_of(page) if block.kind == "shell"]
+HELPS = [name for name in COMMANDS if of_help(name)]
+
+
+def checked(words: list[str], where) -> None:
+    try:
+        context = parse(words[1:])
+    except Exception as error:
+        pytest.fail(f"{where}: {shlex.join(words)}: {error}")
+    for sensor in _several(context.params.get("sensor")):
+        assert sensor.rpartition("=")[2] in sensor_names(), f"{where}: {shlex.join(words)}"
+
+
+def _several(value) -> list[str]:
+    return [value] if isinstance(value, str) else list(value or [])
+
+
+@pytest.mark.parametrize("name", HELPS)
+def test_every_example_of_a_help_parses(name):
+    for words in of_help(name):
+        checked(words, name)
+
+
+def test_a_wrong_option_or_sensor_is_found():
+    for line in ("enliven edge --sensr synthetic", "enliven edge --sensor oak", "enliven examples fit"):
+        with pytest.raises(pytest.fail.Exception if "oak" not in line else AssertionError):
+            checked(line.split(), "here")
+
+
+@pytest.mark.parametrize("block", SHELL, ids=str)
+def test_every_command_line_of_a_document_parses(block: Block):
+    for words in block.commands:
+        assert words[0] in TOOLS, words
+        if words[0] == "enliven" and "COMMAND" not in words:
+            checked(words, block)
+        elif words[0] == "make":
+            assert re.search(rf"^{words[1]}:", (ROOT / "Makefile").read_text(), re.MULTILINE), words
+        elif words[0] == ".venv/bin/python":
+            assert (ROOT / words[1]).exists(), words
+
+
+def unmade(commands: list[list[str]]) -> list[str]:
+    """Files in lower case that a line reads and no line before it makes, and that do not ship."""
+    made: set[str] = set()
+    missing = []
+    for words in commands:
+        for before, word in zip(["", *words], words, strict=False):
+            named = FILE.fullmatch(word)
+            if not named or before in ("--edge", "--host") or words[0] != "enliven":
+                continue
+            name = Path(named[1])
+            own = (
+                name.stem.strip("*/").upper() == name.stem.strip("*/")
+                or str(name.parent) == str(name.parent).upper() != "."
+            )
+            if before not in MADE and named[1] not in made and not own and not (ROOT / name).exists():
+                missing.append(named[1])
+        made |= {word for before, word in itertools.pairwise(words) if before in MADE}
+    return missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_a_document_names_only_what_ships_was_made_before_or_is_in_capitals(page):
+    assert not unmade([words for block in SHELL if block.page == page for words in block.commands])
+
+
+@pytest.mark.parametrize("name", HELPS)
+def test_a_help_names_only_what_was_made_before_or_is_in_capitals(name):
+    assert not unmade(of_help(name))

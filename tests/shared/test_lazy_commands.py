@@ -1,0 +1,68 @@
+"""The list of commands and the help of each one need no numerical library: they appear at once."""
+
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+
+import pytest
+
+from enliven.cli import application
+from enliven.commands.lazy import LazyCommands, contributed, summary
+
+HEAVY = ("numpy", "numba", "scipy", "msgspec", "trimesh", "moderngl", "zmq")
+"""Libraries that take from 0.1 to 2 s to import."""
+
+ASKED = f"""
+import contextlib, io, sys
+from enliven import cli
+for words in {{lists}}:
+    with contextlib.redirect_stdout(io.StringIO()) as shown:
+        assert cli.run([*words, "--help"]) == 0, words
+    assert "Usage: " in shown.getvalue()
+    print(*words, *(name for name in {HEAVY} if name in sys.modules))
+"""
+
+
+def imported_by_help_of(*lists: list[str]) -> list[str]:
+    """A line for each command line: its words, and the heavy libraries in the process after its help."""
+    code = ASKED.format(lists=list(lists))
+    command = [sys.executable, "-c", code]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=120, check=True
+    ).stdout.splitlines()
+
+
+def test_the_list_of_commands_imports_no_command():
+    assert imported_by_help_of([]) == [""]
+
+
+def test_the_help_of_every_command_imports_nothing_heavy():
+    names = [[name] for name in contributed()]
+    assert imported_by_help_of(*names) == [name for (name,) in names]
+
+
+def test_a_summary_is_the_first_line_of_the_command_s_help():
+    group = application()
+    assert isinstance(group, LazyCommands)
+    for name, entry in contributed().items():
+        first = summary(entry)
+        assert first and group.get_command(None, name).help.startswith(first), name
+
+
+def test_a_command_whose_package_is_broken_is_listed_and_says_so(monkeypatch, capsys):
+    broken = EntryPoint("broken", "enliven.no_such_module:broken", "enliven.commands")
+    monkeypatch.setattr("enliven.commands.lazy.contributed", lambda: {"broken": broken})
+    from enliven import cli
+
+    assert cli.run(["--help"]) == 0
+    assert "\n  broken" in capsys.readouterr().out
+    assert cli.run(["broken"]) == 1
+    assert "'broken' cannot be loaded: No module named 'enliven.no_such_module'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["vieww", "edg"])
+def test_a_misspelt_command_is_wrong_usage_and_names_the_nearest(name, capsys):
+    from enliven import cli
+
+    assert cli.run([name]) == 2
+    assert f"'{name}'" in capsys.readouterr().err
