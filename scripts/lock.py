@@ -1,10 +1,10 @@
-"""Write locks/run.txt and locks/dev.txt: constraints.txt with the SHA-256 of every wheel that may be installed.
+"""Write locks/run.txt and locks/dev.txt: constraints.txt with the SHA-256 of each wheel.
 
     .venv/bin/python scripts/lock.py
 
-The index is asked by pip's own client, as pip is configured here; only names, versions and hashes are written.
-What pip offers for this holds one platform at a time (`pip lock`), so the list of a release's files is read by pip's
-inner parts. constraints.txt pins pip, and with it these.
+The index is asked by pip's own client, as pip is configured here; names, versions and hashes are written, no
+addresses. `pip lock` knows one platform at a time, so the files of a release are read by pip's inner parts;
+constraints.txt pins pip, and with it these.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, distribution, requires
 from pathlib import Path
 
@@ -21,6 +22,8 @@ from packaging.requirements import Requirement
 from packaging.tags import Tag
 from packaging.utils import InvalidWheelFilename, canonicalize_name, parse_wheel_filename
 
+Wheels = dict[tuple[str, str], dict[str, frozenset[Tag]]]
+"""By name and version: the tags of each wheel, by its SHA-256."""
 HOUSE = Path(__file__).parents[1]
 PACKAGES = ("shared", "edge", "viewer")
 EXTRAS = {"shared": ("test",), "edge": ("physics", "controls", "voice"), "viewer": ()}
@@ -34,11 +37,15 @@ MACHINES = (
     {"sys_platform": "linux", "platform_system": "Linux", "os_name": "posix", "platform_machine": "x86_64"},
     {"sys_platform": "linux", "platform_system": "Linux", "os_name": "posix", "platform_machine": "aarch64"},
     {"sys_platform": "darwin", "platform_system": "Darwin", "os_name": "posix", "platform_machine": "arm64"},
-    {"sys_platform": "darwin", "platform_system": "Darwin", "os_name": "posix", "platform_machine": "x86_64"},
     {"sys_platform": "win32", "platform_system": "Windows", "os_name": "nt", "platform_machine": "AMD64"},
 )
-PLATFORM = re.compile(r"any|manylinux.*_(x86_64|aarch64)|macosx_.*|win_amd64")
-"""Platforms of wheels that run on one of MACHINES."""
+PLATFORMS = {
+    "x86_64": re.compile(r"any|manylinux.*_x86_64"),
+    "aarch64": re.compile(r"any|manylinux.*_aarch64"),
+    "arm64": re.compile(r"any|macosx_.*_(arm64|universal2)"),
+    "AMD64": re.compile(r"any|win_amd64"),
+}
+"""Platforms of the wheels that run on each of MACHINES; Numba has none for a Mac with an Intel processor."""
 
 
 def environments() -> Iterator[dict[str, str]]:
@@ -85,21 +92,17 @@ def wanted(kind: str) -> list[str]:
 def needed(asked: Iterable[str], where: dict[str, str]) -> set[str]:
     """Canonical names of all that is needed in an environment, by the metadata of what is installed here."""
     found: set[tuple[str, str]] = set()
-    open_ = [Requirement(line) for line in asked]
-    while open_:
-        requirement = open_.pop()
-        for extra in ("", *requirement.extras):
-            at = (canonicalize_name(requirement.name), extra)
-            if at in found:
-                continue
-            found.add(at)
-            try:
-                inner = [Requirement(line) for line in requires(at[0]) or ()]
-            except PackageNotFoundError:
-                continue
-            open_ += [
-                one for one in inner if one.marker is None or one.marker.evaluate({**where, "extra": extra})
-            ]
+    queue = [(Requirement(line), "") for line in asked]
+    while queue:
+        requirement, extra = queue.pop()
+        if requirement.marker is not None and not requirement.marker.evaluate({**where, "extra": extra}):
+            continue
+        for asked_for in ("", *requirement.extras):
+            at = (canonicalize_name(requirement.name), asked_for)
+            if at not in found:
+                found.add(at)
+                with suppress(PackageNotFoundError):
+                    queue += [(Requirement(line), asked_for) for line in requires(at[0]) or ()]
     return {name for name, _ in found}
 
 
@@ -112,26 +115,31 @@ def absent(names: Iterable[str]) -> Iterator[str]:
             yield name
 
 
-def fits(tag: Tag) -> bool:
-    """Whether a wheel's tag runs on one of PYTHONS and MACHINES."""
-    mine = re.fullmatch(r"cp3(\d+)", tag.interpreter)
-    if mine:
-        minor, stable = int(mine[1]), tag.abi in ("abi3", "none")
-        python = minor <= PYTHONS[-1] if stable else minor in PYTHONS and tag.abi == tag.interpreter
+def fits(tag: Tag, where: dict[str, str]) -> bool:
+    """Whether a wheel with this tag runs in an environment."""
+    minor = int(where["python_version"].removeprefix("3."))
+    made_for = re.fullmatch(r"cp3(\d+)", tag.interpreter)
+    if made_for is None:
+        python = tag.interpreter in ("py3", f"py3{minor}") and tag.abi == "none"
+    elif tag.abi in ("abi3", "none"):
+        python = int(made_for[1]) <= minor
     else:
-        python = tag.interpreter in ("py3", *(f"py3{minor}" for minor in PYTHONS)) and tag.abi == "none"
-    return python and PLATFORM.fullmatch(tag.platform) is not None
+        python = tag.interpreter == tag.abi == f"cp3{minor}"
+    return python and PLATFORMS[where["platform_machine"]].fullmatch(tag.platform) is not None
 
 
-def wheels(names: Iterable[str]) -> Iterator[tuple[str, str, str]]:
-    """(name, version, SHA-256) of the fitting wheels of all releases of packages, as pip's index tells them."""
+def wheels(names: Iterable[str]) -> Wheels:
+    """The wheels of all releases of packages, as the index that pip uses tells them."""
     from pip._internal.commands import create_command
+    from pip._internal.commands.install import InstallCommand
     from pip._internal.index.collector import parse_links
     from pip._internal.models.link import Link
 
+    found: Wheels = {}
     command = create_command("install")
     options, _ = command.parse_args(["-q"])
     with command.main_context():
+        assert isinstance(command, InstallCommand)
         finder = command._build_package_finder(options, command.get_default_session(options))
         for name in names:
             for place in finder.search_scope.get_index_urls_locations(name):
@@ -141,36 +149,52 @@ def wheels(names: Iterable[str]) -> Iterator[tuple[str, str, str]]:
                         _, version, _, tags = parse_wheel_filename(link.filename)
                     except InvalidWheelFilename:
                         continue
-                    if any(map(fits, tags)) and (sha := (link._hashes or {}).get("sha256")):
-                        yield name, str(version), sha
+                    if sha := (link._hashes or {}).get("sha256"):
+                        found.setdefault((name, str(version)), {})[sha] = tags
+    return found
+
+
+def locked(kind: str, found: dict[str, list[Requirement]], offered: Wheels) -> list[str]:
+    """The lines of a lock file, in the order of the names; says on the way what no wheel is there for."""
+    hashes: dict[tuple[str, str], set[str]] = {}
+    lacking: dict[str, list[str]] = {}
+    for where in environments():
+        for name in needed(wanted(kind), where):
+            pin = pinned(found, name, where)
+            if pin is None:
+                sys.exit(f"constraints.txt has no line for {name} with Python {where['python_version']}")
+            key = name, next(iter(pin.specifier)).version
+            fitting = {
+                sha for sha, tags in offered.get(key, {}).items() if any(fits(tag, where) for tag in tags)
+            }
+            hashes.setdefault((name, str(pin)), set()).update(fitting)
+            if not fitting:
+                place = f"{where['platform_machine']} {where['python_version']}"
+                lacking.setdefault(" ".join(key), []).append(place)
+    for release, places in lacking.items():
+        print(f"{release} has no wheel for {', '.join(places)}")
+    return [
+        " \\\n    ".join([line, *(f"--hash=sha256:{sha}" for sha in sorted(known))])
+        for (_, line), known in sorted(hashes.items())
+        if known
+    ]
 
 
 def main() -> None:
     found = pins()
     here = {key: str(value) for key, value in default_environment().items()}
-    if lacking := list(absent(needed(wanted("dev"), here))):
+    if unknown := list(absent(needed(wanted("dev"), here))):
         sys.exit(
-            f"install these first, they may need more: pip install -c constraints.txt {' '.join(lacking)}"
+            f"these may need more, install them first: pip install -c constraints.txt {' '.join(unknown)}"
         )
-    hashes: dict[tuple[str, str], set[str]] = {}
-    for name, version, sha in wheels(sorted(found)):
-        hashes.setdefault((name, version), set()).add(sha)
+    offered = wheels(sorted(found))
     for kind in ("run", "dev"):
-        names = set().union(*(needed(wanted(kind), where) for where in environments()))
-        missing = sorted(names - set(found))
-        if missing:
-            sys.exit(f"constraints.txt has no line for {', '.join(missing)}")
-        lines = ["# Written by scripts/lock.py: what make setup installs, and the SHA-256 of its wheels.\n"]
-        for pin in (pin for name in sorted(names) for pin in found[name]):
-            version = next(iter(pin.specifier)).version
-            known = sorted(hashes.get((canonicalize_name(pin.name), version), ()))
-            if not known:
-                sys.exit(f"the index has no wheel of {pin.name} {version}")
-            lines.append(" \\\n    ".join([str(pin), *(f"--hash=sha256:{sha}" for sha in known)]) + "\n")
+        lines = locked(kind, found, offered)
         path = HOUSE / "locks" / f"{kind}.txt"
         path.parent.mkdir(exist_ok=True)
-        path.write_text("".join(lines))
-        print(f"{path.relative_to(HOUSE)}: {len(lines) - 1} packages")
+        head = "# Written by scripts/lock.py: what `make setup` installs, with the SHA-256 of each wheel."
+        path.write_text("\n".join([head, *lines]) + "\n")
+        print(f"{path.relative_to(HOUSE)}: {len(lines)} releases")
 
 
 if __name__ == "__main__":

@@ -9,9 +9,12 @@ say() { printf '%s\n' "enliven: $*"; }
 fail() { printf '%s\n' "enliven: $*" >&2; exit 4; }
 
 find_python() {
-    for name in ${PYTHON:-} python3.13 python3.12 python3.11 python3 python; do
+    # The wheels of moderngl for Linux on aarch64 end with Python 3.11.
+    newest=14 known="python3.13 python3.12 python3.11"
+    [ "$(uname -sm)" = "Linux aarch64" ] && newest=11 known=python3.11
+    for name in ${PYTHON:-} $known python3 python; do
         if command -v "$name" >/dev/null 2>&1 &&
-            "$name" -c 'import sys; sys.exit(not ((3, 11) <= sys.version_info[:2] <= (3, 14)))' 2>/dev/null; then
+            "$name" -c "import sys; sys.exit(not ((3, 11) <= sys.version_info[:2] <= (3, $newest)))" 2>/dev/null; then
             printf '%s' "$name"
             return
         fi
