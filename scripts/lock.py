@@ -1,6 +1,7 @@
 """Write locks/run.txt and locks/dev.txt: constraints.txt with the SHA-256 of each wheel.
 
-    .venv/bin/python scripts/lock.py
+    .venv/bin/python scripts/lock.py                          # after constraints.txt has changed
+    .venv/bin/python scripts/lock.py lines dev aarch64 3.11   # what a lock holds for another machine
 
 The index is asked by pip's own client, as pip is configured here; names, versions and hashes are written, no
 addresses. `pip lock` knows one platform at a time, so the files of a release are read by pip's inner parts;
@@ -180,6 +181,19 @@ def locked(kind: str, found: dict[str, list[Requirement]], offered: Wheels) -> l
     ]
 
 
+def lines_for(kind: str, machine: str, python: str) -> Iterator[str]:
+    """A lock file's lines for another machine, without the markers that pip would evaluate for this one."""
+    (where,) = (
+        at for at in environments() if (at["platform_machine"], at["python_version"]) == (machine, python)
+    )
+    for line in (HOUSE / "locks" / f"{kind}.txt").read_text().replace("\\\n", "").splitlines():
+        text, *hashes = line.split(" --hash=")
+        if not line.startswith("#"):
+            pin = Requirement(text)
+            if pin.marker is None or pin.marker.evaluate(where):
+                yield " --hash=".join([f"{pin.name}{pin.specifier}", *(h.strip() for h in hashes)])
+
+
 def main() -> None:
     found = pins()
     here = {key: str(value) for key, value in default_environment().items()}
@@ -198,4 +212,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    if sys.argv[1:2] == ["lines"]:
+        print(*lines_for(*sys.argv[2:5]), sep="\n")
+    else:
+        main()
