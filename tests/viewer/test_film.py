@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import av
 import numpy as np
@@ -11,14 +13,17 @@ from PIL import Image
 from rich.console import Console
 
 from enliven.character import Character, Pose
-from enliven.errors import ResourceError
+from enliven.errors import InputError, ResourceError
+from enliven.film_encoders import AUTO, ENCODERS, FilmEncoder, choose_encoder
+from enliven.settings import load_settings
 from enliven_viewer.document import Document, EdgeState
-from enliven_viewer.encoder import CODECS, FilmWriter, available_codec
+from enliven_viewer.encoder import FilmWriter
 from enliven_viewer.film import make_film
-from enliven_viewer.settings import FilmSettings, RenderSettings, ViewerSettings
+from enliven_viewer.settings import Encoder, FilmSettings, RenderSettings, ViewerSettings
 from enliven_viewer.sheet import Tiles, write_sheet
 from enliven_viewer.timeline import NS, Cues, Timeline
 
+PROFILES = Path(__file__).parents[2] / "firmware_configs"
 SMALL = ViewerSettings(
     render=RenderSettings(shadow_size=64, contact_size=32, samples=1),
     film=FilmSettings(columns=3, rows=2, tile_width=80, patience=0.2),
@@ -148,20 +153,52 @@ def test_an_odd_size_becomes_even(tmp_path) -> None:
     assert decoded(tmp_path / "odd.mp4")[0].shape == (32, 64, 3)
 
 
-def test_without_h264_the_film_is_mpeg4_and_says_so(tmp_path, monkeypatch, caplog) -> None:
-    monkeypatch.setattr("enliven_viewer.encoder.CODECS", ("no such encoder", "mpeg4"))
-    assert available_codec() == "mpeg4"
+@pytest.mark.parametrize("name", ["libvpx-vp9", "mpeg4"])
+def test_without_h264_the_film_is_another_and_says_so(name, tmp_path, monkeypatch, caplog) -> None:
+    only = tuple(one for one in ENCODERS if one.name == name)
+    monkeypatch.setattr("enliven.film_encoders.ENCODERS", only)
     with FilmWriter(tmp_path / "old.mp4", (64, 32), 30, 1) as writer:
         writer.add(np.full((32, 64, 3), 200, np.uint8))
-    assert "no H.264 encoder" in caplog.text
+    assert f"no H.264 encoder here, so {tmp_path / 'old.mp4'} is {only[0].format}" in caplog.text
     assert abs(decoded(tmp_path / "old.mp4")[0].mean() - 200) < 8
 
 
 def test_without_any_encoder_that_is_said(monkeypatch) -> None:
-    monkeypatch.setattr("enliven_viewer.encoder.CODECS", ("no such encoder",))
+    monkeypatch.setattr("enliven.film_encoders.ENCODERS", ())
     with pytest.raises(ResourceError, match="no film encoder"):
-        available_codec()
-    assert CODECS[-1] == "mpeg4"
+        choose_encoder(av)
+
+
+def test_an_encoder_that_is_listed_but_does_not_open_is_passed_over(tmp_path, monkeypatch) -> None:
+    """PyAV lists hardware encoders on every machine; here there is no such device."""
+    broken = FilmEncoder("h264_v4l2m2m", "H.264", "the system's own")
+    if broken.name not in av.codecs_available:
+        pytest.skip(f"this build of PyAV does not list {broken.name}")
+    monkeypatch.setattr("enliven.film_encoders.ENCODERS", (broken, *ENCODERS))
+    with FilmWriter(tmp_path / "film.mp4", (64, 32), 30, 1) as writer:
+        writer.add(np.zeros((32, 64, 3), np.uint8))
+    assert writer.codec != broken.name and len(decoded(tmp_path / "film.mp4")) == 1
+    with pytest.raises(ResourceError, match="h264_v4l2m2m cannot be used here"):
+        FilmWriter(tmp_path / "none.mp4", (64, 32), 30, 1, broken.name)
+    assert not (tmp_path / "none.mp4").exists()
+
+
+def test_the_profile_of_an_image_films_without_gpl(gl, box, tmp_path, caplog) -> None:
+    profile = load_settings(ViewerSettings, PROFILES / "viewers" / "image.toml")
+    settings = replace(SMALL, film=replace(SMALL.film, encoder=profile.film.encoder))
+    document = Document(Timeline(bounded=False))
+    made = make_film(
+        Walk(box, 5), document, tmp_path / "film.mp4", None, settings, console=Console(quiet=True)
+    )
+    licences = {one.name: one.licence for one in ENCODERS}
+    assert not licences[made.codec].startswith("GPL") and len(decoded(tmp_path / "film.mp4")) == 5
+    assert not caplog.text
+
+
+def test_the_setting_knows_every_encoder() -> None:
+    assert set(get_args(Encoder)) == {AUTO} | {one.name for one in ENCODERS}
+    with pytest.raises(InputError, match="encoder"):
+        load_settings(ViewerSettings, {"film": {"encoder": "libx265"}})
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 6, 23, 200])

@@ -61,15 +61,17 @@ def _window() -> Check:
 def _encoder() -> Check:
     name = "film encoder"
     try:
-        from enliven_viewer.encoder import available_codec
+        import av
 
-        codec = available_codec()
+        from enliven.film_encoders import choose_encoder
+
+        encoder = choose_encoder(av)
     except ImportError as error:
         return Check(name, False, str(error), "Install it: pip install av")
     except EnlivenError as error:
         return Check(name, False, error.what, error.mend)
-    if codec == "mpeg4":
-        return Check(
-            name, False, "no H.264 encoder, films are MPEG-4", "Install PyAV's wheel: pip install av"
-        )
-    return Check(name, True, codec)
+    told = f"{encoder.name} ({encoder.format}; licence {encoder.licence})"
+    if encoder.format != "H.264":
+        told = f"no H.264 encoder, films are {encoder.format}"
+        return Check(name, False, told, "Install PyAV's wheel: pip install av")
+    return Check(name, True, told)

@@ -1,4 +1,4 @@
-"""Pictures to a film: H.264 in MP4 by PyAV, or MPEG-4 where there is no H.264 encoder."""
+"""Pictures to a film: an MP4 file by PyAV, H.264 where there is an encoder for it."""
 
 from __future__ import annotations
 
@@ -11,26 +11,9 @@ import av
 
 from enliven.arrays import UInt8
 from enliven.errors import ResourceError
+from enliven.film_encoders import AUTO, choose_encoder
 
 log = logging.getLogger(__name__)
-CODECS = ("libx264", "libopenh264", "h264_videotoolbox", "h264_mf", "mpeg4")
-"""Encoders in the order of preference; the last is in every build."""
-
-
-def available_codec() -> str:
-    """The first of :data:`CODECS` that this build of PyAV can encode with.
-
-    Raises:
-        ResourceError: where there is none.
-    """
-    for name in CODECS:
-        if name in av.codecs_available:
-            try:
-                av.Codec(name, "w")
-            except (av.error.FFmpegError, ValueError):
-                continue
-            return name
-    raise ResourceError("PyAV has no film encoder", where="film", mend="Install it again: pip install av")
 
 
 class FilmWriter:
@@ -39,18 +22,22 @@ class FilmWriter:
     Args:
         size: width and height in pixels; an odd one loses its last row or column (4:2:0 needs even sizes).
         rate: pictures a second.
-        bit_rate: Mbit/s.
+        bit_rate: Mbit/s, for encoders that are not told a quality.
+        encoder: the name of one of :data:`enliven.film_encoders.ENCODERS`, or "auto".
 
     Raises:
-        ResourceError: where the file cannot be written.
+        ResourceError: where the file cannot be written, or there is no such encoder.
     """
 
-    def __init__(self, path: Path, size: tuple[int, int], rate: float, bit_rate: float) -> None:
+    def __init__(
+        self, path: Path, size: tuple[int, int], rate: float, bit_rate: float, encoder: str = AUTO
+    ) -> None:
         self.path, self.count = path, 0
         self.width, self.height = size[0] // 2 * 2, size[1] // 2 * 2
-        self.codec = available_codec()
-        if self.codec == "mpeg4":
-            log.warning("there is no H.264 encoder here, so %s is MPEG-4 part 2", path)
+        chosen = choose_encoder(av, (self.width, self.height), encoder)
+        self.codec = chosen.name
+        if encoder == AUTO and chosen.format != "H.264":
+            log.warning("there is no H.264 encoder here, so %s is %s", path, chosen.format)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"})
@@ -60,7 +47,7 @@ class FilmWriter:
                 where=str(path),
                 mend="Choose another place with --film.",
             ) from None
-        options = {"preset": "veryfast", "crf": "19"} if self.codec == "libx264" else {}
+        options = dict(chosen.options)
         self._stream = self._file.add_stream(
             self.codec, rate=Fraction(rate).limit_denominator(1001), options=options
         )

@@ -105,7 +105,7 @@ class _Studio:
     def writer(self, path: Path) -> FilmWriter:
         """The film file."""
         film = self.settings.film
-        return FilmWriter(path, self.size, film.rate, film.bit_rate)
+        return FilmWriter(path, self.size, film.rate, film.bit_rate, film.encoder)
 
     def draw(self, moment: Moment, second: float) -> UInt8:
         """(H, W, 4) the picture of a moment, ``second`` seconds into the film; bottom row first."""

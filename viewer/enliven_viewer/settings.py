@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Literal
 
 from enliven.settings import setting
+
+Encoder = Literal[
+    "auto", "libx264", "libopenh264", "h264_videotoolbox", "h264_mf", "libvpx-vp9", "mpeg4"
+]  # of enliven.film_encoders
 
 
 @dataclass(frozen=True)
@@ -54,6 +59,7 @@ class FilmSettings:
 
     rate: float = setting(30.0, "Frames a second of sensor time.", unit="Hz", low=1, high=240)
     bit_rate: float = setting(6.0, "Bit rate of the film.", unit="Mbit/s", low=0.1, high=200)
+    encoder: Encoder = setting("auto", "Which encoder makes the film; auto: the first that works here.")
     overlay_seconds: float = setting(
         5.0,
         "Seconds that body and attachments stay visible after possession.",

@@ -9,8 +9,7 @@ from typing import Any
 
 from enliven.arrays import UInt8
 from enliven.errors import ResourceError
-
-_CODECS = ("libx264", "libopenh264", "mpeg4")
+from enliven.film_encoders import choose_encoder
 
 
 class Film:
@@ -29,12 +28,6 @@ class Film:
         self.path, self._rate = path, Fraction(rate).limit_denominator(1001)
         self._av = av
         self._stream: Any = None
-        known = [name for name in _CODECS if name in av.codecs_available]
-        if not known:
-            raise ResourceError(
-                "PyAV has no film encoder", where="film", mend="Install it again: pip install av"
-            )
-        self._codec = known[0]
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = av.open(str(path), "w", format="mp4")
@@ -55,8 +48,8 @@ class Film:
             self._file.mux(packet)
 
     def _begin(self, width: int, height: int) -> Any:
-        options = {"preset": "veryfast", "crf": "22"} if self._codec == "libx264" else {}
-        stream = self._file.add_stream(self._codec, rate=self._rate, options=options)
+        encoder = choose_encoder(self._av, (width, height))
+        stream = self._file.add_stream(encoder.name, rate=self._rate, options=dict(encoder.options))
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         return stream
 

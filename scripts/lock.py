@@ -1,0 +1,218 @@
+"""Write locks/run.txt and locks/dev.txt: constraints.txt with the SHA-256 of each wheel.
+
+    .venv/bin/python scripts/lock.py                          # after constraints.txt has changed
+    .venv/bin/python scripts/lock.py lines dev aarch64 3.11   # what a lock holds for another machine
+
+The index is asked by pip's own client, as pip is configured here; names, versions and hashes are written, no
+addresses. `pip lock` knows one platform at a time, so the files of a release are read by pip's inner parts;
+constraints.txt pins pip, and with it these.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import tomllib
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, distribution, requires
+from pathlib import Path
+
+from packaging.markers import default_environment
+from packaging.requirements import Requirement
+from packaging.tags import Tag
+from packaging.utils import InvalidWheelFilename, canonicalize_name, parse_wheel_filename
+
+Wheels = dict[tuple[str, str], dict[str, frozenset[Tag]]]
+"""By name and version: the tags of each wheel, by its SHA-256."""
+HOUSE = Path(__file__).parents[1]
+PACKAGES = ("shared", "edge", "viewer")
+EXTRAS = {"shared": ("test",), "edge": ("physics", "controls", "voice"), "viewer": ()}
+"""What `make setup-dev` installs beyond what `make run` needs."""
+BUILD = ("hatchling", "editables", "pip", "setuptools")
+"""What installs the three packages themselves."""
+PEERS = HOUSE / "tests" / "benchmarks" / "requirements.txt"
+PYTHONS = (11, 12, 13, 14)
+"""Minor versions of Python 3 that scripts/setup.sh takes."""
+MACHINES = (
+    {"sys_platform": "linux", "platform_system": "Linux", "os_name": "posix", "platform_machine": "x86_64"},
+    {"sys_platform": "linux", "platform_system": "Linux", "os_name": "posix", "platform_machine": "aarch64"},
+    {"sys_platform": "darwin", "platform_system": "Darwin", "os_name": "posix", "platform_machine": "arm64"},
+    {"sys_platform": "win32", "platform_system": "Windows", "os_name": "nt", "platform_machine": "AMD64"},
+)
+PLATFORMS = {
+    "x86_64": re.compile(r"any|manylinux.*_x86_64"),
+    "aarch64": re.compile(r"any|manylinux.*_aarch64"),
+    "arm64": re.compile(r"any|macosx_.*_(arm64|universal2)"),
+    "AMD64": re.compile(r"any|win_amd64"),
+}
+"""Platforms of the wheels that run on each of MACHINES; Numba has none for a Mac with an Intel processor."""
+
+
+def environments() -> Iterator[dict[str, str]]:
+    """The values of markers for every Python on every machine."""
+    for minor in PYTHONS:
+        for machine in MACHINES:
+            version = {"python_version": f"3.{minor}", "python_full_version": f"3.{minor}.2"}
+            kind = {"implementation_name": "cpython", "platform_python_implementation": "CPython"}
+            yield {**machine, **version, **kind}
+
+
+def pins() -> dict[str, list[Requirement]]:
+    """The lines of constraints.txt by canonical name."""
+    found: dict[str, list[Requirement]] = {}
+    for line in (HOUSE / "constraints.txt").read_text().splitlines():
+        if line and not line.startswith("#"):
+            pin = Requirement(line)
+            found.setdefault(canonicalize_name(pin.name), []).append(pin)
+    return found
+
+
+def pinned(found: dict[str, list[Requirement]], name: str, where: dict[str, str]) -> Requirement | None:
+    """The line that holds in this environment; None where there is none."""
+    for pin in found.get(name, ()):
+        if pin.marker is None or pin.marker.evaluate(where):
+            return pin
+    return None
+
+
+def wanted(kind: str) -> list[str]:
+    """What is asked for by name: kind is run, dev, or peers (those of the benchmarks)."""
+    if kind == "peers":
+        lines = (line.partition("#")[0].strip() for line in PEERS.read_text().splitlines())
+        return [line for line in lines if line]
+    asked = list(BUILD)
+    for package in PACKAGES:
+        project = tomllib.loads((HOUSE / package / "pyproject.toml").read_text())["project"]
+        asked += project["dependencies"]
+        for extra in EXTRAS[package] if kind == "dev" else ():
+            asked += project["optional-dependencies"][extra]
+    return [line for line in asked if not Requirement(line).name.startswith("enliven")]
+
+
+def needed(asked: Iterable[str], where: dict[str, str]) -> set[str]:
+    """Canonical names of all that is needed in an environment, by the metadata of what is installed here."""
+    found: set[tuple[str, str]] = set()
+    queue = [(Requirement(line), "") for line in asked]
+    while queue:
+        requirement, extra = queue.pop()
+        if requirement.marker is not None and not requirement.marker.evaluate({**where, "extra": extra}):
+            continue
+        for asked_for in ("", *requirement.extras):
+            at = (canonicalize_name(requirement.name), asked_for)
+            if at not in found:
+                found.add(at)
+                with suppress(PackageNotFoundError):
+                    queue += [(Requirement(line), asked_for) for line in requires(at[0]) or ()]
+    return {name for name, _ in found}
+
+
+def absent(names: Iterable[str]) -> Iterator[str]:
+    """Those that are not installed here, so that what they need in turn is not known."""
+    for name in sorted(names):
+        try:
+            distribution(name)
+        except PackageNotFoundError:
+            yield name
+
+
+def fits(tag: Tag, where: dict[str, str]) -> bool:
+    """Whether a wheel with this tag runs in an environment."""
+    minor = int(where["python_version"].removeprefix("3."))
+    made_for = re.fullmatch(r"cp3(\d+)", tag.interpreter)
+    if made_for is None:
+        python = tag.interpreter in ("py3", f"py3{minor}") and tag.abi == "none"
+    elif tag.abi in ("abi3", "none"):
+        python = int(made_for[1]) <= minor
+    else:
+        python = tag.interpreter == tag.abi == f"cp3{minor}"
+    return python and PLATFORMS[where["platform_machine"]].fullmatch(tag.platform) is not None
+
+
+def wheels(names: Iterable[str]) -> Wheels:
+    """The wheels of all releases of packages, as the index that pip uses tells them."""
+    from pip._internal.commands import create_command
+    from pip._internal.commands.install import InstallCommand
+    from pip._internal.index.collector import parse_links
+    from pip._internal.models.link import Link
+
+    found: Wheels = {}
+    command = create_command("install")
+    options, _ = command.parse_args(["-q"])
+    with command.main_context():
+        assert isinstance(command, InstallCommand)
+        finder = command._build_package_finder(options, command.get_default_session(options))
+        for name in names:
+            for place in finder.search_scope.get_index_urls_locations(name):
+                page = finder._link_collector.fetch_response(Link(place))
+                for link in parse_links(page) if page else ():
+                    try:
+                        _, version, _, tags = parse_wheel_filename(link.filename)
+                    except InvalidWheelFilename:
+                        continue
+                    if sha := (link._hashes or {}).get("sha256"):
+                        found.setdefault((name, str(version)), {})[sha] = tags
+    return found
+
+
+def locked(kind: str, found: dict[str, list[Requirement]], offered: Wheels) -> list[str]:
+    """The lines of a lock file, in the order of the names; says on the way what no wheel is there for."""
+    hashes: dict[tuple[str, str], set[str]] = {}
+    lacking: dict[str, list[str]] = {}
+    for where in environments():
+        for name in needed(wanted(kind), where):
+            pin = pinned(found, name, where)
+            if pin is None:
+                sys.exit(f"constraints.txt has no line for {name} with Python {where['python_version']}")
+            key = name, next(iter(pin.specifier)).version
+            fitting = {
+                sha for sha, tags in offered.get(key, {}).items() if any(fits(tag, where) for tag in tags)
+            }
+            hashes.setdefault((name, str(pin)), set()).update(fitting)
+            if not fitting:
+                place = f"{where['platform_machine']} {where['python_version']}"
+                lacking.setdefault(" ".join(key), []).append(place)
+    for release, places in lacking.items():
+        print(f"{release} has no wheel for {', '.join(places)}")
+    return [
+        " \\\n    ".join([line, *(f"--hash=sha256:{sha}" for sha in sorted(known))])
+        for (_, line), known in sorted(hashes.items())
+        if known
+    ]
+
+
+def lines_for(kind: str, machine: str, python: str) -> Iterator[str]:
+    """A lock file's lines for another machine, without the markers that pip would evaluate for this one."""
+    (where,) = (
+        at for at in environments() if (at["platform_machine"], at["python_version"]) == (machine, python)
+    )
+    for line in (HOUSE / "locks" / f"{kind}.txt").read_text().replace("\\\n", "").splitlines():
+        text, *hashes = line.split(" --hash=")
+        if not line.startswith("#"):
+            pin = Requirement(text)
+            if pin.marker is None or pin.marker.evaluate(where):
+                yield " --hash=".join([f"{pin.name}{pin.specifier}", *(h.strip() for h in hashes)])
+
+
+def main() -> None:
+    found = pins()
+    here = {key: str(value) for key, value in default_environment().items()}
+    if unknown := list(absent(needed(wanted("dev"), here))):
+        sys.exit(
+            f"these may need more, install them first: pip install -c constraints.txt {' '.join(unknown)}"
+        )
+    offered = wheels(sorted(found))
+    for kind in ("run", "dev"):
+        lines = locked(kind, found, offered)
+        path = HOUSE / "locks" / f"{kind}.txt"
+        path.parent.mkdir(exist_ok=True)
+        head = "# Written by scripts/lock.py: what `make setup` installs, with the SHA-256 of each wheel."
+        path.write_text("\n".join([head, *lines]) + "\n")
+        print(f"{path.relative_to(HOUSE)}: {len(lines)} releases")
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["lines"]:
+        print(*lines_for(*sys.argv[2:5]), sep="\n")
+    else:
+        main()

@@ -1,0 +1,74 @@
+"""The film encoders: their licences, how they are set, and the first that can be opened on this machine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from types import ModuleType
+
+from enliven.errors import ResourceError
+
+
+@dataclass(frozen=True)
+class FilmEncoder:
+    """An encoder: its FFmpeg name, the video format it writes, its licence, and its FFmpeg options."""
+
+    name: str
+    format: str
+    licence: str
+    options: dict[str, str] = field(default_factory=dict)
+
+
+ENCODERS = (
+    FilmEncoder("libx264", "H.264", "GPL-2.0-or-later", {"preset": "veryfast", "crf": "19"}),
+    FilmEncoder("libopenh264", "H.264", "BSD-2-Clause"),
+    FilmEncoder("h264_videotoolbox", "H.264", "the system's own"),
+    FilmEncoder("h264_mf", "H.264", "the system's own"),
+    FilmEncoder(
+        "libvpx-vp9",
+        "VP9",
+        "BSD-3-Clause",
+        {"deadline": "realtime", "cpu-used": "8", "row-mt": "1", "crf": "24"},
+    ),
+    FilmEncoder("mpeg4", "MPEG-4 part 2", "LGPL-2.1-or-later"),
+)
+"""In the order of preference: H.264 plays everywhere, VP9 in browsers and most players, MPEG-4 part 2 in
+players alone. Those without options take a bit rate."""
+AUTO = "auto"
+"""The setting that takes the first of :data:`ENCODERS` that opens."""
+
+
+def choose_encoder(av: ModuleType, size: tuple[int, int] = (1280, 720), wanted: str = AUTO) -> FilmEncoder:
+    """The wanted encoder, or the first that opens for pictures of this size.
+
+    Args:
+        av: PyAV, which this library does not need otherwise.
+        size: width and height in pixels, both even.
+        wanted: an encoder's name, or :data:`AUTO`.
+
+    Raises:
+        ResourceError: where there is none.
+    """
+    for encoder in ENCODERS:
+        if wanted in (AUTO, encoder.name) and _opens(av, encoder, size):
+            return encoder
+    if wanted == AUTO:
+        raise ResourceError("PyAV has no film encoder", where="film", mend="Install it again: pip install av")
+    raise ResourceError(
+        f"the film encoder {wanted} cannot be used here",
+        where="film.encoder",
+        mend='Choose another one, or "auto" for the first that can.',
+    )
+
+
+def _opens(av: ModuleType, encoder: FilmEncoder, size: tuple[int, int]) -> bool:
+    """Whether the encoder does: one can be listed whose hardware or system library is missing."""
+    if encoder.name not in av.codecs_available:
+        return False
+    try:
+        context = av.CodecContext.create(encoder.name, "w")
+        context.width, context.height = size
+        context.pix_fmt, context.framerate, context.options = "yuv420p", 30, dict(encoder.options)
+        context.open()
+    except (av.error.FFmpegError, ValueError):
+        return False
+    return True

@@ -1,0 +1,92 @@
+"""constraints.txt and locks/ name all that is installed, for every Python and machine that setup.sh takes."""
+
+import importlib.util
+import re
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+from packaging.markers import default_environment
+from packaging.requirements import Requirement
+from packaging.tags import parse_tag
+
+HOUSE = Path(__file__).parents[2]
+spec = importlib.util.spec_from_file_location("lock", HOUSE / "scripts" / "lock.py")
+lock = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(lock)
+EVERYWHERE = {f"{at['platform_machine']} {at['python_version']}": at for at in lock.environments()}
+WITHOUT_WHEEL = {"aarch64": {"3.12", "3.13", "3.14"}}
+"""Where moderngl has no wheel, so that setup.sh takes no such Python there."""
+
+
+def lock_lines(kind: str) -> list[str]:
+    """A lock file's requirements, with the hashes that belong to each."""
+    text = (HOUSE / "locks" / f"{kind}.txt").read_text().replace("\\\n", " ")
+    return [line for line in text.splitlines() if not line.startswith("#")]
+
+
+def locked(kind: str, where: dict[str, str]) -> dict[str, str]:
+    """Name and version of what a lock file installs in an environment."""
+    found = [Requirement(line.partition("--hash")[0]) for line in lock_lines(kind)]
+    fitting = [pin for pin in found if pin.marker is None or pin.marker.evaluate(where)]
+    assert len({pin.name for pin in fitting}) == len(fitting), "one release of a package, not two"
+    return {lock.canonicalize_name(pin.name): next(iter(pin.specifier)).version for pin in fitting}
+
+
+@pytest.mark.parametrize("where", EVERYWHERE.values(), ids=EVERYWHERE)
+def test_all_that_is_needed_has_a_pin(where) -> None:
+    pins = lock.pins()
+    asked = [*lock.wanted("dev"), *lock.wanted("peers")]
+    assert [name for name in sorted(lock.needed(asked, where)) if not lock.pinned(pins, name, where)] == []
+    for requirement in map(Requirement, asked):
+        if requirement.marker is None or requirement.marker.evaluate(where):
+            pin = lock.pinned(pins, lock.canonicalize_name(requirement.name), where)
+            assert next(iter(pin.specifier)).version in requirement.specifier
+
+
+@pytest.mark.parametrize("kind", ["run", "dev"])
+@pytest.mark.parametrize("where", EVERYWHERE.values(), ids=EVERYWHERE)
+def test_a_lock_installs_what_is_needed_and_nothing_else(kind, where) -> None:
+    pins, names = lock.pins(), lock.needed(lock.wanted(kind), where)
+    if where["python_version"] in WITHOUT_WHEEL.get(where["platform_machine"], ()):
+        names.discard("pocketsphinx")
+        assert set(locked(kind, where)) - {"pocketsphinx"} == names
+    else:
+        wanted = {name: next(iter(lock.pinned(pins, name, where).specifier)).version for name in names}
+        assert locked(kind, where) == wanted
+
+
+def test_what_is_installed_here_is_what_is_pinned() -> None:
+    here = {key: str(value) for key, value in default_environment().items()}
+    pins = lock.pins()
+    for name in lock.needed(lock.wanted("dev"), here):
+        assert version(name) in lock.pinned(pins, name, here).specifier, name
+    for name in lock.needed(lock.wanted("peers"), here) - set(lock.absent(pins)):
+        assert version(name) in lock.pinned(pins, name, here).specifier, name
+
+
+@pytest.mark.parametrize("kind", ["run", "dev"])
+def test_locks_have_hashes_and_no_address(kind) -> None:
+    for line in lock_lines(kind):
+        hashes = line.split("--hash=")[1:]
+        assert hashes and all(re.fullmatch(r"sha256:[0-9a-f]{64}\s*", text) for text in hashes), line
+        assert "://" not in line and "@" not in line
+
+
+@pytest.mark.parametrize(
+    ("tag", "places"),
+    [
+        ("py3-none-any", 16),
+        ("cp311-cp311-manylinux2014_x86_64", 1),
+        ("cp312-abi3-manylinux_2_28_aarch64", 3),
+        ("cp39-abi3-win_amd64", 4),
+        ("py3-none-macosx_12_0_arm64", 4),
+        ("cp313-cp313t-manylinux_2_28_x86_64", 0),
+        ("cp310-cp310-manylinux_2_28_x86_64", 0),
+        ("cp311-cp311-musllinux_1_2_x86_64", 0),
+        ("cp311-cp311-macosx_10_9_x86_64", 0),
+    ],
+)
+def test_a_wheel_fits_where_its_tag_says(tag, places) -> None:
+    (one,) = parse_tag(tag)
+    assert sum(lock.fits(one, where) for where in EVERYWHERE.values()) == places
