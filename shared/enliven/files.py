@@ -1,4 +1,4 @@
-"""Files that others made: how large they are is looked at before they are read, and what they name lies beside.
+"""Files that others made: their size is looked at before they are read, and what they name lies beside.
 
 A file is read whole by :func:`read_file`. Every file that a file names (buffers and pictures of a glTF,
 materials and textures of an OBJ) goes through one door, :class:`Beside`: regular files of that file's own

@@ -43,4 +43,4 @@ def check_obj(data: bytes) -> None:
     """
     groups = set(_GROUP.findall(data))
     if len(groups) > _MOST_GROUPS:
-        raise ValueError(f"it has {len(groups)} materials and groups, and no more than {_MOST_GROUPS} are read")
+        raise ValueError(f"it has {len(groups)} groups, and no more than {_MOST_GROUPS} are read")
