@@ -70,7 +70,7 @@ def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
             what = f"it has {size} bytes, and no more than {most} are read"
             raise InputError(what, where=str(path), mend="Take a smaller one.")
         try:
-            return file.read(most)
+            return file.read(size)
         except OSError as error:
             what = f"it cannot be read ({error.strerror or error})"
             raise InputError(what, where=str(path), mend="Name a file that can be read.") from None

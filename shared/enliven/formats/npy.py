@@ -24,7 +24,10 @@ def array_of(data: bytes) -> AnyArray:
     if version not in ((1, 0), (2, 0)):
         raise ValueError(f"it is of version {version}")
     read = np.lib.format.read_array_header_1_0 if version[0] == 1 else np.lib.format.read_array_header_2_0
-    shape, fortran, kind = read(file)
+    try:
+        shape, fortran, kind = read(file)
+    except Exception as error:  # the head is Python, and its parser raises whatever it likes
+        raise ValueError(f"its head is none ({error})") from None
     count = math.prod(shape)
     if kind.kind not in _KINDS or kind.names is not None or min(shape, default=0) < 0:
         raise ValueError(f"it holds {kind} of shape {shape}")

@@ -220,6 +220,8 @@ def _add_indexed(found: Container, record: Any, file: BinaryIO, size: int) -> No
     elif isinstance(record, records.Statistics):
         found.counts.update(record.channel_message_counts)
     elif isinstance(record, records.MetadataIndex):
+        if record.offset > size:
+            raise Damage("the index names words that are not there")
         file.seek(record.offset)
         found.add(_read_record(file, size))
     else:
