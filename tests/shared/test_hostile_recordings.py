@@ -1,4 +1,4 @@
-"""Recordings and projects that strangers made: refused in a sentence, with no gigabytes and no minutes taken."""
+"""Recordings and projects that strangers made: refused in a sentence, at no gigabytes and no minutes."""
 
 import io
 import os
