@@ -17,7 +17,7 @@ class TooSlow(BaseException):
 def bounded(megabytes: int = 512, seconds: float = 60) -> Iterator[None]:
     """Within it the process gets so much more memory, and the main thread so much time.
 
-    A MemoryError is raised where more is asked for, and :class:`TooSlow` when the time is over, also where one
+    A MemoryError is raised where more is asked for, and :class:`TooSlow` when the time is over, also where it
     was swallowed.
     """
     fired = []
