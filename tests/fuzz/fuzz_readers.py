@@ -137,9 +137,9 @@ def _settings(data: bytes, folder: Path) -> None:
 
 
 def _session(data: bytes, folder: Path) -> None:
-    mesh = folder / "seed.ply"
-    if not mesh.exists():
-        mesh.write_bytes(models.mesh(".ply"))
+    for name, seed in (("seed.ply", models.mesh(".ply")), ("seed.enliven", models.project())):
+        if not (folder / name).exists():
+            _file(folder, name, seed)
     read_session(_file(folder, "a.toml", data))
 
 
@@ -174,7 +174,7 @@ def targets() -> list[Target]:
     }
     made = [
         Target("wire stream bytes", 1000, seeds.of_bytes(*packed), _stream, wire),
-        Target("wire stream", 1500, _mixed(*(_wire(d, t) for t, d in streams.items())), _stream, wire),
+        Target("wire stream", 1750, _mixed(*(_wire(d, t) for t, d in streams.items())), _stream, wire),
         Target("wire control bytes", 500, seeds.of_bytes(*(head + c for c in controls)), _control, wire),
         Target("wire control", 1000, _mixed(*(seeds.of_msgpack(head, c) for c in controls)), _control, wire),
         Target(
@@ -192,16 +192,16 @@ def targets() -> list[Target]:
         Target("recording bytes", 600, seeds.of_bytes(seeds.recording()), _recording),
         Target("recording index", 400, seeds.recording_anew, _recording),
         Target("recording chunk", 400, seeds.chunk_anew, _recording),
-        Target("take", 300, seeds.take_anew, _take),
+        Target("take", 200, seeds.take_anew, _take),
         Target("project bytes", 200, seeds.of_bytes(models.project()), lambda data, _: project_of(data)),
-        Target("project", 500, models.project_anew, lambda data, _: project_of(data)),
-        Target("gltf", 300, seeds.of_json(models.gltf()), _gltf(".gltf")),
+        Target("project", 400, models.project_anew, lambda data, _: project_of(data)),
+        Target("gltf", 150, seeds.of_json(models.gltf()), _gltf(".gltf")),
         Target("glb", 200, models.glb_anew, _gltf(".glb")),
         Target("mesh glb", 150, models.glb_anew, _mesh(".glb")),
         Target("bvh", 500, seeds.of_bytes(texts.BVH), _bvh),
         Target("expmap", 50, seeds.of_bytes(texts.EXPMAP), lambda d, f: read_expmap(_file(f, "a.txt", d))),
         Target("mapping", 150, seeds.of_bytes(texts.PLAN), lambda d, f: read_plan(_file(f, "a.toml", d))),
-        Target("settings", 50, seeds.of_bytes(texts.PLAN, texts.SESSION), _settings),
+        Target("settings", 50, seeds.of_bytes(texts.SETTINGS, texts.PLAN), _settings),
         Target("session", 100, seeds.of_bytes(texts.SESSION), _session),
     ]
     made += [

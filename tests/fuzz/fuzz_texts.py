@@ -100,6 +100,9 @@ SESSION = b"""[mesh]
 file = "seed.ply"
 height = 0.5
 
+[[take]]
+file = "seed.enliven"
+
 [[point]]
 name = "left foot"
 at = [0.15, 0.0, 0.1]
@@ -116,4 +119,11 @@ moves = { "left foot" = [0.0, 0.1, 0.2] }
 
 [symmetry]
 normal = [1, 0, 0]
+"""
+SETTINGS = b"""# Of examples.
+nearest = 6
+acceleration = 0.3
+rate = 30.0
+margin = 0.25
+affine = 1e1
 """
