@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint bench films possess-films session-films example-films setup setup-dev record-references clean
+.PHONY: help run test lint fuzz-quick fuzz bench films possess-films session-films example-films setup setup-dev record-references clean
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -16,6 +16,12 @@ test: setup-dev  ## linters, types, every test, and one run of the main job
 
 lint: setup-dev  ## linters and types only
 	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy
+
+fuzz-quick: setup-dev ## 10,000 mutated files and messages to every reader, the same every time (part of make test)
+	@.venv/bin/python -m pytest tests/fuzz $(ARGS)
+
+fuzz: setup-dev  ## others, for as long as you say: make fuzz SECONDS=600 SEED=7 ONLY=gltf
+	@.venv/bin/python tests/fuzz/run.py "$(SECONDS)" "$(SEED)" "$(ONLY)"
 
 bench: setup-dev ## measure: make bench, or make bench ONLY=road
 	@.venv/bin/python -m pip install -q -c constraints.txt -r tests/benchmarks/requirements.txt

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import warnings
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,14 +13,18 @@ import trimesh
 
 from enliven.arrays import Float, UInt8
 from enliven.errors import InputError, ResourceError
+from enliven.files import Beside, read_file
+from enliven.formats.gltf_json import gltf_tree
 from enliven.mesh import Mesh, weld
+from enliven.mesh_heads import check_obj, check_ply
 from enliven.mesh_repair import repair
+from enliven.mesh_stl import read_stl
 from enliven.mesh_text import read_medit, read_off
-from enliven.scan_surface import read_pcd, surface_through
+from enliven.scan_surface import parse_pcd, surface_through
 
 READABLE = (".obj", ".off", ".ply", ".stl", ".glb", ".gltf", ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
-_TEXT_READERS = {".off": read_off, ".mesh": read_medit}
+_OWN_READERS = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
 
 
 class LoadedMesh(NamedTuple):
@@ -34,22 +40,21 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     A rigged glTF is read in its rest pose. Nothing is scaled: see :func:`enliven.mesh.fit_height`.
 
     Raises:
-        InputError: for a missing, empty, truncated or foreign file, or one without usable faces.
+        InputError: for a missing, empty, truncated or foreign file, one without usable faces, or one that
+            names files outside of its folder.
     """
     path = Path(path)
     suffix = path.suffix.lower()
     known = f"Known formats: {', '.join(s[1:] for s in READABLE)}."
-    if path.is_dir() or not path.exists():
-        what = "it is a folder" if path.is_dir() else "there is no such file"
-        raise InputError(what, where=str(path), mend="Check the path.")
-    if suffix not in READABLE:
+    if suffix not in READABLE and path.is_file():
         raise InputError(
             f"{suffix or 'a file without an ending'} is no known mesh", where=str(path), mend=known
         )
-    if path.stat().st_size == 0:
+    data = read_file(path)
+    if not data:
         raise InputError("the file is empty", where=str(path), mend="Export the mesh again.")
     try:
-        mesh = _read(path, suffix)
+        mesh = _read(path, suffix, data)
     except InputError as error:
         raise InputError(error.what, where=str(path), mend="Export the mesh again.") from None
     except Exception as error:  # the readers of foreign bytes raise whatever they like
@@ -71,20 +76,48 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     return LoadedMesh(mesh, notes)
 
 
-def _read(path: Path, suffix: str) -> Mesh:
+def _read(path: Path, suffix: str, data: bytes) -> Mesh:
     """The mesh as the file has it, unrepaired."""
-    if suffix in _TEXT_READERS:
-        vertices, faces = _TEXT_READERS[suffix](path)
+    if suffix in _OWN_READERS:
+        vertices, faces = _OWN_READERS[suffix](data)
         return Mesh(vertices, faces, path.stem)
     if suffix == ".pcd":
-        return surface_through(*read_pcd(path), name=path.stem)
+        return surface_through(*parse_pcd(data, str(path)), name=path.stem)
+    if suffix in (".glb", ".gltf"):
+        gltf_tree(data)
+    elif suffix == ".ply":
+        check_ply(data)
+    elif suffix == ".obj":
+        check_obj(data)
     log = logging.getLogger("trimesh")
     level, log.level = log.level, logging.CRITICAL
     try:
-        scene = trimesh.load_scene(path, process=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            beside = _Named(Beside(path), uris=suffix in (".glb", ".gltf"))
+            scene = trimesh.load_scene(BytesIO(data), file_type=suffix[1:], resolver=beside, process=False)
     finally:
         log.setLevel(level)
     return _flattened(scene, path.stem)
+
+
+class _Named(trimesh.resolvers.Resolver):  # type: ignore[misc]
+    """The files that a mesh names, for the library that reads it; ``uris`` says that names are URIs."""
+
+    def __init__(self, beside: Beside, uris: bool) -> None:
+        self._beside, self._uris = beside, uris
+
+    def get(self, key: str) -> bytes:
+        return self._beside.uri(key) if self._uris else self._beside.file(key.strip())
+
+    def keys(self) -> list[str]:
+        return []
+
+    def write(self, name: str, data: Any) -> None:
+        raise NotImplementedError("a reader writes nothing")
+
+    def namespaced(self, namespace: str) -> _Named:
+        return self
 
 
 def _flattened(scene: Any, name: str) -> Mesh:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from enliven.arrays import Float, Int, Int32
@@ -12,13 +10,13 @@ _TETRAHEDRON_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 _MEDIT_COLUMNS = {"Vertices": 4, "Triangles": 4, "Quadrilaterals": 5, "Tetrahedra": 5}
 
 
-def read_off(path: Path) -> tuple[Float, Int32]:
+def read_off(data: bytes) -> tuple[Float, Int32]:
     """(V, 3) vertices and (F, 3) triangles of an OFF file (also COFF, NOFF, STOFF); polygons become fans.
 
     Raises:
         ValueError: where the file is not what its header says.
     """
-    lines = [line.split("#", 1)[0].split() for line in path.read_text("utf-8", "replace").splitlines()]
+    lines = [line.split("#", 1)[0].split() for line in data.decode("utf-8", "replace").splitlines()]
     rows = [line for line in lines if line]
     if not rows or not rows[0][0].upper().endswith("OFF"):
         raise ValueError("the first word is not OFF")
@@ -27,6 +25,8 @@ def read_off(path: Path) -> tuple[Float, Int32]:
     if len(counts) < 2:
         raise ValueError("the counts of vertices and faces are missing")
     vertex_count, face_count = int(counts[0]), int(counts[1])
+    if vertex_count < 0 or face_count < 0:
+        raise ValueError(f"it says {vertex_count} vertices and {face_count} faces")
     if len(rows) < start + vertex_count + face_count:
         said = f"{vertex_count} vertices and {face_count} faces"
         raise ValueError(f"it ends early: it says {said}, and has {len(rows) - start} lines of them")
@@ -46,19 +46,21 @@ def fans(polygons: list[list[int]]) -> Int32:
     return np.array(triangles, np.int32).reshape(-1, 3)
 
 
-def read_medit(path: Path) -> tuple[Float, Int32]:
+def read_medit(data: bytes) -> tuple[Float, Int32]:
     """(V, 3) vertices and (F, 3) triangles of an ASCII MEDIT file; of tetrahedra alone, their boundary.
 
     Raises:
         ValueError: where the file is not MEDIT, or ends early.
     """
-    words = path.read_text("utf-8", "replace").split()
+    words = data.decode("utf-8", "replace").split()
     if not words or words[0] != "MeshVersionFormatted":
         raise ValueError("the first word is not MeshVersionFormatted")
     tables: dict[str, Float] = {}
     for i, word in enumerate(words[:-1]):
         if word in _MEDIT_COLUMNS:
             columns = _MEDIT_COLUMNS[word]
+            if int(words[i + 1]) < 0:
+                raise ValueError(f"it says {words[i + 1]} {word}")
             values = words[i + 2 : i + 2 + int(words[i + 1]) * columns]
             if len(values) < int(words[i + 1]) * columns:
                 raise ValueError(f"it ends early, in {word}")

@@ -17,6 +17,7 @@ from scipy.spatial import Delaunay, cKDTree
 
 from enliven.arrays import Bool, Float, Int
 from enliven.errors import InputError
+from enliven.files import read_file
 from enliven.mesh import Mesh, submesh
 
 _LONGEST = 4.0
@@ -27,6 +28,12 @@ _HIDING = 4.0
 """Spacings by which a point must be behind another in its direction to be hidden by it."""
 _LEAST_PART = 0.01
 """Pieces of less than this share of the triangles are specks."""
+_MOST_COLUMNS = 1024
+"""Numbers of one point of a file."""
+_MOST_PIXELS = 1 << 24
+"""Of the image that points are seen in: 4096 x 4096, 40 m wide at one pixel a spacing."""
+_FARTHEST = 1e6
+"""Metres from the sensor beyond which nothing was measured."""
 
 
 def surface_through(points: Float, viewpoint: Float, spacing: float = 0.010, name: str = "scan") -> Mesh:
@@ -40,7 +47,8 @@ def surface_through(points: Float, viewpoint: Float, spacing: float = 0.010, nam
     Raises:
         InputError: where there are too few points for a surface.
     """
-    points = points[np.isfinite(points).all(1)] - viewpoint
+    points = points - viewpoint
+    points = points[(np.abs(points) < _FARTHEST).all(1)]
     middle = points.mean(0) if len(points) else np.zeros(3)
     depth = float(np.linalg.norm(middle))
     if len(points) < 3 or depth < 1e-6:
@@ -62,15 +70,20 @@ def surface_through(points: Float, viewpoint: Float, spacing: float = 0.010, nam
 
 
 def read_pcd(path: Path) -> tuple[Float, Float]:
+    """As :func:`parse_pcd`, of a file."""
+    return parse_pcd(read_file(path), str(path))
+
+
+def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
     """(P, 3) the points of a PCD file, ASCII or binary, and (3,) the viewpoint that it states.
 
     Raises:
-        InputError: where it is no such file, is compressed, or holds no x, y, z of 4 or 8 bytes.
+        InputError: where it is no such file, is compressed, or holds no x, y, z of 4 or 8 bytes; ``where`` is
+            named in it.
     """
-    data = path.read_bytes()
     head = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", data[:4096], re.MULTILINE)
     if head is None:
-        raise InputError("it has no DATA line, so it is no PCD file", where=str(path))
+        raise InputError("it has no DATA line, so it is no PCD file", where=where)
     lines = [line.split() for line in data[: head.start()].decode("ascii", "replace").splitlines()]
     said = {line[0]: line[1:] for line in lines if len(line) > 1 and line[0].isupper()}
     kind, body = head[1].decode(), data[head.end() :]
@@ -78,20 +91,22 @@ def read_pcd(path: Path) -> tuple[Float, Float]:
         names, sizes = said["FIELDS"], [int(s) for s in said["SIZE"]]
         counts = [int(c) for c in said.get("COUNT", ["1"] * len(names))]
         count, at = int(said["POINTS"][0]), [names.index(axis) for axis in "xyz"]
+        if count < 0 or min(sizes + counts, default=0) < 0 or sum(counts) > _MOST_COLUMNS:
+            raise ValueError("a negative or a huge count")
         viewpoint = np.array(said.get("VIEWPOINT", ["0"] * 3)[:3], np.float64)
         if kind == "ascii":
             starts = np.cumsum([0, *counts])
             rows = np.array(body.split(), np.float64).reshape(-1, sum(counts))
             return rows[:count, starts[at]], viewpoint
         if kind != "binary" or any(sizes[a] not in (4, 8) or said["TYPE"][a] != "F" for a in at):
-            raise InputError(f"its points are stored as {kind} {said['TYPE']}", where=str(path))
+            raise InputError(f"its points are stored as {kind} {said['TYPE']}", where=where)
         kinds = [f"V{size * many}" for size, many in zip(sizes, counts, strict=True)]
         for a in at:
             kinds[a] = f"<f{sizes[a]}"
         table = np.frombuffer(body, np.dtype([(f"{k}", kind) for k, kind in enumerate(kinds)]), count)
-    except (KeyError, ValueError, IndexError) as error:
+    except (KeyError, ValueError, IndexError, TypeError, OverflowError) as error:
         raise InputError(
-            f"its head and its points do not agree ({error})", where=str(path), mend="Copy it again."
+            f"its head and its points do not agree ({error})", where=where, mend="Copy it again."
         ) from None
     return np.stack([table[f"{a}"] for a in at], -1).astype(np.float64), viewpoint
 
@@ -107,6 +122,9 @@ def _in_front(seen: Float, spacing: float) -> Float:
     pixel = spacing / float(np.median(seen[:, 2]))
     at = np.floor(seen[:, :2] / seen[:, 2:] / pixel).astype(np.int64)
     at -= at.min(0) - 1
+    if np.prod(at.max(0) + 2.0) > _MOST_PIXELS:
+        what = f"its points are spread over {at.max(0)[0]} x {at.max(0)[1]} spacings of {spacing:g} m"
+        raise InputError(what, where="scan", mend="Cut away what is far from the thing that was scanned.")
     nearest = np.full(at.max(0) + 2, np.inf)
     np.minimum.at(nearest, (at[:, 0], at[:, 1]), seen[:, 2])
     nearest = minimum_filter(nearest, 3)

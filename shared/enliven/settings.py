@@ -17,8 +17,17 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from enliven.errors import InputError
+from enliven.files import read_file
 
 T = TypeVar("T")
+
+MOST_TOML = 1 << 22
+"""Bytes of a TOML file: a session of 1,000 key poses with 20 points each has 1.5 million."""
+MOST_LINE = 1 << 14
+"""Bytes of a line: the time to read a key of many dots grows with the square of their number."""
+MOST_NESTED = 32
+"""Tables and arrays in one another: what is written here has at most six."""
+_DEEP = f"tables or arrays are nested deeper than {MOST_NESTED}"
 
 
 def setting(
@@ -48,13 +57,39 @@ def load_settings(kind: type[T], source: Path | Mapping[str, Any], *, where: str
     """
     if isinstance(source, Path):
         where = where or str(source)
-        try:
-            source = tomllib.loads(source.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise InputError("there is no such file", where=where, mend="Check the path.") from None
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise InputError(f"it is not readable TOML ({error})", where=where) from None
+        source = read_toml(source)
     return _build(kind, source, where or "settings", "")
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    Raises:
+        InputError: where it cannot be read, is no TOML, or is longer than :data:`MOST_TOML` bytes or deeper
+            than :data:`MOST_NESTED`.
+    """
+    data = read_file(path, MOST_TOML)
+    longest = max(map(len, data.splitlines()), default=0)
+    try:
+        if longest > MOST_LINE:
+            raise ValueError(f"a line has {longest} bytes, and no more than {MOST_LINE} are read")
+        found = tomllib.loads(data.decode("utf-8"))
+        level: list[Any] = [found]
+        for _ in range(MOST_NESTED):
+            level = [inner for one in level for inner in _inside(one)]
+        if level:
+            raise ValueError(_DEEP)
+    except RecursionError:
+        raise InputError(f"it is not readable TOML ({_DEEP})", where=str(path)) from None
+    except ValueError as error:
+        raise InputError(f"it is not readable TOML ({error})", where=str(path)) from None
+    return found
+
+
+def _inside(value: Any) -> list[Any]:
+    """The tables and arrays in a table or an array."""
+    inner = value.values() if isinstance(value, dict) else value
+    return [one for one in inner if isinstance(one, dict | list)]
 
 
 def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) -> T:

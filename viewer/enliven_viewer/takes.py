@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from enliven.errors import EnlivenError, InputError
+from enliven.files import DAMAGE
 from enliven.recording import Recording
 from enliven.wire.convert import (
     message_to_bodies,
@@ -73,7 +74,7 @@ class Take:
             count += 1
             try:
                 self._apply(document, topic, data)
-            except (msgspec.MsgspecError, EnlivenError, ValueError, KeyError) as error:
+            except (msgspec.MsgspecError, EnlivenError, *DAMAGE) as error:
                 self.unreadable += 1
                 if self.unreadable == 1:
                     log.warning("%s: a message of %r cannot be read (%s)", self.name, topic, error)

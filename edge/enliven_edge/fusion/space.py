@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError, ResourceError
-from enliven.settings import load_settings, setting
+from enliven.settings import load_settings, read_toml, setting
 
 _Row = tuple[float, float, float, float]
 _Rows = tuple[_Row, _Row, _Row, _Row]
@@ -59,12 +58,9 @@ def load_space(path: Path) -> Space:
         InputError: for an unreadable file, or a matrix that is no rigid transform.
     """
     where = str(path)
-    try:
-        read = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError("there is no such file", where=where, mend="Make it: enliven calibrate.") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"it is not readable TOML ({error})", where=where) from None
+    if not path.exists():
+        raise InputError("there is no such file", where=where, mend="Make it: enliven calibrate.")
+    read = read_toml(path)
     sensors = read.get("sensors")
     if not isinstance(sensors, Mapping) or not sensors:
         raise InputError("it names no sensors", where=where, mend="Make it again: enliven calibrate.")

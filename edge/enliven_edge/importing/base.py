@@ -9,7 +9,11 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from enliven.errors import InputError
+from enliven.files import open_file, read_file
 from enliven.frames import Frame
+
+_MOST_TEXT = 1 << 28
+"""Bytes of a table or a list: an hour of 25 joints in plain numbers has some 30 million."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +73,9 @@ def natural_order(path: Path) -> tuple[str, list[int], str]:
 def head_of(path: Path, size: int = 4096) -> bytes:
     """The first bytes of a file; empty where it cannot be read."""
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             return file.read(size)
-    except OSError:
+    except (InputError, OSError):
         return b""
 
 
@@ -82,8 +86,8 @@ def text_of(path: Path) -> str:
         InputError: where it cannot be read as UTF-8.
     """
     try:
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+        return read_file(path, _MOST_TEXT).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
         raise InputError(f"it cannot be read as text ({error})", where=str(path)) from None
 
 

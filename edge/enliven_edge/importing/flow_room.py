@@ -11,6 +11,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.body import PARENTS, Body, J, Joint
 from enliven.errors import InputError
+from enliven.files import read_file
 from enliven.frames import BodyFrame
 from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
 from enliven_edge.importing.skeletons import (
@@ -84,8 +85,8 @@ class FlowRoomReader:
 
 def _frames(path: Path) -> list[list[_Skeleton]]:
     try:
-        frames = _decoder.decode(path.read_bytes())
-    except (msgspec.MsgspecError, OSError) as error:
+        frames = _decoder.decode(read_file(path))
+    except (msgspec.MsgspecError, RecursionError) as error:
         raise InputError(f"it is not this kind of JSON ({error})", where=str(path)) from None
     for number, frame in enumerate(frames):
         for skeleton in frame:

@@ -15,6 +15,10 @@ from enliven_edge.importing.base import head_of
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 KINECT1 = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 """The focal length that drivers of the Kinect v1 assume where nobody has calibrated it."""
+_COLOUR = ("PNG", "JPEG")
+"""What the layouts have; other readers of the library start programs or are not made for strangers' bytes."""
+_MOST_PIXELS = 1 << 26
+"""Of one image, 8192 x 8192: a few kilobytes can state as many as they like."""
 
 
 def is_depth_png(path: Path) -> bool:
@@ -42,7 +46,7 @@ def read_depth_png(path: Path) -> UInt16:
             mend="Give the depth images in millimetres.",
         )
     try:
-        with Image.open(path) as image:
+        with _opened(path, ("PNG",)) as image:
             return np.asarray(image).astype(np.uint16)
     except FileNotFoundError:
         raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
@@ -61,9 +65,22 @@ def read_colour(path: Path) -> UInt8 | None:
     if not path.exists():
         return None
     try:
-        with Image.open(path) as image:
+        with _opened(path, _COLOUR) as image:
             return np.asarray(image.convert("RGB"))
     except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError) as error:
         raise InputError(
             f"the image is damaged ({error})", where=str(path), mend="Copy it again, or remove it."
         ) from None
+
+
+def _opened(path: Path, formats: tuple[str, ...]) -> Image.Image:
+    """An image that is not decoded yet: its size is looked at before.
+
+    Raises:
+        ValueError: where it states more pixels than any sensor has.
+    """
+    image = Image.open(path, formats=formats)
+    if image.width * image.height > _MOST_PIXELS:
+        image.close()
+        raise ValueError(f"it states {image.width} x {image.height} pixels")
+    return image

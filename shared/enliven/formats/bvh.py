@@ -10,10 +10,17 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
+from enliven.files import read_file
 from enliven.formats.capture import Capture, composed
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 _LONGEST_FRAME = 1.0
+_MOST_DEEP = 256
+"""Joints above one another: the deepest known skeletons, with tails and ropes, have some 60."""
+_MOST_JOINTS = 4096
+"""As many as a pose on the wire has."""
+_MOST_PLACES = 1 << 24
+"""Frames times joints, 3 GB of turns and places: 93 min of 25 joints at 120 frames a second."""
 
 
 @dataclass
@@ -22,12 +29,14 @@ class _Hierarchy:
 
     Attributes:
         channels: of each joint, (kind, axis) with kind "p" (position) or "r" (rotation).
+        taken: of each name that was used, the highest number that was put behind it.
     """
 
     names: list[str] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
     offsets: list[tuple[float, float, float]] = field(default_factory=list)
     channels: list[list[tuple[str, int]]] = field(default_factory=list)
+    taken: dict[str, int] = field(default_factory=dict)
 
 
 class _Lines:
@@ -72,11 +81,7 @@ def read_bvh(path: Path | str) -> Capture:
         InputError: for a file that cannot be read or is no BVH, with the line that is wrong.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", where=str(path)) from error
-    return parse_bvh(text, path)
+    return parse_bvh(read_file(path).decode("utf-8", "replace"), path)
 
 
 def parse_bvh(text: str, path: Path = Path("bvh")) -> Capture:
@@ -86,7 +91,7 @@ def parse_bvh(text: str, path: Path = Path("bvh")) -> Capture:
         raise lines.wrong("the first line is not HIERARCHY", "Is this a BVH file?")
     tree = _read_hierarchy(lines)
     promised, seconds = _read_header(lines)
-    rows, notes = _read_rows(lines, sum(len(c) for c in tree.channels), promised)
+    rows, notes = _read_rows(lines, tree, promised)
     offsets, rotations = _local(tree, rows)
     positions, world = composed(tuple(tree.parents), offsets, rotations)
     return Capture(tuple(tree.names), tuple(tree.parents), positions, world, seconds, notes)
@@ -125,8 +130,11 @@ def _begin(lines: _Lines, tree: _Hierarchy, chain: list[int], word: str, name: s
         name = f"{tree.names[parent]} end"
     if not name:
         raise lines.wrong(f"{word} has no name")
+    if len(chain) >= _MOST_DEEP or len(tree.names) >= _MOST_JOINTS:
+        what = f"deeper than {_MOST_DEEP}" if len(chain) >= _MOST_DEEP else f"more than {_MOST_JOINTS}"
+        raise lines.wrong(f"there are joints {what}", "No skeleton is like this: export it again.")
     chain.append(len(tree.names))
-    tree.names.append(_unused(name, tree.names))
+    tree.names.append(_unused(name, tree.taken))
     tree.parents.append(parent)
     tree.offsets.append((0.0, 0.0, 0.0))
     tree.channels.append([])
@@ -134,12 +142,14 @@ def _begin(lines: _Lines, tree: _Hierarchy, chain: list[int], word: str, name: s
         raise lines.wrong(f"'{{' is missing after {name}")
 
 
-def _unused(name: str, taken: list[str]) -> str:
+def _unused(name: str, taken: dict[str, int]) -> str:
     """The name, or the first with a number that no joint has yet: a wrist may have two ends."""
-    number, plain = 1, name
+    plain, number = name, taken.get(name, 1)
     while name in taken:
         number += 1
         name = f"{plain} {number}"
+    taken[plain] = number
+    taken.setdefault(name, 1)
     return name
 
 
@@ -151,15 +161,20 @@ def _channels(lines: _Lines, count: str, kinds: list[str]) -> list[tuple[str, in
     unknown = [kind for kind in kinds if kind.lower() not in known]
     if unknown:
         raise lines.wrong(f"there is no channel {unknown[0]}", "Known: Xposition ... Zrotation.")
-    if not count.isdigit() or int(count) != len(kinds):
+    if not _is_count(count) or int(count) != len(kinds):
         raise lines.wrong(f"CHANNELS says {count} and names {len(kinds)}")
     return [known[kind.lower()] for kind in kinds]
+
+
+def _is_count(word: str) -> bool:
+    """Whether a word is a whole number of a sensible length, in plain digits."""
+    return word.isascii() and word.isdigit() and len(word) < 10
 
 
 def _read_header(lines: _Lines) -> tuple[int, float]:
     """How many frames are promised, and the seconds between them."""
     words = lines.next("Frames:")
-    if words[0] != "Frames:" or len(words) != 2 or not words[1].isdigit():
+    if words[0] != "Frames:" or len(words) != 2 or not _is_count(words[1]):
         raise lines.wrong("expected 'Frames:' and their number")
     promised = int(words[1])
     words = lines.next("Frame Time:")
@@ -171,10 +186,14 @@ def _read_header(lines: _Lines) -> tuple[int, float]:
     return promised, seconds
 
 
-def _read_rows(lines: _Lines, width: int, promised: int) -> tuple[Float, tuple[str, ...]]:
-    """(F, width) the numbers of every frame, and what was odd."""
+def _read_rows(lines: _Lines, tree: _Hierarchy, promised: int) -> tuple[Float, tuple[str, ...]]:
+    """(F, C) the numbers of every frame for every channel, and what was odd."""
+    width = sum(map(len, tree.channels))
     rows: list[list[float]] = []
     while lines.more():
+        if (len(rows) + 1) * len(tree.names) > _MOST_PLACES:
+            what = f"more than {len(rows)} frames of {len(tree.names)} joints are too many"
+            raise lines.wrong(what, "Take it in parts.")
         rows.append(lines.numbers(lines.next("a frame"), width, f"frame {len(rows) + 1}"))
     if not rows:
         raise lines.wrong("there are no frames")

@@ -16,10 +16,11 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.character import SkinWeights
 from enliven.errors import EnlivenError
+from enliven.files import DAMAGE
 from enliven.formats.gltf_bind import Bind
 from enliven.formats.gltf_bodies import bodies_of
 from enliven.formats.gltf_file import GltfFile
-from enliven.formats.gltf_motion import animated_locals, frame_times, world_matrices
+from enliven.formats.gltf_motion import MOST_PLACES, animated_locals, frame_times, world_matrices
 from enliven.formats.gltf_parts import Part, parts_of, shown_nodes
 from enliven.formats.rig import Rig, on_floor, resized, welded
 from enliven.formats.rig_links import Body
@@ -31,6 +32,9 @@ from enliven.skeleton import Skeleton
 
 _TOLD = 1e-3
 """Share of the model's size above which something that was left out is worth a note."""
+
+_MOST_JOINTS = 4096
+"""As many as a pose on the wire has (:data:`enliven.wire.posecode.MAX_TRANSFORMS`)."""
 
 
 @dataclass
@@ -63,8 +67,7 @@ def read_gltf(
         rig = _read(file, name or file.path.stem)
     except EnlivenError:
         raise
-    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, MemoryError) as error:
-        # Numbers of a damaged file point anywhere; a check for each of them would be most of the reader.
+    except DAMAGE as error:
         logging.getLogger(__name__).debug("glTF", exc_info=True)
         raise file.wrong(f"it is damaged ({type(error).__name__}: {str(error)[:80]})") from None
     rig = resized(rig, height) if height is not None else rig
@@ -121,6 +124,8 @@ def _rigged(
 ) -> Rig:
     animations, world = _played(file)
     chosen = _chosen(file, parts)
+    if len(chosen) > _MOST_JOINTS:
+        raise file.wrong(f"it has {len(chosen)} joints, and no more than {_MOST_JOINTS} can move")
     size = float(np.ptp(mesh.vertices, axis=0).max())
     bodies, skewed = bodies_of(file, chosen, parts, rest, bind, world)
     tree = tree_of(bodies, size)
@@ -139,6 +144,8 @@ def _played(file: GltfFile) -> tuple[list[_Animation], Float]:
     animations, worlds, start = list[_Animation](), list[Float](), 0
     for number, animation in enumerate(file.document.animations or []):
         times = frame_times(file, number)
+        if (start + len(times)) * len(file.parents) > MOST_PLACES:
+            raise file.wrong(f"its animations are more than {start + len(times)} frames together: too many")
         step = float(times[1] - times[0]) if len(times) > 1 else 1 / 30
         worlds.append(world_matrices(file, animated_locals(file, number, times)))
         name = animation.name or f"animation {number + 1}"

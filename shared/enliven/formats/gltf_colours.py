@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,10 @@ from enliven.errors import InputError
 from enliven.formats.gltf_file import GltfFile
 
 _WHITE = np.ones(3)
+_PICTURES = ("PNG", "JPEG", "WEBP")
+"""What a texture may be; other readers of the library start programs or are not made for strangers' bytes."""
+_MOST_PIXELS = 1 << 28
+"""Pixels of all textures of a file, 0.8 GB: four of 8192 x 8192; a few kilobytes can state as many."""
 
 
 class Colours:
@@ -24,7 +29,8 @@ class Colours:
 
     def __init__(self, file: GltfFile) -> None:
         self._file = file
-        self._pictures: dict[int, Float | None] = {}
+        self._pictures: dict[int, UInt8 | None] = {}
+        self._pixels = 0
         self.notes: list[str] = []
 
     def of(self, primitive: Any) -> UInt8:
@@ -54,10 +60,10 @@ class Colours:
         height, width = picture.shape[:2]
         columns = np.floor(uv[:, 0] % 1.0 * width).astype(int) % width
         rows = np.floor(uv[:, 1] % 1.0 * height).astype(int) % height
-        return np.asarray(picture[rows, columns])
+        return _linear(picture[rows, columns] / 255.0)
 
-    def _picture(self, texture: int) -> Float | None:
-        """(H, W, 3) linear, or None with a note."""
+    def _picture(self, texture: int) -> UInt8 | None:
+        """(H, W, 3) sRGB, or None with a note."""
         if texture not in self._pictures:
             try:
                 source = self._file.document.textures[texture].source
@@ -66,13 +72,23 @@ class Colours:
                     data = self._file.data_of_view(image.bufferView)
                 else:
                     data = self._file.data_of_uri(image.uri)
-                with Image.open(io.BytesIO(data)) as picture:
-                    self._pictures[texture] = _linear(np.asarray(picture.convert("RGB")) / 255.0)
-            except (InputError, OSError, IndexError, TypeError, ValueError) as error:
+                self._pictures[texture] = self._decoded(data)
+            except Exception as error:  # a library that reads strangers' bytes raises whatever it likes
                 reason = error.what if isinstance(error, InputError) else str(error)
                 self.notes.append(f"texture {texture} cannot be read ({reason[:100]}): it is taken as white")
                 self._pictures[texture] = None
         return self._pictures[texture]
+
+    def _decoded(self, data: bytes) -> UInt8:
+        """(H, W, 3) sRGB of a picture; what it states is looked at before it is decoded."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            picture = Image.open(io.BytesIO(data), formats=_PICTURES)
+        with picture:
+            self._pixels += picture.width * picture.height
+            if self._pixels > _MOST_PIXELS:
+                raise ValueError(f"with the others it has {self._pixels} pixels, more than {_MOST_PIXELS}")
+            return np.asarray(picture.convert("RGB"))
 
 
 def _linear(srgb: Float) -> Float:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import base64
 import logging
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote, unquote_to_bytes
 
 import numpy as np
 import pygltflib
 
 from enliven.arrays import AnyArray, Float
 from enliven.errors import InputError
+from enliven.files import Beside, read_file
+from enliven.formats.gltf_json import gltf_tree, parents_of
 
 _TYPES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _COMPONENTS: dict[int, Any] = {
@@ -42,13 +42,13 @@ class GltfFile:
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
-        self.document = _parsed(self.path)
+        self.document, self.parents = _parsed(self.path)
+        self._beside = Beside(self.path)
         self._buffers: dict[int, bytes] = {}
         needed = set(self.document.extensionsRequired or []) - _KNOWN_EXTENSIONS
         if needed:
             mend = "Export it without, for example without compression."
             raise self.wrong(f"it needs {', '.join(sorted(needed))}, which is not known here", mend)
-        self.parents = self._parents()
 
     def wrong(self, what: str, mend: str = "Export the model again.") -> InputError:
         """An error that names the file."""
@@ -126,31 +126,8 @@ class GltfFile:
         return self._buffers[index]
 
     def data_of_uri(self, uri: str) -> bytes:
-        """The bytes of a data URI, or of a file beside this one."""
-        if uri.startswith("data:"):
-            head, _, body = uri.partition(",")
-            return base64.b64decode(body) if head.endswith(";base64") else unquote_to_bytes(body)
-        try:
-            return (self.path.parent / unquote(uri)).read_bytes()
-        except OSError as error:
-            mend = "Keep the files of the model in one folder."
-            raise self.wrong(f"its part {uri[:80]!r} cannot be read ({error.strerror})", mend) from None
-
-    def _parents(self) -> list[int]:
-        nodes = self.document.nodes or []
-        parents = [-1] * len(nodes)
-        for number, node in enumerate(nodes):
-            for child in node.children or []:
-                if not 0 <= child < len(nodes) or parents[child] >= 0 or child == number:
-                    raise self.wrong(f"node {number} has a child {child} that is no child or another's too")
-                parents[child] = number
-        for start in range(len(nodes)):
-            at, steps = start, 0
-            while parents[at] >= 0:
-                at, steps = parents[at], steps + 1
-                if steps > len(nodes):
-                    raise self.wrong(f"its nodes form a cycle at {self.name(start)!r}")
-        return parents
+        """The bytes of a data URI, or of a file beside this one: see :class:`enliven.files.Beside`."""
+        return self._beside.uri(uri)
 
 
 def matrices_of(translation: AnyArray, rotation: AnyArray, scale: AnyArray) -> Float:
@@ -166,17 +143,19 @@ def matrices_of(translation: AnyArray, rotation: AnyArray, scale: AnyArray) -> F
     return made
 
 
-def _parsed(path: Path) -> pygltflib.GLTF2:
-    """The document, or one clear message."""
-    if not path.is_file():
-        what = "it is a folder" if path.is_dir() else "there is no such file"
-        raise InputError(what, where=str(path), mend="Check the path.")
-    if path.suffix.lower() not in (".glb", ".gltf"):
+def _parsed(path: Path) -> tuple[pygltflib.GLTF2, list[int]]:
+    """The document and the parents of its nodes, or one clear message."""
+    if path.suffix.lower() not in (".glb", ".gltf") and path.is_file():
         raise InputError("it is no glTF file", where=str(path), mend="Give a .glb or .gltf file.")
+    data = read_file(path)
     try:
+        tree = gltf_tree(data)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            document = pygltflib.GLTF2().load(str(path))
+            if data[:4] == b"glTF":
+                document = pygltflib.GLTF2.load_from_bytes(data)
+            else:
+                document = pygltflib.GLTF2.gltf_from_json(data.decode("utf-8-sig"))
         if document is None or not document.asset or not str(document.asset.version).startswith("2."):
             raise ValueError("not glTF 2")
     except Exception as error:  # foreign bytes raise whatever they like
@@ -184,4 +163,4 @@ def _parsed(path: Path) -> pygltflib.GLTF2:
         reason = str(error).strip().splitlines()
         what = f"it cannot be read as glTF 2: {reason[0][:200] if reason else type(error).__name__}"
         raise InputError(what, where=str(path), mend="Is it whole, and of the kind it says?") from None
-    return document
+    return document, parents_of([node.get("children") or [] for node in tree.get("nodes") or []])

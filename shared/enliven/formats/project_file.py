@@ -11,6 +11,7 @@ import contextlib
 import io
 import json
 import os
+import struct
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -22,6 +23,8 @@ import numpy as np
 from enliven import __version__
 from enliven.arrays import AnyArray
 from enliven.errors import InputError, ResourceError
+from enliven.files import DAMAGE, read_file
+from enliven.formats.npy import array_of
 from enliven.formats.project_values import name_of, packed, unpacked
 from enliven.project import Project
 
@@ -31,6 +34,11 @@ _UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {}
 """For each version that is not the newest: the project's object as the next version has it."""
 _FORMAT = "enliven project"
 _HEADER, _ARRAYS = "project.json", "arrays/"
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""What is written, and plain bytes; other ways of packing may ask for gigabytes before a byte comes out."""
+_FREE_BYTES, _MOST_RATIO = 1 << 28, 20
+"""Bytes that a file may unpack to, however few it has, and more for each byte that it has: motion packs to a
+third, and 256 MB that are all alike to 300 kB."""
 _LONG_AGO = (1980, 1, 1, 0, 0, 0)
 
 
@@ -65,12 +73,7 @@ def read_project(path: Path | str) -> Project:
         InputError: where the file is missing, no project, cut short, damaged, or of a later version.
     """
     path = Path(path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        what = "there is no such file" if not path.exists() else f"it cannot be read ({error.strerror})"
-        raise InputError(what, where=str(path), mend="Check the path.") from None
-    return project_of(data, str(path))
+    return project_of(read_file(path), str(path))
 
 
 def project_bytes(project: Project) -> bytes:
@@ -94,9 +97,10 @@ def project_of(data: bytes, where: str = "project") -> Project:
         raise InputError("it is no enliven project", where=where, mend="Open a file ending in .enliven.")
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            _check_sizes(archive, len(data), where)
             header = _header(archive, where)
             arrays = _arrays(archive, where)
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
+    except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE) as error:
         what = f"it is cut short or damaged ({str(error)[:80]})"
         raise InputError(what, where=where, mend="Take an earlier copy.") from None
     try:
@@ -104,6 +108,9 @@ def project_of(data: bytes, where: str = "project") -> Project:
     except InputError as error:
         mend = error.mend or "Take an earlier copy."
         raise InputError(error.what, where=f"{where}, {error.where}", mend=mend) from None
+    except DAMAGE as error:
+        what = f"what it says does not fit together ({type(error).__name__}: {str(error)[:80]})"
+        raise InputError(what, where=where, mend="Take an earlier copy.") from None
     assert isinstance(made, Project)
     return made
 
@@ -115,11 +122,29 @@ def _entry(name: str) -> zipfile.ZipInfo:
     return info
 
 
+def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str) -> None:
+    """Refuse a file that states more than a project packs to: nothing of it is unpacked."""
+    entries = archive.infolist()
+    total = sum(entry.file_size for entry in entries)
+    if total > _FREE_BYTES + _MOST_RATIO * packed:
+        what = f"its {packed} bytes state that they unpack to {total}, which no project does"
+        raise InputError(what, where=where, mend="Ask for the project again.")
+    if any(entry.compress_type not in _METHODS for entry in entries):
+        raise InputError("it is packed in a way that is not known here", where=where, mend="Save it again.")
+
+
+def _unpacked_entry(archive: zipfile.ZipFile, name: str) -> bytes:
+    """The bytes of an entry: no more than it states, which is not left to the archive's own reader."""
+    entry = archive.getinfo(name)
+    with archive.open(entry) as file:
+        return file.read(entry.file_size + 1)
+
+
 def _header(archive: zipfile.ZipFile, where: str) -> dict[str, Any]:
     """What project.json says, brought to the newest version."""
     try:
-        header = json.loads(archive.read(_HEADER))
-    except (KeyError, ValueError):
+        header = json.loads(_unpacked_entry(archive, _HEADER))
+    except (KeyError, ValueError, RecursionError):
         header = None
     if not isinstance(header, dict) or header.get("format") != _FORMAT:
         raise InputError("it is no enliven project", where=where, mend="Open a file ending in .enliven.")
@@ -143,8 +168,8 @@ def _arrays(archive: zipfile.ZipFile, where: str) -> dict[str, AnyArray]:
             continue
         name = entry.removeprefix(_ARRAYS).removesuffix(".npy")
         try:
-            array = np.load(io.BytesIO(archive.read(entry)), allow_pickle=False)
-        except (ValueError, OSError):
+            array = array_of(_unpacked_entry(archive, entry))
+        except (OSError, *DAMAGE):
             array = None
         if array is None or name_of(array) != name:
             raise InputError("an array in it is damaged", where=where, mend="Take an earlier copy.")

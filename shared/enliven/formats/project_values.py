@@ -63,9 +63,10 @@ def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) 
         inner = [argument for argument in arguments if argument is not type(None)]
         return unpacked(inner[0], value, arrays, where)
     if origin is np.ndarray:
-        if not isinstance(value, dict) or value.get(ARRAY) not in arrays:
+        name = value.get(ARRAY) if isinstance(value, dict) else None
+        if not isinstance(name, str) or name not in arrays:
             raise InputError("an array is missing", where=where)
-        return arrays[value[ARRAY]]
+        return arrays[name]
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         return _dataclass(hint, value, arrays, where)
     if origin is typing.Literal:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import difflib
 import os
 import re
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from enliven.errors import InputError
-from enliven.settings import load_settings
+from enliven.settings import load_settings, read_toml
 
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -28,12 +27,7 @@ class SessionFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        try:
-            self._found: Mapping[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise InputError(f"it is not readable TOML ({error})", where=str(path)) from None
+        self._found: Mapping[str, Any] = read_toml(path)
         for name in self._found:
             if name not in _TABLES:
                 near = difflib.get_close_matches(name, _TABLES, n=1)

@@ -17,14 +17,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from enliven.errors import InputError, ResourceError
 from enliven.mapping.plan import ChainPlan, Plan
-from enliven.settings import load_settings
+from enliven.settings import load_settings, read_toml
 
 _HEAD = """# What of the performer drives what of the model. Change what you like, and give it with --map.
 # rest: "auto", "mean", "first", "zero", or seconds into the take. mode: "pose" (the model's bones point
@@ -40,12 +39,7 @@ def read_plan(path: Path | str) -> Plan:
         InputError: for an unreadable file, or with the chain and the key that is wrong.
     """
     path = Path(path)
-    try:
-        found = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"it is not readable TOML ({error})", where=str(path)) from None
+    found = read_toml(path)
     listed = found.pop("chain", [])
     if not isinstance(listed, list) or not all(isinstance(one, Mapping) for one in listed):
         raise InputError("chain must be tables: [[chain]]", where=str(path))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import struct
 import zlib
 from collections import Counter
@@ -16,17 +15,32 @@ from mcap import records
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.stream_reader import breakup_chunk
 
 from enliven.errors import InputError
+from enliven.files import open_file
 
 MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")
 _FOOTER = struct.Struct("<QQI")
 _FOOTER_BYTES = _RECORD.size + _FOOTER.size + len(MAGIC)
-_MAX_CHUNK = 1 << 30
+_MESSAGE = struct.Struct("<HIQQ")
+_MAX_CHUNK = 1 << 28
+"""Bytes of a chunk, unpacked: our recorder closes one at 1 MiB, and its longest message has 128 MiB."""
+_MAX_RATIO = 200
+"""Bytes that one packed byte may unpack to: images of nothing, each with its time, reach some 40."""
+_FREE_BYTES = 1 << 16
+"""Bytes that a chunk may unpack to however few it has."""
+_MAX_RECORDS = 1 << 16
+"""Records of a chunk: our recorder writes at most 34,000, each with at least 31 bytes of 1 MiB."""
+_FREE_RECORDS = 256
+"""Records of a chunk however few bytes it has: more need at least a packed byte each, for their times."""
 _MAX_RECORD = 1 << 26
+"""Bytes of a schema, a channel or another small record."""
+_MAX_NAMED = 1 << 20
+"""Bytes of a record of words that the index names: it may name the same one many times."""
+_MAX_METADATA = 1 << 10
+"""Records of words that the index may name: our recorder writes a few."""
 _DAMAGE = (McapError, struct.error, ValueError, OverflowError, zstandard.ZstdError)
 
 
@@ -95,32 +109,16 @@ def open_container(path: Path) -> Container:
             return _from_walk(path, file, size)
 
 
-def open_file(path: Path) -> BinaryIO:
-    """The file, opened for reading.
-
-    Raises:
-        InputError: where that is not possible.
-    """
-    try:
-        return path.open("rb")
-    except FileNotFoundError:
-        raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
-    except OSError as error:
-        mend = "Name a file that can be read." if path.exists() else "Check the path."
-        raise InputError(
-            f"it cannot be read ({error.strerror or error})", where=str(path), mend=mend
-        ) from None
-
-
 def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
-    """The records of a chunk.
+    """The messages, schemas and channels of a chunk.
 
     Raises:
         Damage: where the chunk's checksum, compression or content is wrong.
+        InputError: for a chunk that nobody recorded: of a few bytes that unpack to a flood.
     """
-    file.seek(ref.offset)
-    data = file.read(ref.length)
     try:
+        file.seek(ref.offset)
+        data = file.read(ref.length)
         opcode, length = _RECORD.unpack_from(data)
         if opcode != Opcode.CHUNK or length + _RECORD.size != len(data):
             raise Damage("no chunk is where one belongs")
@@ -128,22 +126,52 @@ def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
         content = _decompressed(chunk)
         if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
             raise Damage("a chunk's checksum is wrong")
-        return list(breakup_chunk(dataclasses.replace(chunk, compression="", data=content)))
+        return _contents(content, min(_MAX_RECORDS, _FREE_RECORDS + len(chunk.data)))
     except _DAMAGE as error:
         raise Damage(str(error) or type(error).__name__) from None
+    except _Flood as error:
+        where = f"{getattr(file, 'name', 'recording')}, byte {ref.offset}"
+        mend = "Ask for the recording again: no recorder writes such a part."
+        raise InputError(str(error), where=where, mend=mend) from None
+
+
+class _Flood(Exception):
+    """A chunk of a few bytes that unpacks to a flood."""
 
 
 def _decompressed(chunk: Any) -> bytes:
-    size = chunk.uncompressed_size
-    if size > _MAX_CHUNK:
-        raise Damage(f"a chunk states {size} bytes")
+    size, packed = chunk.uncompressed_size, len(chunk.data)
     if chunk.compression == "":
         return bytes(chunk.data)
     if chunk.compression != "zstd":
         raise Damage(f"a chunk is compressed with {chunk.compression!r}")
     if zstandard.frame_content_size(chunk.data) not in (size, -1):
         raise Damage("a chunk states two sizes")
+    if size > min(_MAX_CHUNK, _FREE_BYTES + _MAX_RATIO * packed):
+        raise _Flood(f"a part of {packed} bytes states that it unpacks to {size}")
     return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
+
+
+def _contents(content: bytes, most: int) -> list[Any]:
+    """The messages, schemas and channels in the content of a chunk of at most ``most`` records."""
+    made: list[Any] = []
+    at = count = 0
+    while at < len(content):
+        count += 1
+        if count > most:
+            raise _Flood(f"a part has more than {most} records in {len(content)} bytes")
+        opcode, length = _RECORD.unpack_from(content, at)
+        start = at + _RECORD.size
+        at = start + length
+        if at > len(content) or (opcode == Opcode.MESSAGE and length < _MESSAGE.size):
+            raise Damage("a record reaches beyond its chunk, or is too short")
+        if opcode == Opcode.MESSAGE:
+            channel, sequence, logged, published = _MESSAGE.unpack_from(content, start)
+            data = content[start + _MESSAGE.size : at]
+            made.append(records.Message(channel, logged, data, published, sequence))
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            made.append(_parsed(opcode, content[start:at]))
+    return made
 
 
 def _from_index(path: Path, file: BinaryIO, size: int) -> Container:
@@ -164,8 +192,17 @@ def _from_index(path: Path, file: BinaryIO, size: int) -> Container:
     found = Container(path, complete=True, cut_at=size)
     file.seek(len(MAGIC))
     found.add(_read_record(file, size))
-    for record in _records_of(summary):
+    inside = _records_of(summary)
+    if sum(isinstance(record, records.MetadataIndex) for record in inside) > _MAX_METADATA:
+        raise Damage("the index names too many records of words")
+    for record in inside:
         _add_indexed(found, record, file, size)
+    end = 0
+    for ref in sorted(found.chunks, key=lambda ref: ref.offset):
+        # An index that names one chunk a thousand times would have it read as often.
+        if ref.offset < end or ref.offset + ref.length > size:
+            raise Damage("the index names chunks that overlap or are not there")
+        end = ref.offset + ref.length
     return found
 
 
@@ -183,6 +220,8 @@ def _add_indexed(found: Container, record: Any, file: BinaryIO, size: int) -> No
     elif isinstance(record, records.Statistics):
         found.counts.update(record.channel_message_counts)
     elif isinstance(record, records.MetadataIndex):
+        if record.offset > size:
+            raise Damage("the index names words that are not there")
         file.seek(record.offset)
         found.add(_read_record(file, size))
     else:
@@ -244,7 +283,7 @@ _SMALL_RECORDS: dict[int, Any] = {
 def _read_record(file: BinaryIO, size: int) -> Any:
     """The record at the file's position."""
     opcode, length = _RECORD.unpack(file.read(_RECORD.size))
-    if length > min(size, _MAX_RECORD):
+    if length > min(size, _MAX_NAMED):
         raise Damage("a record states more bytes than the file has")
     return _parsed(opcode, file.read(length))
 

@@ -142,7 +142,7 @@ def unpack_bodies(data: bytes) -> BodyFrame:
     try:
         message = _bodies_decoder.decode(data)
         bodies = [_body(body) for body in message.bodies]
-    except (msgspec.MsgspecError, ValueError) as error:
+    except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError) as error:
         raise _damaged(str(error)) from None
     return BodyFrame(bodies, message.time_ns, message.sensor)
 

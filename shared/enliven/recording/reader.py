@@ -12,10 +12,14 @@ from typing import Any
 from mcap.records import Message
 
 from enliven.errors import InputError
+from enliven.files import open_file
 from enliven.frames import BodyFrame, Frame
-from enliven.recording.container import ChunkRef, Container, Damage, open_container, open_file, read_chunk
+from enliven.recording.container import ChunkRef, Container, Damage, open_container, read_chunk
 from enliven.recording.messages import unpack_bodies, unpack_depth
 from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC, PROFILE, TRUTH_TOPIC
+
+_MOST_HELD = 1 << 29
+"""Bytes of messages that wait for earlier ones: of our recorder's chunks, of 1 MiB each, two may overlap."""
 
 
 class RecordingWarning(UserWarning):
@@ -96,16 +100,20 @@ class Recording:
         names = {i: c.topic for i, c in self._container.channels.items() if c.topic in topics}
         chunks = sorted(self._container.chunks, key=lambda ref: (ref.start_ns, ref.offset))
         waiting: list[tuple[int, int, Any]] = []
-        count = 0
+        count = held = 0
         with open_file(self.path) as file:
             for ref in chunks:
                 while waiting and waiting[0][0] < ref.start_ns:
                     message = heapq.heappop(waiting)[2]
+                    held -= len(message.data)
                     yield names[message.channel_id], message
                 for record in self._records(file, ref):
                     if isinstance(record, Message) and record.channel_id in names:
                         heapq.heappush(waiting, (record.log_time, count, record))
-                        count += 1
+                        count, held = count + 1, held + len(record.data)
+                if held > _MOST_HELD:
+                    what = f"{held} bytes of its messages are out of order"
+                    raise InputError(what, where=str(self.path), mend="Record it again.")
         while waiting:
             message = heapq.heappop(waiting)[2]
             yield names[message.channel_id], message

@@ -1,0 +1,127 @@
+"""Files that others made: their size is looked at before they are read, and what they name lies beside.
+
+A file is read whole by :func:`read_file`. Every file that a file names (buffers and pictures of a glTF,
+materials and textures of an OBJ) goes through one door, :class:`Beside`: regular files of that file's own
+folder or below it, of a bounded size. Pipes, devices, links that lead elsewhere and paths that climb out are
+refused in a sentence.
+"""
+
+from __future__ import annotations
+
+import base64
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+from urllib.parse import unquote, unquote_to_bytes
+
+from enliven.errors import InputError
+
+MOST_BYTES = 1 << 31
+"""Bytes of one file that is read whole, and of all that it names together: more than a scan of 20 million
+triangles with its pictures has, and still less than a small machine's memory."""
+DAMAGE = (
+    LookupError,
+    TypeError,
+    ValueError,
+    AttributeError,
+    ArithmeticError,
+    MemoryError,
+    RecursionError,
+)
+"""What code raises where the numbers of a damaged file point anywhere; a check for each of them would be most
+of a reader."""
+_FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+"""A pipe that nobody writes to is opened, and refused, rather than waited for."""
+_TOGETHER = "Keep the files of the model in one folder."
+
+
+def open_file(path: Path) -> BinaryIO:
+    """A regular file, opened for reading.
+
+    Raises:
+        InputError: where there is none, it may not be read, or it is a folder, a pipe or a device.
+    """
+    try:
+        descriptor = os.open(path, _FLAGS)
+    except FileNotFoundError:
+        raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        mend = "Name a file that can be read."
+        raise InputError(f"it cannot be read ({reason})", where=str(path), mend=mend) from None
+    kind = os.fstat(descriptor).st_mode
+    if not stat.S_ISREG(kind):
+        os.close(descriptor)
+        what = "it is a folder" if stat.S_ISDIR(kind) else "it is no regular file but a pipe or a device"
+        raise InputError(what, where=str(path), mend="Name a file that can be read.")
+    return os.fdopen(descriptor, "rb")
+
+
+def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
+    """The bytes of a regular file of at most ``most`` bytes.
+
+    Raises:
+        InputError: as :func:`open_file`, and for a file that is larger.
+    """
+    with open_file(path) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size > most:
+            what = f"it has {size} bytes, and no more than {most} are read"
+            raise InputError(what, where=str(path), mend="Take a smaller one.")
+        try:
+            return file.read(size)
+        except OSError as error:
+            what = f"it cannot be read ({error.strerror or error})"
+            raise InputError(what, where=str(path), mend="Name a file that can be read.") from None
+
+
+class Beside:
+    """The files that one file names: only those of its own folder or below.
+
+    Args:
+        path: of the file that names the others.
+        most: bytes of all that is read of them, so that one file named a thousand times counts as often.
+    """
+
+    def __init__(self, path: Path, most: int = MOST_BYTES) -> None:
+        self._path, self._left = path, most
+
+    def uri(self, uri: str) -> bytes:
+        """The bytes of a data URI, or of the file that a percent-encoded relative URI names.
+
+        Raises:
+            InputError: as :meth:`file`, and for data that is not what the URI says.
+        """
+        if not uri.startswith("data:"):
+            return self.file(unquote(uri))
+        head, _, body = uri.partition(",")
+        try:
+            return base64.b64decode(body) if head.endswith(";base64") else unquote_to_bytes(body)
+        except ValueError as error:
+            raise self._wrong(uri, f"cannot be decoded ({error})", "Export the model again.") from None
+
+    def file(self, name: str) -> bytes:
+        """The bytes of a file by its name, relative to the folder.
+
+        Raises:
+            InputError: where it lies outside of the folder, is missing or no regular file, or is too large
+                together with those that were read before.
+        """
+        try:
+            folder = self._path.parent.resolve()
+            found = (folder / name).resolve()
+            if not found.is_relative_to(folder):
+                raise self._wrong(name, "lies outside of its folder", _TOGETHER)
+            data = read_file(found, self._left)
+        except InputError as error:
+            if error.where == str(self._path):
+                raise
+            raise self._wrong(name, f"cannot be read ({error.what})", _TOGETHER) from None
+        except (OSError, ValueError, RuntimeError) as error:  # a loop of links, a name that no file can have
+            raise self._wrong(name, f"cannot be read ({error})", _TOGETHER) from None
+        self._left -= len(data)
+        return data
+
+    def _wrong(self, name: str, what: str, mend: str) -> InputError:
+        return InputError(f"its part {name[:80]!r} {what}", where=str(self._path), mend=mend)

@@ -1,0 +1,135 @@
+"""The JSON of a glTF or GLB file before anything is made of it: what it states must be of a bounded size.
+
+A few words state millions of numbers (an accessor without bytes, a mesh that a thousand nodes show, nodes in
+one endless chain), so what is stated is counted here, in time that is linear in the length of the file.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any
+
+MOST_LISTED = 1 << 16
+"""Entries of one list of a file (nodes, accessors, meshes, ...): scenes have thousands, at 0.1 ms each."""
+MOST_DEEP = 512
+"""Nodes above one another: the deepest known rigs have some 100, and walks up the tree stay short."""
+MOST_ELEMENTS = 1 << 25
+"""Elements of an accessor, and vertices and indices of all that is shown: 0.8 GB as float64, 16 times what
+goes on the wire (2 million vertices)."""
+MOST_READ = 1 << 27
+"""Elements that samplers and skins name, each as often as it is named: an hour of 100 joints has 30
+million."""
+_HEAD, _CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
+
+
+def gltf_tree(data: bytes) -> dict[str, Any]:
+    """The JSON object of a glTF or GLB file, its amounts checked.
+
+    Raises:
+        ValueError: where there is none, or it states more than a reader has room for.
+    """
+    text = _json_of_glb(data) if data[:4] == b"glTF" else data
+    try:
+        tree = json.loads(text.decode("utf-8-sig"))
+    except RecursionError:
+        raise ValueError("its JSON is nested too deep") from None
+    if not isinstance(tree, dict):
+        raise ValueError("its JSON is no object")
+    try:
+        _check_amounts(tree)
+    except (AttributeError, KeyError, TypeError, IndexError, OverflowError) as error:
+        raise ValueError(f"its JSON is damaged ({type(error).__name__}: {str(error)[:80]})") from None
+    return tree
+
+
+def parents_of(children: list[list[int]]) -> list[int]:
+    """The parent of each node, -1 at a root, from the children of each.
+
+    Raises:
+        ValueError: where a child is not there or has two parents, and for a cycle or too deep a tree.
+    """
+    parents = [-1] * len(children)
+    for number, own in enumerate(children):
+        for child in own:
+            if not 0 <= child < len(children) or parents[child] >= 0 or child == number:
+                raise ValueError(f"node {number} has a child {child} that is no child or another's too")
+            parents[child] = number
+    level = [node for node, parent in enumerate(parents) if parent < 0]
+    reached, depth = len(level), 1
+    while level:
+        if depth > MOST_DEEP:
+            raise ValueError(f"its nodes are nested deeper than {MOST_DEEP}")
+        level = [child for node in level for child in children[node]]
+        reached, depth = reached + len(level), depth + 1
+    if reached < len(children):
+        raise ValueError("its nodes form a cycle")
+    return parents
+
+
+def _json_of_glb(data: bytes) -> bytes:
+    """The first chunk of a GLB, which must be its JSON."""
+    if len(data) < _HEAD.size + _CHUNK.size:
+        raise ValueError("it is cut short")
+    length, kind = _CHUNK.unpack_from(data, _HEAD.size)
+    start = _HEAD.size + _CHUNK.size
+    if kind != b"JSON" or start + length > len(data):
+        raise ValueError("it is cut short or damaged: its JSON is not whole")
+    return data[start : start + length]
+
+
+def _check_amounts(tree: dict[str, Any]) -> None:
+    """What a file states, all together."""
+    for name, entries in tree.items():
+        if isinstance(entries, list) and len(entries) > MOST_LISTED:
+            raise ValueError(f"it has {len(entries)} {name}, and no more than {MOST_LISTED} are read")
+    nodes = tree.get("nodes") or []
+    parents_of([node.get("children") or [] for node in nodes])
+    counts = [_count(accessor) for accessor in tree.get("accessors") or []]
+    _check_shown(tree, nodes, counts)
+    _check_read(tree, counts)
+
+
+def _check_shown(tree: dict[str, Any], nodes: list[Any], counts: list[int]) -> None:
+    """The primitives of all meshes, each as often as nodes show it."""
+    shown: dict[int, int] = {}
+    for node in nodes:
+        if node.get("mesh") is not None:
+            shown[node["mesh"]] = shown.get(node["mesh"], 0) + 1
+    total, primitives = 0, 0
+    for number, mesh in enumerate(tree.get("meshes") or []):
+        times = max(shown.get(number, 0), 1)
+        for primitive in mesh.get("primitives") or []:
+            named = [primitive.get("indices"), *(primitive.get("attributes") or {}).values()]
+            total += times * max((counts[at] for at in named if _names(at, counts)), default=0)
+            primitives += times
+    if total > MOST_ELEMENTS:
+        raise ValueError(f"it shows {total} vertices or corners, and no more than {MOST_ELEMENTS} are read")
+    if primitives > MOST_LISTED:
+        raise ValueError(f"it shows {primitives} primitives, and no more than {MOST_LISTED} are read")
+
+
+def _check_read(tree: dict[str, Any], counts: list[int]) -> None:
+    """What the samplers of animations and the skins read."""
+    named = [skin.get("inverseBindMatrices") for skin in tree.get("skins") or []]
+    for animation in tree.get("animations") or []:
+        channels = animation.get("channels") or []
+        if len(channels) > MOST_LISTED:
+            raise ValueError(f"it has {len(channels)} channels, and no more than {MOST_LISTED} are read")
+        samplers = animation.get("samplers") or []
+        named += [sampler.get(end) for sampler in samplers for end in ("input", "output")]
+    total = sum(counts[at] for at in named if _names(at, counts))
+    if total > MOST_READ:
+        raise ValueError(f"it reads {total} keys, and no more than {MOST_READ} are read")
+
+
+def _count(accessor: dict[str, Any]) -> int:
+    """How many elements an accessor states."""
+    count = accessor.get("count")
+    if not isinstance(count, int) or not 0 <= count <= MOST_ELEMENTS:
+        raise ValueError(f"an accessor states {count} elements, and no more than {MOST_ELEMENTS} are read")
+    return count
+
+
+def _names(at: Any, counts: list[int]) -> bool:
+    return isinstance(at, int) and 0 <= at < len(counts)

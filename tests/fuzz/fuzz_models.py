@@ -1,0 +1,91 @@
+"""Small valid projects, rigs and meshes as the project writes them, and the same around mutations."""
+
+from __future__ import annotations
+
+import functools
+import io
+import struct
+import tempfile
+import zipfile
+from pathlib import Path
+from random import Random
+
+import numpy as np
+from fuzz_mutations import mutated
+from fuzz_seeds import character, json_anew, poses
+from made_gltf import random_rig
+from surgery_worlds import random_project
+
+from enliven.character import SkinWeights
+from enliven.formats.project_file import project_bytes
+from enliven.graph_shape import graph_shape_of
+from enliven.mesh import Mesh
+from enliven.mesh_files import save_mesh
+
+
+@functools.cache
+def project() -> bytes:
+    """A project of shapes, layers, a mesh and a possessed box."""
+    made, random = random_project(1)
+    shape = made.shapes["shape 0"]
+    count = 6
+    mesh = Mesh(random.normal(size=(count, 3)), random.integers(0, count, (5, 3)).astype(np.int32), "blob")
+    indices = random.integers(0, len(shape.skeleton), (count, 4)).astype(np.uint16)
+    skin = SkinWeights(indices, random.random((count, 4)).astype(np.float32))
+    graph, stream = graph_shape_of(character(), poses(), "dance")
+    made = made.with_shapes(shape.with_changes(mesh=mesh, skin=skin)).with_streams(stream).with_graphs(graph)
+    return project_bytes(made)
+
+
+def project_anew(dice: Random) -> bytes:
+    """A project whose header, or one of whose arrays, was mutated, with the archive's checksums right."""
+    with zipfile.ZipFile(io.BytesIO(project())) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    if dice.random() < 0.75:
+        entries["project.json"] = json_anew(entries["project.json"], dice)
+    else:
+        name = dice.choice(sorted(entries))
+        entries[name] = mutated(entries[name], entries[name], dice)
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in entries.items():
+            archive.writestr(name, data)
+    return out.getvalue()
+
+
+@functools.cache
+def gltf() -> bytes:
+    """A rig with as many oddities as fit."""
+    with tempfile.TemporaryDirectory() as folder:
+        return random_rig(1, Path(folder) / "seed.gltf", joints=4).read_bytes()
+
+
+def glb_of(text: bytes, blob: bytes) -> bytes:
+    """A GLB of its JSON and its bytes, with lengths that are right."""
+    text, blob = text + b" " * (-len(text) % 4), blob + b"\0" * (-len(blob) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(blob), b"BIN\0") + blob
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+@functools.cache
+def mesh(suffix: str) -> bytes:
+    """A tetrahedron as the project writes it."""
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    colours = np.arange(12).reshape(4, 3).astype(np.uint8)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"seed{suffix}"
+        save_mesh(Mesh(corners, faces, "seed", None if suffix in (".stl", ".off") else colours), path)
+        return path.read_bytes()
+
+
+def glb_anew(dice: Random) -> bytes:
+    """A GLB whose JSON tree or whose numbers were mutated, with lengths that are right."""
+    data = mesh(".glb")
+    size = struct.unpack_from("<I", data, 12)[0]
+    text, blob = data[20 : 20 + size], data[28 + size :]
+    if dice.random() < 0.7:
+        text = json_anew(text, dice)
+    else:
+        blob = mutated(blob, blob, dice)
+    return glb_of(text, blob)

@@ -1,0 +1,221 @@
+"""Every reader of strangers' bytes, and the mutated files that it is given."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import fuzz_models as models
+import fuzz_seeds as seeds
+import fuzz_texts as texts
+import msgspec
+import numpy as np
+from fuzz_law import Target
+
+from enliven.depth_codec import decode_depth
+from enliven.errors import EnlivenError
+from enliven.examples.settings import ExampleSettings
+from enliven.formats.bvh import parse_bvh
+from enliven.formats.example_session import read_session
+from enliven.formats.expmap import read_expmap
+from enliven.formats.gltf import read_gltf
+from enliven.formats.possessed import read_possessed
+from enliven.formats.project_file import project_of
+from enliven.mapping.plan_file import read_plan
+from enliven.mesh_files import load_mesh
+from enliven.recording import Recording
+from enliven.recording.messages import pack_bodies, pack_depth, unpack_bodies, unpack_depth
+from enliven.settings import load_settings
+from enliven.wire import convert, envelope, messages, topics
+from enliven.wire.envelope import Malformed
+from enliven.wire.matches import message_to_board
+from enliven.wire.posecode import PoseCodec
+from enliven_viewer.document import Document
+from enliven_viewer.takes import Take
+
+
+def _stream(data: bytes, folder: Path) -> None:
+    """As a viewer does: unpack, then convert."""
+    _, message = envelope.unpack_stream(data)
+    codec = _codec()
+    match message:
+        case messages.PoseMessage():
+            pose = convert.message_to_pose(message, codec)
+            assert pose.linear.shape == (8, 3, 3)
+        case messages.BodiesMessage():
+            for body in convert.message_to_bodies(message):
+                assert np.isfinite(body.joints).all()
+        case messages.CuesMessage():
+            convert.message_to_cues(message), convert.message_to_owners(message)
+        case messages.PropsMessage():
+            convert.message_to_props(message)
+        case messages.MatchesMessage():
+            message_to_board(message)
+        case messages.StatusMessage():
+            convert.messages_to_health(message.health)
+
+
+_CODEC: list[PoseCodec] = []
+
+
+def _codec() -> PoseCodec:
+    if not _CODEC:
+        _CODEC.append(PoseCodec(seeds.character()))
+    return _CODEC[0]
+
+
+def _control(data: bytes, folder: Path) -> None:
+    for topic in (topics.REQUEST, topics.REPLY):
+        try:
+            reply = envelope.unpack_control(data, topic)
+        except Malformed:
+            continue
+        body = getattr(reply, "body", None)
+        if isinstance(body, messages.CharacterMessage):
+            PoseCodec(convert.message_to_character(body))
+
+
+def _recording(data: bytes, folder: Path) -> None:
+    path = _file(folder, "a.mcap", data)
+    recording = Recording(path)
+    for topic in recording.info.topics:
+        for time_ns, _ in recording.messages(topic):
+            assert 0 <= time_ns < 1 << 64
+    for read in (recording.frames, recording.truth):
+        for frame in read():
+            assert isinstance(frame.time_ns, int)
+
+
+def _depth(data: bytes, folder: Path) -> None:
+    decode_depth(data, max_pixels=1 << 16)
+
+
+def _depth_frame(data: bytes, folder: Path) -> None:
+    unpack_depth(data)
+
+
+def _take(data: bytes, folder: Path) -> None:
+    path = _file(folder, "a.mcap", data)
+    take, document = Take(path), Document()
+    while take.poll(document):
+        pass
+    read_possessed(path)
+
+
+def _gltf(suffix: str) -> Callable[[bytes, Path], None]:
+    def read(data: bytes, folder: Path) -> None:
+        rig = read_gltf(_file(folder, f"a{suffix}", data))
+        assert np.isfinite(rig.shape.skeleton.positions).all()
+
+    return read
+
+
+def _mesh(suffix: str) -> Callable[[bytes, Path], None]:
+    def read(data: bytes, folder: Path) -> None:
+        mesh = load_mesh(_file(folder, f"a{suffix}", data)).mesh
+        assert np.isfinite(mesh.vertices).all() and len(mesh.faces)
+        assert 0 <= mesh.faces.min() <= mesh.faces.max() < len(mesh.vertices)
+
+    return read
+
+
+def _bvh(data: bytes, folder: Path) -> None:
+    capture = parse_bvh(data.decode("utf-8", "replace"))
+    assert capture.positions.shape == (capture.frames, len(capture.names), 3)
+
+
+def _file(folder: Path, name: str, data: bytes) -> Path:
+    path = folder / name
+    path.write_bytes(data)
+    return path
+
+
+def _settings(data: bytes, folder: Path) -> None:
+    load_settings(ExampleSettings, _file(folder, "a.toml", data))
+
+
+def _session(data: bytes, folder: Path) -> None:
+    for name, seed in (("seed.ply", models.mesh(".ply")), ("seed.enliven", models.project())):
+        if not (folder / name).exists():
+            _file(folder, name, seed)
+    read_session(_file(folder, "a.toml", data))
+
+
+def _mixed(*makers: seeds.Maker) -> seeds.Maker:
+    return lambda dice: dice.choice(makers)(dice)
+
+
+def _wire(payload: bytes, topic: str) -> seeds.Maker:
+    return seeds.of_msgpack(topic.encode() + b"\0" + bytes([messages.VERSION]), payload)
+
+
+def targets() -> list[Target]:
+    """Every reader; the counts add up to what `make test` states."""
+    payloads = seeds.stream_payloads()
+    payloads["status"] = msgspec.msgpack.encode(
+        messages.StatusMessage("edge", 1, 2, 3, note="fine", fps=30.0)
+    )
+    streams = {topic: data for topic, data in payloads.items() if topic in topics.STREAMS}
+    packed = [topic.encode() + b"\0" + bytes([messages.VERSION]) + data for topic, data in streams.items()]
+    character = msgspec.msgpack.encode({"id": 1, "body": _with_type(payloads["character"])})
+    head = bytes([messages.VERSION])
+    controls = [msgspec.msgpack.encode(message) for message in seeds.requests()] + [character]
+    wire = (Malformed, EnlivenError, ValueError)
+    mesh_seeds = {
+        ".obj": (texts.OBJ, models.mesh(".obj")),
+        ".ply": (texts.PLY, models.mesh(".ply")),
+        ".stl": (texts.STL, models.mesh(".stl")),
+        ".off": (texts.OFF, models.mesh(".off")),
+        ".mesh": (texts.MEDIT,),
+        ".pcd": texts.PCDS,
+        ".gltf": (models.gltf(),),
+    }
+    made = [
+        Target("wire stream bytes", 1000, seeds.of_bytes(*packed), _stream, wire),
+        Target("wire stream", 1750, _mixed(*(_wire(d, t) for t, d in streams.items())), _stream, wire),
+        Target("wire control bytes", 500, seeds.of_bytes(*(head + c for c in controls)), _control, wire),
+        Target("wire control", 1000, _mixed(*(seeds.of_msgpack(head, c) for c in controls)), _control, wire),
+        Target(
+            "depth payload", 500, seeds.depth_anew, lambda data, _: decode_depth(data, max_pixels=1 << 16)
+        ),
+        Target(
+            "depth message", 400, seeds.of_bytes(pack_depth(seeds.depth(), 1)), lambda d, _: unpack_depth(d)
+        ),
+        Target(
+            "bodies message",
+            400,
+            _mixed(seeds.of_bytes(pack_bodies(seeds.bodies())), seeds.of_json(pack_bodies(seeds.bodies()))),
+            lambda data, _: unpack_bodies(data),
+        ),
+        Target("recording bytes", 600, seeds.of_bytes(seeds.recording()), _recording),
+        Target("recording index", 400, seeds.recording_anew, _recording),
+        Target("recording chunk", 400, seeds.chunk_anew, _recording),
+        Target("take", 200, seeds.take_anew, _take),
+        Target("project bytes", 200, seeds.of_bytes(models.project()), lambda data, _: project_of(data)),
+        Target("project", 400, models.project_anew, lambda data, _: project_of(data)),
+        Target("gltf", 150, seeds.of_json(models.gltf()), _gltf(".gltf")),
+        Target("glb", 200, models.glb_anew, _gltf(".glb")),
+        Target("mesh glb", 150, models.glb_anew, _mesh(".glb")),
+        Target("bvh", 500, seeds.of_bytes(texts.BVH), _bvh),
+        Target("expmap", 50, seeds.of_bytes(texts.EXPMAP), lambda d, f: read_expmap(_file(f, "a.txt", d))),
+        Target("mapping", 150, seeds.of_bytes(texts.PLAN), lambda d, f: read_plan(_file(f, "a.toml", d))),
+        Target("settings", 50, seeds.of_bytes(texts.SETTINGS, texts.PLAN), _settings),
+        Target("session", 100, seeds.of_bytes(texts.SESSION), _session),
+    ]
+    made += [
+        Target(f"mesh {s[1:]}", 100 if s == ".gltf" else 150, seeds.of_bytes(*all_of), _mesh(s))
+        for s, all_of in mesh_seeds.items()
+    ]
+    return made
+
+
+def _with_type(payload: bytes) -> Any:
+    """The payload of a character as the body of a reply."""
+    found = msgspec.msgpack.decode(payload)
+    return {"type": "CharacterMessage", **found} if isinstance(found, dict) else found
+
+
+logging.getLogger("enliven").setLevel(logging.CRITICAL)
+logging.getLogger("enliven_viewer").setLevel(logging.CRITICAL)

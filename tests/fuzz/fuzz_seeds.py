@@ -1,0 +1,237 @@
+"""Small valid files of every kind that is read, made by the project itself, and made anew around mutations.
+
+A mutation of the bytes of a file with a checksum is refused at the door and tests nothing else; so containers
+are also made anew around mutated contents, with checksums and lengths that are right.
+"""
+
+from __future__ import annotations
+
+import functools
+import io
+import json
+import struct
+import tempfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import msgspec
+import numpy as np
+import zstandard
+from fuzz_mutations import mutated, mutated_tree
+from mcap.data_stream import ReadDataStream
+from mcap.records import Chunk
+from mcap.writer import CompressionType, Writer
+
+from enliven.body import Body, J
+from enliven.camera import Intrinsics
+from enliven.character import Character, Pose, SkinWeights
+from enliven.depth_codec import encode_depth
+from enliven.frames import BodyFrame, DepthFrame
+from enliven.recording import Recorder
+from enliven.wire import messages
+from enliven.wire.convert import bodies_to_message, character_to_message, cues_to_message, pose_to_message
+from enliven.wire.posecode import PoseCodec
+
+Maker = Callable[[Random], bytes]
+"""A mutated file, which depends on the dice alone."""
+
+
+def of_bytes(*seeds: bytes) -> Maker:
+    """One of the seeds with its bytes mutated."""
+    return lambda dice: mutated(dice.choice(seeds), dice.choice(seeds), dice)
+
+
+def of_json(seed: bytes) -> Maker:
+    """A JSON text with its tree mutated."""
+    return lambda dice: json_anew(seed, dice)
+
+
+def of_msgpack(head: bytes, seed: bytes) -> Maker:
+    """A head and a MessagePack value, mutated."""
+    return lambda dice: head + msgpack_anew(seed, dice)
+
+
+def json_anew(seed: bytes, dice: Random) -> bytes:
+    """A JSON text with its tree mutated; now and then nested deeper than any program writes."""
+    if dice.random() < 0.01:
+        return patched(seed, dice.choice((b"[", b'{"a":')) * 20_000, dice)
+    return json.dumps(mutated_tree(json.loads(seed), dice)).encode()
+
+
+def msgpack_anew(seed: bytes, dice: Random) -> bytes:
+    """A MessagePack value with its tree mutated; now and then nested deeper than any program writes."""
+    if dice.random() < 0.01:
+        return patched(seed, dice.choice((b"\x91", b"\x81\xa1a")) * 20_000, dice)
+    try:
+        return msgspec.msgpack.encode(mutated_tree(msgspec.msgpack.decode(seed), dice))
+    except (OverflowError, RecursionError, ValueError, msgspec.MsgspecError):  # mutated before, no value now
+        return mutated(seed, seed, dice)
+
+
+def patched(data: bytes, piece: bytes, dice: Random) -> bytes:
+    """The bytes with a piece put into them."""
+    at = dice.randrange(len(data) + 1)
+    return data[:at] + piece + data[at:]
+
+
+@functools.cache
+def character(kind: str = "graph") -> Character:
+    """A box of eight nodes."""
+    corners = np.array([[x, y, z] for x in (0, 1.0) for y in (0, 1.0) for z in (0, 1.0)], np.float32)
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    faces = np.array([t for a, b, c, d in quads for t in ([a, b, c], [a, c, d])], np.int32)
+    skin = SkinWeights(
+        np.array([[k, 0, 0, 0] for k in range(8)], np.uint16), np.eye(4, dtype=np.float32)[[0] * 8]
+    )
+    edges = np.array([[0, 1], [0, 2], [0, 4], [1, 3], [2, 6], [4, 5], [5, 7]], np.int32)
+    return Character("box", corners, faces, skin, corners, edges, kind, np.full((8, 3), 90, np.uint8))
+
+
+def poses() -> list[Pose]:
+    """Four poses of the box."""
+    box = character()
+    turns = np.tile(np.eye(3, dtype=np.float32), (8, 1, 1))
+    return [Pose("box", 33_000_000 * k, turns, box.pivots + np.float32(0.1 * k)) for k in range(4)]
+
+
+def bodies() -> BodyFrame:
+    """Two people."""
+    random = np.random.default_rng(0)
+    first = Body(0, random.normal(size=(J, 3)), random.random(J))
+    second = Body(
+        1, random.normal(size=(J, 3)), random.random(J), random.normal(size=(J, 4)), random.random(2)
+    )
+    return BodyFrame([first, second], 33_000_000, "seed")
+
+
+def depth(colour: bool = True) -> DepthFrame:
+    """A depth frame of 8 x 6 pixels."""
+    random = np.random.default_rng(0)
+    picture = random.integers(0, 255, (6, 8, 3)).astype(np.uint8) if colour else None
+    camera = Intrinsics(8, 6, 5.0, 5.0, 3.5, 2.5)
+    return DepthFrame(
+        random.integers(0, 4000, (6, 8)).astype(np.uint16), camera, 1, "seed", picture, np.eye(4)
+    )
+
+
+def stream_payloads() -> dict[str, bytes]:
+    """A MessagePack payload of each topic that a take holds."""
+    box, codec = character(), PoseCodec(character())
+    made = {
+        "character": character_to_message(box, 1),
+        "pose": pose_to_message(poses()[1], codec, revision=1),
+        "bodies": bodies_to_message(bodies().bodies, 5),
+        "cues": cues_to_message("box", "possessed", np.array([1, 2]), np.array([0.5, 1.0]), 3),
+    }
+    return {topic: msgspec.msgpack.encode(message) for topic, message in made.items()}
+
+
+def mcap(said: list[tuple[str, str, bytes, int]], compressed: bool = True) -> bytes:
+    """A recording of (topic, encoding, bytes, time) with checksums that are right."""
+    out = io.BytesIO()
+    kind = CompressionType.ZSTD if compressed else CompressionType.NONE
+    writer = Writer(out, chunk_size=600, compression=kind)
+    writer.start("enliven", "enliven fuzz")
+    channels: dict[str, int] = {}
+    for topic, encoding, data, time_ns in said:
+        if topic not in channels:
+            schema = writer.register_schema(f"s{len(channels)}", "jsonschema", b"{}")
+            channels[topic] = writer.register_channel(topic, encoding, schema, {"sensor": "seed"})
+        writer.add_message(channels[topic], time_ns, data, time_ns)
+    writer.finish()
+    return out.getvalue()
+
+
+@functools.cache
+def recording() -> bytes:
+    """What our recorder writes: depth, bodies and truth."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "seed.mcap"
+        with Recorder(path) as recorder:
+            recorder.write_frame(depth())
+            recorder.write_frame(bodies())
+            recorder.sync()
+            recorder.write_truth(bodies())
+        return path.read_bytes()
+
+
+def recording_anew(dice: Random) -> bytes:
+    """A recording whose index and footer were mutated, with the summary's checksum right."""
+    data = recording()
+    size, start = len(data) - 37, struct.unpack_from("<Q", data, len(data) - 28)[0]
+    summary = mutated(data[start:size], data, dice)
+    tail = data[size : size + 25]
+    check = zlib.crc32(tail, zlib.crc32(summary))
+    return data[:start] + summary + tail + struct.pack("<I", check) + data[-8:]
+
+
+def chunk_anew(dice: Random) -> bytes:
+    """A recording without an index, of one plain chunk with mutated content."""
+    records = mutated(_content(), _content(), dice)
+    crc = zlib.crc32(records) if dice.random() < 0.7 else 0
+    size = len(records) if dice.random() < 0.7 else dice.choice((0, 2**20, 2**40, 2**64 - 1))
+    packed, kind = records, b""
+    if dice.random() < 0.5:
+        packed, kind = zstandard.ZstdCompressor().compress(records), b"zstd"
+    body = struct.pack("<QQQII", 0, 10, size, crc, len(kind)) + kind + struct.pack("<Q", len(packed)) + packed
+    return recording()[: _first_chunk()] + struct.pack("<BQ", 6, len(body)) + body
+
+
+def _first_chunk() -> int:
+    """Where the first chunk record begins."""
+    data, at = recording(), 8
+    while data[at] != 6:
+        at += 9 + struct.unpack_from("<Q", data, at + 1)[0]
+    return at
+
+
+@functools.cache
+def _content() -> bytes:
+    """The records in a chunk, unpacked."""
+    chunk = Chunk.read(ReadDataStream(io.BytesIO(recording()[_first_chunk() + 9 :])))
+    return zstandard.ZstdDecompressor().decompress(chunk.data, chunk.uncompressed_size)
+
+
+def take_anew(dice: Random) -> bytes:
+    """A take of characters and poses, a message of it mutated."""
+    payloads = stream_payloads()
+    moved = [msgspec.msgpack.encode(pose_to_message(p, PoseCodec(character()), revision=1)) for p in poses()]
+    said = [("character", "msgpack", payloads["character"], 0)]
+    said += [("pose", "msgpack", data, 33_000_000 * k) for k, data in enumerate(moved)]
+    said += [(topic, "msgpack", payloads[topic], 5) for topic in ("bodies", "cues")]
+    for _ in range(dice.choice((1, 1, 3))):
+        at = dice.randrange(len(said))
+        topic, encoding, data, time_ns = said[at]
+        data = (msgpack_anew if dice.random() < 0.8 else lambda d, r: mutated(d, d, r))(data, dice)
+        if dice.random() < 0.3:
+            time_ns = dice.choice((0, 1, 2**62, 2**63 - 1))
+        said[at] = (topic, encoding, data, time_ns)
+    return mcap(said, dice.random() < 0.5)
+
+
+def depth_anew(dice: Random) -> bytes:
+    """A depth payload that was mutated, with its checksum right."""
+    data = encode_depth(depth().depth, dice.choice((1, 19)))
+    head, packed = data[:10], data[14:]
+    if dice.random() < 0.5:
+        head = (mutated(head, packed, dice) + bytes(10))[:10]
+    else:
+        packed = mutated(packed, packed, dice)
+    return head + struct.pack("<I", zlib.crc32(packed, zlib.crc32(head))) + packed
+
+
+def requests() -> list[Any]:
+    """Requests of a viewer and replies of an edge."""
+    status = messages.StatusMessage("edge", 1, 2, 3, note="fine", fps=30.0)
+    asks = [
+        messages.Hello("v", True),
+        messages.Possess("chair", 3, "legs"),
+        messages.Smooth(3),
+        messages.Look((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
+        messages.Browse("spider", -1),
+    ]
+    answers = [messages.Welcome(status, [messages.Revision("chair", 2)], [b"x"]), messages.Done("ok")]
+    return [messages.Request(7, ask) for ask in asks] + [messages.Reply(7, answer) for answer in answers]

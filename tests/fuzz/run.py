@@ -1,0 +1,49 @@
+"""Mutated files at random for as long as one says: `make fuzz SECONDS=600 SEED=7 ONLY=gltf`."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+import time
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), *(str(HERE.parent / "shared" / room) for room in ("formats", "modeling"))]
+import fuzz_law  # noqa: E402
+import fuzz_readers  # noqa: E402
+
+BATCH = 20
+"""Files of one reader before the next has its turn."""
+
+
+def main() -> int:
+    """The exit code: 1 where a reader broke the law; every broken file is kept in out/fuzz."""
+    said = dict(enumerate(sys.argv[1:]))
+    seconds = float(said.get(0) or 60)
+    seed = said.get(1) or str(time.time_ns() % 1_000_000)
+    only = said.get(2) or ""
+    kept = Path("out/fuzz")
+    kept.mkdir(parents=True, exist_ok=True)
+    targets = [target for target in fuzz_readers.targets() if only in target.name]
+    if not targets:
+        print(f"no reader is called {only!r}")
+        return 2
+    print(f"SEED={seed}, {seconds:g} s, {len(targets)} readers", flush=True)
+    end, done, broken = time.monotonic() + seconds, 0, 0
+    for batch in itertools.count():
+        for target in targets:
+            for number in range(batch * BATCH, (batch + 1) * BATCH):
+                if time.monotonic() > end:
+                    print(f"{done} files, {broken} broke a reader (SEED={seed})")
+                    return 1 if broken else 0
+                done += 1
+                try:
+                    fuzz_law.check(target, f"{seed}-{number}", kept)
+                except fuzz_law.Broken as error:
+                    broken += 1
+                    print(error, flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
