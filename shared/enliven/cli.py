@@ -25,6 +25,7 @@ _ORDER = (
     "import",
     "record",
     "replay",
+    "recover",
     "calibrate",
     "synthesize",
     "graph",
