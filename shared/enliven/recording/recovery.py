@@ -20,7 +20,7 @@ from enliven.recording.recorder import Recorder
 from enliven.recording.schemas import PROFILE
 
 _CHUNK = re.compile(rb"\x06.{5}\x00\x00\x00.{28}(?:\x04\x00\x00\x00zstd|\x00\x00\x00\x00)", re.DOTALL)
-"""How a chunk begins: its opcode, a length below 2^40, 28 bytes of times, size and checksum, its compression."""
+"""How a chunk begins: opcode, a length below 2^40, 28 bytes of times, size and checksum, its compression."""
 _HEAD_BYTES = 9
 """Bytes of a record's opcode and length."""
 _BETWEEN = {

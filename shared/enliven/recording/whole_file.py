@@ -17,7 +17,7 @@ class WholeFile:
     """
 
     def __init__(self, path: Path, mode: str) -> None:
-        self._raw = path.open(mode, buffering=0)  # noqa: SIM115 (this is the file's owner)
+        self._raw = path.open(mode, buffering=0)
         self._end = 0
 
     @property
