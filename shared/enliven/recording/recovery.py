@@ -19,8 +19,10 @@ from enliven.recording.container import ChunkRef, Container, Damage, open_contai
 from enliven.recording.recorder import Recorder
 from enliven.recording.schemas import PROFILE
 
-_CHUNK = re.compile(rb"\x06.{5}\x00\x00\x00.{28}(?:\x04\x00\x00\x00zstd|\x00\x00\x00\x00)", re.DOTALL)
+_CHUNK = re.compile(rb"\x06(?=.{5}\x00\x00\x00.{28}(\x04\x00\x00\x00zstd|\x00\x00\x00\x00))", re.DOTALL)
 """How a chunk begins: opcode, a length below 2^40, 28 bytes of times, size and checksum, its compression."""
+_FIXED_BYTES = 36
+"""Bytes of a chunk's fields but for its compression and its data: times, two sizes, checksum."""
 _HEAD_BYTES = 9
 """Bytes of a record's opcode and length."""
 _BETWEEN = {
@@ -140,11 +142,14 @@ def _candidates(container: Container, file: BinaryIO) -> list[ChunkRef]:
     size = file.seek(0, 2)
     with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         for match in _CHUNK.finditer(data):
-            offset = match.start()
-            length = _HEAD_BYTES + int.from_bytes(data[offset + 1 : offset + 9], "little")
-            if offset not in refs and offset + length <= size:
-                times = (int.from_bytes(data[offset + at : offset + at + 8], "little") for at in (9, 17))
-                refs[offset] = ChunkRef(offset, length, *times)
+            offset, name = match.start(), len(match[1])
+            inside, start, end, content = (
+                int.from_bytes(data[offset + at : offset + at + 8], "little") for at in (1, 9, 17, 37 + name)
+            )
+            length = _HEAD_BYTES + inside
+            fits = inside == _FIXED_BYTES + name + content and offset + length <= size
+            if fits and offset not in refs:
+                refs[offset] = ChunkRef(offset, length, start, end)
     return [refs[offset] for offset in sorted(refs)]
 
 
