@@ -8,6 +8,9 @@ from typing import Protocol, Self
 from enliven.errors import ResourceError
 from enliven.frames import Frame
 
+TIME_LIMIT_NS = 1 << 62
+"""Nanoseconds, 146 years: a time beyond is no time; differences and offsets still fit into 64 bits."""
+
 
 class SensorFault(ResourceError):
     """A sensor failed; the reads that follow open it anew, and its stream goes on once that works."""

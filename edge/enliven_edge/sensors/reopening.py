@@ -10,14 +10,16 @@ import contextlib
 import dataclasses
 import functools
 import logging
+import statistics
 import time
+from collections import deque
 from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Literal
 
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import Frame
-from enliven_edge.sensors.base import Sensor, SensorFault
+from enliven_edge.sensors.base import TIME_LIMIT_NS, Sensor, SensorFault
 from enliven_edge.sensors.errands import Errands
 
 log = logging.getLogger(__name__)
@@ -37,8 +39,10 @@ _LEFT_TO_THEMSELVES = 4
 """Threads that may hang in a driver at once; then the sensor is waited for."""
 _CLOSING = 0.5
 """Seconds that closing waits for the device to be let go."""
-_CLOCK_JUMP = 1.0
-"""Seconds by which a device's clock may be ahead after it was opened anew, and still be the same clock."""
+_CLOCK_JUMP_NS = 1_000_000_000
+"""Nanoseconds by which a clock may be ahead after its device was opened anew, and still be the same clock."""
+_CLOCK_FRAMES = 5
+"""Frames whose median tells how the stream's clock stands to this machine's: one wrong time does no harm."""
 
 
 class ReopeningSensor:
@@ -65,7 +69,8 @@ class ReopeningSensor:
         self._wait, self._due = FIRST_WAIT, 0.0
         self._good = self._bad = 0
         self._fresh, self._shift_ns = False, 0
-        self._last: tuple[int, float] | None = None
+        self._last_ns = 0
+        self._ahead_ns: deque[int] = deque(maxlen=_CLOCK_FRAMES)
         self._closed = False
 
     def read(self, timeout: float | None = None) -> Frame | None:
@@ -136,24 +141,23 @@ class ReopeningSensor:
         self._good += 1
         if self._good >= GOOD_FRAMES:
             self._wait = FIRST_WAIT
-        if frame is None or type(getattr(frame, "time_ns", None)) is not int:
+        time_ns = getattr(frame, "time_ns", None)
+        if frame is None or type(time_ns) is not int or abs(time_ns) >= TIME_LIMIT_NS:
             return frame
-        now = time.monotonic()
-        if self._fresh and self._last is not None:
-            self._shift_ns = self._shift(frame.time_ns, self._last[0], round((now - self._last[1]) * 1e9))
-        self._fresh = False
-        if self._shift_ns:
-            frame = dataclasses.replace(frame, time_ns=frame.time_ns + self._shift_ns)
-        self._last = frame.time_ns, now
-        return frame
+        now_ns = time.monotonic_ns()
+        if self._fresh and self._ahead_ns:
+            self._shift_ns = self._shift(time_ns, now_ns)
+        self._fresh, self._last_ns = False, now_ns
+        self._ahead_ns.append(time_ns + self._shift_ns - now_ns)
+        return dataclasses.replace(frame, time_ns=time_ns + self._shift_ns) if self._shift_ns else frame
 
-    def _shift(self, time_ns: int, last_ns: int, passed_ns: int) -> int:
-        """What to add to a fresh device's times: nothing, or what was added before, where that goes on."""
-        latest = last_ns + passed_ns + round(_CLOCK_JUMP * 1e9)
+    def _shift(self, time_ns: int, now_ns: int) -> int:
+        """What to add to a fresh device's times: what was added before, or nothing, where that goes on."""
+        ahead_ns = statistics.median_low(self._ahead_ns)
         for shift in (self._shift_ns, 0):
-            if last_ns < time_ns + shift <= latest:
+            if self._last_ns + ahead_ns < time_ns + shift <= now_ns + ahead_ns + _CLOCK_JUMP_NS:
                 return shift
-        return last_ns + max(1, passed_ns) - time_ns
+        return now_ns + ahead_ns - time_ns
 
     def _failed(self, error: Exception) -> Exception:
         """What to raise where the device raised ``error``."""

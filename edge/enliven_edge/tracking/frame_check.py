@@ -9,14 +9,13 @@ import numpy as np
 from enliven.body import J
 from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.health import HealthKind
+from enliven_edge.sensors.base import TIME_LIMIT_NS
 
 _NEW_SIZE_FRAMES = 5
 """Frames in a row of another size after which the sensor is taken to have changed its mode: a driver that
 restarts lets through one or two of the old or of a half mode."""
 _SMALLEST, _LARGEST = 16, 8192
 """Pixels of an image's side: in less nobody can be seen, and more no depth camera has."""
-_TIME_LIMIT = 1 << 62
-"""Nanoseconds, 146 years: room is left for differences and offsets of 64-bit times."""
 
 Flaw = tuple[HealthKind, str]
 """What kind of trouble, and why, without the full stop."""
@@ -57,7 +56,7 @@ def flaw_of(frame: Frame) -> str:
     """What is wrong with a frame by itself, or an empty string."""
     if not isinstance(frame, DepthFrame | BodyFrame):
         return f"it is of type {type(frame).__name__}"
-    if type(frame.time_ns) is not int or not -_TIME_LIMIT < frame.time_ns < _TIME_LIMIT:
+    if type(frame.time_ns) is not int or abs(frame.time_ns) >= TIME_LIMIT_NS:
         return f"its time is {frame.time_ns!r}, not a possible number of nanoseconds"
     return _depth_flaw(frame) if isinstance(frame, DepthFrame) else _body_flaw(frame)
 

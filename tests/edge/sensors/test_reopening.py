@@ -87,6 +87,23 @@ def test_a_clock_that_goes_on_is_left_alone():
     assert [frame.time_ns for frame in frames] == Host.told
 
 
+@pytest.mark.parametrize("place", [4, 5, 6])
+def test_one_wrong_time_beside_a_failure_does_no_harm(place):
+    """The last before it, or the first after it."""
+
+    class Wild(Troubled):
+        def read(self, timeout=None):
+            frame = super().read(timeout)
+            if frame is not None and Troubled.number == place:
+                object.__setattr__(frame, "time_ns", 1 << 70)
+            return frame
+
+    with ReopeningSensor(lambda: Wild(30, "OSError,OSError")) as sensor:
+        frames, _ = stream(sensor)
+    times = [frame.time_ns for frame in frames if frame.time_ns < 1 << 62]
+    assert len(times) == 29 and times == sorted(set(times)) and times[-1] < DEADLINE * 1e9
+
+
 def test_attempts_become_rarer_and_go_on_for_ever():
     opened: list[float] = []
 
