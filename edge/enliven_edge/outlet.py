@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import functools
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import msgspec
-
 from enliven.body import Body
 from enliven.character import Character, Pose
 from enliven.frames import Frame
-from enliven.health import HealthState
+from enliven.health import HealthState, worst_first
 from enliven.matching.board import Board
 from enliven.props import Props
-from enliven.recording import Recorder
 from enliven.wire.convert import (
     bodies_to_message,
     character_to_message,
@@ -32,9 +28,9 @@ from enliven_edge.control import Command
 from enliven_edge.pace import Pace
 from enliven_edge.publisher import Publisher
 from enliven_edge.settings import WireSettings
+from enliven_edge.take import Take
 
 _FAREWELLS = 5
-_ENCODER = msgspec.msgpack.Encoder()
 
 
 def _unheard(*_: object) -> str:
@@ -62,7 +58,7 @@ class Outlet:
         ports = {"pose_port": wire.port, "control_port": wire.control_port}
         self._publisher = Publisher(name=wire.name, host=wire.host, **ports)
         try:
-            self._take = Recorder(record, overwrite=overwrite) if record else None
+            self._take = Take(record, overwrite=overwrite) if record else None
         except BaseException:
             self._publisher.close()
             raise
@@ -82,7 +78,8 @@ class Outlet:
     def introduce(self, character: Character) -> None:
         """A new character, or a new revision of one; viewers fetch it by themselves."""
         revision = self._publisher.set_character(character)
-        self._write("character", character_to_message(character, revision), 0)
+        if self._take is not None:
+            self._take.introduce(character.id, character_to_message(character, revision))
 
     def publish(
         self,
@@ -128,8 +125,9 @@ class Outlet:
             )
 
     def ail(self, states: list[HealthState]) -> None:
-        """What is wrong; goes out at once where it is new, or over."""
-        health = health_to_messages(states)
+        """What is wrong, and with the take; goes out at once where it is new, or over."""
+        take = self._take.ails if self._take is not None else []
+        health = health_to_messages(worst_first([*states, *take]))
         told = self._publisher.status.health
         if health == told:
             return
@@ -199,13 +197,9 @@ class Outlet:
         self._write(topic, message, time_ns)
 
     def _write(self, topic: str, message: Any, time_ns: int) -> None:
-        """To the take, with the message's JSON schema."""
+        """To the take."""
         if self._take is not None:
-            kind: Any = type(message)
-            data = _ENCODER.encode(message)
-            self._take.write(
-                topic, f"enliven.{kind.__name__}", _schema(kind), "jsonschema", "msgpack", data, time_ns
-            )
+            self._take.write(topic, message, time_ns)
 
 
 def _reply(command: Command, refused: str) -> None:
@@ -214,9 +208,3 @@ def _reply(command: Command, refused: str) -> None:
         command.reply_refused(refused)
     else:
         command.reply_done()
-
-
-@functools.cache
-def _schema(kind: Any) -> str:
-    """The JSON schema of a kind of message."""
-    return msgspec.json.encode(msgspec.json.schema(kind)).decode()

@@ -12,7 +12,7 @@ import numpy as np
 from enliven.body import Body
 from enliven.character import Pose
 from enliven.commands.processes import parent_is_gone
-from enliven.errors import EnlivenError, InputError
+from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.health import HealthState, worst_first
 from enliven.matching.views import View
@@ -23,7 +23,7 @@ from enliven_edge.fusion.fused_sensor import FusedFrame, FusedSensors
 from enliven_edge.opening import Opening
 from enliven_edge.outlet import Outlet
 from enliven_edge.pace import Pace
-from enliven_edge.sensors.base import Sensor
+from enliven_edge.sensors.base import Sensor, SensorFault
 from enliven_edge.stage import Stage
 from enliven_edge.tracking.health import HealthMonitor
 from enliven_edge.tracking.output import Output
@@ -48,6 +48,7 @@ class Edge:
         health: says what is wrong; None makes one.
         physics: loose things among the characters, or None.
         controls: pedals and the like, beside the viewers; the caller closes them.
+        once: end at the first fault of the sensor, in place of going on with its next good frame.
     """
 
     def __init__(
@@ -63,6 +64,7 @@ class Edge:
         health: HealthMonitor | None = None,
         physics: Playground | None = None,
         controls: Controls | None = None,
+        once: bool = False,
     ) -> None:
         self.sensor, self.tracker, self.stage, self.outlet = sensor, tracker, stage, outlet
         self.health, self.physics = health or HealthMonitor(), physics
@@ -72,11 +74,15 @@ class Edge:
         self._heard = time.monotonic()
         self._opening, self._stop_after = Opening(stage, possess_at, parts), stop_after
         self._first_ns: int | None = None
-        self._stopped = False
+        self._stopped, self._once = False, once
         self._by_depth = not isinstance(sensor, FusedSensors)
 
     def run(self) -> None:
-        """Serves until the sensor's stream ends, :meth:`stop` is called, or the parent program is gone."""
+        """Serves until the sensor's stream ends, :meth:`stop` is called, or the parent program is gone.
+
+        Raises:
+            ResourceError: at the sensor's first fault where it is to end then, or where it was lost for good.
+        """
         for frame in self._frames():
             if frame is not None:
                 self.step(frame)
@@ -104,7 +110,11 @@ class Edge:
         if isinstance(frame, FusedFrame):
             read_ns = frame.read_ns
         if not self.health.admit(frame):
+            self._end_at_fault()
             self.outlet.ail(self._ails())
+            return
+        if self._is_over(frame):
+            self.stop()
             return
         bodies = self._bodies(frame)
         looks = self.stage.looks and isinstance(frame, DepthFrame)
@@ -126,9 +136,20 @@ class Edge:
             except TimeoutError:
                 yield None
                 continue
-            if frame is None or self._is_over(frame):
+            except (SensorFault, InputError) as error:
+                self.health.failed(error)
+                self._end_at_fault()
+                yield None
+                continue
+            if frame is None:
                 return
             yield frame
+
+    def _end_at_fault(self) -> None:
+        """Ends where the sensor had a fault and that was asked for."""
+        if self._once and self.health.fault:
+            mend = "Mend the sensor, or start without --once, which goes on with the next good frame."
+            raise ResourceError(self.health.fault, where=self.sensor.name, mend=mend)
 
     def _is_over(self, frame: Frame) -> bool:
         """Whether the time that was asked for has passed, by the sensor's clock."""

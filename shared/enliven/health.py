@@ -21,6 +21,9 @@ class HealthKind(StrEnum):
     """What may be wrong."""
 
     NO_FRAMES = "no frames"
+    SENSOR_LOST = "sensor lost"
+    BAD_FRAME = "frame unusable"
+    RESIZED = "image size changed"
     FROZEN = "sensor frozen"
     SLOW = "low frame rate"
     DROPPED = "frames dropped"
@@ -35,6 +38,8 @@ class HealthKind(StrEnum):
     CUT_OFF = "performer cut off"
     JOINED = "performers joined"
     UNCLEAR = "performer unclear"
+    TAKE_ENDED = "take ended"
+    TAKE_GAPS = "take incomplete"
 
 
 NOBODY = -1

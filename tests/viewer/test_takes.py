@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import msgspec
@@ -11,7 +12,7 @@ import pytest
 from enliven.body import Body
 from enliven.character import Character, Pose
 from enliven.errors import InputError
-from enliven.recording import Recorder
+from enliven.recording import Recorder, Recording
 from enliven.wire.convert import bodies_to_message, character_to_message, cues_to_message, pose_to_message
 from enliven.wire.posecode import PoseCodec
 from enliven_viewer.document import Document
@@ -97,3 +98,52 @@ def test_a_file_that_is_no_recording_is_said(tmp_path) -> None:
     for name in ("foreign.mcap", "missing.mcap"):
         with pytest.raises(InputError):
             Take(tmp_path / name)
+
+
+def with_copies(path: Path, character: Character) -> None:
+    """A take whose character is written again in the middle and at the end, a chunk a message."""
+    codec = PoseCodec(character)
+    with Recorder(path, sync_seconds=0.0) as recorder:
+
+        def put(topic: str, message: object, time_ns: int) -> None:
+            data = msgspec.msgpack.encode(message)
+            recorder.write(topic, f"enliven.{topic}", "{}", "jsonschema", "msgpack", data, time_ns)
+
+        put("character", character_to_message(character, 1), 0)
+        for k in range(COUNT):
+            pose = shifted(character, k)
+            put("pose", pose_to_message(pose, codec, revision=1), pose.time_ns)
+            if k in (COUNT // 2, COUNT - 1):
+                put("character", character_to_message(character, 1), pose.time_ns)
+
+
+@pytest.mark.parametrize("damaged", [(), (0,), (0, 1), (2,), (1, 2)])
+def test_poses_are_read_by_any_copy_of_their_character(tmp_path, box, damaged) -> None:
+    path = tmp_path / "take.mcap"
+    with_copies(path, box)
+    refs = sorted(Recording(path)._container.chunks, key=lambda ref: ref.offset)
+    copies = [refs[0], refs[COUNT // 2 + 2], refs[-1]]
+    data = bytearray(path.read_bytes())
+    for k in damaged:
+        data[copies[k].offset + copies[k].length // 2] ^= 0x55
+    path.write_bytes(data)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        document, take = read(path)
+    assert len(document.timeline) == COUNT and take.unreadable == 0
+    assert all("box" in moment.poses for moment in document.timeline._moments)
+
+
+def test_a_take_without_any_copy_says_so_once_and_ends(tmp_path, box, caplog) -> None:
+    path = tmp_path / "take.mcap"
+    with_copies(path, box)
+    refs = sorted(Recording(path)._container.chunks, key=lambda ref: ref.offset)
+    data = bytearray(path.read_bytes())
+    for ref in (refs[0], refs[COUNT // 2 + 2], refs[-1]):
+        data[ref.offset + ref.length // 2] ^= 0x55
+    path.write_bytes(data)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        document, take = read(path)
+    assert take.unreadable == COUNT and not document.characters
+    assert caplog.text.count("cannot be read") == 1

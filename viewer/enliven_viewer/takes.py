@@ -45,7 +45,8 @@ _BATCH = 96
 class Take:
     """A :class:`~enliven_viewer.feed.Feed` that reads a take a little further with every poll.
 
-    A message that cannot be read is left out; the first such is logged.
+    A message that cannot be read is left out; the first such is logged. A take holds copies of each
+    character: where the first is damaged, poses are read by any other of their revision.
 
     Raises:
         InputError: where the file is no recording, or holds no poses.
@@ -62,9 +63,11 @@ class Take:
             )
         self.name = path.name
         self.unreadable = 0
+        self._recording = recording
         self._messages = _merged(recording, present)
         self._revisions: dict[str, int] = {}
-        self._codecs: dict[str, PoseCodec] = {}
+        self._codecs: dict[tuple[str, int], PoseCodec] = {}
+        self._searched: set[tuple[str, int]] = set()
         self._state = EdgeState(connected=True, address=str(path), phase="playing")
 
     def poll(self, document: Document) -> int:
@@ -113,17 +116,17 @@ class Take:
     def _apply(self, document: Document, topic: str, data: bytes) -> None:
         """One message into the document."""
         if topic == "character":
-            made = msgspec.msgpack.decode(data, type=CharacterMessage)
-            character = message_to_character(made)
-            self._codecs[character.id], self._revisions[character.id] = PoseCodec(character), made.revision
-            document.add_character(character)
+            self._introduce(document, data)
         elif topic == "bodies":
             seen = msgspec.msgpack.decode(data, type=BodiesMessage)
             document.add_bodies(seen.time_ns, message_to_bodies(seen))
         elif topic == "pose":
             pose = msgspec.msgpack.decode(data, type=PoseMessage)
+            key = (pose.character, pose.revision)
+            if key not in self._codecs:
+                self._look_ahead(document, *key)
             if self._revisions[pose.character] == pose.revision:
-                document.add_pose(message_to_pose(pose, self._codecs[pose.character]))
+                document.add_pose(message_to_pose(pose, self._codecs[key]))
         elif topic == "props":
             document.add_props(message_to_props(msgspec.msgpack.decode(data, type=PropsMessage)))
         elif topic == "matches":
@@ -134,6 +137,29 @@ class Take:
                 cues.character, *message_to_cues(cues), cues.state, message_to_owners(cues), cues.held
             )
             document.set_cues(shown, cues.time_ns)
+
+    def _introduce(self, document: Document, data: bytes) -> None:
+        """The character of a message into the document, where it is not shown already."""
+        made = msgspec.msgpack.decode(data, type=CharacterMessage)
+        if self._revisions.get(made.id) != made.revision:
+            character = message_to_character(made)
+            self._codecs[made.id, made.revision] = PoseCodec(character)
+            self._revisions[made.id] = made.revision
+            document.add_character(character)
+
+    def _look_ahead(self, document: Document, character_id: str, revision: int) -> None:
+        """A copy of a character that has not come yet: the one that should have was damaged."""
+        if (character_id, revision) in self._searched:
+            return
+        self._searched.add((character_id, revision))
+        for _, data in self._recording.messages("character"):
+            try:
+                made = msgspec.msgpack.decode(data, type=CharacterMessage)
+                if (made.id, made.revision) == (character_id, revision):
+                    self._introduce(document, data)
+                    return
+            except (msgspec.MsgspecError, EnlivenError, ValueError):
+                continue
 
 
 def _merged(recording: Recording, topics: list[str]) -> Iterator[tuple[int, str, bytes]]:

@@ -81,6 +81,9 @@ def edge(
     seconds: Annotated[
         float | None, typer.Option(help="Stop after this long, by the sensor's clock.")
     ] = None,
+    once: Annotated[
+        bool, typer.Option("--once", help="End at the sensor's first fault instead of opening it anew.")
+    ] = False,
 ) -> None:
     """Track people with one sensor or more, let them possess a mesh, and publish the poses.
 
@@ -111,7 +114,7 @@ def edge(
     elif chosen.space and folder is not None:
         chosen = dataclasses.replace(chosen, space=str(folder / chosen.space))
     run = (mesh, possess_at, parts, record, overwrite, wait_for_viewer, seconds)
-    serve(chosen, source, run, folder)
+    serve(chosen, source, run, folder, once)
 
 
 def serve(
@@ -119,6 +122,7 @@ def serve(
     sources: list[Source],
     run: tuple[str, float | None, str | None, Path | None, bool, float, float | None],
     folder: Path | None = None,
+    once: bool = False,
 ) -> None:
     """Opens everything, serves, and closes everything; heavy modules are imported only here."""
     from enliven_edge.actor import Actor
@@ -136,7 +140,7 @@ def serve(
         need_engine()
     with contextlib.ExitStack() as stack:
         controls = stack.enter_context(open_controls(chosen.controls, folder))
-        sensor = _opened(sources, chosen, stack)
+        sensor = _opened(sources, chosen, stack, once)
         actor = _prepared(mesh, chosen)
         live = any(source.sensor != "replay" for source in sources)
         playground = _playground(chosen.physics, [actor.character], live)
@@ -154,6 +158,7 @@ def serve(
             stop_after=seconds,
             physics=playground,
             controls=controls,
+            once=once,
             health=HealthMonitor(
                 chosen.health, fps=getattr(sensor, "fps", None), far=chosen.tracker.scene.far
             ),
@@ -256,7 +261,7 @@ def _sources(
     return [source_of(word, sensor_options(options), replay) for word in words]
 
 
-def _opened(sources: list[Source], chosen: EdgeSettings, stack: contextlib.ExitStack) -> Sensor:
+def _opened(sources: list[Source], chosen: EdgeSettings, stack: contextlib.ExitStack, once: bool) -> Sensor:
     """The sensor; several are watched at once, and fused into one of bodies."""
     from enliven_edge.sensors.sources import opened
 
@@ -269,10 +274,12 @@ def _opened(sources: list[Source], chosen: EdgeSettings, stack: contextlib.ExitS
             where="edge",
             mend="Find it, enliven calibrate ... -o space.toml, and give --space space.toml.",
         )
-    return stack.enter_context(_fused(sources, sensors, chosen))
+    return stack.enter_context(_fused(sources, sensors, chosen, once))
 
 
-def _fused(sources: list[Source], sensors: dict[str, Sensor], chosen: EdgeSettings) -> FusedSensors:
+def _fused(
+    sources: list[Source], sensors: dict[str, Sensor], chosen: EdgeSettings, once: bool
+) -> FusedSensors:
     """Several sensors as one."""
     from enliven_edge.fusion.fused_sensor import FusedSensors
     from enliven_edge.fusion.merge import untouched
@@ -290,7 +297,7 @@ def _fused(sources: list[Source], sensors: dict[str, Sensor], chosen: EdgeSettin
         health[name] = HealthMonitor(chosen.health, fps=fps, far=scene.far, name=name)
     warm_up_fusion()
     space, output = load_space(Path(chosen.space)), Output(chosen.tracker)
-    return FusedSensors(sensors, trackers, space, chosen.fusion, health, output)
+    return FusedSensors(sensors, trackers, space, chosen.fusion, health, output, once)
 
 
 @contextlib.contextmanager

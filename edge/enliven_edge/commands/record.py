@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import logging
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,6 +20,8 @@ from enliven_edge.commands.progress import frame_progress
 if TYPE_CHECKING:
     from enliven.recording import Recorder
     from enliven_edge.sensors.base import Sensor
+
+log = logging.getLogger(__name__)
 
 _PATIENCE = 0.25
 """Seconds to wait for a frame before looking whether to stop and handing what there is to the disk."""
@@ -42,12 +46,15 @@ def record(
       enliven record --sensor replay --set path=LONG.mcap --set speed=0 --seconds 5 -o start.mcap
     """
     from enliven.recording import Recorder
+    from enliven_edge.disk_sync import DiskSync
     from enliven_edge.sensors.registry import open_sensor
+    from enliven_edge.sensors.reopening import kept_open
 
     console = Console()
     with (
-        open_sensor(sensor, **sensor_options(setting or [])) as stream,
+        kept_open(functools.partial(open_sensor, sensor, **sensor_options(setting or []))) as stream,
         Recorder(output, compression_level=level, overwrite=overwrite) as recorder,
+        contextlib.closing(DiskSync(recorder.fileno())) as disk,
         _stop_on_interrupt() as stop,
         frame_progress(console) as progress,
     ):
@@ -56,13 +63,20 @@ def record(
         count = 0
         for count in record_stream(stream, recorder, stop, seconds):
             progress.update(task, count=count)
+            disk.check()
     typer.echo(f"{output}: {count} frames of {stream.name}, {output.stat().st_size / 1e6:.1f} MB")
 
 
 def record_stream(
     stream: Sensor, recorder: Recorder, stop: threading.Event, seconds: float | None = None
 ) -> Iterator[int]:
-    """Write frames until the stream ends, ``stop`` is set, or ``seconds`` have passed; yields the count."""
+    """Write frames until the stream ends, ``stop`` is set, or ``seconds`` have passed; yields the count.
+
+    A sensor that fails is read on, and a frame that cannot be used is left out; both are logged.
+    """
+    from enliven_edge.sensors.base import SensorFault
+    from enliven_edge.tracking.frame_check import flaw_of
+
     count, first_ns = 0, None
     while not stop.is_set():
         try:
@@ -70,12 +84,22 @@ def record_stream(
         except TimeoutError:
             recorder.sync()
             continue
+        except (SensorFault, InputError) as error:
+            log.warning("%s", error)
+            continue
         if frame is None:
             return
+        if flaw := flaw_of(frame):
+            log.warning("%s: a frame is left out: %s", stream.name, flaw)
+            continue
         first_ns = frame.time_ns if first_ns is None else first_ns
         if seconds is not None and frame.time_ns - first_ns >= seconds * 1e9:
             return
-        recorder.write_frame(frame)
+        try:
+            recorder.write_frame(frame)
+        except InputError as error:
+            log.warning("a frame is left out: %s", error)
+            continue
         count += 1
         yield count
 
@@ -106,7 +130,7 @@ def _value(text: str) -> Any:
     return text
 
 
-@contextmanager
+@contextlib.contextmanager
 def _stop_on_interrupt() -> Iterator[threading.Event]:
     """An event that Ctrl-C sets, so that the file is finished; a second Ctrl-C interrupts at once."""
     stop = threading.Event()

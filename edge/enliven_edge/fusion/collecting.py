@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
 
 import numpy as np
 
@@ -12,8 +13,10 @@ from enliven_edge.fusion.merge import in_world
 from enliven_edge.fusion.reading import PATIENCE, SensorThread
 from enliven_edge.fusion.rigid import inverse
 from enliven_edge.fusion.tracks import BodyStream, stream_of
-from enliven_edge.sensors.base import Sensor
+from enliven_edge.sensors.base import Sensor, SensorFault
 from enliven_edge.tracking.tracker import Tracker
+
+log = logging.getLogger(__name__)
 
 
 class Collector(SensorThread):
@@ -58,6 +61,9 @@ class Collector(SensorThread):
             try:
                 frame = self.sensor.read(PATIENCE)
             except TimeoutError:
+                continue
+            except SensorFault as error:
+                log.warning("%s", error)
                 continue
             if frame is None:
                 return

@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 _GRAVITY = {
     SensorState.MOVED: (HealthKind.MOVED, Severity.WARNING, "Calibrate again: enliven calibrate."),
-    SensorState.LOST: (HealthKind.NO_FRAMES, Severity.WARNING, "Plug it in again, and start anew."),
+    SensorState.LOST: (HealthKind.NO_FRAMES, Severity.WARNING, "Start the edge again."),
     SensorState.SILENT: (HealthKind.NO_FRAMES, Severity.WARNING, "Look after its cable."),
 }
 """What a sensor's state is to the rest of the world; the others go on: none is worse than a warning."""
@@ -57,6 +57,7 @@ class FusedSensors:
         space: where they stand.
         health: by identity, what says what is wrong; None makes some.
         output: smooths, mirrors and looks ahead once all is fused; None: as fused.
+        once: end at the first fault of any sensor; otherwise that one is opened anew, and the others go on.
 
     Raises:
         InputError: where the space does not know a sensor.
@@ -70,17 +71,18 @@ class FusedSensors:
         settings: FusionSettings | None = None,
         health: Mapping[str, HealthMonitor] | None = None,
         output: Output | None = None,
+        once: bool = False,
     ) -> None:
         health = health or {name: HealthMonitor(name=name) for name in sensors}
         _known(sensors, space)
         self.name = " + ".join(sensors)
-        self.output = output
+        self.output, self._once = output, once
         self._mirror = next(iter(space.sensors[name].camera for name in sensors))
         self.fuser = Fuser({n: e for n, e in eyes(space).items() if n in sensors}, settings)
         self.warnings: list[SensorWarning] = []
         self._changed = threading.Condition()
         self._watchers = [
-            Watcher(name, sensor, trackers[name], space.sensors[name], health[name], self._changed)
+            Watcher(name, sensor, trackers[name], space.sensors[name], health[name], self._changed, once)
             for name, sensor in sensors.items()
         ]
         self._rhythm = Rhythm()
@@ -110,7 +112,7 @@ class FusedSensors:
 
         Raises:
             TimeoutError: when nothing came in time.
-            ResourceError: when every sensor was lost.
+            ResourceError: when every sensor was lost for good, or one of them and that is to be the end.
         """
         if not self._started:
             self._started = True
@@ -171,6 +173,10 @@ class FusedSensors:
                 state = SensorState.LOST if watcher.failure else SensorState.ENDED
                 self.fuser.end(watcher.name, state, self._now_ns)
                 self._tell(watcher.failure)
+                if self._once and watcher.failure:
+                    raise ResourceError(
+                        watcher.failure, where=self.name, mend="Mend it, or leave --once out."
+                    )
 
     def _fused(self, seen: Seen) -> FusedFrame | None:
         """Takes in what a sensor saw; the bodies, where it is time for some."""

@@ -9,13 +9,13 @@ from collections import deque
 from dataclasses import dataclass
 
 from enliven.body import Body
-from enliven.errors import InputError
+from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame, Frame
 from enliven.health import HealthKind, HealthState
 from enliven_edge.fusion.merge import in_world
 from enliven_edge.fusion.reading import PATIENCE, SensorThread
 from enliven_edge.fusion.space import Place
-from enliven_edge.sensors.base import Sensor
+from enliven_edge.sensors.base import Sensor, SensorFault
 from enliven_edge.tracking.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
 
@@ -49,6 +49,7 @@ class Watcher(SensorThread):
         place: where it stands.
         health: says what is wrong with it.
         changed: notified after everything that is new.
+        once: end at the sensor's first fault, in place of going on with its next good frame.
 
     Attributes:
         ails: what is wrong with the sensor now, the gravest first.
@@ -63,12 +64,14 @@ class Watcher(SensorThread):
         place: Place,
         health: HealthMonitor,
         changed: threading.Condition,
+        once: bool = False,
     ) -> None:
         super().__init__(name, sensor)
         self.place = place
         self.seen: deque[Seen] = deque()
         self.ails: list[HealthState] = []
         self._tracker, self._health, self._changed = tracker, health, changed
+        self._once = once
 
     def stop(self) -> None:
         """Ends the thread and lets the sensor go."""
@@ -92,15 +95,28 @@ class Watcher(SensorThread):
                 self._health.silent(time.monotonic() - heard)
                 self.ails = self._health.states
                 continue
+            except (SensorFault, InputError) as error:
+                self._health.failed(error)
+                self._health.silent(time.monotonic() - heard)
+                self._end_at_fault()
+                self.ails = self._health.states
+                continue
             if frame is None:
                 return
             heard, read_ns = time.monotonic(), time.time_ns()
-            if self._health.admit(frame):
+            admitted = self._health.admit(frame)
+            self._end_at_fault()
+            if admitted:
                 bodies = self._bodies(frame)
                 frozen = any(state.kind == HealthKind.FROZEN for state in self._health.states)
                 time_ns = frame.time_ns + self.place.clock_offset_ns
                 self._hand_on(Seen(self.name, bodies, time_ns, read_ns, frozen))
             self.ails = self._health.states
+
+    def _end_at_fault(self) -> None:
+        """Ends where the sensor had a fault and that was asked for."""
+        if self._once and self._health.fault:
+            raise ResourceError(self._health.fault, where=f"sensor {self.name}")
 
     def _hand_on(self, seen: Seen) -> None:
         """Waits for room, so that a recording is not read faster than it is used."""

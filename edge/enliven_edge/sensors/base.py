@@ -5,7 +5,15 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Protocol, Self
 
+from enliven.errors import ResourceError
 from enliven.frames import Frame
+
+TIME_LIMIT_NS = 1 << 62
+"""Nanoseconds, 146 years: a time beyond is no time; differences and offsets still fit into 64 bits."""
+
+
+class SensorFault(ResourceError):
+    """A sensor failed; the reads that follow open it anew, and its stream goes on once that works."""
 
 
 class Sensor(Protocol):
@@ -25,7 +33,9 @@ class Sensor(Protocol):
 
         Raises:
             TimeoutError: when no frame was due in time; the stream goes on with the next call.
-            ResourceError: when the sensor was lost.
+            InputError: for a frame that cannot be used; the stream goes on with the next call.
+            SensorFault: when the sensor was lost, and is being opened anew.
+            Exception: any other, when the sensor was lost for good.
         """
         ...
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
 import math
 import time
 from collections.abc import Iterator
@@ -14,6 +15,8 @@ from enliven.frames import Frame
 from enliven.recording import Recording
 from enliven.recording.reader import RecordingInfo
 from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC
+
+log = logging.getLogger(__name__)
 
 _USUAL_STEP_NS = 33_333_333
 
@@ -48,8 +51,8 @@ class ReplaySensor:
         self.name = info.sensors[0] if info.sensors else "replay"
         self.fps = _rate(info)
         self._speed = speed
-        self._frames = _endless(self.recording) if loop else self.recording.frames()
-        self._next = next(self._frames, None)
+        self._frames = _Endless(self.recording) if loop else self.recording.frames()
+        self._next = _first(self._frames)
         if self._next is None:
             raise InputError(
                 "the recording holds no frames", where=str(path), mend="Record or import something first."
@@ -62,6 +65,7 @@ class ReplaySensor:
 
         Raises:
             TimeoutError: when it is not due within ``timeout`` seconds.
+            InputError: in place of a frame that cannot be used; the one after it comes next.
         """
         if self._next is None:
             self._next = next(self._frames, None)
@@ -104,17 +108,38 @@ def _rate(info: RecordingInfo) -> float | None:
     return (frames - 1) / info.duration if frames > 1 and info.duration > 0 else None
 
 
-def _endless(recording: Recording) -> Iterator[Frame]:
-    """The frames again and again, with times that go on rising."""
-    shift, step = 0, _USUAL_STEP_NS
+def _first(frames: Iterator[Frame]) -> Frame | None:
+    """The first frame that can be used, or None."""
     while True:
-        first = last = None
-        for frame in recording.frames():
-            if last is not None and frame.time_ns > last:
-                step = frame.time_ns - last
-            first = frame.time_ns if first is None else first
-            last = frame.time_ns
-            yield dataclasses.replace(frame, time_ns=frame.time_ns + shift) if shift else frame
-        if first is None or last is None:
-            return
-        shift += last - first + step
+        try:
+            return next(frames, None)
+        except InputError as error:
+            log.warning("%s", error)
+
+
+class _Endless:
+    """The frames again and again, with times that go on rising; a frame that cannot be used costs itself."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording, self._frames = recording, recording.frames()
+        self._shift, self._step = 0, _USUAL_STEP_NS
+        self._first: int | None = None
+        self._last: int | None = None
+
+    def __iter__(self) -> _Endless:
+        return self
+
+    def __next__(self) -> Frame:
+        frame = next(self._frames, None)
+        if frame is None:
+            if self._first is None or self._last is None:
+                raise StopIteration
+            self._shift += self._last - self._first + self._step
+            self._first = self._last = None
+            self._frames = self._recording.frames()
+            return next(self)
+        if self._last is not None and frame.time_ns > self._last:
+            self._step = frame.time_ns - self._last
+        self._first = frame.time_ns if self._first is None else self._first
+        self._last = frame.time_ns
+        return dataclasses.replace(frame, time_ns=frame.time_ns + self._shift) if self._shift else frame

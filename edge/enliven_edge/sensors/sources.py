@@ -7,6 +7,7 @@ settings file says more.
 from __future__ import annotations
 
 import contextlib
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +17,7 @@ from enliven.errors import InputError
 from enliven.settings import setting
 from enliven_edge.sensors.base import Sensor
 from enliven_edge.sensors.registry import open_sensor, sensor_names
+from enliven_edge.sensors.reopening import kept_open
 from enliven_edge.tracking.settings import SceneSettings
 
 Value = bool | int | float | str
@@ -92,7 +94,7 @@ def sources_of(tables: Mapping[str, SourceSettings], folder: Path | None = None)
 
 
 def opened(sources: Sequence[Source], stack: contextlib.ExitStack) -> dict[str, Sensor]:
-    """By identity, the sensors opened; ``stack`` closes them.
+    """By identity, the sensors opened, and opened anew when they fail; ``stack`` closes them.
 
     Raises:
         InputError: where two have one identity.
@@ -100,7 +102,8 @@ def opened(sources: Sequence[Source], stack: contextlib.ExitStack) -> dict[str, 
     """
     sensors: dict[str, Sensor] = {}
     for source in sources:
-        sensor = stack.enter_context(open_sensor(source.sensor, **source.options))
+        open_one = functools.partial(open_sensor, source.sensor, **source.options)
+        sensor = stack.enter_context(kept_open(open_one))
         name = source.name or sensor.name
         if name in sensors:
             raise InputError(

@@ -30,9 +30,30 @@ COMPLAINTS: dict[HealthKind, Complaint] = {
     HealthKind.NO_FRAMES: Complaint(
         _ERROR,
         "{sensor} has sent no frame for {seconds:.0f} s.",
-        "Check its cable and power, then start the edge again.",
+        "Check its cable and power.",
         0.0,
         0.0,
+    ),
+    HealthKind.SENSOR_LOST: Complaint(
+        _ERROR,
+        "{sensor} failed: {why}.",
+        "Check its cable and power; it is opened again and again by itself.",
+        0.0,
+        0.0,
+    ),
+    HealthKind.BAD_FRAME: Complaint(
+        _WARNING,
+        "{sensor} sent a frame that cannot be used: {why}.",
+        "If this lasts, calibrate it again, or look for a newer driver.",
+        0.0,
+        3.0,
+    ),
+    HealthKind.RESIZED: Complaint(
+        _WARNING,
+        "{sensor} sent a frame of another size: {why}.",
+        "If its mode was changed, wait a moment: the room is learnt anew; else check what else uses it.",
+        0.0,
+        3.0,
     ),
     HealthKind.FROZEN: Complaint(
         _ERROR,
@@ -115,6 +136,16 @@ COMPLAINTS: dict[HealthKind, Complaint] = {
         "{performer} is seen too little to be sure of the posture.",
         "Face the sensor, and keep others and furniture out of its view.",
         0.7,
+    ),
+    HealthKind.TAKE_ENDED: Complaint(
+        _WARNING,
+        "The take has ended, the show goes on: {why}.",
+        "Make room and start the edge with another --record; what was recorded before can be read.",
+    ),
+    HealthKind.TAKE_GAPS: Complaint(
+        _WARNING,
+        "{count} messages are not in the take: {why}.",
+        "Check the clock of the sensor.",
     ),
 }
 """By kind; a test makes sure that every kind has one."""

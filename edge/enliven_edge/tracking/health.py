@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from enliven.arrays import Float
 from enliven.body import Body
 from enliven.camera import Intrinsics
+from enliven.errors import EnlivenError, InputError
 from enliven.frames import DepthFrame, Frame
 from enliven.health import HealthKind, HealthState
 from enliven.settings import setting
 from enliven_edge.tracking.alarm import Alarms
+from enliven_edge.tracking.frame_check import FrameCheck
 from enliven_edge.tracking.rhythm import Rhythm
 from enliven_edge.tracking.stances import WATCHED, cut_off, touching
 from enliven_edge.tracking.survey import Survey, survey
@@ -65,6 +67,7 @@ class HealthMonitor:
 
     Attributes:
         late: frames that came out of order so far, and were to be dropped.
+        fault: why the last frame or read was of no use, one sentence; empty where it was, or came late.
     """
 
     def __init__(
@@ -80,6 +83,8 @@ class HealthMonitor:
         self._far = far
         self._rhythm = Rhythm()
         self._alarms = Alarms(f"Sensor {name}" if name else "The sensor")
+        self.fault = ""
+        self._check = FrameCheck()
         self._now_ns = 0
         self._mark: int | None = None
         self._same, self._same_ns = 0, 0
@@ -100,8 +105,14 @@ class HealthMonitor:
         """Looks at a frame before the tracker does.
 
         Returns:
-            whether the tracker should see it: False for one that is out of order, or came before.
+            whether the tracker should see it: False for one that is out of order, or came before, and for
+            one that cannot be used.
         """
+        flaw = self._check.flaw(frame)
+        if flaw is not None:
+            self._note_fault(*flaw)
+            return False
+        self._note_fault(None, "")
         late = self._rhythm.late
         good = self._rhythm.admit(frame.time_ns)
         if good:
@@ -119,6 +130,13 @@ class HealthMonitor:
             self._judge_image(seen, now)
         self._alarms.tell()
         return good
+
+    def failed(self, error: Exception) -> None:
+        """A read raised ``error`` in place of a frame."""
+        why = error.what if isinstance(error, EnlivenError) else str(error) or type(error).__name__
+        self._note_fault(
+            HealthKind.BAD_FRAME if isinstance(error, InputError) else HealthKind.SENSOR_LOST, why
+        )
 
     def silent(self, seconds: float) -> None:
         """No frame has come for so long, by the wall clock."""
@@ -156,6 +174,15 @@ class HealthMonitor:
         self._alarms.tell()
 
     # --- the sensor ----------------------------------------------------------------------------------------
+
+    def _note_fault(self, kind: HealthKind | None, why: str) -> None:
+        """The last frame or read was of no use, or was (None)."""
+        self.fault = why
+        for each in (HealthKind.SENSOR_LOST, HealthKind.BAD_FRAME, HealthKind.RESIZED):
+            # A frame of any kind shows that the sensor is there; a lost sensor says nothing of its frames.
+            wrong = None if kind is HealthKind.SENSOR_LOST and each is not kind else each is kind
+            self._alarms.note(each, wrong, self._now_ns, why=why.rstrip("."))
+        self._alarms.tell()
 
     def _judge_rhythm(self, now: int) -> None:
         rate, lost = self._rhythm.rate, self._rhythm.lost

@@ -23,6 +23,7 @@ _ORDER = (
     "import",
     "record",
     "replay",
+    "recover",
     "calibrate",
     "synthesize",
     "graph",

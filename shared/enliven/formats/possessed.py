@@ -77,6 +77,8 @@ def _read(recording: Recording) -> tuple[dict[tuple[str, int], Character], dict[
     for _, data in recording.messages("character") if "character" in recording.info.topics else ():
         try:
             message = msgspec.msgpack.decode(data, type=CharacterMessage)
+            if (message.id, message.revision) in characters:
+                continue  # a take holds copies
             character = message_to_character(message)
         except (msgspec.MsgspecError, EnlivenError, *DAMAGE):
             continue

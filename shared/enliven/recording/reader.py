@@ -81,9 +81,11 @@ class Recording:
         self._report_cut()
 
     def frames(self) -> Iterator[Frame]:
-        """Depth frames and sensor-tracked bodies, in the order of time."""
-        for topic, message in self._messages({DEPTH_TOPIC, BODIES_TOPIC}):
-            yield unpack_depth(message.data) if topic == DEPTH_TOPIC else unpack_bodies(message.data)
+        """Depth frames and sensor-tracked bodies, in the order of time.
+
+        ``next`` raises InputError for a message that is no frame, and goes on with the one after it.
+        """
+        return map(_frame, self._messages({DEPTH_TOPIC, BODIES_TOPIC}))
 
     def truth(self) -> Iterator[BodyFrame]:
         """The true bodies of a made recording, in the order of time."""
@@ -147,6 +149,12 @@ class Recording:
     def _warn(self, problem: str) -> None:
         self.problems.append(problem)
         warnings.warn(problem, RecordingWarning, stacklevel=4)
+
+
+def _frame(said: tuple[str, Any]) -> Frame:
+    """The frame of a (topic, message)."""
+    topic, message = said
+    return unpack_depth(message.data) if topic == DEPTH_TOPIC else unpack_bodies(message.data)
 
 
 def _check_profile(container: Container) -> None:

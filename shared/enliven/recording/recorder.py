@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
+from typing import Any
 
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Schema
 from mcap.writer import Writer
 
 from enliven import __version__
@@ -15,8 +18,15 @@ from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.recording import schemas
 from enliven.recording.messages import pack_bodies, pack_depth
 from enliven.recording.schemas import MessageKind
+from enliven.recording.whole_file import WholeFile
 
 _CHUNK_BYTES = 1 << 20
+"""Bytes of a chunk at most, before it is compressed: beyond that compression gains nothing."""
+_FIRST_CHUNK_BYTES = 1 << 12
+"""Bytes of a live recording's first chunk; each one that is filled doubles the next, so that a recording
+that ends early, by a full disk for example, is not one lost chunk."""
+LATEST_NS = (1 << 63) - 1
+"""The latest time of a message: nanoseconds are signed 64-bit numbers everywhere but in MCAP."""
 
 
 class Recorder:
@@ -24,8 +34,12 @@ class Recorder:
 
     The chunk in progress is closed and handed to the operating system with the first message that comes
     ``sync_seconds`` after the last time, so that a killed program loses no more. Where messages may stop
-    for long, call :meth:`sync` now and then. With ``sync_seconds=math.inf`` the bytes of the file depend
-    on the messages alone.
+    for long, call :meth:`sync` now and then. Chunks are small at first, and schemas and channels are written
+    twice, so that one damaged chunk costs no more than its messages. With ``sync_seconds=math.inf`` the bytes
+    of the file depend on the messages alone, and all chunks are large.
+
+    What was written before a write that failed (a full disk) stays readable: the file ends after its last
+    whole record, and every further write raises the same error.
 
     Args:
         path: the file to make.
@@ -50,16 +64,22 @@ class Recorder:
         self._level = compression_level
         self._sync_seconds = sync_seconds
         self._file = _created(self.path, overwrite)
-        self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES)
+        self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES)  # type: ignore[arg-type]
         self._schemas: dict[tuple[str, str, str], int] = {}
         self._channels: dict[tuple[str, str, str], int] = {}
+        self._live = math.isfinite(sync_seconds)
+        self._room = _FIRST_CHUNK_BYTES if self._live else _CHUNK_BYTES
+        self._filled = 0
+        self._unrepeated: list[Schema | Channel] = []
+        self._failure: ResourceError | None = None
         self._synced = time.monotonic()
-        self._writer.start(schemas.PROFILE, f"enliven {__version__}")
-        self._writer.add_metadata("about", schemas.ABOUT)
+        self._carry_out(self._writer.start, schemas.PROFILE, f"enliven {__version__}")
+        self._carry_out(self._writer.add_metadata, "about", schemas.ABOUT)
         self.sync()
 
     def write_frame(self, frame: Frame) -> None:
         """Append a depth frame (topic ``/depth``) or the bodies that a sensor tracked (``/bodies``)."""
+        self._check_time(frame.time_ns, "frames")
         if isinstance(frame, DepthFrame):
             data = pack_depth(frame, self._level)
             self._write(schemas.DEPTH_TOPIC, schemas.DEPTH, frame.sensor, data, frame.time_ns)
@@ -79,32 +99,38 @@ class Recorder:
         message_encoding: str,
         data: bytes,
         time_ns: int,
+        sensor: str = "",
     ) -> None:
-        """Append a message of any kind; schema and channel are written when they first occur."""
+        """Append a message of any kind; schema and channel are written when they first occur.
+
+        Raises:
+            InputError: for a time before 0 or after :data:`LATEST_NS`.
+            ResourceError: where it cannot be written.
+        """
         kind = MessageKind(schema_name, schema_encoding, schema_text, message_encoding)
-        self._write(topic, kind, "", data, time_ns)
+        self._write(topic, kind, sensor, data, time_ns)
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """A named record of words for humans: performer, place, command line, calibration."""
-        self._writer.add_metadata(name, values)
+        self._carry_out(self._writer.add_metadata, name, values)
+
+    def fileno(self) -> int:
+        """The file's descriptor, for :func:`os.fsync`; -1 once it is closed."""
+        return -1 if self._file.closed else self._file.fileno()
 
     def sync(self) -> None:
         """Hand everything written so far to the operating system, as whole chunks."""
-        try:
-            self._writer.flush()
-        except OSError as error:
-            raise _unwritable(self.path, error) from None
+        self._carry_out(self._writer.flush)
+        self._repeat()
+        self._filled = 0
         self._synced = time.monotonic()
 
     def close(self) -> None:
-        """Write the index and close the file; a second call does nothing."""
+        """Write the index and close the file; a second call, or one after a failed write, does nothing."""
         if self._file.closed:
             return
-        try:
-            self._writer.finish()
-            self._file.close()
-        except OSError as error:
-            raise _unwritable(self.path, error) from None
+        self._carry_out(self._writer.finish)
+        self._file.close()
 
     def __enter__(self) -> Recorder:
         return self
@@ -115,15 +141,44 @@ class Recorder:
         self.close()
 
     def _write(self, topic: str, kind: MessageKind, sensor: str, data: bytes, time_ns: int) -> None:
-        if not 0 <= time_ns < 1 << 63:
-            raise InputError(f"the time {time_ns} ns is outside 0..2^63", where=f"{self.path}, topic {topic}")
+        self._check_time(time_ns, f"topic {topic}")
         channel = self._channel(topic, kind, sensor)
-        try:
-            self._writer.add_message(channel, log_time=time_ns, data=data, publish_time=time_ns)
-        except OSError as error:
-            raise _unwritable(self.path, error) from None
-        if time.monotonic() - self._synced >= self._sync_seconds:
+        self._carry_out(self._writer.add_message, channel, time_ns, data, time_ns)
+        self._filled += len(data)
+        full = self._live and self._filled >= self._room
+        if full:
+            self._room = min(2 * self._room, _CHUNK_BYTES)
+        if full or time.monotonic() - self._synced >= self._sync_seconds:
             self.sync()
+
+    def _check_time(self, time_ns: int, what: str) -> None:
+        """Raises InputError for a time that MCAP or this project cannot hold."""
+        if not 0 <= time_ns <= LATEST_NS:
+            raise InputError(
+                f"the time {time_ns} ns is outside 0..2^63",
+                where=f"{self.path}, {what}",
+                mend="Check the clock of the sensor.",
+            )
+
+    def _carry_out(self, step: Any, *arguments: Any) -> None:
+        """A step of the writer; what the operating system refuses ends the recording."""
+        if self._failure is not None:
+            raise self._failure
+        try:
+            step(*arguments)
+        except OSError as error:
+            self._failure = _unwritable(self.path, error)
+            self._file.close()
+            raise self._failure from None
+
+    def _repeat(self) -> None:
+        """Writes new schemas and channels once more, beside the chunk that they are in."""
+        if self._unrepeated:
+            builder = RecordBuilder()
+            for record in self._unrepeated:
+                record.write(builder)
+            self._unrepeated = []
+            self._carry_out(self._file.write, builder.end())
 
     def _channel(self, topic: str, kind: MessageKind, sensor: str) -> int:
         """The id of the channel of a topic, kind and sensor, registered at its first message."""
@@ -131,16 +186,25 @@ class Recorder:
         if key not in self._channels:
             schema = (kind.schema_name, kind.schema_encoding, kind.schema_text)
             if schema not in self._schemas:
-                self._schemas[schema] = self._writer.register_schema(*schema[:2], schema[2].encode())
-            self._channels[key] = self._writer.register_channel(
-                topic, kind.message_encoding, self._schemas[schema], {"sensor": sensor} if sensor else {}
+                name, encoding, text = schema[0], schema[1], schema[2].encode()
+                number = self._schemas[schema] = self._writer.register_schema(name, encoding, text)
+                self._note(Schema(id=number, name=name, encoding=encoding, data=text))
+            of, more = self._schemas[schema], {"sensor": sensor} if sensor else {}
+            number = self._channels[key] = self._writer.register_channel(
+                topic, kind.message_encoding, of, more
             )
+            self._note(Channel(number, topic, kind.message_encoding, more, of))
         return self._channels[key]
 
+    def _note(self, record: Schema | Channel) -> None:
+        """Keeps a schema or channel to be repeated; an archive is whole, and repeats none."""
+        if self._live:
+            self._unrepeated.append(record)
 
-def _created(path: Path, overwrite: bool) -> BinaryIO:
+
+def _created(path: Path, overwrite: bool) -> WholeFile:
     try:
-        return path.open("wb" if overwrite else "xb")
+        return WholeFile(path, "wb" if overwrite else "xb")
     except FileExistsError:
         raise InputError(
             "the file exists already",

@@ -156,3 +156,20 @@ def test_a_sensor_that_is_moved_is_said_to_be_and_finds_its_place_and_the_person
     assert tracker.world_from_camera[1, 3] == pytest.approx(mount[1, 3], abs=0.08)
     assert np.rad2deg(np.arccos(min(1.0, tracker.world_from_camera[1, :3] @ mount[1, :3]))) < 3.0
     assert np.mean(errors[-20:]) < 0.09
+
+
+def test_a_sensor_that_changes_its_mode_is_learnt_anew_and_the_person_found_again(frames):
+    """One slip of another size is left out; a size that stays is another camera."""
+    with SyntheticSensor(choreography="walk", width=240, realtime=False) as sensor:
+        smaller = []
+        for _ in range(GOOD + BAD + AFTER):
+            frame = sensor.read()
+            truth = sensor.truth(frame.time_ns).joints
+            smaller.append((dataclasses.replace(frame, world_from_camera=None), truth))
+    mixed = [*frames[: GOOD - 9], smaller[GOOD - 9], *frames[GOOD - 8 : GOOD], *smaller[GOOD:]]
+    said, errors, tracker = run(iter(mixed))
+    assert HealthKind.RESIZED in said[GOOD - 9] and HealthKind.RESIZED in said[GOOD]
+    assert HealthKind.RESIZED not in said[-1]
+    assert len(errors) == len(mixed) - 1 - 4
+    assert tracker.owner.shape[1] <= 240
+    assert np.mean(errors[-20:]) < 0.09

@@ -1,0 +1,216 @@
+"""A live sensor for ever: read on a thread of its own, and opened anew, with back-off, when it fails.
+
+A driver is one small class that opens, reads and closes; that it is lost, hangs, comes back and has another
+clock then is dealt with here, once for all of them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import functools
+import logging
+import statistics
+import time
+from collections import deque
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any, Literal
+
+from enliven.errors import EnlivenError, InputError
+from enliven.frames import Frame
+from enliven_edge.sensors.base import TIME_LIMIT_NS, Sensor, SensorFault
+from enliven_edge.sensors.errands import Errands
+
+log = logging.getLogger(__name__)
+
+FIRST_WAIT = 0.1
+"""Seconds before a sensor that failed is opened anew for the first time."""
+LONGEST_WAIT = 1.0
+"""Seconds between two attempts at most; each doubles the one before. A device that is back is used a second
+later."""
+GOOD_FRAMES = 30
+"""Frames, a second's worth, after which a failure counts as the first again."""
+BAD_FRAMES = 30
+"""Frames in a row that cannot be used after which the device is opened anew."""
+_LONGEST: dict[str, float] = {"read": 10.0, "open": 60.0, "close": 10.0}
+"""Seconds after which a call of a driver is taken to hang and left to itself; opening may load firmware."""
+_LEFT_TO_THEMSELVES = 4
+"""Threads that may hang in a driver at once; then the sensor is waited for."""
+_CLOSING = 0.5
+"""Seconds that closing waits for the device to be let go."""
+_CLOCK_JUMP_NS = 1_000_000_000
+"""Nanoseconds by which a clock may be ahead after its device was opened anew, and still be the same clock."""
+_CLOCK_FRAMES = 5
+"""Frames whose median tells how the stream's clock stands to this machine's: one wrong time does no harm."""
+
+
+class ReopeningSensor:
+    """A :class:`~enliven_edge.sensors.base.Sensor` over devices that are opened one after the other.
+
+    ``read`` raises what the device said once, as a :class:`SensorFault`, and then goes on opening it anew. A
+    frame that cannot be used (an InputError) costs itself only. Times rise from one device to the next: where
+    a device counts from elsewhere, what passed by the wall clock is put between.
+
+    Args:
+        open_device: opens the device; called here the first time, on a thread later.
+
+    Raises:
+        Exception: what the first opening raises.
+    """
+
+    def __init__(self, open_device: Callable[[], Sensor]) -> None:
+        self._open = open_device
+        self._device: Sensor | None = open_device()
+        self.name = self._device.name
+        self.fps: float | None = getattr(self._device, "fps", None)
+        self._errands, self._doing = self._thread(), "read"
+        self._left: list[Errands] = []
+        self._wait, self._due = FIRST_WAIT, 0.0
+        self._good = self._bad = 0
+        self._fresh, self._shift_ns = False, 0
+        self._last_ns = 0
+        self._ahead_ns: deque[int] = deque(maxlen=_CLOCK_FRAMES)
+        self._closed = False
+
+    def read(self, timeout: float | None = None) -> Frame | None:
+        """The next frame, as soon as it is due; None when the stream has ended.
+
+        Raises:
+            TimeoutError: when no frame was due in time, or the device is not open yet.
+            InputError: for a frame that cannot be used.
+            SensorFault: when the device failed, could not be opened, or hangs.
+        """
+        deadline = None if timeout is None else time.monotonic() + timeout
+        while not self._closed:
+            left = None if deadline is None else max(0.0, deadline - time.monotonic())
+            if not self._errands.busy:
+                self._begin(left)
+            try:
+                answer = self._errands.answer(left)
+            except Exception as error:
+                if isinstance(error, TimeoutError) and (self._errands.busy or self._doing == "read"):
+                    self._give_up_what_hangs()
+                    raise
+                if self._doing != "close":
+                    raise self._failed(error) from error
+                answer = None
+            if self._doing == "read":
+                return self._received(answer)
+            self._device, self._fresh = answer, True
+        return None
+
+    def close(self) -> None:
+        """Lets the device go, in the background where it hangs; a second call does nothing."""
+        if not self._closed:
+            self._closed = True
+            if not self._errands.finish(functools.partial(_let_go, self._device), _CLOSING):
+                log.warning("%s does not let its device go", self.name)
+
+    def __enter__(self) -> ReopeningSensor:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _begin(self, timeout: float | None) -> None:
+        """Asks for a frame, or for the device where there is none and its time has come.
+
+        Raises:
+            TimeoutError: where it has not come within ``timeout`` seconds.
+        """
+        if self._device is not None:
+            self._ask("read", functools.partial(self._device.read, timeout))
+            return
+        wait = self._due - time.monotonic()
+        if timeout is not None and wait > timeout:
+            time.sleep(timeout)
+            raise TimeoutError(f"{self.name} is opened anew in {wait - timeout:.1f} s")
+        time.sleep(max(0.0, wait))
+        self._ask("open", self._open)
+
+    def _ask(self, what: Literal["read", "open", "close"], call: Callable[[], Any]) -> None:
+        self._doing = what
+        self._errands.ask(call)
+
+    def _received(self, frame: Frame | None) -> Frame | None:
+        """A frame of the device, with its time in the stream's clock."""
+        self._bad = 0
+        self._good += 1
+        if self._good >= GOOD_FRAMES:
+            self._wait = FIRST_WAIT
+        time_ns = getattr(frame, "time_ns", None)
+        if frame is None or type(time_ns) is not int or abs(time_ns) >= TIME_LIMIT_NS:
+            return frame
+        now_ns = time.monotonic_ns()
+        if self._fresh and self._ahead_ns:
+            self._shift_ns = self._shift(time_ns, now_ns)
+        self._fresh, self._last_ns = False, now_ns
+        self._ahead_ns.append(time_ns + self._shift_ns - now_ns)
+        return dataclasses.replace(frame, time_ns=time_ns + self._shift_ns) if self._shift_ns else frame
+
+    def _shift(self, time_ns: int, now_ns: int) -> int:
+        """What to add to a fresh device's times: what was added before, or nothing, where that goes on."""
+        ahead_ns = statistics.median_low(self._ahead_ns)
+        for shift in (self._shift_ns, 0):
+            if self._last_ns + ahead_ns < time_ns + shift <= now_ns + ahead_ns + _CLOCK_JUMP_NS:
+                return shift
+        return now_ns + ahead_ns - time_ns
+
+    def _failed(self, error: Exception) -> Exception:
+        """What to raise where the device raised ``error``."""
+        if self._doing == "read" and isinstance(error, InputError) and self._bad < BAD_FRAMES:
+            self._bad += 1
+            return error
+        device, self._device = self._device, None
+        self._schedule()
+        if device is not None:
+            self._ask("close", device.close)
+        why = error.what if isinstance(error, EnlivenError) else str(error) or type(error).__name__
+        mend = getattr(error, "mend", "") or "Check its cable and power."
+        return SensorFault(why, where=self.name, mend=mend)
+
+    def _give_up_what_hangs(self) -> None:
+        """Leaves a call that does not return to itself; the device it belongs to is let go when it does.
+
+        Raises:
+            SensorFault: where that was so.
+        """
+        limit = _LONGEST[self._doing]
+        self._left = [errands for errands in self._left if errands.alive]
+        if self._errands.waited < limit or len(self._left) >= _LEFT_TO_THEMSELVES:
+            return
+        self._errands.finish(functools.partial(_let_go, self._device))
+        self._left.append(self._errands)
+        self._errands, self._device = self._thread(), None
+        self._schedule()
+        raise SensorFault(
+            f"to {self._doing} has taken more than {limit:.0f} s", where=self.name, mend="Unplug it once."
+        )
+
+    def _schedule(self) -> None:
+        """When the device is to be opened the next time."""
+        self._due = time.monotonic() + self._wait
+        self._wait = min(2 * self._wait, LONGEST_WAIT)
+        self._good = self._bad = 0
+
+    def _thread(self) -> Errands:
+        return Errands(f"driver of {self.name}")
+
+
+def kept_open(open_sensor: Callable[[], Sensor]) -> Sensor:
+    """The sensor, opened; a live one for ever, a recording until its end."""
+    first: list[Sensor] = [open_sensor()]
+    if getattr(first[0], "recorded", False):
+        return first[0]
+    return ReopeningSensor(lambda: first.pop() if first else open_sensor())
+
+
+def _let_go(device: Sensor | None, answers: list[Any]) -> None:
+    """Closes a device, and one that was opened and is not wanted any more."""
+    for each in (device, *answers):
+        if hasattr(each, "close"):
+            with contextlib.suppress(Exception):
+                each.close()

@@ -1,0 +1,48 @@
+"""``enliven recover``: every whole message of a cut or damaged recording, in a new one."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def recover(
+    recording: Annotated[Path, typer.Argument(help="The recording that was cut off or is damaged.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The recording to make; must not exist.")],
+) -> None:
+    """Copy every whole message of a cut or damaged recording, and say what was lost.
+
+    \b
+      enliven recover broken.mcap -o whole.mcap
+    """
+    from enliven.recording import RecordingWarning
+    from enliven.recording.recovery import Recovery
+    from enliven.recording.recovery import recover as recovered
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RecordingWarning)
+        found: Recovery = recovered(recording, output)
+    typer.echo(f"{output}: {sum(found.kept.values())} messages")
+    for topic in sorted({*found.kept, *found.lost}):
+        lost = f", {found.lost[topic]} lost" if found.lost[topic] else ""
+        typer.echo(f"  {topic}: {found.kept[topic]} messages{lost}")
+    origin = found.first_ns or 0
+    for span in found.spans:
+        typer.echo(f"lost: {_words(span.start_ns, span.end_ns, origin)}")
+    if found.nameless:
+        typer.echo(f"lost: {found.nameless} messages of topics without a description")
+    if not found.spans and not found.nameless and not found.lost:
+        typer.echo("nothing was lost")
+
+
+def _words(start_ns: int | None, end_ns: int | None, origin_ns: int) -> str:
+    """A span of time, counted from the first moment that was kept."""
+    start, end = (None if t is None else f"{max(0, t - origin_ns) * 1e-9:.3f} s" for t in (start_ns, end_ns))
+    if start is None and end is None:
+        return "everything"
+    if start is None:
+        return f"what came before {end}"
+    return f"whatever came after {start}" if end is None else f"between {start} and {end}"

@@ -1,0 +1,189 @@
+"""Whatever is whole in a cut or damaged recording, copied into a new one."""
+
+from __future__ import annotations
+
+import math
+import mmap
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, Message
+
+from enliven.errors import InputError
+from enliven.recording.container import ChunkRef, Container, Damage, open_container, open_file, read_chunk
+from enliven.recording.recorder import Recorder
+from enliven.recording.schemas import PROFILE
+
+_CHUNK = re.compile(rb"\x06(?=.{5}\x00\x00\x00.{28}(\x04\x00\x00\x00zstd|\x00\x00\x00\x00))", re.DOTALL)
+"""How a chunk begins: opcode, a length below 2^40, 28 bytes of times, size and checksum, its compression."""
+_FIXED_BYTES = 36
+"""Bytes of a chunk's fields but for its compression and its data: times, two sizes, checksum."""
+_HEAD_BYTES = 9
+"""Bytes of a record's opcode and length."""
+_BETWEEN = {
+    Opcode.MESSAGE_INDEX,
+    Opcode.METADATA,
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.ATTACHMENT,
+}
+"""Records that stand between chunks: bytes there that are none of these were a chunk."""
+
+
+@dataclass(frozen=True)
+class LostSpan:
+    """Messages between two moments were lost, some or all of them.
+
+    Attributes:
+        start_ns, end_ns: the sensor's clock; None where nothing whole lies before, or after.
+    """
+
+    start_ns: int | None
+    end_ns: int | None
+
+
+@dataclass
+class Recovery:
+    """What was copied, and what was not.
+
+    Attributes:
+        kept, lost: messages by topic; ``lost`` only where the recording's own index says how many there were.
+        spans: the times in which messages were lost, in the order of the file.
+        cut: whether the recording was never closed, so that what came after its last chunk is unknown.
+        nameless: whole messages left out because no description of their topic is left.
+        first_ns: the first moment of what was copied, not counting messages at time 0.
+    """
+
+    kept: Counter[str] = field(default_factory=Counter)
+    lost: Counter[str] = field(default_factory=Counter)
+    spans: list[LostSpan] = field(default_factory=list)
+    cut: bool = False
+    nameless: int = 0
+    first_ns: int | None = None
+
+
+def recover(path: Path, output: Path) -> Recovery:
+    """Copies every whole message of ``path`` into the new recording ``output``.
+
+    Raises:
+        InputError: where ``path`` is no recording of enliven, nothing in it is whole, or ``output`` exists.
+        ResourceError: where ``output`` cannot be written; it is removed then.
+    """
+    container = open_container(path)
+    if container.profile not in (PROFILE, ""):
+        raise InputError(f"it is an MCAP file of another program ({container.profile!r})", where=str(path))
+    found = Recovery(cut=not container.complete)
+    with open_file(path) as file:
+        refs = _candidates(container, file)
+        for _, records in _whole(file, refs):  # the descriptions may stand behind the messages
+            for record in records or ():
+                if not isinstance(record, Message):
+                    container.add(record)
+        recorder = Recorder(output, sync_seconds=math.inf)
+        try:
+            with recorder:
+                _copy(container, file, refs, recorder, found)
+            if not found.kept:
+                raise InputError("nothing in it is whole", where=str(path), mend="It cannot be recovered.")
+        except BaseException:
+            output.unlink(missing_ok=True)
+            raise
+    if container.complete:
+        found.lost = _stated(container) - found.kept
+    return found
+
+
+def _copy(
+    container: Container, file: BinaryIO, refs: list[ChunkRef], recorder: Recorder, found: Recovery
+) -> None:
+    """Copies every chunk's messages, and notes where some are missing."""
+    for name, values in container.metadata.items():
+        if name != "about":
+            recorder.add_metadata(name, values)
+    end, end_ns, lost = len(b"\x89MCAP0\r\n"), None, False
+    for ref, records in _whole(file, refs):
+        if records is None:
+            lost = True
+            continue
+        if lost or not _only_small(file, end, ref.offset):
+            found.spans.append(LostSpan(end_ns, ref.start_ns))
+        messages = [record for record in records if isinstance(record, Message)]
+        for message in messages:
+            _put(container, message, recorder, found)
+        last = max((m.log_time for m in messages), default=ref.end_ns)
+        end, end_ns, lost = ref.offset + ref.length, last, False
+    if lost or found.cut:
+        found.spans.append(LostSpan(end_ns, None))
+
+
+def _put(container: Container, message: Any, recorder: Recorder, found: Recovery) -> None:
+    """One message into the new recording, with the description of its topic."""
+    channel: Channel | None = container.channels.get(message.channel_id)
+    schema = None if channel is None else container.schemas.get(channel.schema_id)
+    if channel is None or schema is None:
+        found.nameless += 1
+        return
+    kind = (schema.name, schema.data.decode(errors="replace"), schema.encoding, channel.message_encoding)
+    sensor = channel.metadata.get("sensor", "")
+    recorder.write(channel.topic, *kind, bytes(message.data), message.log_time, sensor)
+    found.kept[channel.topic] += 1
+    if message.log_time and (found.first_ns is None or message.log_time < found.first_ns):
+        found.first_ns = message.log_time
+
+
+def _candidates(container: Container, file: BinaryIO) -> list[ChunkRef]:
+    """Where chunks are, or were: as the index says, and wherever one seems to begin, in the file's order."""
+    refs = {ref.offset: ref for ref in container.chunks}
+    size = file.seek(0, 2)
+    with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        for match in _CHUNK.finditer(data):
+            offset, name = match.start(), len(match[1])
+            inside, start, end, content = (
+                int.from_bytes(data[offset + at : offset + at + 8], "little") for at in (1, 9, 17, 37 + name)
+            )
+            length = _HEAD_BYTES + inside
+            fits = inside == _FIXED_BYTES + name + content and offset + length <= size
+            if fits and offset not in refs:
+                refs[offset] = ChunkRef(offset, length, start, end)
+    return [refs[offset] for offset in sorted(refs)]
+
+
+def _whole(file: BinaryIO, refs: list[ChunkRef]) -> Iterator[tuple[ChunkRef, list[Any] | None]]:
+    """Every chunk with its records, None where it is damaged; what only looks like one inside is left out."""
+    end = 0
+    for ref in refs:
+        if ref.offset < end:
+            continue
+        try:
+            records = read_chunk(file, ref)
+        except Damage:
+            yield ref, None
+            continue
+        end = ref.offset + ref.length
+        yield ref, records
+
+
+def _only_small(file: BinaryIO, start: int, end: int) -> bool:
+    """Whether nothing but small records stands between two offsets of the file."""
+    at = start
+    while at + _HEAD_BYTES <= end:
+        file.seek(at)
+        head = file.read(_HEAD_BYTES)
+        if head[0] not in _BETWEEN and head[0] != Opcode.HEADER:
+            return False
+        at += _HEAD_BYTES + int.from_bytes(head[1:], "little")
+    return at == end
+
+
+def _stated(container: Container) -> Counter[str]:
+    """Messages by topic as the recording's own index has them."""
+    counts: Counter[str] = Counter()
+    for number, count in container.counts.items():
+        if number in container.channels:
+            counts[container.channels[number].topic] += count
+    return counts

@@ -1,0 +1,100 @@
+"""A sensor that another package brings, with every fault that a camera has, before the real programs."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from enliven.recording import Recording
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "edge" / "sensors"))
+from troubled import picture
+
+pytestmark = pytest.mark.system
+
+DRIVER = Path(__file__).parent.parent / "edge" / "sensors" / "troubled.py"
+PATIENCE = 300.0
+"""Seconds for a program to start and end on a loaded machine."""
+FAULTS = "OSError,another size,focal length nan,negative time,RuntimeError,wrong type,endless time,no frame"
+
+
+@pytest.fixture
+def installed(tmp_path) -> dict[str, str]:
+    """The environment in which the driver is an installed package."""
+    site = tmp_path / "site"
+    about = site / "troubled-1.0.dist-info"
+    about.mkdir(parents=True)
+    shutil.copy(DRIVER, site)
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: troubled\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[enliven.sensors]\ntroubled = troubled:Troubled\n")
+    return {**os.environ, "PYTHONPATH": str(site)}
+
+
+def command(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "enliven", *arguments]
+
+
+def edge(name: str, *arguments: str) -> list[str]:
+    ports = ["--port", "0", "--control-port", "0", "--name", name]
+    return command("edge", "--sensor", "troubled", *ports, *arguments)
+
+
+def test_the_edge_outlives_every_fault_and_says_it(tmp_path, installed):
+    options = ["--set", "frames=120", "--set", f"faults={FAULTS}", "--set", "every=10", "--set", "pace=0.01"]
+    asked = edge("outlives", *options, "--record", str(tmp_path / "take.mcap"))
+    done = subprocess.run(asked, env=installed, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    said = " ".join(done.stderr.split())
+    assert "120 frames" in said
+    for sentence in ("failed: [Errno 19] No such device", "80x60 pixels instead of 64x48", "focal length"):
+        assert sentence in said
+    assert len(list(Recording(tmp_path / "take.mcap").messages("bodies"))) == 120
+
+
+def test_it_ends_at_the_first_where_asked_for(installed):
+    options = ["--set", "faults=OSError", "--set", "frames=1000000", "--set", "pace=0.01"]
+    done = subprocess.run(
+        edge("once", *options, "--once"), env=installed, capture_output=True, text=True, timeout=PATIENCE
+    )
+    assert done.returncode == 4, done.stderr
+    assert "Traceback" not in done.stderr
+    assert "No such device" in done.stderr and "without --once" in " ".join(done.stderr.split())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs SIGTERM")
+def test_a_read_that_never_returns_is_ended_by_sigterm_and_the_take_is_whole(tmp_path, installed):
+    take, log = tmp_path / "take.mcap", tmp_path / "log"
+    options = ["--set", "faults=hangs", "--set", "every=30", "--set", "frames=100", "--record", str(take)]
+    with log.open("w") as told:
+        running = subprocess.Popen(edge("hangs", *options), env=installed, stderr=told, text=True)
+        try:
+            deadline = int(PATIENCE / 0.1)
+            while "has sent no frame" not in " ".join(log.read_text().split()) and deadline > 0:
+                deadline -= 1
+                assert running.poll() is None, log.read_text()
+                with pytest.raises(subprocess.TimeoutExpired):
+                    running.wait(0.1)
+            running.send_signal(signal.SIGTERM)
+            assert running.wait(60.0) == 0, log.read_text()
+        finally:
+            running.kill()
+            running.wait()
+    assert "30 frames" in log.read_text() and "Traceback" not in log.read_text()
+    recording = Recording(take)
+    assert recording.info.complete and len(list(recording.messages("bodies"))) == 30
+
+
+def test_a_recording_of_such_a_sensor_goes_on(tmp_path, installed):
+    options = ["--set", "frames=60", "--set", f"faults={FAULTS}"]
+    asked = command("record", "--sensor", "troubled", *options, "-o", str(tmp_path / "a.mcap"))
+    done = subprocess.run(asked, env=installed, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    frames = list(Recording(tmp_path / "a.mcap").frames())
+    assert [frame.depth[0, 0] for frame in frames if frame.depth.shape == (48, 64)][-1] == picture(59)[0, 0]
+    assert len(frames) == 62, "60, the one of another size, and -5 ns of a device that counts anew"
