@@ -9,6 +9,7 @@ import hypothesis
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent / "helpers"))
+from compile_once import compile_once  # noqa: E402 (it is found beside this)
 
 ALIKE = {
     "database": None,
@@ -21,6 +22,15 @@ ALIKE = {
 hypothesis.settings.register_profile("steady", derandomize=True, **ALIKE)
 hypothesis.settings.register_profile("more", derandomize=False, **ALIKE)
 hypothesis.settings.load_profile("steady")
+
+
+KERNELS = Path(__file__).parent / "__pycache__" / "kernels.lock"
+"""What test processes lock while they compile."""
+
+
+def pytest_configure(config):
+    KERNELS.parent.mkdir(exist_ok=True)
+    compile_once(KERNELS)
 
 
 def pytest_addoption(parser):
