@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint fuzz-quick fuzz bench films possess-films session-films example-films setup setup-dev record-references clean
+.PHONY: help run test lint fuzz-quick fuzz bench films possess-films session-films example-films setup setup-dev record-references clean test-more test-matrix
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -13,6 +13,12 @@ test: setup-dev  ## linters, types, every test, and one run of the main job
 	@.venv/bin/ruff format --check .
 	@.venv/bin/mypy
 	@.venv/bin/python -m pytest -n 2 --dist loadfile $(ARGS)
+
+test-more: setup-dev ## search at random for what breaks a law: make test-more MINUTES=10 ARGS=tests/edge
+	@.venv/bin/python scripts/test_more.py --minutes $(or $(MINUTES),10) $(ARGS)
+
+test-matrix: setup-dev ## the tests as on other processors and in other orders: make test-matrix ONLY="haswell load"
+	@.venv/bin/python scripts/test_matrix.py $(if $(ONLY),--only $(ONLY)) -- $(ARGS)
 
 lint: setup-dev  ## linters and types only
 	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy

@@ -9,6 +9,7 @@ import contextlib
 import dataclasses
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -72,9 +73,7 @@ def kept_busy(count: int) -> Iterator[None]:
 
 def command_of(row: Row, rest: list[str]) -> str:
     """What is typed to run this row alone."""
-    words = [
-        f'{name}="{value}"' if " " in value else f"{name}={value}" for name, value in row.environment.items()
-    ]
+    words = [f"{name}={shlex.quote(value)}" for name, value in row.environment.items()]
     words += ["NUMBA_CACHE_DIR=$(mktemp -d)"] if row.apart else []
     return " ".join([*words, ".venv/bin/python -m pytest", *row.options, *rest])
 
@@ -82,10 +81,9 @@ def command_of(row: Row, rest: list[str]) -> str:
 def counted(said: str) -> tuple[int, int]:
     """(passed, failed) of pytest's last line; errors count as failed."""
     lines = [line for line in said.splitlines() if re.search(r"\d+ (passed|failed|error)", line)]
-    found = {
-        word: int(count) for count, word in re.findall(r"(\d+) (passed|failed|error)", (lines or [""])[-1])
-    }
-    return found.get("passed", 0), found.get("failed", 0) + found.get("error", 0)
+    found = re.findall(r"(\d+) (passed|failed|error)", lines[-1] if lines else "")
+    counts = {word: int(count) for count, word in found}
+    return counts.get("passed", 0), counts.get("failed", 0) + counts.get("error", 0)
 
 
 def run(row: Row, rest: list[str]) -> tuple[bool, str]:
@@ -107,12 +105,11 @@ def run(row: Row, rest: list[str]) -> tuple[bool, str]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--only", nargs="*", default=[], metavar="ROW", help="these rows alone")
     parser.add_argument("--load", type=int, default=8, help="busy processes of the row 'load'")
     options, rest = parser.parse_known_args()
+    rest = [word for word in rest if word != "--"]
     known = {row.name: row for row in rows(options.load)}
     if unknown := [name for name in options.only if name not in known]:
         parser.error(f"there is no row {' '.join(unknown)}; there are {' '.join(known)}")

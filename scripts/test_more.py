@@ -31,6 +31,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0, help="begin no law later than this")
     options, rest = parser.parse_known_args()
+    rest = [word for word in rest if word != "--"]
     until = time.time() + 60 * options.minutes
     rounds, fell = 0, []
     while time.time() < until:

@@ -1,0 +1,72 @@
+"""How the tests themselves are run: the same examples every day, other orders, tolerances that still tell."""
+
+import itertools
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import hypothesis
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from patience import until
+from tolerances import SOLVED, alike, assert_alike
+
+HERE = Path(__file__).parent
+FILES = [str(HERE / "shared" / name) for name in ("test_health.py", "test_masks.py", "test_camera.py")]
+
+
+def collected(*options: str) -> list[str]:
+    """The tests of three files in the order in which they would be run."""
+    command = [sys.executable, "-m", "pytest", "--collect-only", *options, *FILES]
+    said = subprocess.run(command, capture_output=True, text=True, cwd=HERE.parent, timeout=300)
+    assert said.returncode == 0, said.stdout
+    return [line for line in said.stdout.splitlines() if "::" in line]
+
+
+def seen_in_a_run() -> list[int]:
+    """The examples of one law, run anew."""
+    seen = []
+
+    @given(st.integers())
+    def law(number: int) -> None:
+        seen.append(number)
+
+    law()
+    return seen
+
+
+def test_laws_see_the_same_examples_unless_asked_to_search():
+    steady = hypothesis.settings.get_current_profile_name() == "steady"
+    one, other = seen_in_a_run(), seen_in_a_run()
+    assert len(one) > 50 and (one == other) == steady
+
+
+def test_a_shuffled_order_has_every_test_once_and_keeps_files_together():
+    plain, shuffled, again = collected(), collected("--shuffle", "5"), collected("--shuffle", "5")
+    assert shuffled == again != plain
+    assert sorted(shuffled) == sorted(plain)
+    files = [test.split("::")[0] for test in shuffled]
+    assert len([1 for a, b in itertools.pairwise(files) if a != b]) == 2
+
+
+def test_rounding_is_let_through_and_nothing_else():
+    numbers = np.random.default_rng(0).normal(size=(40, 300))
+    plain, other = numbers.sum(1), np.array([sum(row) for row in numbers])
+    assert_alike(plain, other)
+    assert_alike(plain.astype(np.float32), other)
+    assert not alike(plain, other + 1e-9)
+    assert alike(plain, other + 1e-10, SOLVED)
+    assert not alike(plain[:, None], other), "of another shape"
+    assert not alike(np.arange(3), np.array([0, 1, 3])), "whole numbers are the same or not"
+    assert alike(np.array([1.0, np.nan]), np.array([1.0, np.nan]))
+    assert not alike(np.array([1.0, np.nan]), np.array([1.0, 2.0]))
+
+
+def test_a_wait_ends_with_what_it_waited_for_or_says_what_never_came():
+    start = time.monotonic()
+    assert until(lambda: time.monotonic() > start + 0.02 and "there") == "there"
+    with pytest.raises(AssertionError, match="the edge never came to be"):
+        until(lambda: False, "the edge", patience=0.01)
