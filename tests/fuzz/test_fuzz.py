@@ -35,6 +35,7 @@ def test_a_reader_bears_every_mutation(target, tmp_path):
     assert grown < MOST_MB, f"{target.name} took {grown:.0f} MB"
 
 
+@pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name.replace(" ", "-"))
 def test_the_mutations_reach_behind_the_door(target, tmp_path):
     """Some mutated files are still read: otherwise only the first check of a reader would be tested."""
