@@ -171,7 +171,7 @@ def test_a_joint_of_a_mirrored_lesson_lies_on_its_own_part(lessons):
     assert other < 0.06
 
 
-def test_an_album_whose_arrays_are_not_what_they_state_is_refused(tmp_path):
+def test_an_album_of_arrays_that_are_not_what_they_state_is_refused(tmp_path):
     (tmp_path / album._COMPLETE).write_text("2 lessons")
     head = "{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000,), }".ljust(117) + "\n"
     for name in album._ARRAYS:
