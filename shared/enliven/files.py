@@ -32,7 +32,7 @@ DAMAGE = (
 """What code raises where the numbers of a damaged file point anywhere; a check for each of them would be most
 of a reader."""
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-"""A pipe that nobody writes to is opened, and refused, rather than waited for."""
+"""A pipe without a writer is opened and refused, not waited for."""
 _TOGETHER = "Keep the files of the model in one folder."
 
 

@@ -36,7 +36,7 @@ def check_ply(data: bytes) -> None:
 
 
 def check_obj(data: bytes) -> None:
-    """Refuse an OBJ of so many materials and groups that nobody made it.
+    """Refuse an OBJ of more materials and groups than any model has.
 
     Raises:
         ValueError: where there are too many.

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from fuzz_seeds import Maker
@@ -46,8 +47,8 @@ class Broken(AssertionError):
     """A reader that broke the law; the file is beside the message."""
 
 
-def check(target: Target, seed: str, folder: Path) -> None:
-    """Give a reader the file of a seed.
+def check(target: Target, seed: str, folder: Path, keep: Path) -> None:
+    """Give a reader the file of a seed, in ``folder``; one that breaks it is kept in ``keep``.
 
     Raises:
         Broken: with the path of the file, where anything but the law's outcome comes back.
@@ -62,10 +63,15 @@ def check(target: Target, seed: str, folder: Path) -> None:
     except BaseException as error:
         if isinstance(error, KeyboardInterrupt):
             raise
-        kept = folder / f"broken-{target.name.replace(' ', '-')}-{seed}.bin"
+        kept = keep / f"broken-{target.name.replace(' ', '-')}-{seed}.bin"
         kept.write_bytes(data)
         what = f"{target.name}, seed {seed}: {type(error).__name__}: {str(error)[:300]}; the file is {kept}"
         raise Broken(what) from error
+
+
+def room() -> TemporaryDirectory[str]:
+    """A folder for one file after the other, in memory where there is such a place."""
+    return TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None)
 
 
 def dice_of(target: Target, seed: str) -> Random:

@@ -38,7 +38,7 @@ def project() -> bytes:
 
 
 def project_anew(dice: Random) -> bytes:
-    """A project whose header, or one of whose arrays, was mutated, with the archive's checksums right."""
+    """A project with its header or an array mutated, and with the checksums of the archive right."""
     with zipfile.ZipFile(io.BytesIO(project())) as archive:
         entries = {name: archive.read(name) for name in archive.namelist()}
     if dice.random() < 0.75:
@@ -57,7 +57,7 @@ def project_anew(dice: Random) -> bytes:
 def gltf() -> bytes:
     """A rig with as many oddities as fit."""
     with tempfile.TemporaryDirectory() as folder:
-        return random_rig(1, Path(folder) / "seed.gltf", joints=4).read_bytes()
+        return random_rig(1, Path(folder) / "seed.gltf", joints=3).read_bytes()
 
 
 def glb_of(text: bytes, blob: bytes) -> bytes:
@@ -80,7 +80,7 @@ def mesh(suffix: str) -> bytes:
 
 
 def glb_anew(dice: Random) -> bytes:
-    """A GLB whose JSON tree or whose numbers were mutated, with lengths that are right."""
+    """A GLB with its JSON tree or its numbers mutated, and with lengths that are right."""
     data = mesh(".glb")
     size = struct.unpack_from("<I", data, 12)[0]
     text, blob = data[20 : 20 + size], data[28 + size :]

@@ -39,13 +39,16 @@ LEAVES: list[Any] = [
     None, True, False, 0, 1, -1, 3, 255, 65536, 2**31, 2**32, 2**53, -(2**63), 1e-308, 1e308, 0.5, "", "x",
     "../../../etc/passwd", "\0", "a" * 300, [], {}, [0], [[]], {"a": 1},
 ]  # fmt: skip
+MOST_BYTES = 1 << 17
+"""Bytes of a mutated file: what is longer tells no more, and takes longer."""
 _NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
 def mutated(data: bytes, other: bytes, dice: Random) -> bytes:
     """The bytes with one to four mutations; ``other`` is what pieces are taken from."""
     for _ in range(dice.choice((1, 1, 1, 2, 4))):
-        data = dice.choice(_BYTES)(data, other, dice)
+        made = dice.choice(_BYTES)(data, other, dice)
+        data = made if len(made) <= MOST_BYTES else data
     return data
 
 

@@ -174,7 +174,7 @@ def targets() -> list[Target]:
     }
     made = [
         Target("wire stream bytes", 1000, seeds.of_bytes(*packed), _stream, wire),
-        Target("wire stream", 1750, _mixed(*(_wire(d, t) for t, d in streams.items())), _stream, wire),
+        Target("wire stream", 1800, _mixed(*(_wire(d, t) for t, d in streams.items())), _stream, wire),
         Target("wire control bytes", 500, seeds.of_bytes(*(head + c for c in controls)), _control, wire),
         Target("wire control", 1000, _mixed(*(seeds.of_msgpack(head, c) for c in controls)), _control, wire),
         Target(
@@ -195,8 +195,8 @@ def targets() -> list[Target]:
         Target("take", 200, seeds.take_anew, _take),
         Target("project bytes", 200, seeds.of_bytes(models.project()), lambda data, _: project_of(data)),
         Target("project", 400, models.project_anew, lambda data, _: project_of(data)),
-        Target("gltf", 150, seeds.of_json(models.gltf()), _gltf(".gltf")),
-        Target("glb", 200, models.glb_anew, _gltf(".glb")),
+        Target("gltf", 400, seeds.of_json(models.gltf()), _gltf(".gltf")),
+        Target("glb", 300, models.glb_anew, _gltf(".glb")),
         Target("mesh glb", 150, models.glb_anew, _mesh(".glb")),
         Target("bvh", 500, seeds.of_bytes(texts.BVH), _bvh),
         Target("expmap", 50, seeds.of_bytes(texts.EXPMAP), lambda d, f: read_expmap(_file(f, "a.txt", d))),

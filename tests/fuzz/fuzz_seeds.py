@@ -159,7 +159,7 @@ def recording() -> bytes:
 
 
 def recording_anew(dice: Random) -> bytes:
-    """A recording whose index and footer were mutated, with the summary's checksum right."""
+    """A recording with its index mutated, and with the checksum of the summary right."""
     data = recording()
     size, start = len(data) - 37, struct.unpack_from("<Q", data, len(data) - 28)[0]
     summary = mutated(data[start:size], data, dice)

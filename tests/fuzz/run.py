@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -30,19 +31,25 @@ def main() -> int:
         return 2
     print(f"SEED={seed}, {seconds:g} s, {len(targets)} readers", flush=True)
     end, done, broken = time.monotonic() + seconds, 0, 0
+    with fuzz_law.room() as folder:
+        for target, number in _turns(targets):
+            if time.monotonic() > end:
+                break
+            done += 1
+            try:
+                fuzz_law.check(target, f"{seed}-{number}", Path(folder), kept)
+            except fuzz_law.Broken as error:
+                broken += 1
+                print(error, flush=True)
+    print(f"{done} files, {broken} broke a reader (SEED={seed})")
+    return 1 if broken else 0
+
+
+def _turns(targets: list[fuzz_law.Target]) -> Iterator[tuple[fuzz_law.Target, int]]:
+    """Readers and the numbers of their files, without end."""
     for batch in itertools.count():
         for target in targets:
-            for number in range(batch * BATCH, (batch + 1) * BATCH):
-                if time.monotonic() > end:
-                    print(f"{done} files, {broken} broke a reader (SEED={seed})")
-                    return 1 if broken else 0
-                done += 1
-                try:
-                    fuzz_law.check(target, f"{seed}-{number}", kept)
-                except fuzz_law.Broken as error:
-                    broken += 1
-                    print(error, flush=True)
-    return 0
+            yield from ((target, number) for number in range(batch * BATCH, (batch + 1) * BATCH))
 
 
 if __name__ == "__main__":

@@ -111,7 +111,7 @@ def test_a_message_nested_without_end_is_refused():
 
 def test_what_a_covered_sensor_records_for_minutes_is_read(tmp_path):
     """The most alike that an honest recording is: nothing but the time changes."""
-    path = tmp_path / "nobody.mcap"
+    path = tmp_path / "covered.mcap"
     with Recorder(path, sync_seconds=1e9) as recorder:
         for number in range(20_000):
             recorder.write_frame(BodyFrame([], number * 33_333_333, "s"))

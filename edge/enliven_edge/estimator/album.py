@@ -80,7 +80,11 @@ class Album:
                 where=str(folder),
                 mend="Remove the folder to have it rendered anew, or name another one.",
             )
-        self._arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in _ARRAYS}
+        try:
+            self._arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in _ARRAYS}
+        except (OSError, ValueError, EOFError, OverflowError) as error:
+            what, mend = f"an array of it is damaged ({error})", "Remove the folder to have it rendered anew."
+            raise InputError(what, where=str(folder), mend=mend) from None
 
     def __len__(self) -> int:
         return len(self._arrays["cell"])

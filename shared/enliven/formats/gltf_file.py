@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import logging
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pygltflib
 
 from enliven.arrays import AnyArray, Float
 from enliven.errors import InputError
-from enliven.files import Beside, read_file
-from enliven.formats.gltf_json import gltf_tree, parents_of
+from enliven.files import DAMAGE, Beside, read_file
+from enliven.formats.gltf_json import Entry, gltf_document
 
 _TYPES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _COMPONENTS: dict[int, Any] = {
@@ -33,7 +31,7 @@ class GltfFile:
 
     Attributes:
         path: named in errors.
-        document: what pygltflib read.
+        document: its JSON; what it does not state is None.
         parents: of each node, -1 at a root.
 
     Raises:
@@ -42,7 +40,7 @@ class GltfFile:
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
-        self.document, self.parents = _parsed(self.path)
+        self.document, self.parents, self._blob = _parsed(self.path)
         self._beside = Beside(self.path)
         self._buffers: dict[int, bytes] = {}
         needed = set(self.document.extensionsRequired or []) - _KNOWN_EXTENSIONS
@@ -119,7 +117,7 @@ class GltfFile:
     def _buffer(self, index: int) -> bytes:
         if index not in self._buffers:
             uri = self.document.buffers[index].uri
-            data = self.document.binary_blob() if uri is None else self.data_of_uri(uri)
+            data = self._blob if uri is None else self.data_of_uri(uri)
             if data is None:
                 raise self.wrong("the bytes that belong into the file are missing")
             self._buffers[index] = bytes(data)
@@ -143,24 +141,18 @@ def matrices_of(translation: AnyArray, rotation: AnyArray, scale: AnyArray) -> F
     return made
 
 
-def _parsed(path: Path) -> tuple[pygltflib.GLTF2, list[int]]:
-    """The document and the parents of its nodes, or one clear message."""
+def _parsed(path: Path) -> tuple[Entry, list[int], bytes | None]:
+    """The document, the parents of its nodes and the bytes of a GLB, or one clear message."""
     if path.suffix.lower() not in (".glb", ".gltf") and path.is_file():
         raise InputError("it is no glTF file", where=str(path), mend="Give a .glb or .gltf file.")
     data = read_file(path)
     try:
-        tree = gltf_tree(data)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            if data[:4] == b"glTF":
-                document = pygltflib.GLTF2.load_from_bytes(data)
-            else:
-                document = pygltflib.GLTF2.gltf_from_json(data.decode("utf-8-sig"))
-        if document is None or not document.asset or not str(document.asset.version).startswith("2."):
+        found = gltf_document(data)
+        if found[0].asset is None or not str(found[0].asset.version).startswith("2."):
             raise ValueError("not glTF 2")
-    except Exception as error:  # foreign bytes raise whatever they like
+    except DAMAGE as error:
         logging.getLogger(__name__).debug("glTF", exc_info=True)
         reason = str(error).strip().splitlines()
         what = f"it cannot be read as glTF 2: {reason[0][:200] if reason else type(error).__name__}"
         raise InputError(what, where=str(path), mend="Is it whole, and of the kind it says?") from None
-    return document, parents_of([node.get("children") or [] for node in tree.get("nodes") or []])
+    return found

@@ -20,7 +20,30 @@ goes on the wire (2 million vertices)."""
 MOST_READ = 1 << 27
 """Elements that samplers and skins name, each as often as it is named: an hour of 100 joints has 30
 million."""
+_LISTS = (
+    "accessors",
+    "animations",
+    "buffers",
+    "bufferViews",
+    "images",
+    "materials",
+    "meshes",
+    "nodes",
+    "scenes",
+    "skins",
+    "textures",
+)
 _HEAD, _CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
+
+
+class Entry:
+    """An object of the JSON, its entries as attributes; what it lacks is None."""
+
+    def __init__(self, entries: dict[str, Any]) -> None:
+        self.__dict__.update(entries)
+
+    def __getattr__(self, name: str) -> Any:
+        return None
 
 
 def gltf_tree(data: bytes) -> dict[str, Any]:
@@ -29,9 +52,8 @@ def gltf_tree(data: bytes) -> dict[str, Any]:
     Raises:
         ValueError: where there is none, or it states more than a reader has room for.
     """
-    text = _json_of_glb(data) if data[:4] == b"glTF" else data
     try:
-        tree = json.loads(text.decode("utf-8-sig"))
+        tree = json.loads(_text(data))
     except RecursionError:
         raise ValueError("its JSON is nested too deep") from None
     if not isinstance(tree, dict):
@@ -41,6 +63,21 @@ def gltf_tree(data: bytes) -> dict[str, Any]:
     except (AttributeError, KeyError, TypeError, IndexError, OverflowError) as error:
         raise ValueError(f"its JSON is damaged ({type(error).__name__}: {str(error)[:80]})") from None
     return tree
+
+
+def gltf_document(data: bytes) -> tuple[Entry, list[int], bytes | None]:
+    """The document of a glTF or GLB file, the parent of each node (-1 at a root), and the bytes of a GLB.
+
+    Raises:
+        ValueError: as :func:`gltf_tree`.
+    """
+    tree = gltf_tree(data)
+    parents = parents_of([node.get("children") or [] for node in tree.get("nodes") or []])
+    document: Entry = json.loads(_text(data), object_hook=Entry)
+    for name in _LISTS:
+        if getattr(document, name) is None:
+            setattr(document, name, [])
+    return document, parents, _chunk(data, b"BIN\0")
 
 
 def parents_of(children: list[list[int]]) -> list[int]:
@@ -67,15 +104,27 @@ def parents_of(children: list[list[int]]) -> list[int]:
     return parents
 
 
-def _json_of_glb(data: bytes) -> bytes:
-    """The first chunk of a GLB, which must be its JSON."""
-    if len(data) < _HEAD.size + _CHUNK.size:
-        raise ValueError("it is cut short")
-    length, kind = _CHUNK.unpack_from(data, _HEAD.size)
-    start = _HEAD.size + _CHUNK.size
-    if kind != b"JSON" or start + length > len(data):
-        raise ValueError("it is cut short or damaged: its JSON is not whole")
-    return data[start : start + length]
+def _text(data: bytes) -> str:
+    """The JSON of a file: all of a glTF, one chunk of a GLB."""
+    text = data
+    if data[:4] == b"glTF":
+        found = _chunk(data, b"JSON")
+        if found is None:
+            raise ValueError("it is cut short or damaged: it has no JSON")
+        text = found
+    return text.decode("utf-8-sig")
+
+
+def _chunk(data: bytes, wanted: bytes) -> bytes | None:
+    """The first chunk of a kind in a GLB, as far as the file goes."""
+    at = _HEAD.size if data[:4] == b"glTF" else len(data)
+    while at + _CHUNK.size <= len(data):
+        length, kind = _CHUNK.unpack_from(data, at)
+        at += _CHUNK.size
+        if kind == wanted:
+            return data[at : at + length]
+        at += length
+    return None
 
 
 def _check_amounts(tree: dict[str, Any]) -> None:

@@ -14,7 +14,8 @@ from mcap.records import Message
 from enliven.errors import InputError
 from enliven.files import open_file
 from enliven.frames import BodyFrame, Frame
-from enliven.recording.container import ChunkRef, Container, Damage, open_container, read_chunk
+from enliven.recording.chunks import ChunkRef, Damage, read_chunk
+from enliven.recording.container import Container, open_container
 from enliven.recording.messages import unpack_bodies, unpack_depth
 from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC, PROFILE, TRUTH_TOPIC
 

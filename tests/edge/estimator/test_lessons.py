@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from enliven.body import Joint
+from enliven.errors import InputError
 from enliven_edge.estimator import album
 from enliven_edge.estimator.album import Album, Batch, render_album
 from enliven_edge.estimator.labels import MIRRORED, NOBODY, Part
@@ -168,3 +169,12 @@ def test_a_joint_of_a_mirrored_lesson_lies_on_its_own_part(lessons):
     own, other = shares(zip(made.joints, made.cell, made.parts, strict=True))
     assert own > 0.7
     assert other < 0.06
+
+
+def test_an_album_of_arrays_that_are_not_what_they_state_is_refused(tmp_path):
+    (tmp_path / album._COMPLETE).write_text("2 lessons")
+    head = "{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000,), }".ljust(117) + "\n"
+    for name in album._ARRAYS:
+        (tmp_path / f"{name}.npy").write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + head.encode())
+    with pytest.raises(InputError, match="an array of it is damaged"):
+        Album(tmp_path)

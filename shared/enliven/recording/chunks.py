@@ -1,0 +1,134 @@
+"""The chunks of an MCAP file: what one may unpack to, and its records."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any, BinaryIO
+
+import zstandard
+from mcap import records
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+
+from enliven.errors import InputError
+
+RECORD = struct.Struct("<BQ")
+"""The head of a record: its kind and its length."""
+_MESSAGE = struct.Struct("<HIQQ")
+_MAX_CHUNK = 1 << 28
+"""Bytes of a chunk, unpacked: our recorder closes one at 1 MiB, and its longest message has 128 MiB."""
+_MAX_RATIO = 200
+"""Bytes that one packed byte may unpack to: images of nothing, each with its time, reach some 40."""
+_FREE_BYTES = 1 << 16
+"""Bytes that a chunk may unpack to however few it has."""
+_MAX_RECORDS = 1 << 16
+"""Records of a chunk: our recorder writes at most 34,000, each with at least 31 bytes of 1 MiB."""
+_FREE_RECORDS = 256
+"""Records of a chunk however few bytes it has: more need at least a packed byte each, for their times."""
+DAMAGE = (McapError, struct.error, ValueError, OverflowError, zstandard.ZstdError)
+
+
+class Damage(Exception):
+    """A chunk or record that cannot be read."""
+
+
+@dataclass(frozen=True)
+class ChunkRef:
+    """Where a chunk record is, and the log times of its messages."""
+
+    offset: int
+    length: int
+    start_ns: int
+    end_ns: int
+
+
+SMALL_RECORDS: dict[int, Any] = {
+    Opcode.HEADER: records.Header,
+    Opcode.SCHEMA: records.Schema,
+    Opcode.CHANNEL: records.Channel,
+    Opcode.METADATA: records.Metadata,
+    Opcode.METADATA_INDEX: records.MetadataIndex,
+    Opcode.CHUNK_INDEX: records.ChunkIndex,
+    Opcode.STATISTICS: records.Statistics,
+}
+
+
+def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
+    """The messages, schemas and channels of a chunk.
+
+    Raises:
+        Damage: where the chunk's checksum, compression or content is wrong.
+        InputError: for a chunk of a few bytes that unpack to a flood.
+    """
+    try:
+        file.seek(ref.offset)
+        data = file.read(ref.length)
+        opcode, length = RECORD.unpack_from(data)
+        if opcode != Opcode.CHUNK or length + RECORD.size != len(data):
+            raise Damage("no chunk is where one belongs")
+        chunk = records.Chunk.read(ReadDataStream(BytesIO(data[RECORD.size :])))
+        content = _decompressed(chunk)
+        if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
+            raise Damage("a chunk's checksum is wrong")
+        return _contents(content, min(_MAX_RECORDS, _FREE_RECORDS + len(chunk.data)))
+    except DAMAGE as error:
+        raise Damage(str(error) or type(error).__name__) from None
+    except _Flood as error:
+        where = f"{getattr(file, 'name', 'recording')}, byte {ref.offset}"
+        mend = "Ask for the recording again: no recorder writes such a part."
+        raise InputError(str(error), where=where, mend=mend) from None
+
+
+class _Flood(Exception):
+    """A chunk of a few bytes that unpacks to a flood."""
+
+
+def _decompressed(chunk: Any) -> bytes:
+    size, packed = chunk.uncompressed_size, len(chunk.data)
+    if chunk.compression == "":
+        return bytes(chunk.data)
+    if chunk.compression != "zstd":
+        raise Damage(f"a chunk is compressed with {chunk.compression!r}")
+    if zstandard.frame_content_size(chunk.data) not in (size, -1):
+        raise Damage("a chunk states two sizes")
+    if size > min(_MAX_CHUNK, _FREE_BYTES + _MAX_RATIO * packed):
+        raise _Flood(f"a part of {packed} bytes states that it unpacks to {size}")
+    return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
+
+
+def _contents(content: bytes, most: int) -> list[Any]:
+    """The messages, schemas and channels in the content of a chunk of at most ``most`` records."""
+    made: list[Any] = []
+    at = count = 0
+    while at < len(content):
+        count += 1
+        if count > most:
+            raise _Flood(f"a part has more than {most} records in {len(content)} bytes")
+        opcode, length = RECORD.unpack_from(content, at)
+        start = at + RECORD.size
+        at = start + length
+        if at > len(content) or (opcode == Opcode.MESSAGE and length < _MESSAGE.size):
+            raise Damage("a record reaches beyond its chunk, or is too short")
+        if opcode == Opcode.MESSAGE:
+            channel, sequence, logged, published = _MESSAGE.unpack_from(content, start)
+            data = content[start + _MESSAGE.size : at]
+            made.append(records.Message(channel, logged, data, published, sequence))
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            made.append(parsed(opcode, content[start:at]))
+    return made
+
+
+def parsed(opcode: int, data: bytes) -> Any:
+    """A record of :data:`SMALL_RECORDS`.
+
+    Raises:
+        Damage: where its kind is none of them; others of :data:`DAMAGE` where it is damaged.
+    """
+    kind = SMALL_RECORDS.get(opcode)
+    if kind is None:
+        raise Damage(f"a record of kind {opcode} is out of place")
+    return kind.read(ReadDataStream(BytesIO(data)))
