@@ -17,6 +17,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.doctor import shipped_recording
+from enliven_edge.doors import check_open, raise_descriptor_limit
 from enliven_edge.physics.engine import need_engine
 from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.settings import EdgeSettings, WireSettings
@@ -73,6 +74,9 @@ def edge(
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
     name: Annotated[str | None, typer.Option(help="The edge's name on the network.")] = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on; 0.0.0.0 for all.")] = None,
+    open_to_all: Annotated[
+        bool | None, typer.Option("--open", help="Let other machines watch and take hold; see --host.")
+    ] = None,
     port: Annotated[int | None, typer.Option(help="Port of the poses, 0 for a free one.")] = None,
     control_port: Annotated[int | None, typer.Option(help="Port of the commands; one on by itself.")] = None,
     record: Annotated[Path | None, typer.Option(help="Write the take (bodies, poses) to this file.")] = None,
@@ -89,14 +93,16 @@ def edge(
     \b
       enliven edge --sensor synthetic
       enliven edge --recording take.mcap --mesh horse.obj --possess-at 2
-      enliven edge --sensor synthetic --host 0.0.0.0 --settings edge.toml
+      enliven edge --sensor synthetic --host 0.0.0.0 --open --settings edge.toml
       enliven edge --recording take.mcap --record performance.mcap --possess-at 1
       enliven edge --sensor left=oak --sensor right=oak --space space.toml
       enliven edge --sensor synthetic --physics boxes
       enliven edge --sensor oak --mesh spider.glb --drive skeleton
       enliven edge --sensor oak --mesh cactus.toml
     """
-    chosen = _settings(settings, name=name, host=host, port=port, control_port=control_port)
+    chosen = _settings(settings, name=name, host=host, port=port, control_port=control_port, open=open_to_all)
+    check_open(chosen.wire.host, chosen.wire.open)
+    raise_descriptor_limit()
     if physics is not None:
         world = load_settings(PhysicsSettings, {"world": physics}, where="--physics").world
         chosen = dataclasses.replace(chosen, physics=dataclasses.replace(chosen.physics, world=world))
@@ -217,7 +223,7 @@ def _playground(chosen: PhysicsSettings, characters: list[Character], live: bool
     return playground
 
 
-def _settings(path: Path | None, **overrides: str | int | None) -> EdgeSettings:
+def _settings(path: Path | None, **overrides: str | int | bool | None) -> EdgeSettings:
     """The settings of the file, with what the command line says on top."""
     loaded = load_settings(EdgeSettings, path) if path else EdgeSettings()
     given = {key: value for key, value in overrides.items() if value is not None}

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
 
 from enliven.errors import InputError
 from enliven.frames import Frame
 from enliven.recording import Recording
+from enliven.recording.container import open_file
 from enliven.recording.reader import RecordingInfo
 from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC
 
@@ -48,9 +50,13 @@ class ReplaySensor:
         self.name = info.sensors[0] if info.sensors else "replay"
         self.fps = _rate(info)
         self._speed = speed
-        self._frames = _endless(self.recording) if loop else self.recording.frames()
+        # Held open, so that a lack of descriptors later on cannot end a loop.
+        self._file = open_file(self.recording.path)
+        frames = functools.partial(self.recording.frames, self._file)
+        self._frames = _endless(frames) if loop else frames()
         self._next = next(self._frames, None)
         if self._next is None:
+            self._file.close()
             raise InputError(
                 "the recording holds no frames", where=str(path), mend="Record or import something first."
             )
@@ -81,6 +87,7 @@ class ReplaySensor:
         """End the stream."""
         self._next = None
         self._frames = iter(())
+        self._file.close()
 
     def __enter__(self) -> ReplaySensor:
         return self
@@ -104,12 +111,12 @@ def _rate(info: RecordingInfo) -> float | None:
     return (frames - 1) / info.duration if frames > 1 and info.duration > 0 else None
 
 
-def _endless(recording: Recording) -> Iterator[Frame]:
+def _endless(frames: Callable[[], Iterator[Frame]]) -> Iterator[Frame]:
     """The frames again and again, with times that go on rising."""
     shift, step = 0, _USUAL_STEP_NS
     while True:
         first = last = None
-        for frame in recording.frames():
+        for frame in frames():
             if last is not None and frame.time_ns > last:
                 step = frame.time_ns - last
             first = frame.time_ns if first is None else first

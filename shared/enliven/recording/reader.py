@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import heapq
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from mcap.records import Message
 
@@ -76,9 +77,9 @@ class Recording:
         self.info = _info(self._container)
         self._report_cut()
 
-    def frames(self) -> Iterator[Frame]:
-        """Depth frames and sensor-tracked bodies, in the order of time."""
-        for topic, message in self._messages({DEPTH_TOPIC, BODIES_TOPIC}):
+    def frames(self, file: BinaryIO | None = None) -> Iterator[Frame]:
+        """Depth frames and sensor-tracked bodies, in the order of time; ``file`` is the recording's."""
+        for topic, message in self._messages({DEPTH_TOPIC, BODIES_TOPIC}, file):
             yield unpack_depth(message.data) if topic == DEPTH_TOPIC else unpack_bodies(message.data)
 
     def truth(self) -> Iterator[BodyFrame]:
@@ -91,13 +92,13 @@ class Recording:
         for _, message in self._messages({topic}):
             yield message.log_time, message.data
 
-    def _messages(self, topics: set[str]) -> Iterator[tuple[str, Any]]:
+    def _messages(self, topics: set[str], held: BinaryIO | None = None) -> Iterator[tuple[str, Any]]:
         """(topic, message) ordered by time; chunks may overlap, messages of equal time keep their order."""
         names = {i: c.topic for i, c in self._container.channels.items() if c.topic in topics}
         chunks = sorted(self._container.chunks, key=lambda ref: (ref.start_ns, ref.offset))
         waiting: list[tuple[int, int, Any]] = []
         count = 0
-        with open_file(self.path) as file:
+        with open_file(self.path) if held is None else contextlib.nullcontext(held) as file:
             for ref in chunks:
                 while waiting and waiting[0][0] < ref.start_ns:
                     message = heapq.heappop(waiting)[2]
