@@ -14,6 +14,14 @@ _MOST = 1024
 """Commands that wait; of more than these the ones of viewers that have gone are forgotten."""
 
 
+_RESERVED = 0.4
+"""Of the time, for viewers that have asked little of late: they need not wait until others are made up for."""
+_LITTLE = 0.01
+"""Seconds of the edge's time that such a viewer has cost of late at most: tens of small orders a second."""
+_KNOWN_AFTER = 1.0
+"""Seconds that such a viewer is connected, so that coming anew does not make one of a flood."""
+
+
 class Agenda:
     """Commands that wait: the viewer that has cost least of late comes first, each viewer's keep their order.
 
@@ -23,7 +31,8 @@ class Agenda:
     """
 
     def __init__(self, budget: float) -> None:
-        self._budget = self._purse = budget
+        self._shares = [budget * (1 - _RESERVED), budget * _RESERVED]
+        self._purses = list(self._shares)
         self._waiting: dict[Connection, deque[Command]] = {}
 
     def add(self, command: Command) -> None:
@@ -40,14 +49,20 @@ class Agenda:
 
     def work(self, do: Callable[[Command], None]) -> None:
         """Carries out what there is time for."""
-        self._purse = min(self._purse + self._budget, self._budget)
-        while self._waiting and self._purse > 0:
+        self._purses = [
+            min(purse + share, share) for purse, share in zip(self._purses, self._shares, strict=True)
+        ]
+        while self._waiting:
             peer = min(self._waiting, key=lambda p: p.cost)
+            little = peer.cost < _LITTLE and time.monotonic() - peer.opened > _KNOWN_AFTER
+            usable = [i for i in range(1 + little) if self._purses[i] > 0]
+            if not usable:
+                return
             start = time.perf_counter()
             do(self._waiting[peer].popleft())
             took = time.perf_counter() - start
             peer.charge(took)
-            self._purse -= took
+            self._purses[usable[0]] -= took
             if not self._waiting[peer]:
                 del self._waiting[peer]
 

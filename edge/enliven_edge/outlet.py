@@ -67,9 +67,9 @@ class Outlet:
             control_port=wire.control_port,
             open_to_all=wire.open,
             rate=wire.rate,
-            budget_ms=wire.budget,
+            budget_ms=0.5 * wire.budget,
         )
-        self._agenda = Agenda(wire.budget * 1e-3)
+        self._agenda = Agenda(0.5e-3 * wire.budget)
         try:
             self._take = Recorder(record, overwrite=overwrite) if record else None
         except BaseException:

@@ -79,7 +79,7 @@ class Publisher:
         control_port: int = CONTROL_PORT,
         open_to_all: bool = False,
         rate: float = 100.0,
-        budget_ms: float = 3.0,
+        budget_ms: float = 1.0,
     ) -> None:
         check_open(host, open_to_all)
         self.name, self.instance = name[:64] or "edge", secrets.randbits(32)

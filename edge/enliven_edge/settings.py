@@ -33,8 +33,8 @@ class WireSettings:
         100.0, "Requests that one viewer is answered; more are refused.", unit="1/s", low=10, high=10_000
     )
     budget: float = setting(
-        3.0,
-        "Time a frame for reading what viewers ask, and as much for doing it; the rest waits.",
+        2.0,
+        "Time a frame for what viewers ask: half for reading it, half for doing it; the rest waits.",
         unit="ms",
         low=0.5,
         high=100.0,

@@ -12,7 +12,7 @@ _MOST_SUBSCRIPTION = 64
 """Bytes of a frame that a subscriber sends: "SUBSCRIBE" and the name of a topic are 23."""
 _MOST_OWED = 2 * MAX_STREAM_BYTES
 """Bytes that wait for a subscriber beside what the system holds; more are dropped for that one alone."""
-_READING = 0.0005
+_READING = 0.00025
 """Seconds a poll for reading subscriptions."""
 _NAMES = tuple(name.encode() + b"\0" for name in STREAMS)
 
