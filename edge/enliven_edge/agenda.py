@@ -15,24 +15,28 @@ _MOST = 1024
 
 
 _RESERVED = 0.4
-"""Of the time, for viewers that have asked little of late: they need not wait until others are made up for."""
-_LITTLE = 0.01
-"""Seconds of the edge's time that such a viewer has cost of late at most: tens of small orders a second."""
+"""Of the time, for viewers that have asked little: they do not wait until others are made up for."""
+_LITTLE = 0.06
+"""Seconds that such a viewer has cost of late at most: ten small orders a second are half of it."""
 _KNOWN_AFTER = 1.0
-"""Seconds that such a viewer is connected, so that coming anew does not make one of a flood."""
+"""Seconds that such a viewer has been connected, so that coming anew is of no use to a flood."""
+_SAVED = 50
+"""Frames whose time is saved up while nothing is asked, so that a few orders in one frame need not wait."""
 
 
 class Agenda:
-    """Commands that wait: the viewer that has cost least of late comes first, each viewer's keep their order.
+    """Commands that wait: the viewer that cost least of late is first, each viewer's keep their order.
+
+    Those of viewers that have gone come last.
 
     Args:
-        budget: seconds a call of :meth:`work`. A command that takes longer is carried out, and the calls
-            after it do nothing until that is made up for.
+        budget: seconds a call of :meth:`work`, beside some that earlier calls did not need. A command that
+            takes longer is carried out, and the calls after it do nothing until that is made up for.
     """
 
     def __init__(self, budget: float) -> None:
         self._shares = [budget * (1 - _RESERVED), budget * _RESERVED]
-        self._purses = list(self._shares)
+        self._purses = [_SAVED * share for share in self._shares]
         self._waiting: dict[Connection, deque[Command]] = {}
 
     def add(self, command: Command) -> None:
@@ -50,11 +54,12 @@ class Agenda:
     def work(self, do: Callable[[Command], None]) -> None:
         """Carries out what there is time for."""
         self._purses = [
-            min(purse + share, share) for purse, share in zip(self._purses, self._shares, strict=True)
+            min(purse + share, _SAVED * share)
+            for purse, share in zip(self._purses, self._shares, strict=True)
         ]
         while self._waiting:
-            peer = min(self._waiting, key=lambda p: p.cost)
-            little = peer.cost < _LITTLE and time.monotonic() - peer.opened > _KNOWN_AFTER
+            peer = min(self._waiting, key=lambda p: (not p.is_open, p.cost))
+            little = peer.is_open and peer.cost < _LITTLE and time.monotonic() - peer.opened > _KNOWN_AFTER
             usable = [i for i in range(1 + little) if self._purses[i] > 0]
             if not usable:
                 return

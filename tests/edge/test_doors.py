@@ -105,7 +105,7 @@ def peers(request: pytest.FixtureRequest) -> Iterator[Callable[[Publisher], Peer
 
 
 def test_orders_that_take_long_wait_for_later_frames(stage: Stage, peers) -> None:
-    """Two viewers order 100 things of 20 ms each: every frame does at most one, and most frames none."""
+    """Two viewers order 100 things of 20 ms each: the first frame does a few, and then most frames none."""
     stage.seconds = 0.02
     rude = [peers(stage.outlet.publisher) for _ in range(2)]
     for each in rude:
@@ -117,8 +117,8 @@ def test_orders_that_take_long_wait_for_later_frames(stage: Stage, peers) -> Non
         stage.hear()
         counts.append(len(stage.done) - before)
 
-    until(lambda: len(stage.done) > 5, frame)
-    assert max(counts) == 1 and len(counts) > 4 * len(stage.done)
+    until(lambda: len(stage.done) > 10, frame)
+    assert max(counts) <= 3 and len(counts) > 4 * len(stage.done)
     stage.seconds = 0.0
     until(lambda: all(len(r.replies) == 50 for r in rude), stage.hear, *[r.read for r in rude])
     assert len(stage.done) == 100, "nothing is lost"

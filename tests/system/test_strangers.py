@@ -198,15 +198,6 @@ def test_long_subscriptions_take_no_memory_and_stop_no_stream(edge: RunningEdge)
     reset(rude)
 
 
-def test_short_subscriptions_to_nothing_are_not_kept(edge: RunningEdge) -> None:
-    rude = connected(edge.pose_port, "SUB")
-    data = b"".join(framed(b"\x09SUBSCRIBE" + b"%050d" % (i * 7_919_777), 4) for i in range(30_000))
-    pushed([rude], data)
-    edge.goes_on()
-    assert edge.grown < MOST_GROWTH_MB
-    reset(rude)
-
-
 def test_idle_connections_neither_end_a_loop_nor_keep_others_out() -> None:
     """More than the edge may have descriptors, half of them to each port."""
     edge, idle = RunningEdge(descriptors=256), []

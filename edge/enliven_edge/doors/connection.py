@@ -9,7 +9,7 @@ from typing import Any
 
 from enliven.wire.zmtp import Session, head
 
-_HALVED_EVERY = 1.0
+_HALVED_EVERY = 10.0
 """Seconds after which half of what a connection has cost is forgiven."""
 _AT_ONCE = 1 << 18
 """Bytes that are handed to the system in one call."""
