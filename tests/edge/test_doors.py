@@ -5,6 +5,8 @@ from __future__ import annotations
 import gc
 import os
 import socket
+import subprocess
+import sys
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -290,6 +292,26 @@ def test_other_machines_are_let_in_only_where_that_was_said(host: str) -> None:
 )
 def test_this_machine_and_what_was_opened_are_listened_on(host: str, is_open: bool) -> None:
     Publisher(name=unique(), host=host, pose_port=0, control_port=0, open_to_all=is_open).close()
+
+
+def test_the_command_line_refuses_other_machines_in_a_sentence(tmp_path: Path) -> None:
+    asked = [sys.executable, "-m", "enliven", "edge", "--host", "0.0.0.0"]
+    done = subprocess.run(asked, capture_output=True, text=True, timeout=2 * PATIENCE, cwd=tmp_path)
+    assert done.returncode == 3 and "Traceback" not in done.stderr
+    assert "--open" in done.stderr and "0.0.0.0" in done.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no such limits here")
+def test_the_limit_of_descriptors_is_raised_and_leaves_some_for_the_rest() -> None:
+    code = (
+        "import resource as r; r.setrlimit(r.RLIMIT_NOFILE, (64, 300));"
+        "from enliven_edge.doors import raise_descriptor_limit as up; print(up());"
+        "from enliven_edge.doors.descriptors import connections_allowed as c;"
+        "print(r.getrlimit(r.RLIMIT_NOFILE)[0], c(200))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    raised, limit, allowed = map(int, done.stdout.split())
+    assert raised == limit == 300 and allowed >= 4 and 2 * allowed < 300
 
 
 @pytest.fixture

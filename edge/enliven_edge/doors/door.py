@@ -131,7 +131,7 @@ class Door:
             time.sleep(0.001)
 
     def close(self) -> None:
-        """Lets the port and everybody go."""
+        """Lets the port and all connections go."""
         for connection in list(self._open):
             self.drop(connection)
         self._selector.close()
@@ -249,7 +249,7 @@ class Door:
         self._push(connection, time.monotonic())
 
     def _leaving(self, address: str) -> Connection | None:
-        """Who makes room for somebody from an address; None: nobody does."""
+        """Which connection makes room for a newcomer from an address; None: none does."""
         unmet = [c for c in self._open if not c.met]
         if unmet:
             crowd = Counter(c.address for c in unmet)
