@@ -79,6 +79,8 @@ class Connection:
 
     def queue(self, *pieces: bytes) -> None:
         """Bytes to send after those that wait."""
+        if not self.owed:
+            self.moved = time.monotonic()
         for piece in pieces:
             self._outbox.append(memoryview(piece))
             self.owed += len(piece)
