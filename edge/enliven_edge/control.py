@@ -1,19 +1,26 @@
-"""The edge's control socket: requests in, checked; replies out; never a wait for anybody."""
+"""The edge's control port: requests in, checked; replies out; never a wait for anybody."""
 
 from __future__ import annotations
 
-import contextlib
+import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import zmq
-
-from enliven.wire.envelope import Malformed, OtherVersion, Rejects, pack_control, unpack_control
-from enliven.wire.messages import Answer, Ask, Done, Hello, Order, Ping, Refused, Reply, Request
+from enliven.wire.envelope import (
+    Malformed,
+    OtherVersion,
+    Rejects,
+    payload,
+    reply_head,
+    unpack_control,
+)
+from enliven.wire.messages import Answer, Ask, Done, Hello, Order, Ping, Refused, Request
 from enliven.wire.topics import REQUEST
+from enliven_edge.doors import Connection, Door
 
-_MOST_PER_POLL = 256
+log = logging.getLogger(__name__)
+
 _GONE_AFTER = 5.0
 """Seconds without a word after which a viewer is not counted any more."""
 
@@ -25,10 +32,12 @@ class Command:
     Attributes:
         request: an order such as :class:`~enliven.wire.messages.Possess`.
         viewer: the name of the viewer that asks.
+        peer: its connection.
     """
 
     request: Order
     viewer: str
+    peer: Connection = field(repr=False)
     _reply: Callable[[Answer], None] = field(repr=False)
 
     def reply_done(self, note: str = "") -> None:
@@ -42,45 +51,56 @@ class Command:
 
 @dataclass
 class _Viewer:
-    name: str
-    listening: bool
-    heard: float
+    """What is known of a connection, and gone with it.
+
+    Attributes:
+        left: requests that it may still make at once.
+        filled: monotonic second up to which ``left`` was filled again.
+    """
+
+    left: float
+    filled: float
+    name: str = "a viewer"
+    listening: bool = False
+    heard: float = -_GONE_AFTER
 
 
 class Control:
-    """Wraps a bound ROUTER socket.
+    """Answers what comes in at a door.
 
     Args:
-        answer: what to reply to everything but commands.
+        answer: what to reply to everything but commands: an answer, or one that is packed already.
+        rate: requests a second that a viewer is answered, and so many at once; more are refused.
+        budget: seconds a poll for reading and answering; the rest waits with its senders.
     """
 
-    def __init__(self, socket: zmq.Socket[bytes], answer: Callable[[Ask], Answer]) -> None:
-        self._socket, self._answer = socket, answer
-        self._viewers: dict[bytes, _Viewer] = {}
+    def __init__(
+        self, door: Door, answer: Callable[[Ask], Answer | bytes], rate: float, budget: float
+    ) -> None:
+        self._door, self._answer = door, answer
+        self._rate, self._budget = rate, budget
         self.rejects = Rejects("edge, requests")
+        self.refused = 0
 
     @property
     def viewers(self) -> int:
         """Viewers that the streams reach, and that were heard of in the last seconds."""
-        now = time.monotonic()
-        self._viewers = {k: v for k, v in self._viewers.items() if now - v.heard < _GONE_AFTER}
-        return sum(v.listening for v in self._viewers.values())
+        since = time.monotonic() - _GONE_AFTER
+        known = (c.guest for c in self._door.connections if c.guest is not None)
+        return sum(viewer.listening and viewer.heard > since for viewer in known)
 
     def poll(self) -> list[Command]:
-        """Answers what has come; returns the commands among it. A flood is left for the next call."""
-        commands = []
-        for _ in range(_MOST_PER_POLL):
-            try:
-                sender, *parts = self._socket.recv_multipart(zmq.DONTWAIT)
-            except zmq.Again:
-                break
-            command = self._take(sender, parts)
-            if command is not None:
-                commands.append(command)
-        return commands
+        """Answers what has come, as far as there is time; returns the commands among it."""
+        until = time.monotonic() + self._budget
+        found = (self._take(peer, parts) for peer, parts in self._door.messages(until))
+        return [command for command in found if command is not None]
 
-    def _take(self, sender: bytes, parts: list[bytes]) -> Command | None:
+    def _take(self, peer: Connection, parts: list[bytes]) -> Command | None:
         """One message of a viewer."""
+        now = time.monotonic()
+        if peer.guest is None:
+            peer.guest = _Viewer(self._rate, now)
+        viewer: _Viewer = peer.guest
         try:
             if len(parts) != 1:
                 raise Malformed("request", f"{len(parts)} parts instead of one")
@@ -88,20 +108,50 @@ class Control:
         except Malformed as error:
             self.rejects.add(error)
             if isinstance(error, OtherVersion):
-                self._send(sender, Reply(0, Refused(str(error))))
+                peer.met = True
+                self._send(peer, 0, Refused(str(error)))
+            return None
+        peer.met, peer.heard = True, now
+        if not self._may(viewer, now):
+            self._refuse(peer, request.id)
             return None
         body = request.body
         if isinstance(body, Hello | Ping):
-            self._viewers[sender] = _Viewer(body.viewer, body.listening, time.monotonic())
+            viewer.name, viewer.listening, viewer.heard = body.viewer, body.listening, now
         if not isinstance(body, Order):
-            self._send(sender, Reply(request.id, self._answer(body)))
+            self._send(peer, request.id, self._answer(body))
             return None
-        known = self._viewers.get(sender)
-        return Command(
-            body, known.name if known else "a viewer", lambda a: self._send(sender, Reply(request.id, a))
-        )
+        peer.pending += 1
+        return Command(body, viewer.name, peer, lambda answer: self._reply(peer, request.id, answer))
 
-    def _send(self, viewer: bytes, reply: Reply) -> None:
-        """To a viewer that may be gone, or not read: then it is dropped, and the viewer asks again."""
-        with contextlib.suppress(zmq.ZMQError):
-            self._socket.send_multipart([viewer, pack_control(reply)], zmq.DONTWAIT)
+    def _may(self, viewer: _Viewer, now: float) -> bool:
+        """Whether a viewer may make one more request now."""
+        viewer.left = min(viewer.left + (now - viewer.filled) * self._rate, self._rate)
+        viewer.filled = now
+        if viewer.left < 1:
+            return False
+        viewer.left -= 1
+        return True
+
+    def _refuse(self, peer: Connection, number: int) -> None:
+        """A viewer asks too often: it is told each time, the log once."""
+        self.refused += 1
+        if self.refused == 1:
+            log.warning(
+                "the viewer %r at %s asks more than %g times a second; what is more is refused, and only "
+                "counted from now on",
+                peer.guest.name,
+                peer.address,
+                self._rate,
+            )
+        self._send(peer, number, Refused(f"more than {self._rate:g} requests a second; ask less often"))
+
+    def _reply(self, peer: Connection, number: int, answer: Answer) -> None:
+        """A command was carried out or not."""
+        peer.pending -= 1
+        self._send(peer, number, answer)
+
+    def _send(self, peer: Connection, number: int, answer: Answer | bytes) -> None:
+        """To a viewer that may be gone: then it is dropped."""
+        packed = answer if isinstance(answer, bytes) else payload(answer)
+        self._door.send(peer, reply_head(number), packed)

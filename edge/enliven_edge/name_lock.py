@@ -1,6 +1,8 @@
-"""One edge of a name on a machine: a locked file in the temporary folder.
+"""One edge of a name on a machine: a locked file in a folder that only its user may write to.
 
-The operating system drops the lock with its process, however that ends, so no name is ever left taken.
+The operating system drops the lock with its process, however that ends, so no name is ever left taken. In a
+folder that all may write to a stranger could put a link in the file's place, and the file that it points to
+would be emptied.
 """
 
 from __future__ import annotations
@@ -8,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import stat
 import sys
 import tempfile
 from pathlib import Path
@@ -34,7 +37,7 @@ class NameLock:
         readable = re.sub(r"[^A-Za-z0-9._-]", "_", name)
         # Two names that read alike must not lock each other out.
         suffix = "" if readable == name else "-" + name.encode().hex()
-        path = Path(tempfile.gettempdir()) / f"enliven-edge-{readable}{suffix}.lock"
+        path = _own_folder() / f"enliven-edge-{readable}{suffix}.lock"
         self._handle = _opened(path)
         try:
             _lock(self._handle)
@@ -46,7 +49,7 @@ class NameLock:
                 where="edge",
                 mend="Stop it, or give this one another name with --name.",
             ) from None
-        # A file of another user can be locked but not written: the name is held all the same.
+        # A full disk takes the text, not the name.
         with contextlib.suppress(OSError):
             os.ftruncate(self._handle, 0)
             os.lseek(self._handle, 0, os.SEEK_SET)
@@ -61,17 +64,49 @@ class NameLock:
             self._handle = -1
 
 
-def _opened(path: Path) -> int:
-    """A descriptor of the file, made where it is not there, read-only where it is another user's."""
+def _own_folder() -> Path:
+    """The user's folder for the time of a session, or one in the temporary folder that only the user enters.
+
+    Raises:
+        ResourceError: where neither is the user's own.
+    """
+    temporary = Path(tempfile.gettempdir())
+    if sys.platform == "win32":
+        return temporary
+    session = os.environ.get("XDG_RUNTIME_DIR", "")
+    if session and _is_own(Path(session)):
+        return Path(session)
+    folder = temporary / f"enliven-{os.getuid()}"
+    with contextlib.suppress(OSError):
+        folder.mkdir(mode=0o700)
+    if _is_own(folder):
+        return folder
+    raise ResourceError(
+        "the folder for the names of edges is not this user's own, or others may write to it",
+        where=str(folder),
+        mend="Remove it, or set XDG_RUNTIME_DIR to a folder that only you can enter.",
+    )
+
+
+def _is_own(folder: Path) -> bool:
+    """Whether it is a folder, no link, of this user, that no other user may write to."""
     try:
-        return os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        found = folder.lstat()
+    except OSError:
+        return False
+    ours = found.st_uid == os.getuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    return stat.S_ISDIR(found.st_mode) and ours
+
+
+def _opened(path: Path) -> int:
+    """A descriptor of the file, made where it is not there, never through a link."""
+    try:
+        return os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
     except OSError as error:
-        with contextlib.suppress(OSError):
-            return os.open(path, os.O_RDONLY)
         raise ResourceError(
             f"the file that keeps the edge's name cannot be opened ({error.strerror})",
             where=str(path),
-            mend="Give the edge another name with --name.",
+            mend="Remove that file, or give the edge another name with --name.",
         ) from None
 
 

@@ -24,6 +24,7 @@ from enliven.wire.convert import (
 from enliven.wire.matches import board_to_message
 from enliven.wire.messages import Browse, Lock, Look, Possess, Smooth
 from enliven_edge.actor import Cues
+from enliven_edge.agenda import Agenda
 from enliven_edge.control import Command
 from enliven_edge.pace import Pace
 from enliven_edge.publisher import Publisher
@@ -49,14 +50,22 @@ class Outlet:
 
     Raises:
         ResourceError: for a port in use, or a name in use on this machine.
-        InputError: for a take that exists already.
+        InputError: for a take that exists already, or an address that other machines reach without ``open``.
     """
 
     def __init__(
         self, wire: WireSettings, sensor: str, *, record: Path | None = None, overwrite: bool = False
     ) -> None:
-        ports = {"pose_port": wire.port, "control_port": wire.control_port}
-        self._publisher = Publisher(name=wire.name, host=wire.host, **ports)
+        self._publisher = Publisher(
+            name=wire.name,
+            host=wire.host,
+            pose_port=wire.port,
+            control_port=wire.control_port,
+            open_to_all=wire.open,
+            rate=wire.rate,
+            budget_ms=0.5 * wire.budget,
+        )
+        self._agenda = Agenda(0.5e-3 * wire.budget)
         try:
             self._take = Take(record, overwrite=overwrite) if record else None
         except BaseException:
@@ -144,7 +153,7 @@ class Outlet:
         browse: Callable[[str, int], str] = _unheard,
         lock: Callable[[bool], str] = _unheard,
     ) -> None:
-        """Answers what viewers asked, and keeps the heart beating.
+        """Answers what viewers asked, as far as there is time, and keeps the heart beating.
 
         Args:
             possess: what was asked, to the reason why not, or an empty string.
@@ -154,7 +163,8 @@ class Outlet:
             browse: (character, step) likewise.
             lock: whether only who is followed now performs, likewise.
         """
-        for command in self._publisher.poll():
+
+        def do(command: Command) -> None:
             asked = command.request
             if isinstance(asked, Possess):
                 _reply(command, possess(asked))
@@ -168,6 +178,10 @@ class Outlet:
                 _reply(command, browse(asked.character, asked.step))
             else:
                 _reply(command, release(asked.character, asked.body))
+
+        for command in self._publisher.poll():
+            self._agenda.add(command)
+        self._agenda.work(do)
 
     def end(self, pace: Pace) -> None:
         """Says that the stream has ended, several times: a heartbeat may be lost on the way."""

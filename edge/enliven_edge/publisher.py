@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import secrets
@@ -10,16 +11,13 @@ from types import TracebackType
 from typing import Any
 
 import msgspec
-import zmq
 
 from enliven.character import Character, Pose
-from enliven.errors import ResourceError
 from enliven.wire.convert import character_to_message
-from enliven.wire.envelope import pack_stream
+from enliven.wire.envelope import pack_stream, payload
 from enliven.wire.messages import (
     Answer,
     Ask,
-    CharacterMessage,
     GetState,
     Hello,
     Ping,
@@ -31,26 +29,35 @@ from enliven.wire.messages import (
     Welcome,
 )
 from enliven.wire.posecode import PoseCodec
-from enliven.wire.sockets import CONTROL_PORT, POSE_PORT, Endpoint, make_socket
+from enliven.wire.sockets import CONTROL_PORT, POSE_PORT, Endpoint
 from enliven.wire.topics import BY_TYPE, REQUEST, STATUS
 from enliven_edge.control import Command, Control
+from enliven_edge.doors import Door, check_open
 from enliven_edge.name_lock import NameLock
+from enliven_edge.subscribers import Subscribers
 
 log = logging.getLogger(__name__)
 
+_BEATS_APART = 0.05
+"""Seconds between heartbeats that viewers may cause."""
+
 
 class Publisher:
-    """PUB for what is published, ROUTER for what is asked; used from one thread, and never waits.
+    """One port for what is published, one for what is asked; used from one thread, and never waits.
 
-    A viewer that is slow or dead loses messages, nobody else does. One that joins late is told the state, the
-    characters and the newest pose and cues of each. Call :meth:`poll` at least a few times a second: it
-    answers viewers and sends the heartbeat. Use it as a context manager, or :meth:`close` it.
+    Viewers come with libzmq's SUB and DEALER sockets. One that is slow or dead loses messages, no other does.
+    One that joins late is told the state, the characters and the newest pose and cues of each. Call
+    :meth:`poll` at least a few times a second: it answers viewers and sends the heartbeat. Use it as a
+    context manager, or :meth:`close` it.
 
     Args:
         name: of the edge; one of each on a machine.
         host: the address to listen on, "0.0.0.0" for all.
         pose_port: of the streams; 0 picks a free one.
         control_port: of the requests; 0 picks a free one.
+        open_to_all: whether an address that other machines reach may be listened on; there are no keys yet.
+        rate: requests a second that one viewer is answered.
+        budget_ms: milliseconds of a poll for reading and answering.
 
     Attributes:
         name: as given.
@@ -60,6 +67,7 @@ class Publisher:
 
     Raises:
         ResourceError: for a port in use, an address that is not of this machine, or a name in use.
+        InputError: for an address that other machines reach, where that was not asked for.
     """
 
     def __init__(
@@ -69,28 +77,25 @@ class Publisher:
         host: str = "127.0.0.1",
         pose_port: int = POSE_PORT,
         control_port: int = CONTROL_PORT,
+        open_to_all: bool = False,
+        rate: float = 100.0,
+        budget_ms: float = 1.0,
     ) -> None:
+        check_open(host, open_to_all)
         self.name, self.instance = name[:64] or "edge", secrets.randbits(32)
         self.clamped = 0
         self._lock = NameLock(self.name)
-        self._context: zmq.Context[Any] = zmq.Context()
-        self._stream = make_socket(self._context, zmq.PUB, REQUEST.max_bytes)
-        router = make_socket(self._context, zmq.ROUTER, REQUEST.max_bytes + 64)
-        # A reply may be a whole character: few of them wait for a viewer that does not read.
-        router.setsockopt(zmq.SNDHWM, 64)
-        try:
-            ports = (
-                _bind(self._stream, host, pose_port, "--port"),
-                _bind(router, host, control_port, "--control-port"),
-            )
-        except ResourceError:
-            self.close()
-            raise
+        with contextlib.ExitStack() as stack:
+            stack.callback(self._lock.close)
+            self._streams = Subscribers(host, pose_port, "--port")
+            stack.callback(self._streams.close)
+            self._door = Door(host, control_port, "--control-port", "ROUTER", REQUEST.max_bytes + 64)
+            stack.pop_all()
         shown = "127.0.0.1" if host in ("0.0.0.0", "*", "") else "::1" if host == "::" else host
-        self.endpoint = Endpoint(shown, *ports)
-        self._control = Control(router, self._answer)
+        self.endpoint = Endpoint(shown, self._streams.port, self._door.port)
+        self._control = Control(self._door, self._answer, rate, budget_ms * 1e-3)
         self._characters: dict[str, tuple[int, PoseCodec]] = {}
-        self._packed: dict[str, CharacterMessage] = {}
+        self._packed: dict[str, bytes] = {}
         self._sequences: dict[str, int] = {}
         self._latest: dict[tuple[str, str], bytes] = {}
         self._status = StatusMessage(self.name, self.instance, 0, 0)
@@ -124,7 +129,7 @@ class Publisher:
         # The first use compiles the codec, which must not happen in the middle of a performance.
         codec.decode(codec.encode(character.rest_pose()).data)
         revision = self.revision(character.id) + 1
-        self._packed[character.id] = character_to_message(character, revision)
+        self._packed[character.id] = payload(character_to_message(character, revision))
         self._characters[character.id] = (revision, codec)
         self._state_changed()
         return revision
@@ -182,8 +187,7 @@ class Publisher:
         topic, data = BY_TYPE[type(message)], pack_stream(message)
         if topic.latched:
             self._latest[topic.name, topic.key(message)] = data
-        # PUB drops for the viewer whose queue is full; it has no other reason to wait.
-        self._stream.send(data, zmq.DONTWAIT)
+        self._streams.send(data)
         return len(data)
 
     def set_status(self, **fields: Any) -> None:
@@ -198,17 +202,22 @@ class Publisher:
         """Answer viewers, send the heartbeat when it is due; the commands are left to the caller."""
         if time.monotonic() - self._last_beat >= 1 / STATUS.rate_hz:
             self.beat()
+        self._streams.poll()
         return self._control.poll()
 
     def beat(self) -> None:
         """Send the heartbeat now."""
         self._last_beat = time.monotonic()
+        self._streams.poll()
         self._status = msgspec.structs.replace(self._status, published_ns=time.time_ns())
         self.publish(self._status)
 
     def close(self, linger: float = 1.0) -> None:
         """Let the ports and the name go; what is queued is still sent, for ``linger`` seconds at most."""
-        self._context.destroy(linger=int(linger * 1000))
+        self._door.drain(linger)
+        self._streams.drain(linger)
+        self._door.close()
+        self._streams.close()
         self._lock.close()
 
     def __enter__(self) -> Publisher:
@@ -224,20 +233,23 @@ class Publisher:
         self._status = msgspec.structs.replace(self._status, revision=self._status.revision + 1)
         self.beat()
 
-    def _answer(self, request: Ask) -> Answer:
+    def _let_hear(self, listening: bool) -> None:
+        """A viewer that the streams have not reached is sent a heartbeat, as long as it is one of few."""
+        if not listening and time.monotonic() - self._last_beat >= _BEATS_APART:
+            self.beat()
+
+    def _answer(self, request: Ask) -> Answer | bytes:
         """The reply to everything but a command."""
         match request:
             case Hello():
-                if not request.listening:
-                    self.beat()
+                self._let_hear(request.listening)
                 known = [Revision(name, held[0]) for name, held in self._characters.items()]
                 return Welcome(self._status, known, list(self._latest.values()))
             case GetState():
                 missing = Refused(f"there is no character {request.character!r}")
                 return self._packed.get(request.character, missing)
             case Ping():
-                if not request.listening:
-                    self.beat()
+                self._let_hear(request.listening)
                 return Pong(request.sent_ns, time.time_ns())
             case _:
                 return Refused("this is not a request for the edge")
@@ -248,25 +260,3 @@ def _clean(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else 0.0
     return value[:200] if isinstance(value, str) else value
-
-
-def _bind(socket: zmq.Socket[bytes], host: str, port: int, option: str) -> int:
-    """Listen; the port, chosen where 0 was asked for."""
-    address = {"": "*", "localhost": "127.0.0.1"}.get(host, host)
-    try:
-        socket.bind(f"tcp://[{address}]:{port}" if ":" in address else f"tcp://{address}:{port}")
-    except zmq.ZMQError as error:
-        if error.errno == zmq.EADDRINUSE:
-            raise ResourceError(
-                f"port {port} is in use",
-                where=f"{host}:{port}",
-                mend=f"Stop the program that uses it, or choose another with {option} (0 picks a free one).",
-            ) from None
-        raise ResourceError(
-            f"cannot listen there ({error.strerror})",
-            where=f"{host}:{port}",
-            mend="Give an address of this machine with --host, 0.0.0.0 for all of them.",
-        ) from None
-    last = socket.getsockopt(zmq.LAST_ENDPOINT)
-    assert isinstance(last, bytes)
-    return int(last.rstrip(b"\0").rpartition(b":")[2])

@@ -24,8 +24,21 @@ class WireSettings:
 
     name: str = setting("edge", "The edge's name on the network, unique on this machine.")
     host: str = setting("127.0.0.1", "Address to listen on; 0.0.0.0 for every interface.")
+    open: bool = setting(
+        False, "Listen where other machines reach it: all who do may watch, and take hold of characters."
+    )
     port: int = setting(5580, "Port of the poses; 0 picks a free one.", low=0, high=65535)
     control_port: int = setting(5581, "Port of the commands; 0 picks a free one.", low=0, high=65535)
+    rate: float = setting(
+        100.0, "Requests that one viewer is answered; more are refused.", unit="1/s", low=10, high=10_000
+    )
+    budget: float = setting(
+        2.0,
+        "Time a frame for what viewers ask: half for reading it, half for doing it; the rest waits.",
+        unit="ms",
+        low=0.5,
+        high=100.0,
+    )
 
 
 @dataclass(frozen=True)

@@ -293,7 +293,7 @@ def test_a_port_in_use_is_named_and_nothing_stays_taken() -> None:
 @pytest.mark.parametrize("host", ["192.0.2.1", "no such host"])
 def test_an_address_that_is_not_ours_is_named(host: str) -> None:
     with pytest.raises(ResourceError, match="--host"):
-        Publisher(name=unique(), host=host, pose_port=0, control_port=0)
+        Publisher(name=unique(), host=host, pose_port=0, control_port=0, open_to_all=True)
 
 
 def test_a_name_is_taken_once_and_free_again_after() -> None:

@@ -26,6 +26,7 @@ from enliven.wire.convert import (
 from enliven.wire.envelope import Malformed, OtherVersion, Rejects, unpack_stream
 from enliven.wire.matches import message_to_board
 from enliven.wire.messages import (
+    SUPERSEDED,
     Answer,
     BodiesMessage,
     CharacterMessage,
@@ -142,7 +143,7 @@ class EdgeLink:
 
         def replied(answer: Answer | None) -> None:
             answer = answer or Refused(f"{self.name} does not answer")
-            if isinstance(answer, Refused):
+            if isinstance(answer, Refused) and answer.reason != SUPERSEDED:
                 self._notify(Notice("warning", answer.reason))
             if on_reply is not None:
                 on_reply(answer)

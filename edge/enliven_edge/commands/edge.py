@@ -71,6 +71,9 @@ def edge(
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
     name: Annotated[str | None, typer.Option(help="The edge's name on the network.")] = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on; 0.0.0.0 for all.")] = None,
+    open_to_all: Annotated[
+        bool | None, typer.Option("--open", help="Let other machines watch and take hold; see --host.")
+    ] = None,
     port: Annotated[int | None, typer.Option(help="Port of the poses, 0 for a free one.")] = None,
     control_port: Annotated[int | None, typer.Option(help="Port of the commands; one on by itself.")] = None,
     record: Annotated[Path | None, typer.Option(help="Write the take (bodies, poses) to this file.")] = None,
@@ -90,17 +93,20 @@ def edge(
     \b
       enliven edge --sensor synthetic
       enliven edge --recording TAKE.mcap --mesh HORSE.obj --possess-at 2
-      enliven edge --sensor synthetic --host 0.0.0.0 --settings EDGE.toml
+      enliven edge --sensor synthetic --host 0.0.0.0 --open --settings EDGE.toml
       enliven edge --recording TAKE.mcap --record performance.mcap --possess-at 1
       enliven edge --recording LEFT.mcap --recording RIGHT.mcap --space SPACE.toml
       enliven edge --sensor synthetic --physics boxes
       enliven edge --sensor synthetic --mesh SPIDER.glb --drive skeleton
       enliven edge --sensor synthetic --mesh CACTUS.toml
     """
+    from enliven_edge.doors import check_open, raise_descriptor_limit
     from enliven_edge.physics.settings import PhysicsSettings
     from enliven_edge.settings import EdgeSettings
 
-    chosen = _settings(settings, name=name, host=host, port=port, control_port=control_port)
+    chosen = _settings(settings, name=name, host=host, port=port, control_port=control_port, open=open_to_all)
+    check_open(chosen.wire.host, chosen.wire.open)
+    raise_descriptor_limit()
     if physics is not None:
         world = load_settings(PhysicsSettings, {"world": physics}, where="--physics").world
         chosen = dataclasses.replace(chosen, physics=dataclasses.replace(chosen.physics, world=world))
@@ -224,7 +230,7 @@ def _playground(chosen: PhysicsSettings, characters: list[Character], live: bool
     return playground
 
 
-def _settings(path: Path | None, **overrides: str | int | None) -> EdgeSettings:
+def _settings(path: Path | None, **overrides: str | int | bool | None) -> EdgeSettings:
     """The settings of the file, with what the command line says on top."""
     from enliven_edge.settings import EdgeSettings, WireSettings
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import logging
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
 
 from enliven.errors import InputError
 from enliven.frames import Frame
 from enliven.recording import Recording
+from enliven.recording.container import open_file
 from enliven.recording.reader import RecordingInfo
 from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC
 
@@ -51,9 +53,13 @@ class ReplaySensor:
         self.name = info.sensors[0] if info.sensors else "replay"
         self.fps = _rate(info)
         self._speed = speed
-        self._frames = _Endless(self.recording) if loop else self.recording.frames()
+        # Held open, so that a lack of descriptors later on cannot end a loop.
+        self._file = open_file(self.recording.path)
+        frames = functools.partial(self.recording.frames, self._file)
+        self._frames = _Endless(frames) if loop else frames()
         self._next = _first(self._frames)
         if self._next is None:
+            self._file.close()
             raise InputError(
                 "the recording holds no frames", where=str(path), mend="Record or import something first."
             )
@@ -85,6 +91,7 @@ class ReplaySensor:
         """End the stream."""
         self._next = None
         self._frames = iter(())
+        self._file.close()
 
     def __enter__(self) -> ReplaySensor:
         return self
@@ -120,8 +127,8 @@ def _first(frames: Iterator[Frame]) -> Frame | None:
 class _Endless:
     """The frames again and again, with times that go on rising; a frame that cannot be used costs itself."""
 
-    def __init__(self, recording: Recording) -> None:
-        self._recording, self._frames = recording, recording.frames()
+    def __init__(self, frames: Callable[[], Iterator[Frame]]) -> None:
+        self._again, self._frames = frames, frames()
         self._shift, self._step = 0, _USUAL_STEP_NS
         self._first: int | None = None
         self._last: int | None = None
@@ -136,7 +143,7 @@ class _Endless:
                 raise StopIteration
             self._shift += self._last - self._first + self._step
             self._first = self._last = None
-            self._frames = self._recording.frames()
+            self._frames = self._again()
             return next(self)
         if self._last is not None and frame.time_ns > self._last:
             self._step = frame.time_ns - self._last

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import heapq
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from mcap.records import Message
 
@@ -81,12 +82,12 @@ class Recording:
         self.info = _info(self._container)
         self._report_cut()
 
-    def frames(self) -> Iterator[Frame]:
-        """Depth frames and sensor-tracked bodies, in the order of time.
+    def frames(self, file: BinaryIO | None = None) -> Iterator[Frame]:
+        """Depth frames and sensor-tracked bodies, in the order of time; ``file`` is the recording's, open.
 
         ``next`` raises InputError for a message that is no frame, and goes on with the one after it.
         """
-        return map(_frame, self._messages({DEPTH_TOPIC, BODIES_TOPIC}))
+        return map(_frame, self._messages({DEPTH_TOPIC, BODIES_TOPIC}, file))
 
     def truth(self) -> Iterator[BodyFrame]:
         """The true bodies of a made recording, in the order of time."""
@@ -98,19 +99,19 @@ class Recording:
         for _, message in self._messages({topic}):
             yield message.log_time, message.data
 
-    def _messages(self, topics: set[str]) -> Iterator[tuple[str, Any]]:
+    def _messages(self, topics: set[str], file: BinaryIO | None = None) -> Iterator[tuple[str, Any]]:
         """(topic, message) ordered by time; chunks may overlap, messages of equal time keep their order."""
         names = {i: c.topic for i, c in self._container.channels.items() if c.topic in topics}
         chunks = sorted(self._container.chunks, key=lambda ref: (ref.start_ns, ref.offset))
         waiting: list[tuple[int, int, Any]] = []
         count = held = 0
-        with open_file(self.path) as file:
+        with open_file(self.path) if file is None else contextlib.nullcontext(file) as opened:
             for ref in chunks:
                 while waiting and waiting[0][0] < ref.start_ns:
                     message = heapq.heappop(waiting)[2]
                     held -= len(message.data)
                     yield names[message.channel_id], message
-                for record in self._records(file, ref):
+                for record in self._records(opened, ref):
                     if isinstance(record, Message) and record.channel_id in names:
                         heapq.heappush(waiting, (record.log_time, count, record))
                         count, held = count + 1, held + len(record.data)

@@ -73,6 +73,12 @@ def pack_control(message: Any) -> bytes:
     return bytes([VERSION]) + _ENCODER.encode(message)
 
 
+def reply_head(number: int) -> bytes:
+    """What goes before the :func:`payload` of an answer, so that a long answer is packed once for all."""
+    # A nil is one byte, the last: the answer takes its place.
+    return bytes([VERSION]) + _ENCODER.encode({"id": number, "body": None})[:-1]
+
+
 def unpack_control(data: bytes, topic: Topic) -> Any:
     """The checked request or reply.
 

@@ -18,6 +18,7 @@ from enliven.wire.fields import (
     MAX_VERTICES,
 )
 from enliven.wire.requests import (
+    SUPERSEDED,
     Answer,
     Ask,
     Browse,
@@ -61,6 +62,7 @@ __all__ = [
     "MAX_TRANSFORMS",
     "MAX_TRANSFORM_BYTES",
     "MAX_VERTICES",
+    "SUPERSEDED",
     "VERSION",
     "Answer",
     "Ask",

@@ -130,6 +130,8 @@ class Pong(Struct, tag=True, frozen=True):
     edge_ns: Nanoseconds
 
 
+SUPERSEDED = "superseded by a newer one"
+"""The reason with which an order is refused that the same viewer's next one made needless."""
 Order = Possess | Release | Smooth | Lock | Look | Browse
 """What only the edge's loop can carry out."""
 Ask = Hello | GetState | Order | Ping

@@ -1,4 +1,4 @@
-"""Where an edge is, and how its sockets are set: small queues, no lingering, nothing that blocks."""
+"""Where an edge is, and how a viewer's sockets are set: small queues, no lingering, nothing that blocks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from enliven.errors import InputError
 POSE_PORT = 5580
 CONTROL_PORT = 5581
 QUEUE = 1000
-"""Messages kept for a viewer that is slow; what comes after them is dropped for that viewer alone."""
+"""Messages that wait to be sent, and a tenth of those that wait for a viewer that is slow to take them."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +63,10 @@ def parse_endpoint(text: str) -> Endpoint:
 
 
 def make_socket(context: zmq.Context[Any], kind: int, max_bytes: int) -> zmq.Socket[bytes]:
-    """A socket that never blocks its caller, never lingers, and drops a peer that sends too much at once.
+    """A viewer's socket: never blocks its caller, never lingers, drops an edge that sends too much at once.
 
-    The heartbeat finds a peer that vanished without closing, so that it is connected anew.
+    TCP's keep-alive finds an edge that vanished without closing, so that it is connected anew. libzmq's own
+    heartbeat would too, but it aborts the program where a connection breaks while its queue is full.
     """
     socket: zmq.Socket[bytes] = context.socket(kind)
     socket.setsockopt(zmq.LINGER, 0)
@@ -75,8 +76,12 @@ def make_socket(context: zmq.Context[Any], kind: int, max_bytes: int) -> zmq.Soc
     socket.setsockopt(zmq.IPV6, 1)
     socket.setsockopt(zmq.RECONNECT_IVL, 50)
     socket.setsockopt(zmq.RECONNECT_IVL_MAX, 500)
-    socket.setsockopt(zmq.HEARTBEAT_IVL, 2000)
-    socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, 6000)
+    socket.setsockopt(zmq.HANDSHAKE_IVL, 3000)
+    socket.setsockopt(zmq.TCP_KEEPALIVE, 1)
+    socket.setsockopt(zmq.TCP_KEEPALIVE_IDLE, 2)
+    socket.setsockopt(zmq.TCP_KEEPALIVE_INTVL, 2)
+    socket.setsockopt(zmq.TCP_KEEPALIVE_CNT, 2)
+    socket.setsockopt(zmq.TCP_MAXRT, 6000)
     return socket
 
 

@@ -1,6 +1,7 @@
 """Replay: every frame, in order, at the pace that was asked for."""
 
 import itertools
+import os
 
 import numpy as np
 import pytest
@@ -164,3 +165,13 @@ def test_other_packages_add_sensors(monkeypatch, tmp_path):
     monkeypatch.setattr("enliven_edge.sensors.registry.entry_points", lambda group: [Entry()])
     assert "mine" in sensor_names()
     assert open_sensor("mine", speed=0).read().time_ns == 0
+
+
+@pytest.mark.skipif(os.name != "posix", reason="an open file cannot be removed here")
+def test_a_loop_needs_its_file_only_once(tmp_path, clock):
+    """It is held open: a lack of descriptors, or the file's removal, cannot end an installation's loop."""
+    path = write(tmp_path / "a.mcap", [0, 33_000_000, 66_000_000])
+    with ReplaySensor(path, loop=True) as sensor:
+        path.unlink()
+        times = [sensor.read().time_ns for _ in range(12)]
+    assert times == sorted(times) and len(set(times)) == 12

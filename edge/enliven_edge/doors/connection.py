@@ -1,0 +1,121 @@
+"""One connection of a door: what is still to be sent, and what it has cost of late."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections import deque
+from typing import Any
+
+from enliven.wire.zmtp import Session, head
+
+_HALVED_EVERY = 10.0
+"""Seconds after which half of what a connection has cost is forgiven."""
+_AT_ONCE = 1 << 18
+"""Bytes that are handed to the system in one call."""
+MOST_PENDING = 32
+"""Orders of one connection that wait to be carried out; until then nothing more is read from it."""
+
+
+class Connection:
+    """A peer and its queue; the door makes and closes it.
+
+    Attributes:
+        address: the peer's, without the port.
+        session: how it is spoken.
+        met: whether something sensible was heard; what was not met in time is closed.
+        heard: monotonic second of its last message.
+        moved: monotonic second when bytes last left, or when there were none to send.
+        pending: orders that wait to be carried out.
+        guest: what the door's owner knows of it.
+    """
+
+    def __init__(self, own: socket.socket, address: str, session: Session) -> None:
+        self.address, self.session = address, session
+        self.opened = self.heard = self.moved = time.monotonic()
+        self.met = self.buffered = False
+        self.pending = 0
+        self.guest: Any = None
+        self._socket: socket.socket | None = own
+        self._outbox: deque[memoryview] = deque()
+        self.owed = 0
+        self._cost, self._weighed = 0.0, self.opened
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it has not been closed."""
+        return self._socket is not None
+
+    @property
+    def busy(self) -> bool:
+        """Whether nothing is read from it now: it does not take its replies, or many of its orders wait."""
+        return self.owed > 0 or self.pending >= MOST_PENDING
+
+    @property
+    def cost(self) -> float:
+        """Seconds of the edge's time that it took of late."""
+        return self._cost * 0.5 ** ((time.monotonic() - self._weighed) / _HALVED_EVERY)
+
+    def charge(self, seconds: float) -> None:
+        """It took so much time."""
+        self._cost, self._weighed = self.cost + seconds, time.monotonic()
+
+    def fileno(self) -> int:
+        """The descriptor, -1 once closed."""
+        return self._socket.fileno() if self._socket is not None else -1
+
+    def read(self, most: int) -> bytes | None:
+        """What has come, ``b""`` at the end, None where nothing has.
+
+        Raises:
+            OSError: where the connection is broken.
+        """
+        if self._socket is None:
+            return b""
+        try:
+            return self._socket.recv(most)
+        except BlockingIOError:
+            return None
+
+    def queue(self, *pieces: bytes) -> None:
+        """Bytes to send after those that wait."""
+        if not self.owed:
+            self.moved = time.monotonic()
+        for piece in pieces:
+            self._outbox.append(memoryview(piece))
+            self.owed += len(piece)
+
+    def queue_message(self, first: bytes, rest: bytes = b"") -> None:
+        """One message of one part, its data in two pieces, so that a long one is shared and not copied."""
+        self.queue(head(len(first) + len(rest)) + first, rest)
+
+    def flush(self, until: float) -> None:
+        """Sends as much as the system takes now, of very much only until a monotonic second.
+
+        Raises:
+            OSError: where the connection is broken.
+        """
+        while self._outbox and self._socket is not None:
+            piece = self._outbox[0]
+            try:
+                sent = self._socket.send(piece[:_AT_ONCE]) if piece else 0
+            except BlockingIOError:
+                return
+            self.owed -= sent
+            self.moved = time.monotonic()
+            if sent == _AT_ONCE < len(piece) and self.moved > until:
+                self._outbox[0] = piece[sent:]
+                return
+            if sent == len(piece):
+                self._outbox.popleft()
+            else:
+                self._outbox[0] = piece[sent:]
+        self.moved = time.monotonic()
+
+    def close(self) -> None:
+        """Ends it; what was not sent is lost."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+        self._outbox.clear()
+        self.owed = 0

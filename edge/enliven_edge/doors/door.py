@@ -1,0 +1,267 @@
+"""A port that strangers may knock at: how many come in, how long they have, how much is read of each.
+
+Everything happens in :meth:`Door.messages` and :meth:`Door.send`, on the caller's thread and within its time.
+What is not read stays with the system and, when its buffers are full, with the sender. So a flood costs the
+edge a fixed time a frame, and no memory.
+"""
+
+from __future__ import annotations
+
+import logging
+import selectors
+import socket
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from typing import Any, Literal
+
+from enliven.wire.zmtp import Misspoken, Session
+from enliven_edge.doors.connection import Connection
+from enliven_edge.doors.descriptors import connections_allowed
+from enliven_edge.doors.listening import listen, make_watchful
+
+log = logging.getLogger(__name__)
+
+MOST_CONNECTIONS = 200
+"""Connections of one door: those of two doors are few enough for ``select`` on Windows (512)."""
+_MET_WITHIN = 3.0
+"""Seconds within which who connects must have introduced itself and said something sensible."""
+_STALLED_AFTER = 10.0
+"""Seconds without taking a byte of what is to be sent, after which a connection is closed."""
+_QUIET_AFTER = 10.0
+"""Seconds without a word, ten of a viewer's pings, after which a peer may have to make room for another."""
+_ACCEPTED_AT_ONCE, _ACCEPTED_ANYHOW = 32, 8
+"""Connections that are taken in at one poll, and without regard to the time: with all places taken by a flood
+of connections a newcomer keeps its own for six polls, and needs three to introduce itself."""
+_TIDIED_EVERY = 0.25
+"""Seconds between looks at who is overdue."""
+_READ_AT_ONCE = 4096
+"""Bytes that are read of a connection before it is the next one's turn."""
+_FRAMES_A_TURN = 16
+"""Frames of a connection that are looked at before it is the next one's turn."""
+
+
+class Door:
+    """Listens on a TCP port, and speaks ZMTP with those who come.
+
+    The peer that has cost least of late is read first, so that a flood does not keep others waiting. Where
+    all places are taken a newcomer gets the place of a peer that has not introduced itself, then (where peers
+    are to talk) of one that has long been quiet, then of the address that has most places; else none.
+
+    Args:
+        host, port, option: as for :func:`~enliven_edge.doors.listening.listen`.
+        kind: "ROUTER" answers requests, "PUB" sends to who subscribes.
+        most_bytes: of a frame that is taken from a peer.
+        most: connections; fewer where the process may not open so many.
+
+    Attributes:
+        port: that it listens on.
+
+    Raises:
+        ResourceError: for a port in use, or an address that is not of this machine.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        option: str,
+        kind: Literal["ROUTER", "PUB"],
+        most_bytes: int,
+        most: int = MOST_CONNECTIONS,
+    ) -> None:
+        self._listener = listen(host, port, option)
+        self.port: int = self._listener.getsockname()[1]
+        self._kind: Literal["ROUTER", "PUB"] = kind
+        self._most_bytes, self._most = most_bytes, connections_allowed(most)
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._listener, selectors.EVENT_READ)
+        self._open: dict[Connection, int] = {}
+        self._owing: set[Connection] = set()
+        self._tidied = 0.0
+        self._told_full = False
+
+    @property
+    def connections(self) -> Iterable[Connection]:
+        """Those who are in."""
+        return self._open.keys()
+
+    def messages(self, until: float) -> Iterator[tuple[Connection, list[bytes]]]:
+        """What was said since the last call, as far as it can be read until a monotonic second.
+
+        What the caller does with a message before it takes the next counts for the one who sent it.
+        """
+        self._tidy()
+        readable = {key.fileobj for key, _ in self._selector.select(0)}
+        # Half of the time, so that one who fetches much and fast leaves some to those who ask.
+        now = time.monotonic()
+        self._flush(now + 0.5 * (until - now))
+        yield from self._read(readable, until)
+        if self._listener in readable:
+            self._accept(until)
+
+    def _read(self, readable: set[Any], until: float) -> Iterator[tuple[Connection, list[bytes]]]:
+        """The messages of those who are there already, a little of each in turn."""
+        ready = [c for c in self._open if not c.busy and (c.buffered or c in readable)]
+        while ready:
+            again = []
+            for connection in sorted(ready, key=lambda c: c.cost):
+                if time.monotonic() >= until:
+                    return
+                yield from self._turn(connection, until)
+                if connection.is_open and not connection.busy and connection.buffered:
+                    again.append(connection)
+            ready = again
+
+    def send(self, connection: Connection, first: bytes, rest: bytes = b"") -> None:
+        """A message of one part, in two pieces; to who has gone it is dropped."""
+        if connection.is_open:
+            connection.queue_message(first, rest)
+            self._push(connection, time.monotonic())
+
+    def send_raw(self, connection: Connection, frame: bytes) -> None:
+        """Bytes that are framed already."""
+        if connection.is_open:
+            connection.queue(frame)
+            self._push(connection, time.monotonic())
+
+    def drain(self, seconds: float) -> None:
+        """Sends what waits, for so long at most."""
+        until = time.monotonic() + seconds
+        while self._owing and time.monotonic() < until:
+            self._flush(until)
+            time.sleep(0.001)
+
+    def close(self) -> None:
+        """Lets the port and all connections go."""
+        for connection in list(self._open):
+            self.drop(connection)
+        self._selector.close()
+        self._listener.close()
+
+    def drop(self, connection: Connection) -> None:
+        """Ends a connection."""
+        if self._open.pop(connection, None) is not None:
+            self._selector.unregister(connection)
+            self._owing.discard(connection)
+        connection.close()
+
+    def _turn(self, connection: Connection, until: float) -> Iterator[tuple[Connection, list[bytes]]]:
+        """Reads a little of one connection."""
+        start, session = time.monotonic(), connection.session
+        try:
+            if not connection.buffered:
+                data = connection.read(_READ_AT_ONCE)
+                if data is None:
+                    return
+                if not data:
+                    raise Misspoken("the end")
+                session.feed(data)
+                connection.buffered = True
+            for _ in range(_FRAMES_A_TURN):
+                parts = session.take()
+                if parts is None:
+                    connection.buffered = False
+                    break
+                if parts:
+                    yield connection, parts
+                if session.answers and connection.is_open:
+                    connection.queue(bytes(session.answers))
+                    session.answers.clear()
+                if connection.busy or time.monotonic() >= until:
+                    break
+            self._greet(connection)
+            self._push(connection, until)
+        except (OSError, Misspoken):
+            self.drop(connection)
+        finally:
+            connection.charge(time.monotonic() - start)
+
+    def _greet(self, connection: Connection) -> None:
+        """What the session answers by itself, such as the greeting, is to be sent."""
+        if connection.is_open and connection.session.answers:
+            connection.queue(bytes(connection.session.answers))
+            connection.session.answers.clear()
+
+    def _push(self, connection: Connection, until: float) -> None:
+        """Sends what it can now; the rest waits for the next poll."""
+        if not connection.is_open:
+            return
+        try:
+            connection.flush(until)
+        except OSError:
+            self.drop(connection)
+            return
+        (self._owing.add if connection.owed else self._owing.discard)(connection)
+
+    def _flush(self, until: float) -> None:
+        """Sends what waits, first to who has cost least."""
+        for connection in sorted(self._owing, key=lambda c: c.cost):
+            start = time.monotonic()
+            self._push(connection, until)
+            connection.charge(time.monotonic() - start)
+            if time.monotonic() >= until:
+                return
+
+    def _tidy(self) -> None:
+        """Closes who has not introduced itself in time, and who takes nothing of what it asked for."""
+        now = time.monotonic()
+        if now - self._tidied < _TIDIED_EVERY:
+            return
+        self._tidied = now
+        for connection in list(self._open):
+            overdue = not connection.met and now - connection.opened > _MET_WITHIN
+            if overdue or (connection.owed and now - connection.moved > _STALLED_AFTER):
+                self.drop(connection)
+
+    def _accept(self, until: float) -> None:
+        """Takes in who knocks."""
+        for count in range(_ACCEPTED_AT_ONCE):
+            if count >= _ACCEPTED_ANYHOW and time.monotonic() >= until:
+                return
+            try:
+                own, address = self._listener.accept()
+            except BlockingIOError:
+                return
+            except OSError as error:
+                log.debug("a connection could not be taken in (%s)", error)
+                return
+            self._take_in(own, str(address[0]))
+
+    def _take_in(self, own: socket.socket, address: str) -> None:
+        """One who knocks, where there is a place or one can be made."""
+        if len(self._open) >= self._most:
+            if not self._told_full:
+                log.warning("all %d places of port %d are taken; said once", self._most, self.port)
+                self._told_full = True
+            leaving = self._leaving(address)
+            if leaving is None:
+                own.close()
+                return
+            self.drop(leaving)
+        connection = Connection(own, address, Session(self._kind, self._most_bytes))
+        try:
+            make_watchful(own)
+            self._selector.register(connection, selectors.EVENT_READ)
+        except (OSError, ValueError):
+            connection.close()
+            return
+        self._open[connection] = connection.fileno()
+        self._greet(connection)
+        self._push(connection, time.monotonic())
+
+    def _leaving(self, address: str) -> Connection | None:
+        """Which connection makes room for a newcomer from an address; None: none does."""
+        unmet = [c for c in self._open if not c.met]
+        if unmet:
+            crowd = Counter(c.address for c in unmet)
+            return max(unmet, key=lambda c: (crowd[c.address], -c.opened))
+        if self._kind == "ROUTER":
+            quietest = min(self._open, key=lambda c: c.heard)
+            if time.monotonic() - quietest.heard > _QUIET_AFTER:
+                return quietest
+        crowd = Counter(c.address for c in self._open)
+        crowd[address] += 1
+        if crowd[address] == max(crowd.values()):
+            return None
+        return max(self._open, key=lambda c: (crowd[c.address], c.opened))

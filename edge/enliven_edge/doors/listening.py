@@ -1,0 +1,106 @@
+"""A TCP port to listen on, and connections that notice when the other side has vanished."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import ipaddress
+import socket
+import sys
+
+from enliven.errors import InputError, ResourceError
+
+_BACKLOG = 256
+"""Connections that the system holds until the next poll."""
+_PROBES: dict[str, int] = {
+    "TCP_KEEPIDLE": 4,
+    "TCP_KEEPINTVL": 2,
+    "TCP_KEEPCNT": 3,
+    "TCP_USER_TIMEOUT": 10_000,
+}
+"""A side that says nothing for 4 s is asked every 2 s, and gone after 3 questions; or with data that it has
+not acknowledged for 10,000 ms."""
+
+
+def _is_loopback(host: str) -> bool:
+    """Whether only programs of this machine reach what listens there; a name counts by what it means here."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        pass
+    if host in ("", "*"):
+        return False
+    try:
+        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError):
+        return False
+    return all(ipaddress.ip_address(str(each[4][0]).split("%")[0]).is_loopback for each in found)
+
+
+def check_open(host: str, open_to_all: bool) -> None:
+    """Refuses to listen where other machines reach it, unless that was asked for."""
+    if open_to_all or _is_loopback(host):
+        return
+    raise InputError(
+        "all who reach this address could take hold of characters and see who performs",
+        where=f"host {host or '*'}",
+        mend="Give --open too (open = true under [wire]) on a network that you trust, else --host 127.0.0.1.",
+    )
+
+
+def listen(host: str, port: int, option: str) -> socket.socket:
+    """A socket that listens there and never blocks.
+
+    Args:
+        host: an address or name of this machine; "" or "*" for all of IPv6 and IPv4.
+        option: of the command line that chooses the port, for the message.
+
+    Raises:
+        ResourceError: for a port in use, or an address that is not of this machine.
+    """
+    everywhere = host in ("", "*")
+    dual = everywhere and socket.has_dualstack_ipv6()
+    made: socket.socket | None = None
+    try:
+        name = ("::" if dual else "0.0.0.0") if everywhere else host
+        family, *_, address = socket.getaddrinfo(name, port, type=socket.SOCK_STREAM)[0]
+        made = socket.socket(family, socket.SOCK_STREAM)
+        reuse = "SO_EXCLUSIVEADDRUSE" if sys.platform == "win32" else "SO_REUSEADDR"
+        made.setsockopt(socket.SOL_SOCKET, getattr(socket, reuse), 1)
+        if family == socket.AF_INET6:
+            made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, not dual)
+        made.bind(address)
+        made.listen(_BACKLOG)
+        made.setblocking(False)
+        return made
+    except (OSError, UnicodeError, OverflowError) as error:
+        if made is not None:
+            made.close()
+        raise _refused(error, host, port, option) from None
+
+
+def make_watchful(connection: socket.socket) -> None:
+    """Never blocks, sends at once, and ends by itself when the other side has vanished."""
+    connection.setblocking(False)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in _PROBES.items():
+        if hasattr(socket, name):
+            with contextlib.suppress(OSError):
+                connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+
+
+def _refused(error: Exception, host: str, port: int, option: str) -> ResourceError:
+    """Why it does not listen."""
+    where = f"{host}:{port}"
+    if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+        return ResourceError(
+            f"port {port} is in use",
+            where=where,
+            mend=f"Stop the program that uses it, or choose another with {option} (0 picks a free one).",
+        )
+    return ResourceError(
+        f"cannot listen there ({getattr(error, 'strerror', None) or error})",
+        where=where,
+        mend="Give an address of this machine with --host, 0.0.0.0 with --open for all of them.",
+    )

@@ -1,0 +1,140 @@
+"""ZMTP 3.1 without keys, the side that listens: bytes in, messages and answers out; no sockets in here.
+
+Viewers speak it by libzmq. What listens does not: one connection that mixes PINGs into a flood and is reset
+makes libzmq 4.3.5 abort its program (``!_io_error`` in stream_engine_base.cpp), with heartbeats or without.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Literal
+
+GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x01" + b"NULL".ljust(20, b"\0") + bytes(32)
+"""What both sides say first, 64 bytes: signature, version 3.1, no keys."""
+
+_MORE, _LONG, _COMMAND = 1, 2, 4
+_MOST_PARTS = 8
+"""Parts of one message; a viewer sends one, libzmq's REQ sockets two."""
+_MOST_CONTEXT = 16
+"""Bytes of a PING that are sent back, as the protocol says."""
+_TTL_BYTES = 2
+"""Of a PING, before its context."""
+
+
+class Misspoken(Exception):
+    """Bytes that are not ZMTP, or longer than allowed: the connection is to be closed."""
+
+
+def framed(data: bytes, flags: int = 0) -> bytes:
+    """One frame: its flags, its length and the data."""
+    return head(len(data), flags) + data
+
+
+def head(length: int, flags: int = 0) -> bytes:
+    """What goes before ``length`` bytes of data, so that long data need not be copied."""
+    return bytes([flags, length]) if length < 256 else struct.pack(">BQ", flags | _LONG, length)
+
+
+class Session:
+    """One connection, as it is spoken; feed it, then take until nothing is left.
+
+    Args:
+        kind: of the socket that listens; "ROUTER" hears DEALER and REQ, "PUB" hears SUB.
+        most: bytes of a frame that is taken.
+
+    Attributes:
+        ready: whether both sides have introduced themselves.
+        answers: bytes that are to be sent to the other side now; the caller empties it.
+    """
+
+    def __init__(self, kind: Literal["ROUTER", "PUB"], most: int) -> None:
+        self.ready = False
+        self.answers = bytearray(GREETING)
+        self._kind, self._most = kind, most
+        self._bytes, self._at, self._greeted = bytearray(), 0, False
+        self._parts: list[bytes] = []
+
+    def feed(self, data: bytes) -> None:
+        """Bytes that have come."""
+        del self._bytes[: self._at]
+        self._at = 0
+        self._bytes += data
+
+    def take(self) -> list[bytes] | None:
+        """The next message's parts; an empty list for anything else; None where bytes are missing.
+
+        A subscription is one part, 1 or 0 (no longer) and the topic's beginning.
+
+        Raises:
+            Misspoken: for what is not ZMTP 3, or too long.
+        """
+        if not self._greeted:
+            return self._greeting()
+        frame = self._frame()
+        if frame is None:
+            return None
+        flags, data = frame
+        if flags & _COMMAND:
+            return self._command(data)
+        if not self.ready:
+            raise Misspoken("a message before the introduction")
+        self._parts.append(data)
+        if flags & _MORE:
+            if len(self._parts) >= _MOST_PARTS:
+                raise Misspoken(f"a message of more than {_MOST_PARTS} parts")
+            return []
+        parts, self._parts = self._parts, []
+        return parts
+
+    def _greeting(self) -> list[bytes] | None:
+        """Looks at the other side's first 64 bytes, as far as they have come, and answers in kind."""
+        said = self._bytes[: len(GREETING)]
+        if (said and said[0] != 0xFF) or (len(said) > 10 and (not said[9] & 1 or said[10] < 3)):
+            raise Misspoken("this is not ZMTP 3")
+        if len(said) < len(GREETING):
+            return None
+        if said[12:32] != GREETING[12:32]:
+            raise Misspoken("another mechanism of keys")
+        self._at, self._greeted = len(GREETING), True
+        self.answers += framed(b"\x05READY" + _property(b"Socket-Type", self._kind.encode()), _COMMAND)
+        return []
+
+    def _frame(self) -> tuple[int, bytes] | None:
+        """(flags, data) of the next whole frame, or None."""
+        have = len(self._bytes) - self._at
+        if have < 2:
+            return None
+        flags, length, start = self._bytes[self._at], self._bytes[self._at + 1], self._at + 2
+        if flags & ~(_MORE | _LONG | _COMMAND):
+            raise Misspoken(f"a frame with the flags {flags}")
+        if flags & _LONG:
+            if have < 9:
+                return None
+            (length,), start = struct.unpack_from(">Q", self._bytes, self._at + 1), self._at + 9
+        if length > self._most:
+            raise Misspoken(f"a frame of {length} bytes, {self._most} are taken")
+        if len(self._bytes) < start + length:
+            return None
+        self._at = start + length
+        return flags, bytes(self._bytes[start : self._at])
+
+    def _command(self, data: bytes) -> list[bytes]:
+        """An introduction, a PING or a subscription; what is not known is passed over."""
+        name, rest = data[1 : 1 + data[0]] if data else b"", data[1 + data[0] :] if data else b""
+        if name == b"READY" and not self.ready:
+            self.ready = True
+        elif name == b"ERROR" or not self.ready:
+            raise Misspoken("no introduction")
+        elif name == b"PING":
+            context = rest[_TTL_BYTES : _TTL_BYTES + _MOST_CONTEXT]
+            self.answers += framed(b"\x04PONG" + context, _COMMAND)
+        elif name == b"SUBSCRIBE":
+            return [b"\x01" + rest]
+        elif name == b"CANCEL":
+            return [b"\x00" + rest]
+        return []
+
+
+def _property(name: bytes, value: bytes) -> bytes:
+    """One property of an introduction."""
+    return bytes([len(name)]) + name + struct.pack(">I", len(value)) + value

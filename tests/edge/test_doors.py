@@ -1,0 +1,349 @@
+"""Strangers at the edge's ports, over real sockets: who is let in, what is read, in what order it is done."""
+
+from __future__ import annotations
+
+import gc
+import os
+import socket
+import subprocess
+import sys
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zmq
+
+from enliven.errors import InputError, ResourceError
+from enliven.wire import messages, topics
+from enliven.wire.envelope import pack_control, unpack_control
+from enliven_edge.name_lock import NameLock
+from enliven_edge.outlet import Outlet
+from enliven_edge.publisher import Publisher
+from enliven_edge.settings import WireSettings
+
+PATIENCE = 60.0
+"""Seconds until a test gives up; a loaded machine takes its time."""
+
+
+def unique() -> str:
+    return f"test-{uuid.uuid4().hex[:10]}"
+
+
+def until(done: Callable[[], Any], *steps: Callable[[], Any]) -> None:
+    """Takes the steps again and again, until something is so."""
+    deadline = time.monotonic() + PATIENCE
+    while not done():
+        assert time.monotonic() < deadline, "it never came to be"
+        for step in steps:
+            step()
+        time.sleep(0.001)
+
+
+@pytest.fixture
+def publisher() -> Iterator[Publisher]:
+    with Publisher(name=unique(), pose_port=0, control_port=0) as made:
+        yield made
+
+
+class Stage:
+    """An outlet, what it was told to do, and how long each thing takes."""
+
+    def __init__(self, outlet: Outlet) -> None:
+        self.outlet, self.done, self.seconds = outlet, [], 0.0
+
+    def hear(self) -> None:
+        """One frame's worth of listening."""
+        self.outlet.hear(self.do, self.do, self.do, self.do, self.do, self.do)
+
+    def do(self, *asked: Any) -> str:
+        self.done.append(asked)
+        time.sleep(self.seconds)
+        return ""
+
+
+@pytest.fixture
+def stage() -> Iterator[Stage]:
+    with Outlet(WireSettings(name=unique(), port=0, control_port=0), "given") as outlet:
+        yield Stage(outlet)
+
+
+class Peer:
+    """A viewer by hand."""
+
+    def __init__(self, publisher: Publisher) -> None:
+        self.context = zmq.Context()
+        self.dealer = self.context.socket(zmq.DEALER)
+        self.dealer.setsockopt(zmq.SNDHWM, 0)
+        self.dealer.setsockopt(zmq.RCVHWM, 0)
+        self.dealer.connect(publisher.endpoint.control_address)
+        self.replies: list[messages.Reply] = []
+
+    def send(self, *bodies: messages.Ask) -> None:
+        for number, body in enumerate(bodies):
+            self.dealer.send(pack_control(messages.Request(number, body)))
+
+    def read(self) -> None:
+        while self.dealer.poll(0):
+            self.replies.append(unpack_control(self.dealer.recv(), topics.REPLY))
+
+    def close(self) -> None:
+        self.context.destroy(linger=0)
+
+
+@pytest.fixture
+def peers(request: pytest.FixtureRequest) -> Iterator[Callable[[Publisher], Peer]]:
+    made: list[Peer] = []
+
+    def make(publisher: Publisher) -> Peer:
+        made.append(Peer(publisher))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+def test_orders_that_take_long_wait_for_later_frames(stage: Stage, peers) -> None:
+    """Two viewers order 100 things of 20 ms each: the first frame does a few, and then most frames none."""
+    stage.seconds = 0.02
+    rude = [peers(stage.outlet.publisher) for _ in range(2)]
+    for each in rude:
+        each.send(*[messages.Possess("chair", mode="join")] * 50)
+    counts: list[int] = []
+
+    def frame() -> None:
+        before = len(stage.done)
+        stage.hear()
+        counts.append(len(stage.done) - before)
+
+    until(lambda: len(stage.done) > 10, frame)
+    assert max(counts) <= 3 and len(counts) > 4 * len(stage.done)
+    stage.seconds = 0.0
+    until(lambda: all(len(r.replies) == 50 for r in rude), stage.hear, *[r.read for r in rude])
+    assert len(stage.done) == 100, "nothing is lost"
+
+
+def test_a_viewer_that_asks_little_comes_first(stage: Stage, peers) -> None:
+    """Its order is done when one of the others' is under way at most, not after their hundred."""
+    rude = [peers(stage.outlet.publisher) for _ in range(2)]
+    good = peers(stage.outlet.publisher)
+    good.send(messages.Ping("good", 0))
+    until(lambda: good.replies, stage.hear, good.read)
+    stage.seconds = 0.01
+    for each in rude:
+        each.send(*[messages.Possess("chair", mode="join")] * 60)
+    until(lambda: len(stage.done) > 2, stage.hear)
+    before = len(stage.done)
+    good.send(messages.Release("lamp"))
+    until(lambda: ("lamp", None) in stage.done, stage.hear)
+    assert stage.done.index(("lamp", None)) - before <= 6
+
+
+def test_only_the_newest_of_what_replaces_itself_is_done_and_each_is_answered(stage: Stage, peers) -> None:
+    viewer = peers(stage.outlet.publisher)
+    looks = [messages.Look((0.0, 0.0, float(i + 1)), (0.0, 1.0, 0.0)) for i in range(60)]
+    viewer.send(messages.Ping("v", 0))
+    until(lambda: viewer.replies, stage.hear, viewer.read)
+    viewer.replies.clear()
+    # Each takes longer than a frame allows: what comes meanwhile waits.
+    stage.seconds = 0.02
+    viewer.send(*looks)
+    until(lambda: len(viewer.replies) == 60, stage.hear, viewer.read)
+    assert stage.done[-1] == (looks[-1],) and len(stage.done) <= 30
+    answers = [reply.body for reply in sorted(viewer.replies, key=lambda r: r.id)]
+    assert answers[-1] == messages.Done()
+    assert answers.count(messages.Refused(messages.SUPERSEDED)) == 60 - len(stage.done)
+
+
+def test_each_of_many_steps_is_done(stage: Stage, peers) -> None:
+    """An order that says how much, or who comes next, is not made needless by the one after it."""
+    viewer = peers(stage.outlet.publisher)
+    viewer.send(*[messages.Browse("chair", 1)] * 20, *[messages.Possess("chair", mode="join")] * 3)
+    until(lambda: len(viewer.replies) == 23, stage.hear, viewer.read)
+    assert {type(reply.body) for reply in viewer.replies} == {messages.Done} and len(stage.done) == 23
+
+
+def test_a_rate_is_kept_and_said(peers, caplog: pytest.LogCaptureFixture) -> None:
+    with Publisher(name=unique(), pose_port=0, control_port=0, rate=20.0) as publisher:
+        greedy, good = peers(publisher), peers(publisher)
+        greedy.send(*[messages.Ping("greedy", i) for i in range(2000)])
+        until(lambda: len(greedy.replies) == 2000, publisher.poll, greedy.read)
+        refused = [r.body for r in greedy.replies if isinstance(r.body, messages.Refused)]
+        assert len(refused) >= 1000 and "20 requests a second" in refused[0].reason
+        assert isinstance(min(greedy.replies, key=lambda r: r.id).body, messages.Pong)
+        good.send(messages.Ping("good", 1))
+        until(lambda: good.replies, publisher.poll, good.read)
+        assert isinstance(good.replies[0].body, messages.Pong), "the rate is each viewer's own"
+    assert sum("20 times a second" in record.getMessage() for record in caplog.records) == 1
+
+
+def known_viewers() -> int:
+    """Viewers that the edge remembers anything of."""
+    gc.collect()
+    return sum(type(each).__name__ == "_Viewer" for each in gc.get_objects())
+
+
+def test_viewers_that_have_gone_are_forgotten(publisher: Publisher) -> None:
+    context = zmq.Context()
+    for number in range(100):
+        dealer = context.socket(zmq.DEALER)
+        dealer.setsockopt(zmq.IDENTITY, b"viewer %d" % number)
+        dealer.connect(publisher.endpoint.control_address)
+        dealer.send(pack_control(messages.Request(1, messages.Hello(f"v{number}", True))))
+        until(lambda d=dealer: d.poll(0), publisher.poll)
+        dealer.close(linger=0)
+    context.destroy(linger=0)
+    deadline = time.monotonic() + 5.0
+    while known_viewers() > 0 and time.monotonic() < deadline:
+        publisher.poll()
+    assert known_viewers() == 0
+
+
+def closed(connection: socket.socket) -> bool:
+    """Whether the other side has ended it."""
+    connection.setblocking(False)
+    try:
+        while connection.recv(4096):
+            pass
+    except BlockingIOError:
+        return False
+    except ConnectionError:
+        pass
+    return True
+
+
+@pytest.mark.parametrize("port", ["pose_port", "control_port"])
+def test_who_does_not_introduce_itself_is_not_waited_for(publisher: Publisher, port: str) -> None:
+    idle = socket.create_connection(("127.0.0.1", getattr(publisher.endpoint, port)))
+    start = time.monotonic()
+    with idle:
+        while not closed(idle):
+            assert time.monotonic() - start < 20.0, "libzmq's own patience is 30 s"
+            publisher.poll()
+            time.sleep(0.01)
+
+
+@pytest.mark.parametrize("port", ["pose_port", "control_port"])
+def test_a_newcomer_finds_a_place_among_idle_connections(publisher: Publisher, peers, port: str) -> None:
+    """More than there are places: the newcomer's is one of theirs, and no more than the places are kept."""
+    address = ("127.0.0.1", getattr(publisher.endpoint, port))
+    idle = []
+    for _ in range(300):
+        idle.append(socket.create_connection(address))
+        publisher.poll()
+    until(lambda: sum(map(closed, idle)) >= 100, publisher.poll)
+    context = zmq.Context()
+    subscriber = context.socket(zmq.SUB)
+    subscriber.setsockopt(zmq.SUBSCRIBE, b"status")
+    subscriber.connect(publisher.endpoint.stream_address)
+    until(lambda: subscriber.poll(0), publisher.beat)
+    context.destroy(linger=0)
+    good = peers(publisher)
+    good.send(messages.Ping("good", 1))
+    until(lambda: good.replies, publisher.poll, good.read)
+    for each in idle:
+        each.close()
+
+
+def test_a_subscriber_gets_what_it_subscribed_to(publisher: Publisher) -> None:
+    context = zmq.Context()
+    subscriber = context.socket(zmq.SUB)
+    for topic in (b"status", b"bodies", b"nothing like it"):
+        subscriber.setsockopt(zmq.SUBSCRIBE, topic)
+    subscriber.connect(publisher.endpoint.stream_address)
+    until(lambda: subscriber.poll(0), publisher.beat)
+    publisher.publish(messages.CuesMessage("lamp", "possessed", bytes(4), bytes(2), 1))
+    publisher.publish(messages.BodiesMessage(7, 0, []))
+    heard: set[bytes] = set()
+
+    def take() -> None:
+        while subscriber.poll(0):
+            heard.add(subscriber.recv().partition(b"\0")[0])
+
+    until(lambda: b"bodies" in heard, take)
+    assert heard == {b"status", b"bodies"}
+    subscriber.setsockopt(zmq.UNSUBSCRIBE, b"bodies")
+    subscriber.setsockopt(zmq.SUBSCRIBE, b"cues")
+
+    def publish() -> None:
+        publisher.publish(messages.CuesMessage("lamp", "free"))
+        publisher.beat()
+
+    until(lambda: b"cues" in heard, publish, take)
+    heard.clear()
+    publisher.publish(messages.BodiesMessage(8, 0, []))
+    publisher.publish(messages.CuesMessage("lamp", "free"))
+    until(lambda: b"cues" in heard, take)
+    assert b"bodies" not in heard
+    context.destroy(linger=0)
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "*", "192.0.2.1"])
+def test_other_machines_are_let_in_only_where_that_was_said(host: str) -> None:
+    with pytest.raises(InputError, match=r"take hold.*--open.*open = true"):
+        Publisher(name=unique(), host=host, pose_port=0, control_port=0)
+
+
+@pytest.mark.parametrize(
+    ("host", "is_open"), [("localhost", False), ("127.0.0.1", False), ("127.8.8.8", False), ("0.0.0.0", True)]
+)
+def test_this_machine_and_what_was_opened_are_listened_on(host: str, is_open: bool) -> None:
+    Publisher(name=unique(), host=host, pose_port=0, control_port=0, open_to_all=is_open).close()
+
+
+def test_the_command_line_refuses_other_machines_in_a_sentence(tmp_path: Path) -> None:
+    asked = [sys.executable, "-m", "enliven", "edge", "--host", "0.0.0.0"]
+    done = subprocess.run(asked, capture_output=True, text=True, timeout=2 * PATIENCE, cwd=tmp_path)
+    assert done.returncode == 3 and "Traceback" not in done.stderr
+    assert "--open" in done.stderr and "0.0.0.0" in done.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no such limits here")
+def test_the_limit_of_descriptors_is_raised_and_leaves_some_for_the_rest() -> None:
+    code = (
+        "import resource as r; r.setrlimit(r.RLIMIT_NOFILE, (64, 300));"
+        "from enliven_edge.doors import raise_descriptor_limit as up; print(up());"
+        "from enliven_edge.doors.descriptors import connections_allowed as c;"
+        "print(r.getrlimit(r.RLIMIT_NOFILE)[0], c(200))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    raised, limit, allowed = map(int, done.stdout.split())
+    assert raised == limit == 300 and allowed >= 4 and 2 * allowed < 300
+
+
+@pytest.fixture
+def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of edges' names, in place of the user's."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    tmp_path.chmod(0o700)
+    return tmp_path
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no such links here")
+def test_a_link_in_the_place_of_a_name_is_not_followed(own_folder: Path) -> None:
+    precious = own_folder / "precious"
+    precious.write_text("years of work")
+    (own_folder / "enliven-edge-stage.lock").symlink_to(precious)
+    with pytest.raises(ResourceError, match="Remove that file"):
+        NameLock("stage")
+    assert precious.read_text() == "years of work"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no such modes here")
+def test_names_are_kept_in_a_folder_that_only_the_user_writes_to(
+    own_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    NameLock("stage").close()
+    assert (own_folder / "enliven-edge-stage.lock").exists()
+    own_folder.chmod(0o777)
+    lock = NameLock("stage")
+    folder = own_folder / f"enliven-{os.getuid()}"
+    assert (folder / "enliven-edge-stage.lock").exists() and folder.stat().st_mode & 0o777 == 0o700
+    lock.close()
+    folder.chmod(0o777)
+    with pytest.raises(ResourceError, match=r"not this user's own.*XDG_RUNTIME_DIR"):
+        NameLock("stage")

@@ -1,0 +1,73 @@
+"""ZMTP's listening side without sockets: bytes say the same however they are cut, noise is only refused."""
+
+import itertools
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from enliven.wire.zmtp import GREETING, Misspoken, Session, framed
+
+READY = framed(b"\x05READY\x0bSocket-Type" + struct.pack(">I", 6) + b"DEALER", 4)
+TALK = framed(b"one") + framed(b"two", 1) + framed(b"parts" * 100) + framed(b"\x04PING\0\0here", 4)
+PUB_TALK = framed(b"\x09SUBSCRIBEpose", 4) + framed(b"\x01cues") + framed(b"\x06CANCELpose", 4)
+
+
+def heard(session: Session, chunks: list[bytes]) -> list[list[bytes]]:
+    """The messages in the bytes, however they come."""
+    found = []
+    for chunk in chunks:
+        session.feed(chunk)
+        while (parts := session.take()) is not None:
+            if parts:
+                found.append(parts)
+    return found
+
+
+def cut(data: bytes, places: list[int]) -> list[bytes]:
+    edges = [0, *sorted(p % len(data) for p in places), len(data)]
+    return [data[a:b] for a, b in itertools.pairwise(edges)]
+
+
+@given(st.lists(st.integers(0, 10_000), max_size=40))
+def test_bytes_say_the_same_however_they_are_cut(places):
+    session = Session("ROUTER", 1000)
+    assert heard(session, cut(GREETING + READY + TALK, places)) == [[b"one"], [b"two", b"parts" * 100]]
+    said = bytes(session.answers)
+    assert said.startswith(GREETING) and b"ROUTER" in said and said.endswith(framed(b"\x04PONGhere", 4))
+
+
+@given(st.lists(st.integers(0, 10_000), max_size=20))
+def test_subscriptions_come_as_commands_or_as_messages(places):
+    session = Session("PUB", 64)
+    assert heard(session, cut(GREETING + READY + PUB_TALK, places)) == [[b"\1pose"], [b"\1cues"], [b"\0pose"]]
+
+
+@given(st.binary(max_size=300), st.sampled_from([b"", GREETING, GREETING + READY]))
+def test_noise_is_refused_or_waited_for_and_nothing_else(noise, before):
+    session = Session("ROUTER", 100)
+    try:
+        messages = heard(session, [before + noise])
+    except Misspoken:
+        return
+    assert all(len(part) <= 100 for parts in messages for part in parts)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        b"GET / HTTP/1.1\r\n\r\n",
+        GREETING[:10] + b"\x01" + GREETING[11:],
+        GREETING.replace(b"NULL\0", b"CURVE"),
+        GREETING + framed(b"a message first"),
+        GREETING + framed(b"\x04PING\0\0", 4),
+        GREETING + READY + struct.pack(">BQ", 2, 1 << 62),
+        GREETING + READY + framed(bytes(101)),
+        GREETING + READY + framed(b"x", 1) * 9,
+        GREETING + READY + framed(b"x", 64),
+    ],
+)
+def test_what_is_no_zmtp_or_too_long_ends_the_connection(said):
+    with pytest.raises(Misspoken):
+        heard(Session("ROUTER", 100), [said])
