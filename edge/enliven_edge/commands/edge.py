@@ -84,9 +84,7 @@ def edge(
     seconds: Annotated[
         float | None, typer.Option(help="Stop after this long, by the sensor's clock.")
     ] = None,
-    once: Annotated[
-        bool, typer.Option("--once", help="End at the sensor's first fault instead of opening it anew.")
-    ] = False,
+    once: Annotated[bool, typer.Option("--once", help="End at the sensor's first fault.")] = False,
 ) -> None:
     """Track people with one sensor or more, let them possess a mesh, and publish the poses.
 

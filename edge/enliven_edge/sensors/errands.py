@@ -1,4 +1,4 @@
-"""Calls that may block, done one at a time on a thread that nobody has to wait for."""
+"""Calls that may block, done one at a time on a thread of their own; the caller waits as long as it likes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ log = logging.getLogger(__name__)
 
 
 class Errands:
-    """Does one call at a time on a daemon thread; who asked waits for the answer as long as it likes.
+    """Does one call at a time on a daemon thread; the caller waits for the answer as long as it likes.
 
     Nothing is done ahead: the thread begins with a call when it is asked, so that no answer is older than it
     would be without the thread.

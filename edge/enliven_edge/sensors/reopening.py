@@ -37,7 +37,7 @@ _LONGEST: dict[str, float] = {"read": 10.0, "open": 60.0, "close": 10.0}
 """Seconds after which a call of a driver is taken to hang and left to itself; opening may load firmware."""
 _LEFT_TO_THEMSELVES = 4
 """Threads that may hang in a driver at once; then the sensor is waited for."""
-_CLOSING = 0.5
+_CLOSING = 0.25
 """Seconds that closing waits for the device to be let go."""
 _CLOCK_JUMP_NS = 1_000_000_000
 """Nanoseconds by which a clock may be ahead after its device was opened anew, and still be the same clock."""

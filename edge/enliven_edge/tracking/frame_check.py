@@ -15,7 +15,7 @@ _NEW_SIZE_FRAMES = 5
 """Frames in a row of another size after which the sensor is taken to have changed its mode: a driver that
 restarts lets through one or two of the old or of a half mode."""
 _SMALLEST, _LARGEST = 16, 8192
-"""Pixels of an image's side: in less nobody can be seen, and more no depth camera has."""
+"""Pixels of an image's side: less shows no person, and no depth camera has more."""
 
 Flaw = tuple[HealthKind, str]
 """What kind of trouble, and why, without the full stop."""
