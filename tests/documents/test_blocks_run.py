@@ -119,7 +119,19 @@ def _standing(moved: float) -> np.ndarray:
     return Posture(place, standing(elbow=1.5), lengths_for_height(1.75)).joints()
 
 
-@named(pages_of("python"))
+ELSEWHERE = {
+    "examples.md": "tests/shared/examples/test_examples_doc.py",
+    "surgery.md": "tests/shared/modeling/test_surgery_doc.py",
+}
+"""Documents whose code a test of their own runs, which also looks at what it prints."""
+
+
+def test_the_tests_of_their_own_are_there():
+    for page, test in ELSEWHERE.items():
+        assert page in (ROOT / test).read_text()
+
+
+@named([page for page in pages_of("python") if page.name not in ELSEWHERE])
 def test_the_code_of_a_document_runs(page, place, capsys):
     names = GIVEN.get(str(page.relative_to(ROOT)), dict)()
     for block in runnable(page, "python"):

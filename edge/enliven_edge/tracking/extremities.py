@@ -47,7 +47,8 @@ def extremities(
     """
     step = max(1, int(np.sqrt(np.count_nonzero(mask) / _NODES)))
     depth = np.ascontiguousarray(z[::step, ::step])
-    thinned = _solid(depth, mask[::step, ::step], step)
+    # One layout for all steps: a kernel is compiled, or loaded, anew for each.
+    thinned = _solid(depth, np.ascontiguousarray(mask[::step, ::step]), step)
     if not thinned.any():
         return Extremities(np.zeros((0, 3)), np.zeros(0))
     points = _placed(depth, step, camera, pose)

@@ -217,8 +217,9 @@ def _columns(points: Float) -> Float:
 
 def _summit(points: Float, near: Float, top: float) -> Float:
     """(2,) x and z of the middle of what is highest about a place, of a head say."""
-    high = (points[:, 1] > top - 0.15) & (np.linalg.norm(points[:, [0, 2]] - near, axis=1) < 0.2)
-    return np.asarray(points[high][:, [0, 2]].mean(0))
+    high = points[points[:, 1] > top - 0.15]
+    high = high[np.linalg.norm(high[:, [0, 2]] - near, axis=1) < 0.2]
+    return np.asarray(high[:, [0, 2]].mean(0))
 
 
 def _filled(points: Float, centre: Float, top: float) -> bool:

@@ -1,0 +1,69 @@
+"""No frame waits for a compiler: after the warm-up a new tracker compiles and loads no kernel."""
+
+import subprocess
+import sys
+
+import pytest
+
+COUNTED = """
+import dataclasses, gc
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from enliven.frames import DepthFrame
+from enliven.recording import Recording
+from enliven_edge.doctor import shipped_recording
+from enliven_edge.sensors.registry import open_sensor
+from enliven_edge.tracking.tracker import Tracker
+from enliven_edge.warmup import warm_up_tracking
+
+def beside(frame):
+    moved = np.roll(frame.depth, frame.depth.shape[1] // 3, axis=1)
+    nearer = (frame.depth == 0) | ((moved > 0) & (moved < frame.depth))
+    return dataclasses.replace(frame, depth=np.where(nearer, moved, frame.depth))
+
+def kernels():
+    return {d: len(d.signatures) for d in gc.get_objects() if isinstance(d, Dispatcher)}
+
+with open_sensor("synthetic") as sensor:
+    live = [sensor.read(5.0) for _ in range(8)]
+recorded = [f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame)]
+cases = {
+    "live": live,
+    "recorded": recorded[:12],
+    "later": recorded[120:132],
+    "two people": [beside(f) for f in recorded[60:72]],
+    "two live": [beside(f) for f in live],
+    "no mounting": [dataclasses.replace(f, world_from_camera=None) for f in live],
+    "nothing": [dataclasses.replace(f, depth=np.zeros_like(f.depth)) for f in live],
+}
+if WARM:
+    warm_up_tracking()
+for name, frames in cases.items():
+    before = kernels()
+    tracker = Tracker()
+    for frame in frames:
+        tracker.track(frame)
+        tracker.surfaces()
+    print(name, *sorted({d.py_func.__name__ for d, n in kernels().items() if n > before.get(d, 0)}), sep="|")
+"""
+"""Prints a line for each kind of frames: the kernels that got a signature more while they were tracked."""
+
+
+def kernels_of(*, warm: bool) -> dict[str, list[str]]:
+    """The kernels that each kind of frames compiled or loaded, in a process of its own."""
+    command = [sys.executable, "-c", f"WARM = {warm}\n{COUNTED}"]
+    shown = subprocess.run(command, capture_output=True, text=True, timeout=600, check=True)
+    lines = [line.split("|") for line in shown.stdout.splitlines()]
+    return {name: names for name, *names in lines}
+
+
+@pytest.mark.timeout(700)
+def test_nothing_is_compiled_or_loaded_after_the_warm_up():
+    found = kernels_of(warm=True)
+    assert len(found) == 7
+    assert {kind: names for kind, names in found.items() if names} == {}
+
+
+@pytest.mark.timeout(700)
+def test_without_it_the_first_frames_load_their_kernels():
+    assert {"minimise", "_solid"} <= set(kernels_of(warm=False)["live"])

@@ -1,0 +1,85 @@
+"""Pictures of a film are encoded beside the drawing: all of them, in order, upright; an error is not lost."""
+
+import threading
+
+import av
+import numpy as np
+import pytest
+
+from enliven.commands import run as run_command
+from enliven_viewer.encoder import FilmWriter
+from enliven_viewer.film_strip import WAITING, FilmStrip
+from enliven_viewer.render.targets import upright
+from enliven_viewer.sheet import Tiles
+
+
+def raw(level: int) -> np.ndarray:
+    """(32, 64, 4) as OpenGL keeps a picture: the upper half as bright as ``level``, the lower black."""
+    picture = np.zeros((32, 64, 4), np.uint8)
+    picture[16:] = level
+    return picture
+
+
+def test_upright_turns_the_rows_and_drops_the_fourth_channel():
+    picture = upright(raw(200))
+    assert picture.shape == (32, 64, 3) and picture.flags.c_contiguous
+    assert (picture[:16] == 200).all() and (picture[16:] == 0).all()
+
+
+def test_every_picture_is_in_the_film_and_on_the_sheet_in_order(tmp_path):
+    tiles = Tiles(3, 64)
+    levels = list(range(10, 250, 10))
+    with FilmWriter(tmp_path / "made.mp4", (64, 32), 30, 1) as writer, FilmStrip(writer, tiles) as strip:
+        for n, level in enumerate(levels):
+            strip.add(n / 30, raw(level))
+    with av.open(str(tmp_path / "made.mp4")) as film:
+        shown = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+    assert len(shown) == writer.count == len(levels)
+    np.testing.assert_allclose([picture[4:12].mean() for picture in shown], levels, atol=12)
+    assert [round(30 * tile.seconds) for tile in tiles.chosen()] == sorted(
+        round(30 * tile.seconds) for tile in tiles.chosen()
+    )
+    assert tiles.chosen()[0].seconds == 0.0
+
+
+class Full:
+    """A place for pictures that has no room left after the second."""
+
+    def __init__(self) -> None:
+        self.count, self.threads = 0, set()
+
+    def add(self, picture) -> None:
+        self.threads.add(threading.current_thread().name)
+        self.count += 1
+        if self.count > 2:
+            raise OSError("no space left")
+
+
+def test_what_the_encoder_cannot_do_is_raised():
+    full = Full()
+    with pytest.raises(OSError, match="no space left"), FilmStrip(full, Tiles(3, 64)) as strip:
+        for n in range(3 + 2 * WAITING):
+            strip.add(n / 30, raw(n))
+    assert full.threads != {threading.current_thread().name}
+
+
+def test_an_error_at_the_very_end_is_raised_too():
+    with pytest.raises(OSError, match="no space left"), FilmStrip(Full(), Tiles(3, 64)) as strip:
+        for n in range(3):
+            strip.add(n / 30, raw(n))
+
+
+def test_a_film_s_viewer_starts_with_its_edge_and_waits_for_it(monkeypatch, tmp_path):
+    started = []
+
+    def together(processes) -> int:
+        started.extend(processes)
+        return 0
+
+    monkeypatch.setattr(run_command, "run_together", together)
+    run_command.run(None, None, "chair", 1.5, None, tmp_path, True, 0.1, None, None, None, None)
+    edge, viewer = started
+    assert edge.ready() and "--wait" in viewer.arguments
+    started.clear()
+    run_command.run(None, None, "chair", 1.5, None, tmp_path, False, 0.1, None, None, None, None)
+    assert not started[0].ready() and "--wait" not in started[1].arguments
