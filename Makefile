@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint bench films possess-films session-films example-films setup setup-dev record-references clean
+.PHONY: help run test test-bare test-arm audit lint bench films possess-films session-films example-films setup setup-dev record-references clean
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -13,6 +13,15 @@ test: setup-dev  ## linters, types, every test, and one run of the main job
 	@.venv/bin/ruff format --check .
 	@.venv/bin/mypy
 	@.venv/bin/python -m pytest -n 2 --dist loadfile $(ARGS)
+
+test-bare:       ## both commands in bare Debians 12 and 13 (as root): make test-bare ONLY=bookworm
+	@sh scripts/test_bare.sh $(ONLY)
+
+test-arm: setup-dev ## the numeric core's tests as an aarch64 processor would run them (as root; slow)
+	@sh scripts/test_arm.sh $(ONLY)
+
+audit: setup-dev ## known vulnerabilities and licences of everything that is installed
+	@.venv/bin/python scripts/audit.py
 
 lint: setup-dev  ## linters and types only
 	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy
