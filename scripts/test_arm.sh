@@ -11,6 +11,7 @@ needs debootstrap debootstrap qemu-aarch64-static qemu-user-static dpkg-deb dpkg
 root=$roots/arm packages=$roots/arm-packages
 
 # The numeric core: codecs, rotations, deformation, surgery, and what of the tracker is arithmetic alone.
+# ONNX Runtime's module crashes while it is imported under qemu-user 7.2, so nothing is here that needs the estimator.
 core="shared/test_rotation shared/test_orientation shared/test_quaternions_wire shared/test_quantize
 shared/test_depth_codec shared/test_frames shared/test_messages shared/test_masks shared/test_camera
 shared/test_lanes shared/test_settings shared/test_shapes shared/test_mesh shared/test_recording
@@ -20,8 +21,7 @@ shared/deformation/test_attachment shared/deformation/test_spheres shared/deform
 shared/deformation/test_embedded shared/deformation/test_arap shared/matching/test_symmetry
 shared/mapping/test_assignment shared/modeling/test_mesh_cut shared/modeling/test_mesh_planar
 shared/formats/test_bvh shared/formats/test_expmap shared/formats/test_gltf_read edge/fusion/test_rigid
-edge/tracking/test_appearance edge/tracking/test_evidence edge/tracking/test_belonging
-edge/tracking/test_segmentation edge/tracking/test_room edge/tracking/test_gravity edge/tracking/test_floor
+edge/tracking/test_floor
 edge/tracking/test_kinematics edge/tracking/test_ranges edge/test_placing"
 
 make_root() {
