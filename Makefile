@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint fuzz-quick fuzz bench films possess-films session-films example-films setup setup-dev record-references clean test-more test-matrix
+.PHONY: help run test lint fuzz-quick fuzz bench films possess-films session-films example-films setup setup-dev record-references clean test-more test-matrix test-bare test-arm audit
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -19,6 +19,15 @@ test-more: setup-dev ## search at random for what breaks a law: make test-more M
 
 test-matrix: setup-dev ## the tests as on other processors and in other orders: make test-matrix ONLY="haswell load"
 	@.venv/bin/python scripts/test_matrix.py $(if $(ONLY),--only $(ONLY)) -- $(ARGS)
+
+test-bare:       ## both commands in bare Debians 12 and 13 (as root): make test-bare ONLY=bookworm
+	@sh scripts/test_bare.sh $(ONLY)
+
+test-arm: setup-dev ## the numeric core's tests as an aarch64 processor would run them (as root; slow)
+	@sh scripts/test_arm.sh $(ONLY)
+
+audit: setup-dev ## known vulnerabilities and licences of everything that is installed
+	@.venv/bin/python scripts/audit.py
 
 lint: setup-dev  ## linters and types only
 	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy

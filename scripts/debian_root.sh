@@ -1,3 +1,4 @@
+# shellcheck shell=sh
 # Debian roots for the tests that need another machine than this one; read with `.` by test_bare.sh and test_arm.sh.
 roots=${ENLIVEN_BARE:-$PWD/out/bare}
 mkdir -p "$roots"
@@ -17,6 +18,7 @@ needs() {
 
 mirror() {
     # The archive that this machine's own apt uses for Debian; nothing where this is no Debian (debootstrap knows one).
+    # shellcheck disable=SC2016
     apt-get indextargets --format '$(ORIGIN) $(SITE)' 'Created-By: Packages' 2>/dev/null |
         sed -n 's/^Debian //p' | grep -v security | head -n 1
 }
@@ -27,7 +29,7 @@ base_root() {
     shift
     [ -f "$roots/$name.tar" ] && return
     say "making a bare Debian for $name by debootstrap (some minutes, once)"
-    rm -rf "$roots/$name"
+    rm -rf "${roots:?}/$name"
     # shellcheck disable=SC2046
     debootstrap --variant=minbase "$@" "$roots/$name" $(mirror) >"$roots/$name.log" 2>&1 ||
         fail "debootstrap failed: $(tail -n 1 "$roots/$name.log") (all of it: $roots/$name.log)"
@@ -50,6 +52,9 @@ fresh_root() {
     certificates=${PIP_CERT:-${SSL_CERT_FILE:-}}
     if [ -f "$certificates" ]; then
         mkdir -p "$roots/$1${certificates%/*}" && cp "$certificates" "$roots/$1$certificates"
+    fi
+    if [ -d "${PIP_FIND_LINKS:-}" ]; then
+        mkdir -p "$roots/$1$PIP_FIND_LINKS" && cp -r "$PIP_FIND_LINKS/." "$roots/$1$PIP_FIND_LINKS"
     fi
     export -p | grep -iE '^(export|declare -x) (PIP_[A-Z_]*|(http|https|no)_proxy)=' >"$roots/$1/root/network.sh" || true
 }

@@ -86,14 +86,14 @@ stamp=".venv/.ready-$kind"
 wanted=$(cat "locks/$kind.txt" shared/pyproject.toml edge/pyproject.toml viewer/pyproject.toml scripts/setup.sh | cksum)
 make_venv
 if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
-    say "installing the Python packages into .venv (a minute or two, once)"
-    install_python
     missing=$(missing_system | tr -s ' \n' '\n' | sort -u | tr '\n' ' ')
     if [ -n "$(printf '%s' "$missing" | tr -d ' ')" ]; then
         # shellcheck disable=SC2086
         install_system $missing || fail "these system packages are missing: $missing" \
             "Type: sudo apt-get install -y $missing"
     fi
+    say "installing the Python packages into .venv (a minute or two, once)"
+    install_python
     [ "$kind" = dev ] && [ "$(uname -s)" = Linux ] && more=$(spoken_tests) || more=
     # shellcheck disable=SC2086
     [ -z "$more" ] || install_system $more || say "without $more the tests of voice commands are skipped"

@@ -11,9 +11,17 @@ from packaging.requirements import Requirement
 from packaging.tags import parse_tag
 
 HOUSE = Path(__file__).parents[2]
-spec = importlib.util.spec_from_file_location("lock", HOUSE / "scripts" / "lock.py")
-lock = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(lock)
+
+
+def script(name: str):
+    """A script of the house as a module."""
+    spec = importlib.util.spec_from_file_location(name, HOUSE / "scripts" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+lock, audit = script("lock"), script("audit")
 EVERYWHERE = {f"{at['platform_machine']} {at['python_version']}": at for at in lock.environments()}
 WITHOUT_WHEEL = {"aarch64": {"3.12", "3.13", "3.14"}}
 """Where moderngl has no wheel, so that setup.sh takes no such Python there."""
@@ -90,3 +98,41 @@ def test_locks_have_hashes_and_no_address(kind) -> None:
 def test_a_wheel_fits_where_its_tag_says(tag, places) -> None:
     (one,) = parse_tag(tag)
     assert sum(lock.fits(one, where) for where in EVERYWHERE.values()) == places
+
+
+def test_the_page_on_licences_names_every_library_that_a_wheel_bundles() -> None:
+    found = set(audit.bundled(audit.site_packages()))
+    assert len(found) > 10 and found - audit.documented() == set()
+
+
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [
+        ("libx264-d6533a8d.so.165", "x264"),
+        ("libusb-1-150b88da.0.so.0.1.0", "usb"),
+        ("libgfortran-040039e1-0352e75f.so.5.0.0", "gfortran"),
+        ("libopencore-amrnb-d72c52e2.so.0.0.5", "opencore-amrnb"),
+        ("libavcodec.62.28.102.dylib", "avcodec"),
+        ("avcodec-62-5e6b81c2aa.dll", "avcodec"),
+    ],
+)
+def test_a_bundled_library_is_known_by_its_name(file, name, tmp_path) -> None:
+    (tmp_path / "some.libs").mkdir()
+    (tmp_path / "some.libs" / file).touch()
+    assert list(audit.bundled(tmp_path)) == [name]
+
+
+@pytest.mark.parametrize(
+    ("licence", "objected"),
+    [
+        ("MIT", False),
+        ("LGPL-3.0", False),
+        ("GNU Lesser General Public License v3 (LGPLv3)", False),
+        ("GPL-2.0-or-later", True),
+        ("GNU General Public License v3 (GPLv3)", True),
+        ("AGPL-3.0", True),
+        ("UNKNOWN", True),
+    ],
+)
+def test_a_copyleft_package_is_objected_to(licence, objected) -> None:
+    assert bool(audit.objections([{"Name": "some", "Version": "1", "License": licence}])) is objected
