@@ -9,7 +9,7 @@ import hypothesis
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent / "helpers"))
-from compile_once import compile_once  # noqa: E402 (it is found beside this)
+from compile_once import compile_once
 
 ALIKE = {
     "database": None,

@@ -1,8 +1,8 @@
 """Makes test processes that run at the same time compile each kernel once, and keep what they compiled.
 
-Numba keeps compiled kernels on disk, but two processes that need the same kernel at the same time both compile it,
-and may overwrite each other's entry in the kernel's index. Here a process that is about to compile locks the kernel
-for all processes; the next one finds the result on disk.
+Numba keeps compiled kernels on disk, but two processes that need the same kernel at the same time both
+compile it, and may overwrite each other's entry in the kernel's index. Here a process that is about to compile
+locks the kernel for all processes; the next one finds the result on disk.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ _LOCKS = 1 << 31
 def compile_once(lock_file: Path) -> None:
     """Locks a kernel while this process compiles it or loads it; ``lock_file`` is the same for all processes.
 
-    Locks are taken in the order of calls between kernels, with Numba's own lock held first, so that two processes
-    never wait for each other.
+    Locks are taken in the order of calls between kernels, with Numba's own lock held first, so that two
+    processes never wait for each other.
     """
     if fcntl is None:
         return

@@ -12,9 +12,9 @@ from pathlib import Path
 from types import TracebackType
 
 from enliven.errors import InputError
+from enliven.files import open_file
 from enliven.frames import Frame
 from enliven.recording import Recording
-from enliven.recording.container import open_file
 from enliven.recording.reader import RecordingInfo
 from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC
 

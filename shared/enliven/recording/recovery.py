@@ -15,7 +15,9 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Message
 
 from enliven.errors import InputError
-from enliven.recording.container import ChunkRef, Container, Damage, open_container, open_file, read_chunk
+from enliven.files import open_file
+from enliven.recording.chunks import ChunkRef, Damage, read_chunk
+from enliven.recording.container import Container, open_container
 from enliven.recording.recorder import Recorder
 from enliven.recording.schemas import PROFILE
 
