@@ -69,6 +69,8 @@ def _write_recordings(folder: Path) -> None:
         with Recorder(folder / f"{name}.mcap") as recorder:
             for frame in itertools.islice(frames, FRAMES):
                 recorder.write_frame(frame)
+    whole = (folder / "TAKE.mcap").read_bytes()
+    (folder / "BROKEN.mcap").write_bytes(whole[: 3 * len(whole) // 4])
     (folder / "MY_FRAMES").mkdir()
     for n, frame in enumerate(itertools.islice(frames, 3)):
         Image.fromarray(frame.depth).save(folder / "MY_FRAMES" / f"{n:03}.png")

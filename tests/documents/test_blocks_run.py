@@ -20,6 +20,7 @@ from enliven_edge.settings import EdgeSettings
 from enliven_edge.tracking.model import lengths_for_height
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.ranges import standing
+from enliven_viewer.settings import ViewerSettings
 from enliven_viewer.studio.settings import StudioSettings
 
 BLOCKS = [block for page in PAGES for block in blocks_of(page)]
@@ -147,6 +148,8 @@ def test_the_settings_of_a_document_are_settings(block, tmp_path):
         assert len(read_plan(path).chains) == len(values["chain"])
     elif block.page.name == "studio.md":
         assert load_settings(StudioSettings, path).width == values["width"]
+    elif "film" in values:
+        assert load_settings(ViewerSettings, path).film.encoder == values["film"]["encoder"]
     elif block.page.name == "examples.md":
         assert {"mesh", "take"} <= set(values)  # tests/shared/examples/test_examples_doc.py plays it
     else:

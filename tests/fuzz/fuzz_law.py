@@ -6,6 +6,7 @@ that receivers expect of an array); nothing else, in bounded time and in bounded
 
 from __future__ import annotations
 
+import logging
 import signal
 import warnings
 from collections.abc import Callable, Iterator
@@ -69,9 +70,18 @@ def check(target: Target, seed: str, folder: Path, keep: Path) -> None:
         raise Broken(what) from error
 
 
-def room() -> TemporaryDirectory[str]:
-    """A folder for one file after the other, in memory where there is such a place."""
-    return TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None)
+@contextmanager
+def room() -> Iterator[str]:
+    """A folder for one file after the other, in memory where there is such a place; readers log nothing."""
+    levels = {name: logging.getLogger(name).level for name in ("enliven", "enliven_viewer")}
+    with TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as folder:
+        try:
+            for name in levels:
+                logging.getLogger(name).setLevel(logging.CRITICAL)
+            yield folder
+        finally:
+            for name, level in levels.items():
+                logging.getLogger(name).setLevel(level)
 
 
 def dice_of(target: Target, seed: str) -> Random:

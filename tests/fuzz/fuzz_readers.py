@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -215,7 +214,3 @@ def _with_type(payload: bytes) -> Any:
     """The payload of a character as the body of a reply."""
     found = msgspec.msgpack.decode(payload)
     return {"type": "CharacterMessage", **found} if isinstance(found, dict) else found
-
-
-logging.getLogger("enliven").setLevel(logging.CRITICAL)
-logging.getLogger("enliven_viewer").setLevel(logging.CRITICAL)

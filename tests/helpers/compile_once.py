@@ -1,8 +1,8 @@
 """Makes test processes that run at the same time compile each kernel once, and keep what they compiled.
 
 Numba keeps compiled kernels on disk, but two processes that need the same kernel at the same time both
-compile it, and may overwrite each other's entry in the kernel's index. Here a process that is about to compile
-locks the kernel for all processes; the next one finds the result on disk.
+compile it, and may overwrite each other's entry in the kernel's index. Here a process that is about to
+compile locks the kernel for all processes; the next one finds the result on disk.
 """
 
 from __future__ import annotations

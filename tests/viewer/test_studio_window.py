@@ -43,4 +43,4 @@ def test_without_a_display_the_command_says_where_to_start_it(monkeypatch) -> No
     app.command()(studio)
     done = CliRunner().invoke(app, [])
     assert isinstance(done.exception, ResourceError) and "xvfb-run" in str(done.exception)
-    assert "enliven studio squid.enliven" in CliRunner().invoke(app, ["--help"]).output
+    assert "enliven studio SQUID.enliven" in CliRunner().invoke(app, ["--help"]).output

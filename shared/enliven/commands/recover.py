@@ -16,7 +16,7 @@ def recover(
     """Copy every whole message of a cut or damaged recording, and say what was lost.
 
     \b
-      enliven recover broken.mcap -o whole.mcap
+      enliven recover BROKEN.mcap -o whole.mcap
     """
     from enliven.recording import RecordingWarning
     from enliven.recording.recovery import Recovery

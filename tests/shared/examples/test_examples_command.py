@@ -174,7 +174,7 @@ def test_help_has_worked_examples(capsys):
         ("--help",): "fit cactus.toml",
         ("fit", "--help"): "--sheet cactus.png",
         ("new", "--help"): "--up z",
-        ("check", "--help"): "check show.enliven --puppet cactus",
+        ("check", "--help"): "check SHOW.enliven --puppet cactus",
     }
     for words, said in told.items():
         assert run(["examples", *words]) == 0
