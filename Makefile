@@ -7,12 +7,12 @@ help:            ## what can be made
 run: setup       ## watch a chair move with a recorded person (a window, or a film where there is no display)
 	@.venv/bin/enliven run $(ARGS)
 
-# Files of tests are shared between two processes: most of the time goes by with compiling for one core.
+# Files of tests are shared between two processes; types are checked while processes of tests are waited for.
 test: setup-dev  ## linters, types, every test, and one run of the main job
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
-	@.venv/bin/mypy
-	@.venv/bin/python -m pytest -n 2 --dist loadfile $(ARGS)
+	@.venv/bin/mypy & types=$$!; .venv/bin/python -m pytest -n 2 --dist loadfile $(ARGS); tests=$$?; \
+	wait $$types || { echo "mypy found what is written above"; exit 1; }; exit $$tests
 
 test-more: setup-dev ## search at random for what breaks a law: make test-more MINUTES=10 ARGS=tests/edge
 	@.venv/bin/python scripts/test_more.py --minutes $(or $(MINUTES),10) $(ARGS)
