@@ -17,7 +17,7 @@ from enliven.wire.envelope import (
 )
 from enliven.wire.messages import Answer, Ask, Done, Hello, Order, Ping, Refused, Request
 from enliven.wire.topics import REQUEST
-from enliven_edge.doors import Connection, Door
+from enliven_edge.network import Connection, ZmtpServer
 
 log = logging.getLogger(__name__)
 
@@ -66,7 +66,7 @@ class _Viewer:
 
 
 class Control:
-    """Answers what comes in at a door.
+    """Answers what comes in at a server.
 
     Args:
         answer: what to reply to everything but commands: an answer, or one that is packed already.
@@ -75,9 +75,9 @@ class Control:
     """
 
     def __init__(
-        self, door: Door, answer: Callable[[Ask], Answer | bytes], rate: float, budget: float
+        self, server: ZmtpServer, answer: Callable[[Ask], Answer | bytes], rate: float, budget: float
     ) -> None:
-        self._door, self._answer = door, answer
+        self._server, self._answer = server, answer
         self._rate, self._budget = rate, budget
         self.rejects = Rejects("edge, requests")
         self.refused = 0
@@ -86,21 +86,21 @@ class Control:
     def viewers(self) -> int:
         """Viewers that the streams reach, and that were heard of in the last seconds."""
         since = time.monotonic() - _GONE_AFTER
-        known = (c.guest for c in self._door.connections if c.guest is not None)
+        known = (c.state for c in self._server.connections if c.state is not None)
         return sum(viewer.listening and viewer.heard > since for viewer in known)
 
     def poll(self) -> list[Command]:
         """Answers what has come, as far as there is time; returns the commands among it."""
         until = time.monotonic() + self._budget
-        found = (self._take(peer, parts) for peer, parts in self._door.messages(until))
+        found = (self._take(peer, parts) for peer, parts in self._server.messages(until))
         return [command for command in found if command is not None]
 
     def _take(self, peer: Connection, parts: list[bytes]) -> Command | None:
         """One message of a viewer."""
         now = time.monotonic()
-        if peer.guest is None:
-            peer.guest = _Viewer(self._rate, now)
-        viewer: _Viewer = peer.guest
+        if peer.state is None:
+            peer.state = _Viewer(self._rate, now)
+        viewer: _Viewer = peer.state
         try:
             if len(parts) != 1:
                 raise Malformed("request", f"{len(parts)} parts instead of one")
@@ -108,10 +108,10 @@ class Control:
         except Malformed as error:
             self.rejects.add(error)
             if isinstance(error, OtherVersion):
-                peer.met = True
+                peer.introduced = True
                 self._send(peer, 0, Refused(str(error)))
             return None
-        peer.met, peer.heard = True, now
+        peer.introduced, peer.heard = True, now
         if not self._may(viewer, now):
             self._refuse(peer, request.id)
             return None
@@ -140,7 +140,7 @@ class Control:
             log.warning(
                 "the viewer %r at %s asks more than %g times a second; what is more is refused, and only "
                 "counted from now on",
-                peer.guest.name,
+                peer.state.name,
                 peer.address,
                 self._rate,
             )
@@ -154,4 +154,4 @@ class Control:
     def _send(self, peer: Connection, number: int, answer: Answer | bytes) -> None:
         """To a viewer that may be gone: then it is dropped."""
         packed = answer if isinstance(answer, bytes) else payload(answer)
-        self._door.send(peer, reply_head(number), packed)
+        self._server.send(peer, reply_head(number), packed)

@@ -24,7 +24,7 @@ from enliven.wire.convert import (
 from enliven.wire.matches import board_to_message
 from enliven.wire.messages import Browse, Lock, Look, Possess, Smooth
 from enliven_edge.actor import Cues
-from enliven_edge.agenda import Agenda
+from enliven_edge.command_queue import CommandQueue
 from enliven_edge.control import Command
 from enliven_edge.pace import Pace
 from enliven_edge.publisher import Publisher
@@ -65,7 +65,7 @@ class Outlet:
             rate=wire.rate,
             budget_ms=0.5 * wire.budget,
         )
-        self._agenda = Agenda(0.5e-3 * wire.budget)
+        self._commands = CommandQueue(0.5e-3 * wire.budget)
         try:
             self._take = Take(record, overwrite=overwrite) if record else None
         except BaseException:
@@ -180,8 +180,8 @@ class Outlet:
                 _reply(command, release(asked.character, asked.body))
 
         for command in self._publisher.poll():
-            self._agenda.add(command)
-        self._agenda.work(do)
+            self._commands.add(command)
+        self._commands.work(do)
 
     def end(self, pace: Pace) -> None:
         """Says that the stream has ended, several times: a heartbeat may be lost on the way."""

@@ -32,8 +32,8 @@ from enliven.wire.posecode import PoseCodec
 from enliven.wire.sockets import CONTROL_PORT, POSE_PORT, Endpoint
 from enliven.wire.topics import BY_TYPE, REQUEST, STATUS
 from enliven_edge.control import Command, Control
-from enliven_edge.doors import Door, check_open
 from enliven_edge.name_lock import NameLock
+from enliven_edge.network import ZmtpServer, check_open
 from enliven_edge.subscribers import Subscribers
 
 log = logging.getLogger(__name__)
@@ -89,11 +89,11 @@ class Publisher:
             stack.callback(self._lock.close)
             self._streams = Subscribers(host, pose_port, "--port")
             stack.callback(self._streams.close)
-            self._door = Door(host, control_port, "--control-port", "ROUTER", REQUEST.max_bytes + 64)
+            self._server = ZmtpServer(host, control_port, "--control-port", "ROUTER", REQUEST.max_bytes + 64)
             stack.pop_all()
         shown = "127.0.0.1" if host in ("0.0.0.0", "*", "") else "::1" if host == "::" else host
-        self.endpoint = Endpoint(shown, self._streams.port, self._door.port)
-        self._control = Control(self._door, self._answer, rate, budget_ms * 1e-3)
+        self.endpoint = Endpoint(shown, self._streams.port, self._server.port)
+        self._control = Control(self._server, self._answer, rate, budget_ms * 1e-3)
         self._characters: dict[str, tuple[int, PoseCodec]] = {}
         self._packed: dict[str, bytes] = {}
         self._sequences: dict[str, int] = {}
@@ -214,9 +214,9 @@ class Publisher:
 
     def close(self, linger: float = 1.0) -> None:
         """Let the ports and the name go; what is queued is still sent, for ``linger`` seconds at most."""
-        self._door.drain(linger)
+        self._server.drain(linger)
         self._streams.drain(linger)
-        self._door.close()
+        self._server.close()
         self._streams.close()
         self._lock.close()
 

@@ -1,4 +1,4 @@
-"""Those whom the streams go to, each with what it subscribed to and a short queue."""
+"""The subscribers of the streams: the topics of each, and a bounded queue."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import time
 
 from enliven.wire.topics import MAX_STREAM_BYTES, STREAMS
 from enliven.wire.zmtp import framed
-from enliven_edge.doors import Door
+from enliven_edge.network import ZmtpServer
 
 _MOST_SUBSCRIPTION = 64
 """Bytes of a frame that a subscriber sends: "SUBSCRIBE" and the name of a topic are 23."""
@@ -18,31 +18,31 @@ _NAMES = tuple(name.encode() + b"\0" for name in STREAMS)
 
 
 class Subscribers:
-    """A door that sends every message to those who subscribed to the beginning of its topic.
+    """Sends every message to the peers that subscribed to a prefix of its topic.
 
-    Args and errors as for :class:`~enliven_edge.doors.Door`.
+    Args and errors as for :class:`~enliven_edge.network.ZmtpServer`.
     """
 
     def __init__(self, host: str, port: int, option: str) -> None:
-        self._door = Door(host, port, option, "PUB", _MOST_SUBSCRIPTION)
-        self.port, self.drain, self.close = self._door.port, self._door.drain, self._door.close
+        self._server = ZmtpServer(host, port, option, "PUB", _MOST_SUBSCRIPTION)
+        self.port, self.drain, self.close = self._server.port, self._server.drain, self._server.close
 
     def poll(self) -> None:
-        """Lets newcomers in, and sends what waits."""
-        for peer, parts in self._door.messages(time.monotonic() + _READING):
+        """Accepts connections, reads subscriptions and sends what is queued."""
+        for peer, parts in self._server.messages(time.monotonic() + _READING):
             said = parts[0]
             # A beginning that no topic has matches nothing, and is not kept.
             if len(parts) == 1 and any(name.startswith(said[1:]) for name in _NAMES):
-                wanted: frozenset[bytes] = peer.guest or frozenset()
+                wanted: frozenset[bytes] = peer.state or frozenset()
                 if said[:1] == b"\x01":
-                    peer.guest, peer.met = wanted | {said[1:]}, True
+                    peer.state, peer.introduced = wanted | {said[1:]}, True
                 elif said[:1] == b"\x00":
-                    peer.guest = wanted - {said[1:]}
+                    peer.state = wanted - {said[1:]}
 
     def send(self, data: bytes) -> None:
         """A message, its topic first."""
         frame = framed(data)
-        for peer in list(self._door.connections):
-            wanted = peer.guest
+        for peer in list(self._server.connections):
+            wanted = peer.state
             if wanted and data.startswith(tuple(wanted)) and peer.owed + len(frame) <= _MOST_OWED:
-                self._door.send_raw(peer, frame)
+                self._server.send_raw(peer, frame)

@@ -98,7 +98,7 @@ def edge(
       enliven edge --sensor synthetic --mesh SPIDER.glb --drive skeleton
       enliven edge --sensor synthetic --mesh CACTUS.toml
     """
-    from enliven_edge.doors import check_open, raise_descriptor_limit
+    from enliven_edge.network import check_open, raise_descriptor_limit
     from enliven_edge.physics.settings import PhysicsSettings
     from enliven_edge.settings import EdgeSettings
 

@@ -9,7 +9,7 @@ _ENOUGH = 65_536
 _OTHERS = 128
 """Descriptors that stay for everything but connections: libraries, recordings, devices, logs."""
 _FEWEST = 4
-"""Connections of a door where hardly any descriptors are allowed."""
+"""Connections of a server where hardly any descriptors are allowed."""
 _UNKNOWN = 512
 """Taken where the system does not say it, such as on Windows: as many as ``select`` can watch there."""
 
@@ -32,7 +32,7 @@ def raise_descriptor_limit() -> int:
 
 
 def connections_allowed(most: int) -> int:
-    """How many connections one of two doors may take, at most ``most``, so that descriptors are left."""
+    """How many connections one of two servers may take, at most ``most``, so that descriptors are left."""
     if sys.platform == "win32":
         limit = _UNKNOWN
     else:

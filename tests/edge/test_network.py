@@ -305,8 +305,8 @@ def test_the_command_line_refuses_other_machines_in_a_sentence(tmp_path: Path) -
 def test_the_limit_of_descriptors_is_raised_and_leaves_some_for_the_rest() -> None:
     code = (
         "import resource as r; r.setrlimit(r.RLIMIT_NOFILE, (64, 300));"
-        "from enliven_edge.doors import raise_descriptor_limit as up; print(up());"
-        "from enliven_edge.doors.descriptors import connections_allowed as c;"
+        "from enliven_edge.network import raise_descriptor_limit as up; print(up());"
+        "from enliven_edge.network.descriptors import connections_allowed as c;"
         "print(r.getrlimit(r.RLIMIT_NOFILE)[0], c(200))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

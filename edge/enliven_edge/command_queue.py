@@ -1,4 +1,4 @@
-"""What viewers want done, in fair order and within a time a frame."""
+"""The commands of viewers, carried out in fair order within a time budget for each frame."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Hashable
 
 from enliven.wire.messages import SUPERSEDED, Lock, Look, Order, Possess, Release, Smooth
 from enliven_edge.control import Command
-from enliven_edge.doors import Connection
+from enliven_edge.network import Connection
 
 _MOST = 1024
 """Commands that wait; of more than these the ones of viewers that have gone are forgotten."""
@@ -24,7 +24,7 @@ _SAVED = 50
 """Frames whose time is saved up while nothing is asked, so that a few orders in one frame need not wait."""
 
 
-class Agenda:
+class CommandQueue:
     """Commands that wait: the viewer that cost least of late is first, each viewer's keep their order.
 
     Those of viewers that have gone come last.

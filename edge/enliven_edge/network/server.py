@@ -1,8 +1,8 @@
-"""A port that strangers may knock at: how many come in, how long they have, how much is read of each.
+"""A ZMTP server on one TCP port whose cost does not depend on its peers.
 
-Everything happens in :meth:`Door.messages` and :meth:`Door.send`, on the caller's thread and within its time.
-What is not read stays with the system and, when its buffers are full, with the sender. So a flood costs the
-edge a fixed time a frame, and no memory.
+All work is done in :meth:`ZmtpServer.messages` and :meth:`ZmtpServer.send`, on the caller's thread and within
+the time that the caller gives. Unread bytes stay in the system's buffers and, when these are full, with the
+sender. A flood therefore costs the edge a fixed time a frame, and no memory.
 """
 
 from __future__ import annotations
@@ -16,41 +16,41 @@ from collections.abc import Iterable, Iterator
 from typing import Any, Literal
 
 from enliven.wire.zmtp import Misspoken, Session
-from enliven_edge.doors.connection import Connection
-from enliven_edge.doors.descriptors import connections_allowed
-from enliven_edge.doors.listening import listen, make_watchful
+from enliven_edge.network.connection import Connection
+from enliven_edge.network.descriptors import connections_allowed
+from enliven_edge.network.listening import listen, make_watchful
 
 log = logging.getLogger(__name__)
 
 MOST_CONNECTIONS = 200
-"""Connections of one door: those of two doors are few enough for ``select`` on Windows (512)."""
-_MET_WITHIN = 3.0
-"""Seconds within which who connects must have introduced itself and said something sensible."""
+"""Connections of one server: those of two servers are few enough for ``select`` on Windows (512)."""
+_INTRODUCED_WITHIN = 3.0
+"""Seconds from connecting to the first valid message; a connection without one is closed."""
 _STALLED_AFTER = 10.0
-"""Seconds without taking a byte of what is to be sent, after which a connection is closed."""
+"""Seconds in which a connection with bytes to send takes none, after which it is closed."""
 _QUIET_AFTER = 10.0
-"""Seconds without a word, ten of a viewer's pings, after which a peer may have to make room for another."""
+"""Seconds without a message, ten of a viewer's pings, after which a peer may be replaced by a new one."""
 _ACCEPTED_AT_ONCE, _ACCEPTED_ANYHOW = 32, 8
-"""Connections that are taken in at one poll, and without regard to the time: with all places taken by a flood
-of connections a newcomer keeps its own for six polls, and needs three to introduce itself."""
+"""Connections accepted in one poll, and those accepted although the time is used up: under a flood of
+connections a new one keeps its place for six polls, and needs three to introduce itself."""
 _TIDIED_EVERY = 0.25
-"""Seconds between looks at who is overdue."""
+"""Seconds between two searches for connections to close."""
 _READ_AT_ONCE = 4096
 """Bytes that are read of a connection before it is the next one's turn."""
 _FRAMES_A_TURN = 16
 """Frames of a connection that are looked at before it is the next one's turn."""
 
 
-class Door:
-    """Listens on a TCP port, and speaks ZMTP with those who come.
+class ZmtpServer:
+    """Listens on a TCP port and speaks ZMTP with the peers that connect.
 
-    The peer that has cost least of late is read first, so that a flood does not keep others waiting. Where
-    all places are taken a newcomer gets the place of a peer that has not introduced itself, then (where peers
-    are to talk) of one that has long been quiet, then of the address that has most places; else none.
+    The peer with the least recent cost is read first, so that a flood does not delay the others. Where all
+    places are taken a new connection replaces one that has not introduced itself, else (for a ROUTER) the one
+    that was quiet longest, else one of the address with most connections; otherwise it is refused.
 
     Args:
-        host, port, option: as for :func:`~enliven_edge.doors.listening.listen`.
-        kind: "ROUTER" answers requests, "PUB" sends to who subscribes.
+        host, port, option: as for :func:`~enliven_edge.network.listening.listen`.
+        kind: "ROUTER" answers requests, "PUB" sends to subscribers.
         most_bytes: of a frame that is taken from a peer.
         most: connections; fewer where the process may not open so many.
 
@@ -83,7 +83,7 @@ class Door:
 
     @property
     def connections(self) -> Iterable[Connection]:
-        """Those who are in."""
+        """All open connections."""
         return self._open.keys()
 
     def messages(self, until: float) -> Iterator[tuple[Connection, list[bytes]]]:
@@ -147,7 +147,7 @@ class Door:
         connection.close()
 
     def _turn(self, connection: Connection, until: float) -> Iterator[tuple[Connection, list[bytes]]]:
-        """Reads a little of one connection."""
+        """Reads at most one turn's bytes and frames of one connection."""
         start, session = time.monotonic(), connection.session
         try:
             if not connection.buffered:
@@ -204,18 +204,18 @@ class Door:
                 return
 
     def _tidy(self) -> None:
-        """Closes who has not introduced itself in time, and who takes nothing of what it asked for."""
+        """Closes connections that did not introduce themselves in time, or do not take what is sent."""
         now = time.monotonic()
         if now - self._tidied < _TIDIED_EVERY:
             return
         self._tidied = now
         for connection in list(self._open):
-            overdue = not connection.met and now - connection.opened > _MET_WITHIN
+            overdue = not connection.introduced and now - connection.opened > _INTRODUCED_WITHIN
             if overdue or (connection.owed and now - connection.moved > _STALLED_AFTER):
                 self.drop(connection)
 
     def _accept(self, until: float) -> None:
-        """Takes in who knocks."""
+        """Accepts waiting connections."""
         for count in range(_ACCEPTED_AT_ONCE):
             if count >= _ACCEPTED_ANYHOW and time.monotonic() >= until:
                 return
@@ -229,7 +229,7 @@ class Door:
             self._take_in(own, str(address[0]))
 
     def _take_in(self, own: socket.socket, address: str) -> None:
-        """One who knocks, where there is a place or one can be made."""
+        """Keeps an accepted connection where there is a place for it, or one can be made."""
         if len(self._open) >= self._most:
             if not self._told_full:
                 log.warning("all %d places of port %d are taken; said once", self._most, self.port)
@@ -252,7 +252,7 @@ class Door:
 
     def _leaving(self, address: str) -> Connection | None:
         """Which connection makes room for a newcomer from an address; None: none does."""
-        unmet = [c for c in self._open if not c.met]
+        unmet = [c for c in self._open if not c.introduced]
         if unmet:
             crowd = Counter(c.address for c in unmet)
             return max(unmet, key=lambda c: (crowd[c.address], -c.opened))

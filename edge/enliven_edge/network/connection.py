@@ -1,4 +1,4 @@
-"""One connection of a door: what is still to be sent, and what it has cost of late."""
+"""One connection of a server: what is still to be sent, and what it has cost of late."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ MOST_PENDING = 32
 
 
 class Connection:
-    """A peer and its queue; the door makes and closes it.
+    """A peer and its queue; the server makes and closes it.
 
     Attributes:
         address: the peer's, without the port.
         session: how it is spoken.
-        met: whether something sensible was heard; what was not met in time is closed.
+        introduced: whether a valid message was received; a connection without one in time is closed.
         heard: monotonic second of its last message.
         moved: monotonic second when bytes last left, or when there were none to send.
         pending: orders that wait to be carried out.
-        guest: what the door's owner knows of it.
+        state: what the user of the server keeps about it.
     """
 
     def __init__(self, own: socket.socket, address: str, session: Session) -> None:
         self.address, self.session = address, session
         self.opened = self.heard = self.moved = time.monotonic()
-        self.met = self.buffered = False
+        self.introduced = self.buffered = False
         self.pending = 0
-        self.guest: Any = None
+        self.state: Any = None
         self._socket: socket.socket | None = own
         self._outbox: deque[memoryview] = deque()
         self.owed = 0
