@@ -11,6 +11,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent / "helpers"))
 from compile_once import compile_once
 
+TESTS = Path(__file__).parent
 ALIKE = {
     "database": None,
     "deadline": None,
@@ -24,7 +25,7 @@ hypothesis.settings.register_profile("more", derandomize=False, **ALIKE)
 hypothesis.settings.load_profile("steady")
 
 
-KERNELS = Path(__file__).parent / "__pycache__" / "kernels.lock"
+KERNELS = TESTS / "__pycache__" / "kernels.lock"
 """What test processes lock while they compile."""
 
 
@@ -57,7 +58,12 @@ def pytest_addoption(parser):
     )
 
 
+SHORT = {"fuzz", "shared"}
+"""Folders of many files with short tests: they come last, so that test processes end at the same time."""
+
+
 def pytest_collection_modifyitems(config, items):
+    items.sort(key=lambda item: item.path.relative_to(TESTS).parts[0] in SHORT)
     seed = config.getoption("--shuffle")
     if seed is not None:
         items[:] = shuffled(items, random.Random(seed))
