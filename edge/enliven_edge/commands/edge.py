@@ -167,9 +167,9 @@ def serve(
                 chosen.health, fps=getattr(sensor, "fps", None), far=chosen.tracker.scene.far
             ),
         )
-        log.info("%s listens on %s for %s", chosen.wire.name, outlet.publisher.endpoint, sensor.name)
         controls.forget()
         with _stopped_by_signals(service.stop):
+            log.info("%s listens on %s for %s", chosen.wire.name, outlet.publisher.endpoint, sensor.name)
             if wait:
                 service.wait_for_viewer(wait)
             service.run()
