@@ -16,8 +16,8 @@ from enliven.wire.ports import free_ports
 
 _FILM_SECONDS = 10.0
 _PATIENCE = 3600.0
-"""Seconds in which an edge has compiled everything even on a small machine with much other work (over 600 s were
-seen at a load of 10); an edge that fails ends the run at once."""
+"""Seconds in which an edge has compiled everything even on a small machine with much other work (over 600 s
+were seen at a load of 10); an edge that fails ends the run at once."""
 
 
 def run(
