@@ -1,7 +1,9 @@
 """Options of the whole test suite, and the two profiles of its laws."""
 
+import os
 import random
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -32,6 +34,10 @@ KERNELS = TESTS / "__pycache__" / "kernels.lock"
 def pytest_configure(config):
     KERNELS.parent.mkdir(exist_ok=True)
     compile_once(KERNELS)
+    # An edge's name is taken in this folder: other test processes, and edges of the machine, have their own.
+    own = tempfile.TemporaryDirectory(prefix="enliven-tests-")
+    config.add_cleanup(own.cleanup)
+    os.environ["XDG_RUNTIME_DIR"] = own.name
 
 
 def pytest_addoption(parser):

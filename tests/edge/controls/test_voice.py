@@ -50,8 +50,9 @@ def said(text: str, voice: str = "en-us") -> bytes:
     return quiet.clip(-32768, 32767).astype(np.int16).tobytes()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def recogniser() -> Recogniser:
+    """A recogniser that heard nothing before: it adapts to the sound level of what it hears."""
     return Recogniser(list(SETTINGS.map))
 
 
