@@ -56,5 +56,5 @@ fresh_root() {
     if [ -d "${PIP_FIND_LINKS:-}" ]; then
         mkdir -p "$roots/$1$PIP_FIND_LINKS" && cp -r "$PIP_FIND_LINKS/." "$roots/$1$PIP_FIND_LINKS"
     fi
-    export -p | grep -iE '^(export|declare -x) (PIP_[A-Z_]*|(http|https|no)_proxy)=' >"$roots/$1/root/network.sh" || true
+    export -p | grep -iE '^(export|declare -x) (PIP_[A-Z_]*|(http|https|no)_proxy)=' >"$roots/$1/opt/network.sh" || true
 }

@@ -21,10 +21,10 @@ step() {
         mount -t sysfs -o ro sysfs "$root/sys"
         mount -t tmpfs tmpfs "$root/dev/shm"
         mount -t devpts -o newinstance,ptmxmode=0666 devpts "$root/dev/pts"
-        mount --bind "$cache" "$root/root/.cache/pip"
-        [ -z "$data" ] || mount --bind -o ro "$data" "$root/root/house/shared"
-        exec env -i HOME=/root PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin ARGS="$5" \
-            timeout -k 10 "$6" chroot "$root" sh -c ". /root/network.sh; cd /root/house/enliven && exec make $4"
+        mount --bind "$cache" "$root/opt/pip"
+        [ -z "$data" ] || mount --bind -o ro "$data" "$root/opt/house/shared"
+        exec env -i HOME=/root PIP_CACHE_DIR=/opt/pip PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin ARGS="$5" \
+            timeout -k 10 "$6" chroot "$root" sh -c ". /opt/network.sh; cd /opt/house/enliven && exec make $4"
     ' sh "$root" "$roots/pip" "$data" "$2" "$more" "${PATIENCE:-3600}" </dev/null >"$log" 2>&1 || code=$?
     tail -n 25 "$log"
     result="$1, $3: make $2${more:+ ARGS=\"$more\"}: exit $code after $(($(date +%s) - began)) s (all of it: $log)"
@@ -43,9 +43,9 @@ for suite; do
     base_root "$suite" --include=python3,python3-venv,make,git "$suite"
     fresh_root "$suite"
     root=$roots/$suite
-    mkdir -p "$root/root/.cache/pip" "$root/root/house/shared"
+    mkdir -p "$root/opt/pip" "$root/opt/house/shared"
     printf '#!/bin/sh\nexit 101\n' >"$root/usr/sbin/policy-rc.d" && chmod +x "$root/usr/sbin/policy-rc.d"
-    git clone -q --no-hardlinks . "$root/root/house/enliven"
+    git clone -q --no-hardlinks . "$root/opt/house/enliven"
     python=$(chroot "$root" python3 --version)
     for name in ${STEPS:-run test}; do step "$suite" "$name" "$python"; done
 done
