@@ -20,6 +20,8 @@ _LITTLE = 0.06
 """Seconds that such a viewer has cost of late at most: ten small orders a second are half of it."""
 _KNOWN_AFTER = 1.0
 """Seconds that such a viewer has been connected, so that coming anew is of no use to a flood."""
+_FEW = 4
+"""Orders of such a viewer that wait at most: a person gives one at a time, a flood piles them up."""
 _SAVED = 50
 """Frames whose time is saved up while nothing is asked, so that a few orders in one frame need not wait."""
 
@@ -57,19 +59,31 @@ class CommandQueue:
             min(purse + share, _SAVED * share)
             for purse, share in zip(self._purses, self._shares, strict=True)
         ]
-        while self._waiting:
-            peer = min(self._waiting, key=lambda p: (not p.is_open, p.cost))
-            little = peer.is_open and peer.cost < _LITTLE and time.monotonic() - peer.opened > _KNOWN_AFTER
-            usable = [i for i in range(1 + little) if self._purses[i] > 0]
-            if not usable:
-                return
+        while (found := self._next()) is not None:
+            peer, purse = found
             start = time.perf_counter()
             do(self._waiting[peer].popleft())
             took = time.perf_counter() - start
             peer.charge(took)
-            self._purses[usable[0]] -= took
+            self._purses[purse] -= took
             if not self._waiting[peer]:
                 del self._waiting[peer]
+
+    def _next(self) -> tuple[Connection, int] | None:
+        """Whose command is next and which purse pays for it; None: nothing waits that can be paid for."""
+        if self._purses[0] > 0:
+            purse, peers = 0, list(self._waiting)
+        elif self._purses[1] > 0:
+            purse, peers = 1, [peer for peer in self._waiting if self._asks_little(peer)]
+        else:
+            return None
+        peer = min(peers, key=lambda p: (not p.is_open, p.cost), default=None)
+        return None if peer is None else (peer, purse)
+
+    def _asks_little(self, peer: Connection) -> bool:
+        """Whether a viewer may be paid for out of what is reserved."""
+        known = peer.is_open and time.monotonic() - peer.opened > _KNOWN_AFTER
+        return known and peer.cost < _LITTLE and len(self._waiting[peer]) <= _FEW
 
 
 def subject_of(order: Order) -> Hashable:

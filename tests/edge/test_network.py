@@ -142,6 +142,34 @@ def test_a_viewer_that_asks_little_comes_first(stage: Stage, peers) -> None:
     assert stage.done.index(("lamp", None)) - before <= 6
 
 
+def test_newcomers_without_end_do_not_keep_a_known_viewer_waiting(stage: Stage, peers) -> None:
+    """Each comes with forty orders and leaves again, so that it has cost nothing yet when it asks."""
+    good = peers(stage.outlet.publisher)
+    good.send(messages.Ping("good", 0))
+    until(lambda: good.replies, stage.hear, good.read)
+    known = time.monotonic() + 1.5
+    until(lambda: time.monotonic() > known, stage.hear)
+    stage.seconds = 0.01
+
+    def come() -> None:
+        while len(crowd) > 6:
+            crowd.pop(0).close()
+        crowd.append(Peer(stage.outlet.publisher))
+        crowd[-1].send(*[messages.Possess("chair", mode="join")] * 40)
+
+    crowd: list[Peer] = []
+    until(lambda: len(stage.done) > 10, come, stage.hear)
+    waited = []
+    for turn in range(5):
+        before = len(stage.done)
+        good.send(messages.Release(f"lamp {turn}"))
+        until(lambda name=f"lamp {turn}": (name, None) in stage.done, come, stage.hear)
+        waited.append(len(stage.done) - before)
+    for each in crowd:
+        each.close()
+    assert max(waited) <= 4
+
+
 def test_only_the_newest_of_what_replaces_itself_is_done_and_each_is_answered(stage: Stage, peers) -> None:
     viewer = peers(stage.outlet.publisher)
     looks = [messages.Look((0.0, 0.0, float(i + 1)), (0.0, 1.0, 0.0)) for i in range(60)]
