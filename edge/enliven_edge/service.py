@@ -23,7 +23,7 @@ from enliven_edge.fusion.fused_sensor import FusedFrame, FusedSensors
 from enliven_edge.opening import Opening
 from enliven_edge.outlet import Outlet
 from enliven_edge.pace import Pace
-from enliven_edge.sensors.base import Sensor, SensorFault
+from enliven_edge.sensors.base import Sensor, SensorFault, condition_of
 from enliven_edge.stage import Stage
 from enliven_edge.tracking.health import HealthMonitor
 from enliven_edge.tracking.output import Output
@@ -165,6 +165,8 @@ class Edge:
                 tracker = self.tracker
                 bodies = tracker.track(frame)
                 self.health.judge(frame, bodies, tracker.world_from_camera, tracker.state)
+                floor = tracker.world_from_camera if tracker.state.floor_known else None
+                self.health.fares(condition_of(self.sensor), floor)
             case BodyFrame():
                 self._by_depth = False
                 fused = isinstance(self.sensor, FusedSensors)

@@ -23,6 +23,7 @@ class DepthFrame:
         sensor: the sensor's identity, such as "kinect1-A00362".
         colour: (h, w, 3) uint8 sRGB, or None.
         world_from_camera: (4, 4) where the sensor stands, or None where it must be found from the floor.
+        sequence: the sensor's own count of its images, or None where it has none.
     """
 
     depth: UInt16
@@ -31,6 +32,7 @@ class DepthFrame:
     sensor: str
     colour: UInt8 | None = None
     world_from_camera: Float | None = None
+    sequence: int | None = None
 
     def __post_init__(self) -> None:
         expected = (self.intrinsics.height, self.intrinsics.width)

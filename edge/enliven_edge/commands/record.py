@@ -47,12 +47,12 @@ def record(
     """
     from enliven.recording import Recorder
     from enliven_edge.disk_sync import DiskSync
-    from enliven_edge.sensors.registry import open_sensor
+    from enliven_edge.sensors.registry import sensor_opener
     from enliven_edge.sensors.reopening import kept_open
 
     console = Console()
     with (
-        kept_open(functools.partial(open_sensor, sensor, **sensor_options(setting or []))) as stream,
+        kept_open(sensor_opener(sensor, **sensor_options(setting or []))) as stream,
         Recorder(output, compression_level=level, overwrite=overwrite) as recorder,
         contextlib.closing(DiskSync(recorder.fileno())) as disk,
         _stop_on_interrupt() as stop,

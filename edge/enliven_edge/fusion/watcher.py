@@ -15,7 +15,7 @@ from enliven.health import HealthKind, HealthState
 from enliven_edge.fusion.merge import in_world
 from enliven_edge.fusion.reading import PATIENCE, SensorThread
 from enliven_edge.fusion.space import Place
-from enliven_edge.sensors.base import Sensor, SensorFault
+from enliven_edge.sensors.base import Sensor, SensorFault, condition_of
 from enliven_edge.tracking.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
 
@@ -140,4 +140,5 @@ class Watcher(SensorThread):
             )
         bodies = self._tracker.track(dataclasses.replace(frame, world_from_camera=camera))
         self._health.judge(frame, bodies, camera, self._tracker.state)
+        self._health.fares(condition_of(self.sensor), camera)
         return bodies

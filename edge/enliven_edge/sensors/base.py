@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -16,11 +17,32 @@ class SensorFault(ResourceError):
     """A sensor failed; the reads that follow open it anew, and its stream goes on once that works."""
 
 
+@dataclass(frozen=True)
+class Condition:
+    """How a device fares, as far as it can say.
+
+    Attributes:
+        link: how it is connected, such as "USB 3" or "PoE"; empty where that is not known.
+        slow_link: whether that is too slow for what is asked of the device.
+        temperature: degrees Celsius of its hottest part.
+        hot: degrees Celsius above which its maker says that it stops.
+        gravity: the direction downwards in the camera's frame, of any length.
+    """
+
+    link: str = ""
+    slow_link: bool = False
+    temperature: float | None = None
+    hot: float | None = None
+    gravity: tuple[float, float, float] | None = None
+
+
 class Sensor(Protocol):
     """A stream of frames, from hardware, from a file or made up; a context manager that closes itself.
 
     ``name`` is the sensor's identity, as its frames carry it. A sensor that promises a frame rate has it as
-    ``fps``, frames a second.
+    ``fps``, frames a second; one that knows how its device fares has ``condition()``, which returns a
+    :class:`Condition`. A class whose library may crash or hang says ``isolated = True``: it is run in a
+    process of its own (:mod:`enliven_edge.sensors.isolation`).
     """
 
     name: str
@@ -48,3 +70,9 @@ class Sensor(Protocol):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None: ...
+
+
+def condition_of(sensor: Sensor) -> Condition | None:
+    """How a sensor's device fares; None where it does not say."""
+    ask = getattr(sensor, "condition", None)
+    return None if ask is None else ask()

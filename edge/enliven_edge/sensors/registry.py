@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import difflib
+import functools
 import inspect
+from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any
 
 from enliven.errors import InputError
 from enliven_edge.sensors.base import Sensor
+from enliven_edge.sensors.isolation import IsolatedOpener
 
 ENTRY_POINTS = "enliven.sensors"
 """Other packages add sensors through this group: an entry point names a class that makes a Sensor."""
@@ -37,6 +40,27 @@ def open_sensor(name: str, **options: Any) -> Sensor:
         InputError: for an unknown name or option, naming the nearest known one.
         ResourceError: where the device is missing or taken.
     """
+    return sensor_opener(name, **options)()
+
+
+def sensor_opener(name: str, **options: Any) -> Callable[[], Sensor]:
+    """What opens the sensor called ``name``, again and again; in a helper process where its class says so.
+
+    Raises:
+        InputError: for an unknown name or option, naming the nearest known one.
+    """
+    kind = _checked(name, options)
+    if getattr(kind, "isolated", False):
+        return IsolatedOpener(name, kind, options)
+    return functools.partial(kind, **options)
+
+
+def _checked(name: str, options: dict[str, Any]) -> Any:
+    """The class of a sensor that takes these options.
+
+    Raises:
+        InputError: for an unknown name or option.
+    """
     kind = _kind(name)
     known = inspect.signature(kind).parameters
     for option in options:
@@ -49,8 +73,7 @@ def open_sensor(name: str, **options: Any) -> Sensor:
     for option in missing:
         if option not in options:
             raise InputError(f"the option {option!r} is missing", where=f"sensor {name}", mend="Give it.")
-    sensor: Sensor = kind(**options)
-    return sensor
+    return kind
 
 
 def _kind(name: str) -> Any:

@@ -19,16 +19,16 @@ from typing import Any, Literal
 
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import Frame
-from enliven_edge.sensors.base import TIME_LIMIT_NS, Sensor, SensorFault
+from enliven_edge.sensors.base import TIME_LIMIT_NS, Condition, Sensor, SensorFault, condition_of
 from enliven_edge.sensors.errands import Errands
 
 log = logging.getLogger(__name__)
 
 FIRST_WAIT = 0.1
 """Seconds before a sensor that failed is opened anew for the first time."""
-LONGEST_WAIT = 1.0
-"""Seconds between two attempts at most; each doubles the one before. A device that is back is used a second
-later."""
+LONGEST_WAIT = 0.5
+"""Seconds between two attempts at most; each doubles the one before. A device that is back is used within a
+second, opening included."""
 GOOD_FRAMES = 30
 """Frames, a second's worth, after which a failure counts as the first again."""
 BAD_FRAMES = 30
@@ -54,14 +54,15 @@ class ReopeningSensor:
 
     Args:
         open_device: opens the device; called here the first time, on a thread later.
+        first: the device, where it is open already.
 
     Raises:
         Exception: what the first opening raises.
     """
 
-    def __init__(self, open_device: Callable[[], Sensor]) -> None:
+    def __init__(self, open_device: Callable[[], Sensor], first: Sensor | None = None) -> None:
         self._open = open_device
-        self._device: Sensor | None = open_device()
+        self._device: Sensor | None = first or open_device()
         self.name = self._device.name
         self.fps: float | None = getattr(self._device, "fps", None)
         self._errands, self._doing = self._thread(), "read"
@@ -100,10 +101,16 @@ class ReopeningSensor:
             self._device, self._fresh = answer, True
         return None
 
+    def condition(self) -> Condition | None:
+        """How the device fares, as far as it can say; None where there is none now."""
+        device = self._device
+        return None if device is None else condition_of(device)
+
     def close(self) -> None:
         """Lets the device go, in the background where it hangs; a second call does nothing."""
         if not self._closed:
             self._closed = True
+            getattr(self._open, "close", lambda: None)()
             if not self._errands.finish(functools.partial(_let_go, self._device), _CLOSING):
                 log.warning("%s does not let its device go", self.name)
 
@@ -202,10 +209,8 @@ class ReopeningSensor:
 
 def kept_open(open_sensor: Callable[[], Sensor]) -> Sensor:
     """The sensor, opened; a live one for ever, a recording until its end."""
-    first: list[Sensor] = [open_sensor()]
-    if getattr(first[0], "recorded", False):
-        return first[0]
-    return ReopeningSensor(lambda: first.pop() if first else open_sensor())
+    first = open_sensor()
+    return first if getattr(first, "recorded", False) else ReopeningSensor(open_sensor, first)
 
 
 def _let_go(device: Sensor | None, answers: list[Any]) -> None:

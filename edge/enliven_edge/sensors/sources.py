@@ -16,7 +16,7 @@ from typing import Any
 from enliven.errors import InputError
 from enliven.settings import setting
 from enliven_edge.sensors.base import Sensor
-from enliven_edge.sensors.registry import open_sensor, sensor_names
+from enliven_edge.sensors.registry import sensor_names, sensor_opener
 from enliven_edge.sensors.reopening import kept_open
 from enliven_edge.tracking.settings import SceneSettings
 
@@ -102,8 +102,7 @@ def opened(sources: Sequence[Source], stack: contextlib.ExitStack) -> dict[str, 
     """
     sensors: dict[str, Sensor] = {}
     for source in sources:
-        open_one = functools.partial(open_sensor, source.sensor, **source.options)
-        sensor = stack.enter_context(kept_open(open_one))
+        sensor = stack.enter_context(kept_open(sensor_opener(source.sensor, **source.options)))
         name = source.name or sensor.name
         if name in sensors:
             raise InputError(

@@ -11,7 +11,9 @@ from enliven.errors import EnlivenError, InputError
 from enliven.frames import DepthFrame, Frame
 from enliven.health import HealthKind, HealthState
 from enliven.settings import setting
+from enliven_edge.sensors.base import Condition
 from enliven_edge.tracking.alarm import Alarms
+from enliven_edge.tracking.device_health import judge_condition
 from enliven_edge.tracking.frame_check import FrameCheck
 from enliven_edge.tracking.rhythm import Rhythm
 from enliven_edge.tracking.stances import WATCHED, cut_off, touching
@@ -172,6 +174,15 @@ class HealthMonitor:
                     self._judge_place(body, frame.intrinsics, world_from_camera, now)
         self._alarms.keep({body.id for body in bodies})
         self._alarms.tell()
+
+    def fares(self, condition: Condition | None, world_from_camera: Float | None = None) -> None:
+        """Takes in how the device says it fares; None: it says nothing.
+
+        Args:
+            world_from_camera: (4, 4) where the floor says that the sensor stands, None where it is not known.
+        """
+        if condition is not None:
+            judge_condition(self._alarms, condition, world_from_camera, self._now_ns)
 
     # --- the sensor ----------------------------------------------------------------------------------------
 

@@ -1,0 +1,103 @@
+"""Images in shared memory: one process writes them, another reads them in place.
+
+A slot is taken by the writer, and free again when the reader's last array over it is gone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import weakref
+from multiprocessing.shared_memory import SharedMemory
+
+import numpy as np
+
+from enliven.arrays import UInt8, UInt16
+
+SLOTS = 8
+"""Images in memory at once: one that is written, two that wait, the others for who keeps some a while."""
+SPARE = 3
+"""Slots that stay free for the writer; when fewer are left the reader copies its image out."""
+_HEAD = 64
+"""Bytes before the first slot, one flag a slot: a cache line, so that images begin aligned."""
+
+
+class FrameSlots:
+    """A block of shared memory for :data:`SLOTS` images, each a depth image and perhaps a colour one.
+
+    Args:
+        memory: the block, made by :meth:`make` or found by :meth:`attach`.
+        size: bytes of a slot.
+    """
+
+    def __init__(self, memory: SharedMemory, size: int) -> None:
+        self._memory, self.size = memory, size
+        self._taken = np.ndarray((SLOTS,), np.uint8, buffer=memory.buf)
+
+    @classmethod
+    def make(cls, size: int) -> FrameSlots:
+        """A block of the reader's; :meth:`forget` it as soon as the writer has found it."""
+        return cls(_Memory(create=True, size=_HEAD + SLOTS * size), size)
+
+    @classmethod
+    def attach(cls, name: str, size: int) -> FrameSlots:
+        """The block of that name."""
+        return cls(_Memory(name), size)
+
+    @property
+    def name(self) -> str:
+        """Under which the writer finds it."""
+        return self._memory.name
+
+    @property
+    def free(self) -> int:
+        """Slots that are not taken."""
+        return SLOTS - int(self._taken.sum())
+
+    def forget(self) -> None:
+        """Removes the name: the memory is gone with the processes that have it, however they end."""
+        with contextlib.suppress(OSError):
+            self._memory.unlink()
+
+    def write(self, depth: UInt16, colour: UInt8 | None) -> int | None:
+        """Copies an image into a slot and takes it; returns which, or None where all are taken."""
+        free = np.flatnonzero(self._taken == 0)
+        if not len(free):
+            return None
+        slot = int(free[0])
+        place = self._place(slot)
+        place[: depth.nbytes].view(np.uint16).reshape(depth.shape)[:] = depth
+        if colour is not None:
+            place[depth.nbytes : depth.nbytes + colour.nbytes].reshape(colour.shape)[:] = colour
+        self._taken[slot] = 1
+        return slot
+
+    def read(
+        self, slot: int, shape: tuple[int, int], colour: tuple[int, ...] | None
+    ) -> tuple[UInt16, UInt8 | None]:
+        """The depth image and the colour image of a slot, in place and read-only where slots can be spared."""
+        place = self._place(slot)
+        if self.free < SPARE:
+            place = place.copy()
+            self.release(slot)
+        else:
+            weakref.finalize(place, self.release, slot).atexit = False
+        place.flags.writeable = False
+        end = 2 * shape[0] * shape[1]
+        seen = None if colour is None else place[end : end + int(np.prod(colour))].reshape(colour)
+        return place[:end].view(np.uint16).reshape(shape), seen
+
+    def release(self, slot: int) -> None:
+        """A slot may be written again."""
+        self._taken[slot] = 0
+
+    def _place(self, slot: int) -> UInt8:
+        """(size,) the bytes of a slot, an array of its own."""
+        return np.ndarray((self.size,), np.uint8, buffer=self._memory.buf, offset=_HEAD + slot * self.size)
+
+
+class _Memory(SharedMemory):
+    """Shared memory that may go while arrays over it are alive: the system unmaps it with the process."""
+
+    def __del__(self) -> None:
+        with contextlib.suppress(BufferError):
+            super().__del__()

@@ -1,0 +1,66 @@
+"""What a device says of itself becomes states of health, and is over when it is well again."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from enliven.camera import world_from_level_camera
+from enliven.health import HealthKind
+from enliven_edge.sensors.base import Condition
+from enliven_edge.tracking.alarm import Alarms
+from enliven_edge.tracking.device_health import judge_condition
+
+SECOND = 1_000_000_000
+DOWN = (0.0, 9.81, 0.0)
+
+
+def kinds_after(conditions: list[Condition], stand=None, seconds: int = 20) -> list[set[str]]:
+    """What is said at the end of each condition that lasts so many seconds."""
+    alarms, said, now = Alarms("The sensor"), [], 0
+    for condition in conditions:
+        for _ in range(seconds):
+            now += SECOND
+            judge_condition(alarms, condition, stand, now)
+        said.append({state.kind for state in alarms.states})
+    return said
+
+
+@pytest.mark.parametrize(
+    ("ill", "kind", "words"),
+    [
+        (Condition("USB 2", slow_link=True), HealthKind.SLOW_LINK, "by USB 2 only"),
+        (Condition(temperature=92.0, hot=95.0), HealthKind.HOT, "92 degrees; at 95"),
+        (Condition(gravity=(0.1, -9.7, 0.3)), HealthKind.UPSIDE_DOWN, "upside down"),
+    ],
+)
+def test_it_is_said_and_over_when_it_is_well_again(ill, kind, words):
+    well = Condition("USB 3", temperature=50.0, hot=95.0, gravity=DOWN)
+    assert kinds_after([well, ill, well]) == [set(), {kind}, set()]
+    alarms = Alarms("The sensor")
+    for second in range(20):
+        judge_condition(alarms, ill, None, second * SECOND)
+    assert words in alarms.states[0].what and alarms.states[0].mend
+
+
+@given(
+    tilt=st.floats(-0.6, 0.6),
+    roll=st.floats(-0.3, 0.3),
+    error=st.floats(0.0, 30.0).filter(lambda degrees: not 4.0 < degrees < 6.1),
+    length=st.floats(0.1, 20.0),
+)
+def test_floor_and_accelerometer_are_compared_wherever_the_sensor_looks(tilt, roll, error, length):
+    turn = np.eye(4)
+    turn[:2, :2] = [[np.cos(roll), -np.sin(roll)], [np.sin(roll), np.cos(roll)]]
+    stand = world_from_level_camera(1.2, tilt) @ turn
+    down = stand[:3, :3].T @ (0.0, -1.0, 0.0)
+    aside = np.cross(down, (0.0, 0.0, 1.0))
+    aside /= np.linalg.norm(aside)
+    felt = length * (np.cos(np.radians(error)) * down + np.sin(np.radians(error)) * aside)
+    said = kinds_after([Condition(gravity=tuple(felt))], stand, seconds=5)[0]
+    assert (HealthKind.NOT_LEVEL in said) == (error > 6.0)
+
+
+@pytest.mark.parametrize("gravity", [None, (0.0, 0.0, 0.0), (np.nan, 1.0, 0.0), (np.inf, 0.0, 0.0)])
+def test_an_accelerometer_that_says_nothing_is_not_believed(gravity):
+    assert kinds_after([Condition(gravity=gravity)], world_from_level_camera(1.2)) == [set()]
