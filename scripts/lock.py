@@ -27,7 +27,7 @@ Wheels = dict[tuple[str, str], dict[str, frozenset[Tag]]]
 """By name and version: the tags of each wheel, by its SHA-256."""
 HOUSE = Path(__file__).parents[1]
 PACKAGES = ("shared", "edge", "viewer")
-EXTRAS = {"shared": ("test",), "edge": ("physics", "controls", "voice"), "viewer": ()}
+EXTRAS = {"shared": ("test",), "edge": ("physics", "controls", "voice", "oak", "realsense"), "viewer": ()}
 """What `make setup-dev` installs beyond what `make run` needs."""
 BUILD = ("hatchling", "editables", "pip", "setuptools")
 """What installs the three packages themselves."""

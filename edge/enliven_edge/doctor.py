@@ -42,11 +42,20 @@ def _usb_permissions() -> list[Check]:
     """On Linux a depth camera on USB must be writable for the user; without one there is nothing to check."""
     if not sys.platform.startswith("linux"):
         return []
-    cameras = [d for d in Path("/sys/bus/usb/devices").glob("*") if _vendor(d) in _DEPTH_CAMERAS]
-    return [_access(camera) for camera in cameras]
+    return [_access(camera) for camera in _cameras()]
 
 
 _DEPTH_CAMERAS = {"03e7": "OAK (Luxonis)", "045e": "Kinect (Microsoft)", "8086": "RealSense (Intel)"}
+
+
+def _cameras() -> list[Path]:
+    """The depth cameras on USB, where the system shows them."""
+    return [d for d in Path("/sys/bus/usb/devices").glob("*") if _vendor(d) in _DEPTH_CAMERAS]
+
+
+def camera_names() -> list[str]:
+    """What the depth cameras on USB are called."""
+    return [_DEPTH_CAMERAS[_vendor(camera)] for camera in _cameras()]
 
 
 def _vendor(device: Path) -> str:

@@ -51,7 +51,7 @@ class _Helper:
         self._device: Sensor | None = None
         self._slots: FrameSlots | None = None
         self._camera: Intrinsics | None = None
-        self._told = 0.0
+        self._told, self._reading = 0.0, False
 
     def run(self) -> None:
         """Does what the edge says; reads a frame where it says nothing.
@@ -60,7 +60,7 @@ class _Helper:
             EOFError: when the edge is gone.
         """
         while True:
-            if self._device is None or self._pipe.poll(0):
+            if self._device is None or not self._reading or self._pipe.poll(0):
                 word, *rest = self._pipe.recv()
                 getattr(self, f"_{word}")(*rest)
             else:
@@ -73,8 +73,12 @@ class _Helper:
         except Exception as error:
             self._pipe.send(("failed", *_said(error)))
             return
-        self._told, self._camera = 0.0, None
+        self._told, self._camera, self._reading = 0.0, None, False
         self._pipe.send(("opened", self._device.name, getattr(self._device, "fps", None)))
+
+    def _go(self) -> None:
+        """The edge is ready for frames; before that they would be old when it is."""
+        self._reading = True
 
     def _close(self) -> None:
         """Lets the device go."""

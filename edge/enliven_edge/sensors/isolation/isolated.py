@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import logging
+import math
 import multiprocessing
 import time
 from collections.abc import Callable
@@ -89,7 +90,7 @@ class IsolatedSensor:
     def __init__(self, helper: HelperProcess, name: str, fps: float | None) -> None:
         self._helper, self.name, self.fps = helper, name, fps
         self._condition: Condition | None = None
-        self._heard, self._patience = time.monotonic(), FIRST_IMAGE
+        self._heard, self._patience = -math.inf, FIRST_IMAGE
         self._closed = False
 
     def condition(self) -> Condition | None:
@@ -105,6 +106,9 @@ class IsolatedSensor:
             SensorFault: where the device, its library or the process was lost.
         """
         deadline = None if timeout is None else time.monotonic() + timeout
+        if self._heard == -math.inf and not self._closed:
+            self._helper.go()
+            self._heard = time.monotonic()
         while not self._closed:
             left = self._heard + self._patience - time.monotonic()
             wait = left if deadline is None else min(left, deadline - time.monotonic())
@@ -197,6 +201,14 @@ class HelperProcess:
         if message[0] == "failed":
             raise _error(message[1:], self._name, ResourceError)
         return message[1], message[2]
+
+    def go(self) -> None:
+        """Lets the frames come.
+
+        Raises:
+            SensorFault: where the process has ended.
+        """
+        self._say("go")
 
     def receive(self, timeout: float) -> tuple[Any, ...] | None:
         """The next message for the sensor within so many seconds; None where there is none.

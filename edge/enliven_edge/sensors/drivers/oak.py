@@ -1,0 +1,221 @@
+"""OAK depth cameras of Luxonis, by depthai 3."""
+
+from __future__ import annotations
+
+import os
+from datetime import timedelta
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from enliven.camera import Intrinsics
+from enliven.errors import InputError, ResourceError
+from enliven.frames import DepthFrame
+from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.drivers.extras import library
+from enliven_edge.sensors.drivers.rehearsal import Rehearsal
+
+_WAITING = 4
+"""Images that may wait in the library."""
+_SEARCH_MS = "1500"
+"""Milliseconds that the library looks for a camera, 10 s of its own accord: one that is there answers at once."""
+_FELT_HZ = 100
+"""Readings of the accelerometer a second; the mean of a second is gravity."""
+_HOT = 105.0
+"""Degrees Celsius of the chip at which it throttles and then stops (RVC2 data sheet)."""
+
+
+class OakSensor:
+    """An OAK with a stereo pair, or the images of a recording through the same library.
+
+    Args:
+        device: its id, USB port or network address; empty: the only one, or the first.
+        width, height: pixels of the depth image.
+        fps: images a second.
+        preset: "default", "accuracy", "density", "robotics", "high_detail" or "face".
+        subpixel: finer steps of the depth, at the price of some speed.
+        left_right_check: leave out what one of the two cameras sees alone.
+        rehearse: a recording that is played through the library in place of a camera.
+
+    Raises:
+        InputError: for a preset or recording that cannot be used.
+        ResourceError: where the library or the camera is missing, or the camera is in use.
+    """
+
+    isolated = True
+
+    def __init__(
+        self,
+        device: str = "",
+        width: int = 640,
+        height: int = 400,
+        fps: float = 30.0,
+        preset: str = "robotics",
+        subpixel: bool = True,
+        left_right_check: bool = True,
+        rehearse: str = "",
+    ) -> None:
+        os.environ.setdefault("DEPTHAI_SEARCH_TIMEOUT", _SEARCH_MS)
+        self._dai = library("depthai", "oak")
+        self._device: Any = None
+        self._felt: Any = None
+        self._level: Any = None
+        self._gravity: list[np.ndarray] = []
+        self._camera: Intrinsics | None = None
+        self._matrix: Any = None
+        self._rehearsal: Rehearsal | None = None
+        self._images: Any = None
+        if rehearse:
+            depth = self._rehearsed(rehearse)
+        else:
+            depth = self._stereo(str(device), (width, height), fps, preset, subpixel, left_right_check)
+        self._images = depth.createOutputQueue(_WAITING, False)
+        self._pipeline.start()
+
+    def read(self, timeout: float | None = None) -> DepthFrame | None:
+        """The next image; None when a rehearsal is over.
+
+        Raises:
+            TimeoutError: when none came in time.
+            ResourceError: where the camera's own program crashed.
+        """
+        over = self._rehearsal is not None and self._rehearsal.is_over()
+        image = self._images.get(timeout=timedelta(seconds=timeout or 0.0))
+        if image is None:
+            if over:
+                return None
+            if self._device is not None and self._device.hasCrashed():
+                raise ResourceError("the camera's own program crashed", where=self.name)
+            raise TimeoutError(f"no image of {self.name} yet")
+        time_ns = image.getTimestamp() // timedelta(microseconds=1) * 1000
+        depth = image.getFrame()
+        camera = self._intrinsics(image.getTransformation(), depth.shape[1], depth.shape[0])
+        return DepthFrame(depth, camera, time_ns, self.name, sequence=image.getSequenceNum())
+
+    def condition(self) -> Condition:
+        """The link, the chip's temperature, and gravity where there is an accelerometer."""
+        if self._device is None:
+            return Condition()
+        speed, known = self._device.getUsbSpeed(), self._dai.UsbSpeed
+        slow = speed in (known.LOW, known.FULL, known.HIGH)
+        link = "PoE" if speed == known.UNKNOWN else "USB 2" if slow else "USB 3"
+        return Condition(link, slow, float(self._device.getChipTemperature().average), _HOT, self._down())
+
+    def close(self) -> None:
+        """Lets the camera go; a second call does nothing."""
+        if self._rehearsal:
+            self._rehearsal.stop()
+        if self._images is not None:
+            self._images = None
+            self._pipeline.stop()
+            if self._device is not None:
+                self._device.close()
+
+    def __enter__(self) -> OakSensor:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _stereo(
+        self, device: str, size: tuple[int, int], fps: float, preset: str, subpixel: bool, check: bool
+    ) -> Any:
+        """The depth of a camera's stereo pair, and its accelerometer where it has one."""
+        dai = self._dai
+        presets = {name.lower(): mode for name, mode in dai.node.StereoDepth.PresetMode.__members__.items()}
+        if preset not in presets:
+            raise InputError(
+                f"there is no preset {preset!r}", where="sensor oak", mend=f"Give {', '.join(presets)}."
+            )
+        self._device = self._found(device)
+        self.name, self.fps = f"oak {self._device.getDeviceId()}", fps
+        self._pipeline = dai.Pipeline(self._device)
+        stereo = self._pipeline.create(dai.node.StereoDepth).build(
+            autoCreateCameras=True, presetMode=presets[preset], size=size, fps=fps
+        )
+        stereo.setSubpixel(subpixel)
+        stereo.setLeftRightCheck(check)
+        if self._device.getConnectedIMU() not in ("", "NONE"):
+            imu = self._pipeline.create(dai.node.IMU)
+            imu.enableIMUSensor(dai.IMUSensor.ACCELEROMETER_RAW, _FELT_HZ)
+            imu.setBatchReportThreshold(_FELT_HZ // 10)
+            imu.setMaxBatchReports(_FELT_HZ)
+            self._felt = imu.out.createOutputQueue(_WAITING, False)
+            calibration = self._device.readCalibration()
+            right = dai.CameraBoardSocket.CAM_C
+            self._level = np.array(calibration.getImuToCameraExtrinsics(right))[:3, :3]
+        return stereo.depth
+
+    def _found(self, device: str) -> Any:
+        """The camera, opened."""
+        dai = self._dai
+        try:
+            return dai.Device(dai.DeviceInfo(device)) if device else dai.Device()
+        except RuntimeError as error:
+            seen = [info.getDeviceId() for info in dai.Device.getAllAvailableDevices()]
+            if seen:
+                mend = f"Connected: {', '.join(seen)}. Close what else uses it; for permissions: enliven doctor"
+            else:
+                mend = "Plug an OAK into a USB 3 port, or give device=ADDRESS for PoE, then type: enliven doctor"
+            raise ResourceError(str(error).rstrip("."), where="sensor oak", mend=mend) from None
+
+    def _intrinsics(self, transformation: Any, width: int, height: int) -> Intrinsics:
+        """The camera of an image; its depth is rectified, so that it has no distortion."""
+        matrix = transformation.getIntrinsicMatrix()
+        if self._camera is None or matrix != self._matrix:
+            (fx, _, cx), (_, fy, cy), _ = matrix
+            self._camera, self._matrix = Intrinsics(width, height, fx, fy, cx, cy), matrix
+        return self._camera
+
+    def _down(self) -> tuple[float, float, float] | None:
+        """Gravity's direction in the depth camera's frame; at rest an accelerometer feels the opposite."""
+        if self._felt is None:
+            return None
+        while (data := self._felt.tryGet()) is not None:
+            for packet in data.packets:
+                felt = packet.acceleroMeter
+                self._gravity.append(np.array([felt.x, felt.y, felt.z]))
+        self._gravity = self._gravity[-_FELT_HZ:]
+        if not self._gravity:
+            return None
+        x, y, z = (-self._level @ np.mean(self._gravity, axis=0)).tolist()
+        return x, y, z
+
+    def _rehearsed(self, path: str) -> Any:
+        """The images of a recording, from a node on this machine in place of the camera's stereo node."""
+        dai = self._dai
+
+        class Recorded(dai.node.ThreadedHostNode):  # type: ignore[misc, name-defined]
+            """Hands on what the rehearsal sends."""
+
+            def __init__(self) -> None:
+                super().__init__()
+                self.out = self.createOutput()
+
+            def run(self) -> None:
+                """Nothing to do: the rehearsal has a thread of its own."""
+
+        self._pipeline = dai.Pipeline(createImplicitDevice=False)
+        self._node = self._pipeline.create(Recorded)
+        self._rehearsal = Rehearsal(path, self._send)
+        self.name, self.fps = "oak rehearsal", self._rehearsal.fps
+        return self._node.out
+
+    def _send(self, frame: DepthFrame, number: int) -> None:
+        """An image of the recording, as a camera's stereo node would send it."""
+        dai, camera = self._dai, frame.intrinsics
+        if any(camera.distortion):
+            raise InputError("its images are not rectified", where="rehearsal of oak")
+        image = dai.ImgFrame()
+        image.setType(dai.ImgFrame.Type.RAW16)
+        image.setWidth(camera.width)
+        image.setHeight(camera.height)
+        image.setData(np.ascontiguousarray(frame.depth).view(np.uint8).ravel())
+        image.setSequenceNum(number)
+        image.setTimestamp(timedelta(microseconds=frame.time_ns / 1000))
+        lens = [[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]]
+        image.setTransformation(dai.ImgTransformation(camera.width, camera.height, lens))
+        self._node.out.send(image)

@@ -1,0 +1,263 @@
+"""Intel and RealSense depth cameras, by pyrealsense2."""
+
+from __future__ import annotations
+
+import ctypes
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import UInt16
+from enliven.camera import Intrinsics
+from enliven.errors import InputError, ResourceError
+from enliven.frames import DepthFrame
+from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.drivers.extras import library
+from enliven_edge.sensors.drivers.rehearsal import Rehearsal
+
+_WAITING = 4
+"""Images that may wait in the library."""
+_STILL = 100
+"""Readings of the accelerometer, half a second at 200 Hz, whose mean is gravity."""
+_HOT = 90.0
+"""Degrees Celsius of the vision processor at which the makers' data sheet ends (D400 family)."""
+_MODES_SHOWN = 8
+"""Modes that are named where the wanted one is none."""
+
+
+class RealSenseSensor:
+    """A depth camera of the D400 family, or the images of a recording through the same library.
+
+    Args:
+        serial: which camera; empty: the only one, or the first.
+        width, height: pixels of the depth image.
+        fps: images a second.
+        preset: "default", "high_accuracy", "high_density", "medium_density" or "hand".
+        laser: whether the pattern projector is on.
+        rehearse: a recording that is played through the library in place of a camera.
+
+    Raises:
+        InputError: for a mode, preset or recording that cannot be used.
+        ResourceError: where the library or the camera is missing, or the camera is in use.
+    """
+
+    isolated = True
+
+    def __init__(
+        self,
+        serial: str = "",
+        width: int = 640,
+        height: int = 480,
+        fps: int = 30,
+        preset: str = "default",
+        laser: bool = True,
+        rehearse: str = "",
+    ) -> None:
+        self._rs = _library()
+        self._rehearsal = Rehearsal(rehearse, self._send) if rehearse else None
+        self._device = self._rehearsed() if self._rehearsal else self._found(str(serial))
+        self._streams: list[Any] = []
+        self._images, self._felt = self._rs.frame_queue(_WAITING), self._rs.frame_queue(_STILL)
+        self._gravity: list[np.ndarray] = []
+        try:
+            self._start((width, height, fps), preset, laser)
+        except BaseException:
+            self.close()
+            raise
+
+    def read(self, timeout: float | None = None) -> DepthFrame | None:
+        """The next image; None when a rehearsal is over.
+
+        Raises:
+            TimeoutError: when none came in time.
+        """
+        over = self._rehearsal is not None and self._rehearsal.is_over()
+        there, frame = self._images.try_wait_for_frame(round(1e3 * (timeout or 0.0)))
+        if not there:
+            if over:
+                return None
+            raise TimeoutError(f"no image of {self.name} yet")
+        self._held = frame.as_depth_frame()
+        depth: UInt16 = np.asanyarray(self._held.get_data())
+        if self._scale != 1.0:
+            depth = np.rint(depth * self._scale).clip(0, 65535).astype(np.uint16)
+        time_ns = round(1e6 * self._held.get_timestamp())
+        return DepthFrame(depth, self._camera, time_ns, self.name, sequence=self._held.get_frame_number())
+
+    def condition(self) -> Condition:
+        """The link, the vision processor's temperature, and gravity where there is an accelerometer."""
+        rs, info = self._rs, self._rs.camera_info.usb_type_descriptor
+        usb = self._device.get_info(info) if self._device.supports(info) else ""
+        hot = self._depth.supports(rs.option.asic_temperature)
+        celsius = self._depth.get_option(rs.option.asic_temperature) if hot else None
+        return Condition(f"USB {usb}" if usb else "", usb.startswith("2"), celsius, _HOT, self._down())
+
+    def close(self) -> None:
+        """Lets the camera go; a second call does nothing."""
+        if self._rehearsal:
+            self._rehearsal.stop()
+        streams, self._streams = self._streams, []
+        for stream in streams:
+            stream.stop()
+            stream.close()
+
+    def __enter__(self) -> RealSenseSensor:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _found(self, serial: str) -> Any:
+        """The camera of this serial number, or the first."""
+        rs = self._rs
+        devices = list(rs.context().query_devices())
+        known = {device.get_info(rs.camera_info.serial_number): device for device in devices}
+        if not known:
+            raise ResourceError(
+                "no RealSense camera is connected",
+                where="sensor realsense",
+                mend="Plug one into a USB 3 port, then type: enliven doctor",
+            )
+        if serial and serial not in known:
+            raise ResourceError(
+                f"there is no camera with the serial number {serial}",
+                where="sensor realsense",
+                mend=f"Connected: {', '.join(known)}.",
+            )
+        return known[serial or next(iter(known))]
+
+    def _start(self, mode: tuple[int, int, int], preset: str, laser: bool) -> None:
+        """Starts the depth images, and the accelerometer where there is one."""
+        rs, info = self._rs, self._rs.camera_info
+        own = self._device.supports(info.serial_number)
+        serial = self._device.get_info(info.serial_number) if own else "rehearsal"
+        self.name = f"realsense {serial}"
+        self._depth = self._device.first_depth_sensor()
+        self._set("visual_preset", preset, getattr(rs.rs400_visual_preset, preset, None))
+        self._set("emitter_enabled", laser, float(laser))
+        if self._rehearsal:
+            camera = self._rehearsal.first.intrinsics
+            mode = (camera.width, camera.height, round(self._rehearsal.fps))
+        profile = self._profile(mode)
+        self.fps = float(profile.fps())
+        self._camera = _intrinsics(profile.get_intrinsics(), rs, self.name)
+        self._scale = _whole(1e3 * self._depth.get_option(rs.option.depth_units))
+        self._open(self._depth, profile, self._images)
+        motion = [sensor for sensor in self._device.query_sensors() if sensor.is_motion_sensor()]
+        rates = [p for sensor in motion[:1] for p in sensor.profiles if p.stream_type() == rs.stream.accel]
+        if rates:
+            self._open(motion[0], min(rates, key=lambda p: p.fps()), self._felt)
+
+    def _open(self, sensor: Any, profile: Any, queue: Any) -> None:
+        """Starts one stream into a queue."""
+        try:
+            sensor.open(profile)
+            sensor.start(queue)
+        except RuntimeError as error:
+            raise ResourceError(
+                f"it cannot be opened ({error})",
+                where=self.name,
+                mend="Close what else uses it, and check that your user may open it: enliven doctor",
+            ) from None
+        self._streams.append(sensor)
+
+    def _set(self, option: str, word: Any, value: float | None) -> None:
+        """Sets an option of a camera that has it."""
+        if value is None:
+            raise InputError(
+                f"there is no preset {word!r}",
+                where="sensor realsense",
+                mend="Give default, high_accuracy, high_density, medium_density or hand.",
+            )
+        key = getattr(self._rs.option, option)
+        if self._depth.supports(key) and not self._depth.is_option_read_only(key):
+            self._depth.set_option(key, float(value))
+
+    def _profile(self, mode: tuple[int, int, int]) -> Any:
+        """The stream of a width, height and rate."""
+        rs = self._rs
+        modes = {}
+        for each in self._depth.get_stream_profiles():
+            if each.stream_type() == rs.stream.depth and each.format() == rs.format.z16:
+                video = each.as_video_stream_profile()
+                modes[video.width(), video.height(), each.fps()] = video
+        if mode not in modes:
+            near = sorted(modes, key=lambda m: sum(abs(a - b) for a, b in zip(m, mode, strict=True)))
+            known = ", ".join(f"{w}x{h} at {fps}" for w, h, fps in near[:_MODES_SHOWN])
+            raise InputError(
+                f"it has no depth of {mode[0]}x{mode[1]} at {mode[2]} images a second on this port",
+                where=self.name,
+                mend=f"It has: {known}. On USB 2 there are fewer.",
+            )
+        return modes[mode]
+
+    def _down(self) -> tuple[float, float, float] | None:
+        """Gravity's direction, the mean of the last readings: at rest an accelerometer feels the opposite."""
+        while (frame := self._felt.poll_for_frame()) and len(self._gravity) < 4 * _STILL:
+            felt = frame.as_motion_frame().get_motion_data()
+            self._gravity.append(np.array([felt.x, felt.y, felt.z]))
+        self._gravity = self._gravity[-_STILL:]
+        if not self._gravity:
+            return None
+        x, y, z = (-np.mean(self._gravity, axis=0)).tolist()
+        return x, y, z
+
+    def _rehearsed(self) -> Any:
+        """A device of software, with the camera of the recording."""
+        assert self._rehearsal is not None
+        rs, camera = self._rs, self._rehearsal.first.intrinsics
+        device = rs.software_device()
+        sensor = device.add_sensor("Depth")
+        stream = rs.video_stream()
+        stream.type, stream.index, stream.uid, stream.fmt = rs.stream.depth, 0, 0, rs.format.z16
+        stream.width, stream.height, stream.bpp = camera.width, camera.height, 2
+        stream.fps = round(self._rehearsal.fps)
+        lens = rs.intrinsics()
+        lens.width, lens.height, lens.fx, lens.fy = camera.width, camera.height, camera.fx, camera.fy
+        lens.ppx, lens.ppy, lens.coeffs = camera.cx, camera.cy, list(camera.distortion)
+        lens.model = rs.distortion.brown_conrady if any(camera.distortion) else rs.distortion.none
+        stream.intrinsics = lens
+        self._stream = sensor.add_video_stream(stream)
+        sensor.add_read_only_option(rs.option.depth_units, 0.001)
+        self._sensor = sensor
+        return device
+
+    def _send(self, frame: DepthFrame, number: int) -> None:
+        """An image of the recording, handed to the library as a camera would."""
+        made = self._rs.software_video_frame()
+        made.pixels, made.bpp = np.ascontiguousarray(frame.depth), 2
+        made.stride = 2 * frame.intrinsics.width
+        made.timestamp, made.frame_number = 1e-6 * frame.time_ns, number
+        made.domain = self._rs.timestamp_domain.hardware_clock
+        made.profile, made.depth_units = self._stream.as_video_stream_profile(), 0.001
+        self._sensor.on_video_frame(made)
+
+
+def _library() -> Any:
+    """pyrealsense2, which needs libusb: that of the wheel libusb-package where the system has none."""
+    usb = library("libusb_package", "realsense")
+    ctypes.CDLL(str(usb.get_library_path()), ctypes.RTLD_GLOBAL)
+    return library("pyrealsense2", "realsense")
+
+
+def _intrinsics(lens: Any, rs: Any, name: str) -> Intrinsics:
+    """The camera as the library describes it; the fields of the inverse model are none of ours."""
+    known = (rs.distortion.none, rs.distortion.brown_conrady)
+    if lens.model not in known and any(lens.coeffs):
+        raise InputError(
+            f"its images have the distortion model {lens.model}",
+            where=name,
+            mend="Choose a depth mode, which is rectified.",
+        )
+    k1, k2, p1, p2, k3 = lens.coeffs
+    return Intrinsics(
+        lens.width, lens.height, lens.fx, lens.fy, lens.ppx, lens.ppy, (k1, k2, p1, p2, k3)
+    )
+
+
+def _whole(millimetres: float) -> float:
+    """Millimetres a step of the depth, 1 exactly where it is but for its float32."""
+    return 1.0 if abs(millimetres - 1.0) < 1e-6 else millimetres
