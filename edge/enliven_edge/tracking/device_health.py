@@ -13,14 +13,12 @@ _COOLER = 5.0
 """Degrees Celsius below its limit at which a device is called hot, and by which it must cool again."""
 _LEVEL, _TILTED = 4.0, 6.0
 """Degrees between floor and accelerometer at which they agree again, and do not: mounting and bias of the
-accelerometers of depth cameras are 1 to 3 degrees, a table's or ramp's edge mistaken for the floor is more."""
+accelerometers of depth cameras are 1 to 3 degrees, a ramp or a table's edge taken for the floor is more."""
 _OVERHEAD = -0.5
 """Cosine between the image's downwards and gravity below which a sensor hangs upside down."""
 
 
-def judge_condition(
-    alarms: Alarms, condition: Condition, world_from_camera: Float | None, now: int
-) -> None:
+def judge_condition(alarms: Alarms, condition: Condition, world_from_camera: Float | None, now: int) -> None:
     """Notes what is wrong with a device at a moment.
 
     Args:

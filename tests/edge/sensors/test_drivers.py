@@ -1,4 +1,4 @@
-"""One contract for every driver of a depth camera, on its real library, with a recording in place of the device."""
+"""One contract for every driver of a depth camera, on its real library, with a recording for a device."""
 
 import importlib.util
 import os
@@ -108,5 +108,5 @@ def test_without_a_camera_it_says_what_to_do(driver):
 
     if any(driver in name.lower() for name in camera_names()):
         pytest.skip("there is one")
-    with pytest.raises(ResourceError, match="Plug .* enliven doctor"):
+    with pytest.raises(ResourceError, match=r"Plug .* enliven doctor"):
         kept_open(sensor_opener(driver))

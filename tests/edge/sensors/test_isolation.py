@@ -176,7 +176,7 @@ def test_a_library_that_crashes_while_it_opens_is_said(tmp_path):
 
 def test_none_is_there(tmp_path):
     (tmp_path / "gone").touch()
-    with pytest.raises(ResourceError, match="no device. Plug it in"):
+    with pytest.raises(ResourceError, match=r"no device\. Plug it in"):
         kept_open(opener(tmp_path))
 
 

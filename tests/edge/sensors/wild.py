@@ -30,7 +30,13 @@ class Wild:
     fps = 30.0
 
     def __init__(
-        self, folder: str, mishap: str = "", after: int = 5, pace: float = 0.005, width: int = 64, height: int = 48
+        self,
+        folder: str,
+        mishap: str = "",
+        after: int = 5,
+        pace: float = 0.005,
+        width: int = 64,
+        height: int = 48,
     ) -> None:
         self.folder, self.after, self.pace, self.size = Path(folder), after, pace, (width, height)
         if (self.folder / "gone").exists():

@@ -19,7 +19,7 @@ from enliven_edge.sensors.drivers.rehearsal import Rehearsal
 _WAITING = 4
 """Images that may wait in the library."""
 _SEARCH_MS = "1500"
-"""Milliseconds that the library looks for a camera, 10 s of its own accord: one that is there answers at once."""
+"""Milliseconds that the library looks for a camera (of itself 10 s); one that is there answers at once."""
 _FELT_HZ = 100
 """Readings of the accelerometer a second; the mean of a second is gravity."""
 _HOT = 105.0
@@ -157,9 +157,9 @@ class OakSensor:
         except RuntimeError as error:
             seen = [info.getDeviceId() for info in dai.Device.getAllAvailableDevices()]
             if seen:
-                mend = f"Connected: {', '.join(seen)}. Close what else uses it; for permissions: enliven doctor"
+                mend = f"Connected: {', '.join(seen)}. Close what else uses it; enliven doctor"
             else:
-                mend = "Plug an OAK into a USB 3 port, or give device=ADDRESS for PoE, then type: enliven doctor"
+                mend = "Plug an OAK into a USB 3 port, or give --set device=ADDRESS; enliven doctor"
             raise ResourceError(str(error).rstrip("."), where="sensor oak", mend=mend) from None
 
     def _intrinsics(self, transformation: Any, width: int, height: int) -> Intrinsics:

@@ -253,9 +253,7 @@ def _intrinsics(lens: Any, rs: Any, name: str) -> Intrinsics:
             mend="Choose a depth mode, which is rectified.",
         )
     k1, k2, p1, p2, k3 = lens.coeffs
-    return Intrinsics(
-        lens.width, lens.height, lens.fx, lens.fy, lens.ppx, lens.ppy, (k1, k2, p1, p2, k3)
-    )
+    return Intrinsics(lens.width, lens.height, lens.fx, lens.fy, lens.ppx, lens.ppy, (k1, k2, p1, p2, k3))
 
 
 def _whole(millimetres: float) -> float:

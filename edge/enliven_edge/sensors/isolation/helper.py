@@ -5,6 +5,7 @@ It does what the edge says over a pipe, and ends when the pipe does, so that non
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import logging
 import os
@@ -37,10 +38,8 @@ def serve(pipe: Connection, kind: Callable[..., Sensor], options: dict[str, Any]
     os.dup2(2, 1)
     told = _Pipe(pipe)
     logging.basicConfig(level=logging.INFO, handlers=[_Teller(told)], force=True)
-    try:
+    with contextlib.suppress(EOFError, OSError):
         _Helper(told, kind, options).run()
-    except (EOFError, OSError):
-        pass
 
 
 class _Helper:

@@ -31,7 +31,7 @@ OPENING = 45.0
 _CLOSING = 0.4
 """Seconds that a driver has to let its device go, before its process is ended."""
 _MOST_WAITING = 3
-"""Images that may wait for the edge; of more the oldest are left out, so that a pause does not become a lag."""
+"""Images that may wait for the edge; of more the oldest are left out: a pause becomes no lag."""
 
 
 class IsolatedOpener:
@@ -115,9 +115,8 @@ class IsolatedSensor:
             message = self._helper.receive(max(wait, 0.0))
             if message is None:
                 if time.monotonic() >= self._heard + self._patience:
-                    raise SensorFault(
-                        f"no image for {self._patience:.0f} s", where=self.name, mend="Check its cable and power."
-                    )
+                    why = f"no image for {self._patience:.0f} s"
+                    raise SensorFault(why, where=self.name, mend="Check its cable and power.")
                 raise TimeoutError(f"no image of {self.name} yet")
             frame = self._understood(*message)
             if frame is not None:

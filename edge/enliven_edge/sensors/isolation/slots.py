@@ -74,7 +74,7 @@ class FrameSlots:
     def read(
         self, slot: int, shape: tuple[int, int], colour: tuple[int, ...] | None
     ) -> tuple[UInt16, UInt8 | None]:
-        """The depth image and the colour image of a slot, in place and read-only where slots can be spared."""
+        """The depth and the colour image of a slot, read-only, in place where slots can be spared."""
         place = self._place(slot)
         if self.free < SPARE:
             place = place.copy()
