@@ -1,0 +1,47 @@
+"""The driver of docs/add-a-sensor.md, installed as a user would, runs in the edge."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+EXAMPLE = Path(__file__).parents[3] / "docs" / "example-sensor"
+
+
+def test_the_example_is_short():
+    lines = sum(len(path.read_text().splitlines()) for path in EXAMPLE.iterdir() if path.is_file())
+    assert lines < 60
+
+
+def test_it_is_installed_and_runs(tmp_path):
+    install = ["-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
+    subprocess.run(
+        [sys.executable, *install, "--target", str(tmp_path / "site"), str(EXAMPLE)],
+        check=True,
+        capture_output=True,
+        timeout=300,
+    )
+    code = "\n".join(
+        [
+            "from enliven_edge.sensors.registry import open_sensor, sensor_names",
+            "if __name__ == '__main__':",
+            "    assert 'pulsing-wall' in sensor_names()",
+            "    with open_sensor('pulsing-wall', serial='7', fps=90.0) as sensor:",
+            "        frames = [sensor.read(30.0) for _ in range(20)]",
+            "        print(sensor.name, len({int(f.depth[0, 0]) for f in frames}), frames[0].sequence)",
+        ]
+    )
+    script = tmp_path / "use.py"
+    script.write_text(code)
+    path = os.pathsep.join([str(tmp_path / "site"), os.environ.get("PYTHONPATH", "")])
+    said = subprocess.run(
+        [sys.executable, str(script)],
+        env={**os.environ, "PYTHONPATH": path},
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert said.returncode == 0, said.stderr
+    name, distances, first = said.stdout.rsplit(maxsplit=2)
+    assert name == "pulsing-wall 7" and int(distances) > 5 and first == "1"
