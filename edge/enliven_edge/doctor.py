@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from importlib import resources
 from pathlib import Path
 
 from enliven.doctor import Check
+from enliven_edge.sensors.attached import attached
 from enliven_edge.sensors.profile import profile_names
 from enliven_edge.sensors.registry import sensor_names
 
 
 def checks() -> list[Check]:
-    """The sensors that are known, the profiles, the shipped recording, and access to USB."""
+    """The sensors that are known, the profiles, the shipped recording, and each depth camera on USB."""
     return [
         Check("sensors", True, ", ".join(sensor_names())),
         Check(
@@ -22,7 +22,7 @@ def checks() -> list[Check]:
             "Install enliven-edge again.",
         ),
         _shipped_recording(),
-        *_usb_permissions(),
+        *_cameras(),
     ]
 
 
@@ -38,41 +38,11 @@ def shipped_recording() -> Path:
     return Path(str(resources.files("enliven_edge") / "assets" / "chair.mcap"))
 
 
-def _usb_permissions() -> list[Check]:
-    """On Linux a depth camera on USB must be writable for the user; without one there is nothing to check."""
-    if not sys.platform.startswith("linux"):
-        return []
-    return [_access(camera) for camera in _cameras()]
-
-
-_DEPTH_CAMERAS = {"03e7": "OAK (Luxonis)", "045e": "Kinect (Microsoft)", "8086": "RealSense (Intel)"}
-
-
-def _cameras() -> list[Path]:
-    """The depth cameras on USB, where the system shows them."""
-    return [d for d in Path("/sys/bus/usb/devices").glob("*") if _vendor(d) in _DEPTH_CAMERAS]
-
-
-def camera_names() -> list[str]:
-    """What the depth cameras on USB are called."""
-    return [_DEPTH_CAMERAS[_vendor(camera)] for camera in _cameras()]
-
-
-def _vendor(device: Path) -> str:
-    try:
-        return (device / "idVendor").read_text().strip()
-    except OSError:
-        return ""
-
-
-def _access(device: Path) -> Check:
-    """Whether this user may open a camera."""
-    name = _DEPTH_CAMERAS[_vendor(device)]
-    bus, number = ((device / part).read_text().strip().zfill(3) for part in ("busnum", "devnum"))
-    node = Path("/dev/bus/usb") / bus / number
-    try:
-        with node.open("r+b"):
-            return Check(name, True, "may be opened")
-    except OSError as error:
-        mend = f'Let your user open it: a udev rule with ATTRS{{idVendor}}=="{_vendor(device)}", MODE="0666".'
-        return Check(name, False, f"cannot be opened ({error.strerror})", mend)
+def _cameras() -> list[Check]:
+    """One check for each depth camera on USB, as far as the system shows them."""
+    checks = []
+    for camera in attached():
+        troubles = camera.troubles()
+        detail = ", ".join([camera.title, *(what for what, _ in troubles)])
+        checks.append(Check(camera.kind.name, not troubles, detail, " ".join(mend for _, mend in troubles)))
+    return checks

@@ -1,8 +1,7 @@
 """Drivers of depth cameras on their real libraries, with a recording in place of the device.
 
-Measured is what the edge pays for a camera beside the camera itself: from the moment when an image is handed to
-the library to the moment when the edge has it, what is copied on the way, and how soon a camera is used again
-that was away.
+Measured is what the edge pays beside the camera itself: from when an image is handed to the library to when
+the edge has it, what is copied on the way, and how soon a camera is used again that was away.
 """
 
 from __future__ import annotations
@@ -152,5 +151,3 @@ def _attempt(sensor: Sensor) -> DepthFrame | None:
 def _next(sensor: Sensor) -> DepthFrame:
     """The next frame, over faults."""
     return next(frame for frame in map(_attempt, itertools.repeat(sensor)) if frame is not None)
-
-

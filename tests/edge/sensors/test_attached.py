@@ -1,0 +1,100 @@
+"""Cameras on USB as the system lists them: which they are, what they lack, and what to type."""
+
+import fnmatch
+import re
+from pathlib import Path
+
+import pytest
+
+from enliven_edge import doctor
+from enliven_edge.sensors import attached as module
+from enliven_edge.sensors.attached import KINDS, attached
+
+RULES = Path(__file__).parents[3] / "firmware_configs" / "udev" / "60-enliven-cameras.rules"
+
+
+@pytest.fixture
+def usb(tmp_path):
+    """Plugs a device into a made-up USB tree."""
+    devices, nodes = tmp_path / "devices", tmp_path / "nodes"
+
+    def plug(vendor: str, product: str, title: str = "", speed: str = "5000", mode: int = 0o666) -> None:
+        number = len(list(devices.glob("*"))) + 1
+        device = devices / f"1-{number}"
+        device.mkdir(parents=True)
+        said = {"idVendor": vendor, "idProduct": product, "product": title, "speed": speed}
+        said |= {"busnum": "1", "devnum": str(number), "serial": f"S{number}"}
+        for part, text in said.items():
+            (device / part).write_text(text + "\n")
+        node = nodes / "001" / f"{number:03}"
+        node.parent.mkdir(parents=True, exist_ok=True)
+        node.touch()
+        if mode:
+            node.chmod(mode)
+        else:
+            node.unlink()
+
+    plug.found = lambda: attached(devices, nodes)
+    return plug
+
+
+def test_each_camera_is_known_and_nothing_else_is(usb):
+    usb("8086", "0b07", "Intel(R) RealSense(TM) Depth Camera 435")
+    usb("8086", "0032", "AX210 Bluetooth")
+    usb("045e", "07b2", "Microsoft Nano Transceiver")
+    usb("045e", "02c4", "Xbox NUI Sensor")
+    usb("03e7", "2485", "Movidius MyriadX", speed="480")
+    usb("03e7", "f63b", "Luxonis Device")
+    usb("2bc5", "0670", "Orbbec Gemini 335")
+    usb("1d6b", "0003", "xHCI Host Controller")
+    assert [camera.kind.name for camera in usb.found()] == ["Kinect v2", "OAK", "OAK", "Orbbec", "RealSense"]
+
+
+def test_what_a_camera_lacks_is_said_with_what_to_type(usb, monkeypatch):
+    versions = {"depthai": "3.6.1"}
+
+    def version(package: str) -> str:
+        if package not in versions:
+            raise module.PackageNotFoundError(package)
+        return versions[package]
+
+    monkeypatch.setattr(module, "version", version)
+    usb("03e7", "f63b", "Luxonis Device")
+    assert usb.found()[0].troubles() == []
+    usb("8086", "0b07", "Intel(R) RealSense(TM) Depth Camera 435", speed="480", mode=0)
+    troubles = dict(usb.found()[1].troubles())
+    assert set(troubles) == {"pyrealsense2 is not installed", "your user may not open it", "it is on USB 2"}
+    mends = " ".join(troubles.values())
+    assert 'pip install "enliven-edge[realsense]"' in mends and "60-enliven-cameras.rules" in mends
+    versions["depthai"] = "3.8.0"
+    assert "3.8.0" in usb.found()[0].troubles()[0][0]
+    usb("03e7", "2485", "Movidius MyriadX", speed="480")
+    assert len(usb.found()) == 3 and "USB 2" not in str(usb.found()[1].troubles()[1:])
+
+
+def test_the_doctor_shows_each(usb, monkeypatch):
+    usb("2bc5", "0670", "Orbbec Gemini 335")
+    monkeypatch.setattr(doctor, "attached", usb.found)
+    check = next(check for check in doctor.checks() if check.name == "Orbbec")
+    assert not check.ok and "Gemini 335" in check.detail and "add-a-sensor" in check.mend
+
+
+def test_the_rules_open_the_cameras_that_are_known_and_no_other_devices(usb):
+    """Read as udev reads them: every condition of a line holds."""
+    lines = [line for line in RULES.read_text().splitlines() if line.startswith("ATTR")]
+    assert all('TAG+="uaccess"' in line and 'MODE="0660"' in line for line in lines)
+
+    def opened(vendor: str, product: str, title: str) -> bool:
+        said = {"idVendor": vendor, "idProduct": product, "product": title}
+        return any(
+            all(
+                any(fnmatch.fnmatchcase(said[part], each) for each in wanted.split("|"))
+                for part, wanted in re.findall(r'ATTR\{(\w+)\}=="([^"]+)"', line)
+            )
+            for line in lines
+        )
+
+    for kind in KINDS:
+        for product in re.findall("[0-9a-f]{4}", kind.products.replace("[a-e]", "c")) or ["f63b"]:
+            assert opened(kind.vendor, product, kind.title and f"Intel(R) {kind.title}(TM) D435"), kind
+    assert not opened("8086", "0032", "AX210 Bluetooth") and not opened("045e", "07b2", "Mouse")
