@@ -165,8 +165,9 @@ class Edge:
                 tracker = self.tracker
                 bodies = tracker.track(frame)
                 self.health.judge(frame, bodies, tracker.world_from_camera, tracker.state)
-                floor = tracker.world_from_camera if tracker.state.floor_known else None
-                self.health.fares(condition_of(self.sensor), floor)
+                if tracker.world_from_camera is not None:
+                    known = tracker.state.floor_known
+                    self.health.fares(condition_of(self.sensor), tracker.world_from_camera, known)
             case BodyFrame():
                 self._by_depth = False
                 fused = isinstance(self.sensor, FusedSensors)

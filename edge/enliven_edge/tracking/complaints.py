@@ -83,8 +83,8 @@ COMPLAINTS: dict[HealthKind, Complaint] = {
     ),
     HealthKind.UPSIDE_DOWN: Complaint(
         _ERROR,
-        "{sensor} hangs upside down, its accelerometer says.",
-        "Turn it the right way up; a person who stands on the head is not looked for.",
+        "{sensor} is the other way up than the settings say, by its accelerometer.",
+        "Turn it over, or set upside_down under [tracker.scene] in the settings.",
         1.0,
         1.0,
     ),

@@ -15,14 +15,17 @@ _LEVEL, _TILTED = 4.0, 6.0
 """Degrees between floor and accelerometer at which they agree again, and do not: mounting and bias of the
 accelerometers of depth cameras are 1 to 3 degrees, a ramp or a table's edge taken for the floor is more."""
 _OVERHEAD = -0.5
-"""Cosine between the image's downwards and gravity below which a sensor hangs upside down."""
+"""Cosine between what is taken for downwards and gravity below which a sensor hangs the other way up."""
 
 
-def judge_condition(alarms: Alarms, condition: Condition, world_from_camera: Float | None, now: int) -> None:
+def judge_condition(
+    alarms: Alarms, condition: Condition, world_from_camera: Float, floor_known: bool, now: int
+) -> None:
     """Notes what is wrong with a device at a moment.
 
     Args:
-        world_from_camera: (4, 4) where the floor says that the sensor stands, None where it is not known.
+        world_from_camera: (4, 4) where the sensor stands, by its floor or by the settings.
+        floor_known: whether its floor was found.
     """
     alarms.note(HealthKind.SLOW_LINK, condition.slow_link, now, link=condition.link or "a slow link")
     if condition.temperature is not None and condition.hot is not None:
@@ -32,11 +35,9 @@ def judge_condition(alarms: Alarms, condition: Condition, world_from_camera: Flo
     down = _direction(condition.gravity)
     if down is None:
         return
-    alarms.note(HealthKind.UPSIDE_DOWN, bool(down[1] < _OVERHEAD), now)
-    tilt = None
-    if world_from_camera is not None:
-        below = -np.asarray(world_from_camera)[1, :3]
-        tilt = float(np.degrees(np.arccos(np.clip(below @ down, -1.0, 1.0))))
+    agreement = float(-np.asarray(world_from_camera)[1, :3] @ down)
+    alarms.note(HealthKind.UPSIDE_DOWN, agreement < _OVERHEAD, now)
+    tilt = float(np.degrees(np.arccos(np.clip(agreement, -1.0, 1.0)))) if floor_known else None
     level = alarms.between(HealthKind.NOT_LEVEL, None if tilt is None else -tilt, -_LEVEL, -_TILTED)
     alarms.note(HealthKind.NOT_LEVEL, level, now, degrees=tilt or 0.0)
 

@@ -175,14 +175,15 @@ class HealthMonitor:
         self._alarms.keep({body.id for body in bodies})
         self._alarms.tell()
 
-    def fares(self, condition: Condition | None, world_from_camera: Float | None = None) -> None:
+    def fares(self, condition: Condition | None, world_from_camera: Float, floor_known: bool) -> None:
         """Takes in how the device says it fares; None: it says nothing.
 
         Args:
-            world_from_camera: (4, 4) where the floor says that the sensor stands, None where it is not known.
+            world_from_camera: (4, 4) where the sensor stands, by its floor or by the settings.
+            floor_known: whether its floor was found.
         """
         if condition is not None:
-            judge_condition(self._alarms, condition, world_from_camera, self._now_ns)
+            judge_condition(self._alarms, condition, world_from_camera, floor_known, self._now_ns)
 
     # --- the sensor ----------------------------------------------------------------------------------------
 

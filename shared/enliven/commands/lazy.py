@@ -21,6 +21,7 @@ _ORDER = (
     "edge",
     "view",
     "import",
+    "sensors",
     "record",
     "replay",
     "recover",

@@ -13,15 +13,18 @@ from enliven_edge.tracking.device_health import judge_condition
 
 SECOND = 1_000_000_000
 DOWN = (0.0, 9.81, 0.0)
+LEVEL = world_from_level_camera(1.2)
 
 
-def kinds_after(conditions: list[Condition], stand=None, seconds: int = 20) -> list[set[str]]:
+def kinds_after(
+    conditions: list[Condition], stand=LEVEL, floor_known=True, seconds: int = 20
+) -> list[set[str]]:
     """What is said at the end of each condition that lasts so many seconds."""
     alarms, said, now = Alarms("The sensor"), [], 0
     for condition in conditions:
         for _ in range(seconds):
             now += SECOND
-            judge_condition(alarms, condition, stand, now)
+            judge_condition(alarms, condition, stand, floor_known, now)
         said.append({state.kind for state in alarms.states})
     return said
 
@@ -31,15 +34,15 @@ def kinds_after(conditions: list[Condition], stand=None, seconds: int = 20) -> l
     [
         (Condition("USB 2", slow_link=True), HealthKind.SLOW_LINK, "by USB 2 only"),
         (Condition(temperature=92.0, hot=95.0), HealthKind.HOT, "92 degrees; at 95"),
-        (Condition(gravity=(0.1, -9.7, 0.3)), HealthKind.UPSIDE_DOWN, "upside down"),
+        (Condition(gravity=(0.1, -9.7, 0.3)), HealthKind.UPSIDE_DOWN, "the other way up"),
     ],
 )
 def test_it_is_said_and_over_when_it_is_well_again(ill, kind, words):
     well = Condition("USB 3", temperature=50.0, hot=95.0, gravity=DOWN)
-    assert kinds_after([well, ill, well]) == [set(), {kind}, set()]
+    assert kinds_after([well, ill, well], floor_known=False) == [set(), {kind}, set()]
     alarms = Alarms("The sensor")
     for second in range(20):
-        judge_condition(alarms, ill, None, second * SECOND)
+        judge_condition(alarms, ill, LEVEL, True, second * SECOND)
     assert words in alarms.states[0].what and alarms.states[0].mend
 
 
@@ -61,6 +64,12 @@ def test_floor_and_accelerometer_are_compared_wherever_the_sensor_looks(tilt, ro
     assert (HealthKind.NOT_LEVEL in said) == (error > 6.0)
 
 
+def test_a_sensor_that_is_meant_to_hang_upside_down_may():
+    over = LEVEL @ np.diag([-1.0, -1.0, 1.0, 1.0])
+    assert kinds_after([Condition(gravity=(0.0, -9.8, 0.0))], over) == [set()]
+    assert HealthKind.UPSIDE_DOWN in kinds_after([Condition(gravity=DOWN)], over)[0]
+
+
 @pytest.mark.parametrize("gravity", [None, (0.0, 0.0, 0.0), (np.nan, 1.0, 0.0), (np.inf, 0.0, 0.0)])
 def test_an_accelerometer_that_says_nothing_is_not_believed(gravity):
-    assert kinds_after([Condition(gravity=gravity)], world_from_level_camera(1.2)) == [set()]
+    assert kinds_after([Condition(gravity=gravity)]) == [set()]

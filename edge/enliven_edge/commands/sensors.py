@@ -1,0 +1,164 @@
+"""``enliven sensors``: which there are, and what one of them sees."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from enliven.errors import InputError, ResourceError
+
+if TYPE_CHECKING:
+    from enliven.frames import DepthFrame
+    from enliven_edge.sensors.base import Sensor
+
+_PATIENCE = 15.0
+"""Seconds without any frame after which a preview gives up: a camera's first may need ten."""
+
+
+def sensors(
+    name: Annotated[
+        str | None, typer.Argument(help="The sensor to preview; without it all are listed.")
+    ] = None,
+    setting: Annotated[
+        list[str] | None, typer.Option("--set", help="An option of the sensor, KEY=VALUE; may be repeated.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write a picture of its depth, a .png.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(min=0.1, max=60.0, help="How long to look.")] = 2.0,
+) -> None:
+    """List sensors and the cameras that are plugged in, or say what one of them sees.
+
+    \b
+      enliven sensors
+      enliven sensors synthetic -o depth.png
+      enliven sensors replay --set path=TAKE.mcap
+    """
+    console = Console()
+    if name is None:
+        _list(console)
+        return
+    from enliven_edge.commands.record import sensor_options
+    from enliven_edge.sensors.base import condition_of
+    from enliven_edge.sensors.registry import open_sensor
+
+    if output is not None and output.suffix != ".png":
+        raise InputError(f"it ends in {output.suffix!r}", where=str(output), mend="Give a name with .png.")
+    with open_sensor(name, **sensor_options(setting or [])) as sensor:
+        frames = _looked_at(sensor, seconds)
+        facts = _facts(frames, condition_of(sensor), sensor.name)
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    for fact in facts:
+        table.add_row(*fact)
+    console.print(table)
+    if output is not None:
+        _draw(frames[-1], output, [f"{what}: {value}" for what, value in facts[:4]])
+        typer.echo(f"{output}: its depth, near is bright")
+
+
+def _list(console: Console) -> None:
+    """What may be named, and what is plugged in."""
+    from enliven_edge.sensors.attached import attached
+    from enliven_edge.sensors.registry import sensor_names
+
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    table.add_row("known", ", ".join(sensor_names()))
+    cameras = attached()
+    for camera in cameras:
+        troubles = camera.troubles()
+        said = "; ".join(f"{what}. {mend}" for what, mend in troubles) or f"--sensor {camera.kind.sensor}"
+        table.add_row(camera.kind.name, f"{camera.title}: {said}")
+    if not cameras:
+        table.add_row("plugged in", "no depth camera on USB")
+    console.print(table)
+
+
+def _looked_at(sensor: Sensor, seconds: float) -> list[DepthFrame]:
+    """The depth frames of so many seconds, at least one."""
+    from enliven.frames import DepthFrame
+
+    frames: list[DepthFrame] = []
+    start = time.monotonic()
+    until, give_up = start + seconds, start + _PATIENCE
+    while time.monotonic() < until or (not frames and time.monotonic() < give_up):
+        try:
+            frame = sensor.read(0.25)
+        except TimeoutError:
+            continue
+        if frame is None:
+            break
+        if not isinstance(frame, DepthFrame):
+            raise InputError(
+                "it delivers bodies, no depth", where=sensor.name, mend="Look at it with: enliven edge"
+            )
+        frames.append(frame)
+    if not frames:
+        raise ResourceError("it sent no frame", where=sensor.name, mend="Check its cable and power.")
+    return frames
+
+
+def _facts(frames: list[DepthFrame], condition, name: str) -> list[tuple[str, str]]:  # type: ignore[no-untyped-def]
+    """What is worth to know of a sensor, each with its name."""
+    import numpy as np
+
+    from enliven.camera import rays, unproject
+    from enliven_edge.tracking.floor import world_from_floor
+    from enliven_edge.tracking.survey import survey
+
+    last = frames[-1]
+    steps = [1e-9 * (b.time_ns - a.time_ns) for a, b in zip(frames, frames[1:], strict=False)]
+    facts = [("sensor", name), ("image", f"{last.intrinsics.width} x {last.intrinsics.height}")]
+    if steps and statistics.median(steps) > 0:
+        facts.append(("rate", f"{1 / statistics.median(steps):.1f} frames a second"))
+    known = statistics.median(survey(frame.depth).known for frame in frames)
+    facts.append(("depth", f"known in {100 * known:.0f} % of the image"))
+    metres = last.depth[(last.depth > 0) & (last.depth < 65535)] * 1e-3
+    if len(metres):
+        near, far = np.percentile(metres, (1, 99))
+        facts.append(("distances", f"{near:.2f} to {far:.2f} m"))
+    points = unproject(last.depth, rays(last.intrinsics)).reshape(-1, 3)
+    stand = world_from_floor(points[points[:, 2] > 0])
+    down = None if stand is None else -stand[1, :3]
+    if stand is None or down is None:
+        facts.append(("floor", "not seen; tilt the sensor until it sees some"))
+    else:
+        tilt = np.degrees(np.arcsin(np.clip(down[2], -1, 1)))
+        facts.append(("floor", f"{stand[1, 3]:.2f} m below; the sensor looks {tilt:.0f} degrees down"))
+    if condition is not None:
+        facts += _condition_facts(condition, down)
+    return facts
+
+
+def _condition_facts(condition, down) -> list[tuple[str, str]]:  # type: ignore[no-untyped-def]
+    """What the device says of itself."""
+    import numpy as np
+
+    facts = []
+    if condition.link:
+        facts.append(("link", condition.link + (", which is slow" if condition.slow_link else "")))
+    if condition.temperature is not None:
+        facts.append(("temperature", f"{condition.temperature:.0f} degrees"))
+    if condition.gravity is not None:
+        felt = np.array(condition.gravity) / np.linalg.norm(condition.gravity)
+        said = f"{np.degrees(np.arcsin(np.clip(felt[2], -1, 1))):.0f} degrees down by the accelerometer"
+        if down is not None:
+            apart = np.degrees(np.arccos(np.clip(felt @ down, -1, 1)))
+            said += f", {apart:.0f} degrees from what the floor says"
+        facts.append(("gravity", said))
+    return facts
+
+
+def _draw(frame: DepthFrame, output: Path, lines: list[str]) -> None:
+    """A picture of a frame's depth."""
+    from PIL import Image
+
+    from enliven_edge.inspection.picture import captioned, depth_picture, depth_span
+
+    picture = depth_picture(frame.depth, *depth_span(frame.depth))
+    Image.fromarray(captioned(picture, lines)).save(output)

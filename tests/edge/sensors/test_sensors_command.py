@@ -1,0 +1,55 @@
+"""``enliven sensors``: lists what there is, and says what one sensor sees."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from enliven import cli
+from enliven_edge.doctor import shipped_recording
+
+
+def said(capsys, *words: str) -> tuple[int, str, str]:
+    code = cli.run(["sensors", *words])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_all_are_listed(capsys):
+    code, out, _ = said(capsys)
+    assert code == 0 and "oak, realsense, replay, synthetic, webcam" in out
+
+
+def test_what_one_sees_is_told_and_drawn(capsys, tmp_path):
+    """The shipped recording's floor, tilt and size are known: it was made 1.2 m up, six degrees down."""
+    path = f"path={shipped_recording()}"
+    code, out, _ = said(capsys, "replay", "--set", path, "--seconds", "0.5", "-o", str(tmp_path / "a.png"))
+    assert code == 0
+    facts = dict(line.split(maxsplit=1) for line in out.splitlines() if not line.startswith(str(tmp_path)))
+    assert facts["image"].strip() == "320 x 240" and float(facts["rate"].split()[0]) == 30.0
+    assert abs(float(facts["floor"].split()[0]) - 1.2) < 0.05 and "6 degrees down" in facts["floor"]
+    picture = np.asarray(Image.open(tmp_path / "a.png"))
+    assert picture.shape[:2] == (240, 320) and picture.std() > 10
+
+
+def test_an_accelerometer_is_shown_beside_the_floor():
+    from enliven_edge.commands.sensors import _condition_facts
+    from enliven_edge.sensors.base import Condition
+
+    tilted = np.array([0.0, np.cos(0.3), np.sin(0.3)])
+    facts = dict(_condition_facts(Condition("USB 2", True, 61.0, 90.0, (0.0, 9.8, 0.0)), tilted))
+    assert facts["gravity"] == "0 degrees down by the accelerometer, 17 degrees from what the floor says"
+    assert "slow" in facts["link"] and facts["temperature"] == "61 degrees"
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "what"),
+    [
+        (["synthetic", "-o", "a.jpg"], 3, ".png"),
+        (["sinthetic"], 3, "Did you mean synthetic"),
+        (["replay", "--set", "path=missing.mcap"], 3, "missing.mcap"),
+        (["webcam", "--set", "device=/dev/video99"], 4, "/dev/video99"),
+    ],
+)
+def test_what_cannot_be_done_is_said(capsys, words, code, what):
+    found, _, err = said(capsys, *words)
+    assert found == code and what in err
