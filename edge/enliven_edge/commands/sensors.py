@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import statistics
 import time
 from pathlib import Path
@@ -112,7 +113,7 @@ def _facts(frames: list[DepthFrame], condition, name: str) -> list[tuple[str, st
     from enliven_edge.tracking.survey import survey
 
     last = frames[-1]
-    steps = [1e-9 * (b.time_ns - a.time_ns) for a, b in zip(frames, frames[1:], strict=False)]
+    steps = [1e-9 * (b.time_ns - a.time_ns) for a, b in itertools.pairwise(frames)]
     facts = [("sensor", name), ("image", f"{last.intrinsics.width} x {last.intrinsics.height}")]
     if steps and statistics.median(steps) > 0:
         facts.append(("rate", f"{1 / statistics.median(steps):.1f} frames a second"))

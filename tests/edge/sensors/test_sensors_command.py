@@ -26,7 +26,9 @@ def test_what_one_sees_is_told_and_drawn(capsys, tmp_path):
     assert code == 0
     facts = dict(line.split(maxsplit=1) for line in out.splitlines() if not line.startswith(str(tmp_path)))
     assert facts["image"].strip() == "320 x 240" and float(facts["rate"].split()[0]) == 30.0
-    assert abs(float(facts["floor"].split()[0]) - 1.2) < 0.05 and "6 degrees down" in facts["floor"]
+    assert (
+        abs(float(facts["floor"].split()[0]) - 1.2) < 0.05 and abs(int(facts["floor"].split()[-3]) - 6) <= 1
+    )
     picture = np.asarray(Image.open(tmp_path / "a.png"))
     assert picture.shape[:2] == (240, 320) and picture.std() > 10
 
