@@ -23,6 +23,7 @@ were seen at a load of 10); an edge that fails ends the run at once."""
 def run(
     recording: Path | None = typer.Option(None, help="Replay this recording; without one, the shipped one."),
     sensor: str | None = typer.Option(None, help="Use this sensor instead of a recording."),
+    option: list[str] | None = typer.Option(None, "--set", help="An option of the sensor, KEY=VALUE."),
     mesh: str = typer.Option(
         "chair", help="A mesh, 'chair', 'lamp', or a puppet: its session, project, or 'cactus'."
     ),
@@ -47,6 +48,7 @@ def run(
       enliven run
       enliven run --recording TAKE.mcap --mesh HORSE.obj --possess-at 2
       enliven run --sensor synthetic --window
+      enliven run --sensor oak --set rehearse=TAKE.mcap
       enliven run --physics boxes
       enliven run --mesh HORSE.obj --settings EDGE.toml
       enliven run --mesh SPIDER.glb --drive skeleton --parts arms
@@ -67,6 +69,7 @@ def run(
         )
     ports = free_ports()
     edge = _edge_arguments(recording, sensor, mesh, possess_at, parts, seconds, ports, as_film)
+    edge += [word for each in option or [] for word in ("--set", each)]
     edge += ["--record", str(record)] if record else []
     edge += ["--physics", physics] if physics else []
     edge += ["--drive", drive] if drive else []
