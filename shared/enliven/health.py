@@ -31,6 +31,7 @@ class HealthKind(StrEnum):
     MOVED = "sensor moved"
     SLOW_LINK = "slow link"
     HOT = "sensor hot"
+    NOT_CALIBRATED = "lens unknown"
     UPSIDE_DOWN = "sensor upside down"
     NOT_LEVEL = "floor not level"
     COVERED = "lens covered"

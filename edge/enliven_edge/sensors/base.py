@@ -27,6 +27,7 @@ class Condition:
         temperature: degrees Celsius of its hottest part.
         hot: degrees Celsius above which its maker says that it stops.
         gravity: the direction downwards in the camera's frame, of any length.
+        calibrated: whether it knows its own lens; else that of its kind is used.
     """
 
     link: str = ""
@@ -34,6 +35,7 @@ class Condition:
     temperature: float | None = None
     hot: float | None = None
     gravity: tuple[float, float, float] | None = None
+    calibrated: bool = True
 
 
 class Sensor(Protocol):

@@ -81,6 +81,13 @@ COMPLAINTS: dict[HealthKind, Complaint] = {
         5.0,
         10.0,
     ),
+    HealthKind.NOT_CALIBRATED: Complaint(
+        _WARNING,
+        "{sensor} does not know its own lens; a usual one of its kind is used.",
+        "Distances may be off by some percent; calibrate it with its maker's tool.",
+        0.0,
+        0.0,
+    ),
     HealthKind.UPSIDE_DOWN: Complaint(
         _ERROR,
         "{sensor} is the other way up than the settings say, by its accelerometer.",

@@ -28,6 +28,7 @@ def judge_condition(
         floor_known: whether its floor was found.
     """
     alarms.note(HealthKind.SLOW_LINK, condition.slow_link, now, link=condition.link or "a slow link")
+    alarms.note(HealthKind.NOT_CALIBRATED, not condition.calibrated, now)
     if condition.temperature is not None and condition.hot is not None:
         room = condition.hot - condition.temperature
         hot = alarms.between(HealthKind.HOT, room, 2 * _COOLER, _COOLER)

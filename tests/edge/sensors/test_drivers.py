@@ -14,6 +14,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven.recording import Recorder
 from enliven_edge.sensors.attached import attached
+from enliven_edge.sensors.drivers.lens import known_or_typical
 from enliven_edge.sensors.registry import open_sensor, sensor_opener
 from enliven_edge.sensors.reopening import kept_open
 
@@ -109,3 +110,12 @@ def test_without_a_camera_it_says_what_to_do(driver):
         pytest.skip("there is one")
     with pytest.raises(ResourceError, match=r"Plug .* enliven doctor"):
         kept_open(sensor_opener(driver))
+
+
+def test_a_camera_that_does_not_know_its_lens_gets_that_of_its_kind():
+    told, known = known_or_typical(640, 400, (450.0, 451.0, 320.0, 200.0), "oak-d", "oak 1")
+    assert known and (told.fx, told.fy) == (450.0, 451.0)
+    typical, known = known_or_typical(320, 200, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1")
+    assert not known and typical.width == 320 and 200 < typical.fx < 240
+    with pytest.raises(InputError, match="oak 1: it does not know its lens"):
+        known_or_typical(640, 480, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1")

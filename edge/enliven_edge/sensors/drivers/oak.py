@@ -14,6 +14,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition
 from enliven_edge.sensors.drivers.extras import library
+from enliven_edge.sensors.drivers.lens import known_or_typical
 from enliven_edge.sensors.drivers.rehearsal import Rehearsal
 
 _WAITING = 4
@@ -64,6 +65,7 @@ class OakSensor:
         self._gravity: list[np.ndarray] = []
         self._camera: Intrinsics | None = None
         self._matrix: Any = None
+        self._calibrated = True
         self._rehearsal: Rehearsal | None = None
         self._images: Any = None
         if rehearse:
@@ -96,11 +98,12 @@ class OakSensor:
     def condition(self) -> Condition:
         """The link, the chip's temperature, and gravity where there is an accelerometer."""
         if self._device is None:
-            return Condition()
+            return Condition(calibrated=self._calibrated)
         speed, known = self._device.getUsbSpeed(), self._dai.UsbSpeed
         slow = speed in (known.LOW, known.FULL, known.HIGH)
         link = "PoE" if speed == known.UNKNOWN else "USB 2" if slow else "USB 3"
-        return Condition(link, slow, float(self._device.getChipTemperature().average), _HOT, self._down())
+        celsius = float(self._device.getChipTemperature().average)
+        return Condition(link, slow, celsius, _HOT, self._down(), self._calibrated)
 
     def close(self) -> None:
         """Lets the camera go; a second call does nothing."""
@@ -167,7 +170,9 @@ class OakSensor:
         matrix = transformation.getIntrinsicMatrix()
         if self._camera is None or matrix != self._matrix:
             (fx, _, cx), (_, fy, cy), _ = matrix
-            self._camera, self._matrix = Intrinsics(width, height, fx, fy, cx, cy), matrix
+            lens = (fx, fy, cx, cy)
+            self._camera, self._calibrated = known_or_typical(width, height, lens, "oak-d", self.name)
+            self._matrix = matrix
         return self._camera
 
     def _down(self) -> tuple[float, float, float] | None:
