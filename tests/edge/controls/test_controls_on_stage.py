@@ -13,6 +13,7 @@ import pytest
 from enliven.frames import BodyFrame
 from enliven_edge.controls.commands import WORDS
 from enliven_edge.controls.desk import Controls, open_controls
+from enliven_edge.controls.lamps import Lamps
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.matching.rig_actor import RigActor
 from enliven_edge.matching.settings import MatchingSettings
@@ -59,6 +60,9 @@ class Say:
     def poll(self) -> list[str]:
         said, self.words = self.words, []
         return said
+
+    def show(self, lamps: Lamps) -> None:
+        self.lamps = lamps
 
     def close(self) -> None: ...
 
