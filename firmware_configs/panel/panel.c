@@ -246,6 +246,7 @@ int main(void) {
     uint16_t tick = 0, beat_in = BEAT_TICKS;
     start();
     say_hello();
+    say_presses();
     for (;;) {
         sleep_mode();
         listen();

@@ -10,6 +10,7 @@
 
 #define HERTZ 16000000
 #define PINS 8
+#define PORTS "BCD"
 
 typedef struct {
     avr_t *avr;
@@ -17,6 +18,7 @@ typedef struct {
     uint8_t said[4096];
     int said_count;
     int reset_after; /* the CPU is reset after so many further bytes that it sends; 0: never */
+    uint8_t driven[3], driven_high[3]; /* the input pins of each port that something drives, and those it drives high */
     uint64_t high_cycles[PINS], high_since[PINS], edges[PINS]; /* of port B */
 } board_t;
 
@@ -77,11 +79,20 @@ void board_reset(board_t *board, int cause) {
     board->avr->data[0x54] = (uint8_t)cause;
 }
 
+/* The simulator forgets at a reset what drives its inputs; the wires of a real board do not. */
+static void drive_again(board_t *board) {
+    for (int port = 0; port < 3; port++) {
+        uint8_t *pin_register = &board->avr->data[0x23 + 3 * port];
+        *pin_register = (*pin_register & ~board->driven[port]) | board->driven_high[port];
+    }
+}
+
 /* Goes on for so many microseconds; returns whether the CPU still runs. */
 int board_run(board_t *board, uint64_t microseconds) {
     avr_t *avr = board->avr;
     uint64_t end = avr->cycle + microseconds * (HERTZ / 1000000);
     while (avr->cycle < end) {
+        if (avr->pc == 0) drive_again(board);
         int state = avr_run(avr);
         if (state == cpu_Done || state == cpu_Crashed) return 0;
         if (board->reset_after < 0) board->reset_after = 0, board_reset(board, 1 << 1);
@@ -91,6 +102,11 @@ int board_run(board_t *board, uint64_t microseconds) {
 
 /* Drives an input pin, such as 'D', 2. */
 void board_drive(board_t *board, char port, int pin, int high) {
+    int place = strchr(PORTS, port) - PORTS;
+    board->driven[place] |= 1 << pin;
+    board->driven_high[place] = (board->driven_high[place] & ~(1 << pin)) | (high ? 1 << pin : 0);
+    avr_ioport_external_t wires = {.name = port, .mask = board->driven[place], .value = board->driven_high[place]};
+    avr_ioctl(board->avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(port), &wires);
     avr_raise_irq(avr_io_getirq(board->avr, AVR_IOCTL_IOPORT_GETIRQ(port), pin), high);
 }
 

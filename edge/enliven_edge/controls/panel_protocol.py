@@ -17,7 +17,7 @@ ASK = "?"
 _LONGEST = 64
 """Bytes of a body and its checksum; what is longer is noise. The panel's longest are 19."""
 
-_MOST_BEATS = 8
+_MOST_BEATS = 12
 """The panel beats four times a second; where more beats are missing, it was started again or not heard."""
 
 _MOST_PRESSES = 7
@@ -29,7 +29,7 @@ _PRESSES = re.compile(r"P([0-9A-F]{4})([0-9A-F]{1,16})")
 
 
 def encode(body: str) -> bytes:
-    """A message: ``$``, the body, ``*``, the CRC-16 of the body (XMODEM) in four hexadecimal digits, a line feed.
+    """A message: ``$``, the body, ``*``, the body's CRC-16 (XMODEM) as four hexadecimal digits, a line feed.
 
     Args:
         body: printable ASCII without ``$`` and ``*``.
@@ -84,7 +84,7 @@ class PanelKeys:
 
     Attributes:
         version: of the protocol that the panel speaks; empty until its greeting was heard.
-        cause: why the panel was started, a letter of docs/panel.md.
+        cause: why the panel was started, a letter of docs/panel.md, where the last bytes held its greeting.
         heard: how many messages have come.
     """
 
@@ -99,7 +99,7 @@ class PanelKeys:
 
     def feed(self, data: bytes) -> list[str]:
         """The buttons that were pressed, as these bytes say."""
-        keys = []
+        keys, self.cause = [], ""
         for body in self._decoder.feed(data):
             self.heard += 1
             if greeting := _GREETING.fullmatch(body):
@@ -109,7 +109,7 @@ class PanelKeys:
         return keys
 
     def _pressed(self, beat: int, counts: str) -> list[str]:
-        """The presses since the message before; none where this is the first, or the panel was started again."""
+        """The presses since the message before; none where this is the first since the panel was started."""
         beats = (beat - self._beat) % 0x10000
         more = [(int(new, 16) - int(old, 16)) % 16 for new, old in zip(counts, self._counts, strict=False)]
         follows = len(counts) == len(self._counts) and beats <= _MOST_BEATS and max(more) <= _MOST_PRESSES

@@ -22,8 +22,11 @@ _BEAT = 0.25
 _STALE = 1.0
 """Seconds after which the state of the stage is old: an edge that hangs is as silent as one that is gone."""
 
-_SILENCE = 1.0
-"""Seconds without a message of the panel, which sends four a second, until it is looked for anew."""
+_SILENCE = 2.0
+"""Seconds without a message of the panel until it is looked for anew: noise has not spoilt eight in a row."""
+
+_STUCK = 1.0
+"""Seconds to wait for a port that takes no byte."""
 
 _GREETING = 4.0
 """Seconds until a panel must have spoken: opening the port resets an Arduino, whose boot loader takes 2 s."""
@@ -55,13 +58,13 @@ class SerialPanel(SerialPedal):
     def open(self) -> None:
         self._forget()
         super().open()
-        self._port.timeout, self._port.write_timeout = _WAIT, _SILENCE
+        self._port.timeout, self._port.write_timeout = _WAIT, _STUCK
 
     def read(self) -> list[str]:
-        began, heard, cause = time.monotonic(), self._keys.heard, self._keys.cause
+        began, heard = time.monotonic(), self._keys.heard
         keys = super().read()
         self._judge_silence(began, self._keys.heard > heard)
-        if not cause and self._keys.cause in _FAULTS:
+        if self._keys.cause in _FAULTS:
             log.warning("%s: %s", self._where, _FAULTS[self._keys.cause])
         if self._keys.heard:
             self._say()
