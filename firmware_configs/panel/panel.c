@@ -49,13 +49,10 @@ static volatile uint8_t levels[LAMPS]; /* 0 to SLICES */
 
 static uint8_t reset_cause __attribute__((section(".noinit")));
 
-/* Before anything else: after a watchdog's reset the watchdog runs on, at 16 ms. Optiboot has cleared MCUSR and
- * leaves the cause in r2. */
+/* Before anything else: after a watchdog's reset the watchdog runs on, at 16 ms. */
 void early(void) __attribute__((naked, used, section(".init3")));
 void early(void) {
-    uint8_t loader;
-    __asm__ volatile("mov %0, r2" : "=r"(loader));
-    reset_cause = MCUSR ? MCUSR : loader;
+    reset_cause = MCUSR; /* zero where a boot loader has cleared it */
     MCUSR = 0;
     wdt_disable();
 }

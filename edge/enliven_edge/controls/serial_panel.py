@@ -31,10 +31,13 @@ _STUCK = 1.0
 _GREETING = 4.0
 """Seconds until a panel must have spoken: opening the port resets an Arduino, whose boot loader takes 2 s."""
 
-_FAULTS = {
+_CAUSES = {
     "W": "its firmware hung, and its watchdog started it again",
-    "B": "its supply was too low, and it was started again",
+    "B": "its supply was too low",
+    "E": "its reset pin was pulled",
+    "P": "it had no power",
 }
+"""What a greeting of a panel says that was there already; a boot loader may hide it (docs/panel.md)."""
 
 
 class SerialPanel(SerialPedal):
@@ -61,11 +64,11 @@ class SerialPanel(SerialPedal):
         self._port.timeout, self._port.write_timeout = _WAIT, _STUCK
 
     def read(self) -> list[str]:
-        began, heard = time.monotonic(), self._keys.heard
+        began, heard, answered = time.monotonic(), self._keys.heard, self.answers
         keys = super().read()
         self._judge_silence(began, self._keys.heard > heard)
-        if self._keys.cause in _FAULTS:
-            log.warning("%s: %s", self._where, _FAULTS[self._keys.cause])
+        if answered and self._keys.cause:
+            log.warning("%s was started again: %s", self._where, _CAUSES.get(self._keys.cause, "why is unknown"))
         if self._keys.heard:
             self._say()
         return keys if self.answers else []

@@ -18,6 +18,7 @@ from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.matching.rig_actor import RigActor
 from enliven_edge.matching.settings import MatchingSettings
 from enliven_edge.outlet import Outlet
+from enliven_edge.sensors.base import SensorFault
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage import Stage
@@ -184,6 +185,30 @@ def test_a_locked_cast_is_the_trackers(outlet):
     say.words = ["unlock"]
     edge._listen()
     assert edge.tracker._crowd.lock.ids is None
+
+
+def test_lamps_show_the_stage_and_its_health(outlet):
+    say = Say()
+    house = House(outlet, Controls([say]))
+    house.sensor.bodies = []
+    house.step()
+    assert say.lamps == Lamps(attract="breathing")
+    house.sensor.bodies = [person()]
+    house.step()
+    assert say.lamps == Lamps(possess="breathing")
+    say.words = ["possess"]
+    house.step()
+    assert say.lamps == Lamps(possess="steady")
+    house.edge.tracker.lock()
+    house.step()
+    assert say.lamps == Lamps(possess="steady", locked="steady")
+    house.edge.tracker.unlock()
+    house.edge.health.failed(SensorFault("the cable is out", where="people"))
+    house.edge._wait()
+    house.edge._listen()
+    assert say.lamps == Lamps(possess="steady", ill="flashing")
+    house.step()
+    assert say.lamps == Lamps(possess="steady"), "the sensor is back"
 
 
 def test_all_words_are_known_to_somebody():
