@@ -68,7 +68,8 @@ class SerialPanel(SerialPedal):
         keys = super().read()
         self._judge_silence(began, self._keys.heard > heard)
         if answered and self._keys.cause:
-            log.warning("%s was started again: %s", self._where, _CAUSES.get(self._keys.cause, "why is unknown"))
+            why = _CAUSES.get(self._keys.cause, "its boot loader hides why")
+            log.warning("%s was started again: %s", self._where, why)
         if self._keys.heard:
             self._say()
         return keys if self.answers else []
