@@ -28,10 +28,10 @@
 #define FIRST_LAMP 1
 #define ALL_LAMPS (((1 << LAMPS) - 1) << FIRST_LAMP)
 
-#define SLICES 64       /* brightness has so many steps; 125 Hz at 8000 slices a second, which no eye sees */
+#define SLICES 64        /* brightness has so many steps; 8000 slices a second are 125 Hz, which no eye sees */
 #define SLICES_A_TICK 16 /* a tick is 2 ms */
 #define TICK_MS 2
-#define STEADY_TICKS 5  /* a contact counts after 10 ms of rest: it bounces for less, and noise is shorter */
+#define STEADY_TICKS 5   /* a contact counts after 10 ms of rest: it bounces for less, and noise is shorter */
 #define BEAT_TICKS (250 / TICK_MS)
 #define SILENT_TICKS (1000 / TICK_MS) /* four beats of the edge are missing */
 
@@ -46,23 +46,13 @@ typedef struct {
 static Ring received, sending;
 static volatile uint8_t ticks_due;
 static volatile uint8_t levels[LAMPS]; /* 0 to SLICES */
+static uint8_t reset_cause; /* the bits of MCUSR; zero where a boot loader has cleared them */
 
-static uint8_t reset_cause __attribute__((section(".noinit")));
-
-/* Before anything else: after a watchdog's reset the watchdog runs on, at 16 ms. */
-void early(void) __attribute__((naked, used, section(".init3")));
-void early(void) {
-    reset_cause = MCUSR; /* zero where a boot loader has cleared it */
-    MCUSR = 0;
-    wdt_disable();
-}
-
-static bool put(Ring *ring, uint8_t byte) {
+static void put(Ring *ring, uint8_t byte) { /* where it is full a byte is lost, and its message with it */
     uint8_t next = (ring->head + 1) % RING;
-    if (next == ring->tail) return false;
+    if (next == ring->tail) return;
     ring->bytes[ring->head] = byte;
     ring->head = next;
-    return true;
 }
 
 static uint8_t take(Ring *ring) {
@@ -223,6 +213,9 @@ static void say_presses(void) {
 /* --- once, and for ever --- */
 
 static void start(void) {
+    wdt_enable(WDTO_250MS); /* first of all: after its own reset the watchdog runs on, at 16 ms */
+    reset_cause = MCUSR;
+    MCUSR = 0;
     DDRB = ALL_LAMPS;
     PORTD = BUTTONS_D; /* pull-ups */
     PORTC = BUTTONS_C;
@@ -235,7 +228,6 @@ static void start(void) {
     OCR0A = 249;        /* 8000 slices a second */
     TIMSK0 = _BV(OCIE0A);
     set_sleep_mode(SLEEP_MODE_IDLE);
-    wdt_enable(WDTO_250MS);
     sei();
 }
 

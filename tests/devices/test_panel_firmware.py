@@ -145,7 +145,7 @@ def test_an_edge_that_is_silent_is_shown_by_all_lamps_and_forgotten_when_it_spea
         encode("lSSSS"),
         encode("LSSSS").lower().replace(b"l", b"L"),
         encode("LSSSS").replace(b"\n", b"x\n"),
-        b"$" + b"L" * 200 + encode("LSSSS")[1:],
+        b"$" + b"L" * 256 + encode("LSSSS")[1:],
         encode("LSSSS")[1:],
     ],
 )

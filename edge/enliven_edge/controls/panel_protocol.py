@@ -86,6 +86,7 @@ class PanelKeys:
         version: of the protocol that the panel speaks; empty until its greeting was heard.
         cause: why the panel was started, a letter of docs/panel.md, where the last bytes held its greeting.
         heard: how many messages have come.
+        counts: a digit for each button, its presses; empty until they were heard.
     """
 
     def __init__(self) -> None:
@@ -94,8 +95,8 @@ class PanelKeys:
     def forget(self) -> None:
         """The port is opened anew: what was pressed before is nothing."""
         self._decoder = Decoder()
-        self._beat, self._counts = 0, ""
-        self.version, self.cause, self.heard = "", "", 0
+        self._beat = 0
+        self.version, self.cause, self.heard, self.counts = "", "", 0, ""
 
     def feed(self, data: bytes) -> list[str]:
         """The buttons that were pressed, as these bytes say."""
@@ -111,9 +112,9 @@ class PanelKeys:
     def _pressed(self, beat: int, counts: str) -> list[str]:
         """The presses since the message before; none where this is the first since the panel was started."""
         beats = (beat - self._beat) % 0x10000
-        more = [(int(new, 16) - int(old, 16)) % 16 for new, old in zip(counts, self._counts, strict=False)]
-        follows = len(counts) == len(self._counts) and beats <= _MOST_BEATS and max(more) <= _MOST_PRESSES
-        self._beat, self._counts = beat, counts
+        more = [(int(new, 16) - int(old, 16)) % 16 for new, old in zip(counts, self.counts, strict=False)]
+        follows = len(counts) == len(self.counts) and beats <= _MOST_BEATS and max(more) <= _MOST_PRESSES
+        self._beat, self.counts = beat, counts
         if not follows:
             return []
         return [str(button) for button, times in enumerate(more, 1) for _ in range(times)]

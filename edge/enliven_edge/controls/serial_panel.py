@@ -52,8 +52,8 @@ class SerialPanel(SerialPedal):
 
     @property
     def answers(self) -> bool:
-        """Whether the panel has sent its greeting, in the protocol of this edge."""
-        return self._keys.version == VERSION
+        """Whether the panel has greeted in the protocol of this edge, and its presses are counted."""
+        return self._keys.version == VERSION and self._keys.counts != ""
 
     def show(self, lamps: Lamps) -> None:
         self._wanted, self._wanted_at = lamps, time.monotonic()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import accumulate
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from enliven.health import Severity
@@ -28,6 +28,7 @@ def test_a_message_on_the_line():
 
 
 @given(st.binary(max_size=300))
+@example(b"$" + 300 * b"x")
 def test_any_bytes_are_read_and_hold_no_more_than_a_line(noise):
     decoder, keys = Decoder(), PanelKeys()
     decoder.feed(noise * 3)

@@ -88,17 +88,38 @@ def test_a_panel_of_another_protocol_is_not_there_and_that_is_said_once(port, ca
     assert caplog.text.count("speaks protocol 07") == 1
 
 
-def test_lamps_are_said_again_and_again_while_the_edge_lives(port, caplog):
-    def says(lamps: Lamps, body: str) -> bool:
-        controls.show(lamps)
-        port.send(encode("H01P"))
-        said.extend(port.edge_says())
-        return said.count(body) >= 3
+class Ear:
+    """What the edge said to a panel that greets again and again, while its lamps are to show something."""
 
-    said: list[str] = []
+    def __init__(self, port: Port, controls) -> None:
+        self._port, self._controls = port, controls
+        self.said: list[str] = []
+
+    def hears(self, lamps: Lamps, body: str, times: int) -> bool:
+        self._controls.show(lamps)
+        self._port.send(encode("H01P") + encode("P0001000000000"))
+        self.said += self._port.edge_says()
+        return self.said.count(body) >= times
+
+
+def test_lamps_are_said_again_and_again_while_the_edge_lives(port, caplog):
     with opened(port) as controls:
-        until(lambda: says(Lamps(attract="breathing"), "LB---"))
-        until(lambda: says(Lamps(ill="flashing"), "L---F"))
-    after = said.index("L---F")
+        ear = Ear(port, controls)
+        until(lambda: ear.hears(Lamps(attract="breathing"), "LB---", 3))
+        until(lambda: ear.hears(Lamps(ill="flashing"), "L---F", 3))
+    after = ear.said.index("L---F")
+    assert set(ear.said[after:]) == {"L---F"} and "L----" not in ear.said
     assert "controls.panel was started again: it had no power" in caplog.text
-    assert set(said[after:]) == {"L---F"} and "L----" not in said
+
+
+def test_a_change_of_the_lamps_waits_for_no_beat(port, monkeypatch):
+    monkeypatch.setattr(serial_panel, "_BEAT", 1000.0)
+    with opened(port) as controls:
+        ear = Ear(port, controls)
+        for lamps, body in (
+            (Lamps(locked="steady"), "L--S-"),
+            (Lamps(), "L----"),
+            (Lamps("steady"), "LS---"),
+        ):
+            until(lambda lamps=lamps, body=body: ear.hears(lamps, body, 1))
+    assert [body for body in ear.said if body[0] == "L"] == ["L--S-", "L----", "LS---"]
