@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint fuzz-quick fuzz bench films possess-films session-films example-films setup setup-dev record-references clean test-more test-matrix test-bare test-arm audit
+.PHONY: help run test lint fuzz-quick fuzz bench films possess-films session-films example-films setup setup-dev record-references clean test-more test-matrix test-bare test-arm test-devices panel audit
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -25,6 +25,13 @@ test-bare:       ## both commands in bare Debians 12 and 13 (as root): make test
 
 test-arm: setup-dev ## the numeric core's tests as an aarch64 processor would run them (as root; slow)
 	@sh scripts/test_arm.sh $(ONLY)
+
+test-devices:    ## the firmware of the button panel in a simulator (part of make test where its tools are installed)
+	@sh scripts/setup.sh devices
+	@.venv/bin/python -m pytest tests/devices $(ARGS)
+
+panel:           ## build the firmware of the button panel, and write it to a board: make panel PORT=/dev/ttyUSB0
+	@$(MAKE) -s -C firmware_configs/panel $(if $(PORT),flash)
 
 audit: setup-dev ## known vulnerabilities and licences of everything that is installed
 	@.venv/bin/python scripts/audit.py

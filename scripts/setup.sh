@@ -1,9 +1,10 @@
 #!/bin/sh
 # Makes this checkout ready: a Python, the packages in .venv, and the few system libraries that are missing.
-# Usage: setup.sh run | dev.  Asks nothing, says what it is about to do, and is done at once the second time.
+# Usage: setup.sh run | dev | devices.  Asks nothing, says what it is about to do, and is done at once the second time.
 set -eu
 cd "$(dirname "$0")/.."
-kind=${1:-run}
+kind=${1:-run} devices=
+[ "$kind" = devices ] && kind=dev devices=yes
 
 say() { printf '%s\n' "enliven: $*"; }
 fail() { printf '%s\n' "enliven: $*" >&2; exit 4; }
@@ -82,6 +83,13 @@ spoken_tests() {
     .venv/bin/python -c 'import ctypes; ctypes.CDLL("libportaudio.so.2")' 2>/dev/null || printf 'libportaudio2'
 }
 
+device_tests() {
+    # The panel's firmware is compiled by the one and run by the other; without them make test skips its tests.
+    [ -e /usr/lib/avr/include/avr/io.h ] && command -v avr-gcc >/dev/null 2>&1 || printf 'gcc-avr avr-libc '
+    [ -e /usr/include/simavr/sim_avr.h ] || printf 'libsimavr-dev '
+    command -v cc >/dev/null 2>&1 || printf 'gcc libc6-dev'
+}
+
 stamp=".venv/.ready-$kind"
 wanted=$(cat "locks/$kind.txt" shared/pyproject.toml edge/pyproject.toml viewer/pyproject.toml scripts/setup.sh | cksum)
 make_venv
@@ -98,4 +106,10 @@ if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
     # shellcheck disable=SC2086
     [ -z "$more" ] || install_system $more || say "without $more the tests of voice commands are skipped"
     printf '%s' "$wanted" >"$stamp"
+fi
+if [ "$devices" ]; then
+    missing=$(device_tests)
+    # shellcheck disable=SC2086
+    [ -z "$missing" ] || install_system $missing || fail "these system packages are missing: $missing" \
+        "Type: sudo apt-get install -y $missing"
 fi

@@ -14,11 +14,12 @@ from enliven.character import Pose
 from enliven.commands.processes import parent_is_gone
 from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.frames import BodyFrame, DepthFrame, Frame
-from enliven.health import HealthState, worst_first
+from enliven.health import HealthState, Severity, worst_first
 from enliven.matching.views import View
 from enliven.props import Props
 from enliven.wire.messages import Look, Possess
 from enliven_edge.controls.desk import Controls
+from enliven_edge.controls.lamps import Lamps, lamps_of
 from enliven_edge.fusion.fused_sensor import FusedFrame, FusedSensors
 from enliven_edge.opening import Opening
 from enliven_edge.outlet import Outlet
@@ -195,6 +196,7 @@ class Edge:
     def _listen(self) -> None:
         """Carries out what viewers and controls asked for; what cannot be done is refused with its reason."""
         self.controls.obey(self.stage, self._possess, self._lock)
+        self.controls.show(self._lamps())
         self.outlet.hear(
             possess=lambda asked: self._attempt(lambda: self._possess(asked)),
             release=lambda character, body: self._attempt(lambda: self.stage.release(character, body)),
@@ -202,6 +204,16 @@ class Edge:
             look=lambda asked: self._attempt(lambda: self._look(asked)),
             browse=lambda character, step: self._attempt(lambda: self.stage.browse(character, step)),
             lock=lambda on: self._attempt(lambda: self._lock(on)),
+        )
+
+    def _lamps(self) -> Lamps:
+        """What the lamps of the controls show: the stage, and the same health as viewers are told."""
+        told = self.outlet.publisher.status.health
+        return lamps_of(
+            present=self.stage.occupied,
+            held=bool(self.stage.holders),
+            locked=self.tracker.locked,
+            worst=max((state.severity for state in told), default=Severity.NOTE),
         )
 
     def _lock(self, on: bool) -> None:

@@ -42,6 +42,11 @@ class Stage:
         return [actor.perform(bodies, time_ns, seen) for actor in self.actors.values()]
 
     @property
+    def occupied(self) -> bool:
+        """Whether a performer is in view."""
+        return bool(self._bodies)
+
+    @property
     def holders(self) -> set[int]:
         """The ids of the performers who hold a character."""
         return {hold.body for actor in self.actors.values() for hold in actor.holds}

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from enliven_edge.controls.commands import Word
+from enliven_edge.controls.lamps import Lamps
 
 log = logging.getLogger(__name__)
 
@@ -41,6 +42,10 @@ class Control(Protocol):
         """What was said since the last call, the oldest first; never waits."""
         ...
 
+    def show(self, lamps: Lamps) -> None:
+        """What its lamps are to show from now on, where it has any."""
+        ...
+
     def close(self) -> None:
         """Ends it and lets the device go."""
         ...
@@ -65,6 +70,14 @@ class Device(ABC):
             Exception: likewise, where it is gone.
             EOFError: where nothing will ever come again.
         """
+
+    @property
+    def answers(self) -> bool:
+        """Whether the device behind an open port has answered as it should; only then it is there."""
+        return True
+
+    def show(self, lamps: Lamps) -> None:  # noqa: B027 (most devices have no lamps)
+        """What its lamps are to show from now on; called from another thread than the rest."""
 
     @abstractmethod
     def close(self) -> None:
@@ -128,6 +141,10 @@ class Reader:
             said.append(self._said.popleft())
         return said
 
+    def show(self, lamps: Lamps) -> None:
+        """What the device's lamps are to show from now on."""
+        self._device.show(lamps)
+
     def close(self) -> None:
         """Ends the thread, which lets the device go."""
         self._stopped.set()
@@ -139,14 +156,13 @@ class Reader:
         while not self._stopped.is_set():
             try:
                 self._device.open()
-                log.info("control %s is there", self.name)
-                wait, told = self._retry, False
-                self._there = True
                 self._read()
             except EOFError:
                 log.info("control %s has ended", self.name)
                 return
             except Exception as error:  # not only OSError: termios and PortAudio have errors of their own
+                if self._there:
+                    wait, told = self._retry, False
                 if not told:
                     log.warning("control %s is not there (%s); it is looked for", self.name, error)
                 log.debug("control %s", self.name, exc_info=True)
@@ -160,6 +176,9 @@ class Reader:
     def _read(self) -> None:
         """Until it is gone or :meth:`close`."""
         while not self._stopped.is_set():
+            if not self._there and self._device.answers:
+                log.info("control %s is there", self.name)
+                self._there = True
             for key in self._device.read():
                 if self._debouncer.counts(key, time.monotonic()):
                     self._press(key)

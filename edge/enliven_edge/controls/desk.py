@@ -11,6 +11,7 @@ from enliven.errors import EnlivenError, InputError
 from enliven.wire.messages import Possess
 from enliven_edge.controls.base import Control, Device, Reader
 from enliven_edge.controls.commands import WORDS, Word, actions, checked_map
+from enliven_edge.controls.lamps import Lamps
 from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
 from enliven_edge.stage import Stage
 
@@ -38,6 +39,11 @@ class Controls:
                         action()
                     except EnlivenError as error:
                         log.warning("%s: %s was refused: %s", control.name, word, error)
+
+    def show(self, lamps: Lamps) -> None:
+        """Shows the state of the stage; a lamp goes to "no edge" where this is not called for a second."""
+        for control in self._controls:
+            control.show(lamps)
 
     @property
     def missing(self) -> list[str]:
@@ -97,6 +103,10 @@ def device_of(name: str, settings: ControlSettings, folder: Path | None = None) 
     where = f"controls.{name}"
     refuse_other_kinds(settings, where)
     words = words_of(name, settings)
+    if settings.kind == "serial" and settings.sends == "panel":
+        from enliven_edge.controls.serial_panel import SerialPanel
+
+        return SerialPanel(settings, where)
     if settings.kind == "serial":
         from enliven_edge.controls.serial_pedal import SerialPedal
 

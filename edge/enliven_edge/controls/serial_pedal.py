@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import Any, Protocol
 
 from enliven.errors import InputError
 from enliven_edge.controls.base import PATIENCE, Device
@@ -12,6 +12,18 @@ from enliven_edge.controls.settings import ControlSettings
 
 _LONGEST_LINE = 64
 """Bytes; what goes on for longer is no press, but another speed or another device."""
+
+
+class Keys(Protocol):
+    """Finds the keys in what a port sends."""
+
+    def feed(self, data: bytes) -> list[str]:
+        """The keys in some bytes."""
+        ...
+
+    def forget(self) -> None:
+        """The port is opened anew: half a key of before is nothing."""
+        ...
 
 
 class SerialPedal(Device):
@@ -29,7 +41,7 @@ class SerialPedal(Device):
         need("serial", "controls", where)
         self._settings = settings
         self._port: Any = None
-        self._keys = LineKeys() if settings.sends == "line" else ByteKeys()
+        self._keys: Keys = LineKeys() if settings.sends == "line" else ByteKeys()
 
     def open(self) -> None:
         serial: Any = importlib.import_module("serial")

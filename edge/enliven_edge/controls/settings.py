@@ -26,7 +26,9 @@ class ControlSettings:
     )
     port: str = setting("", "serial: the port, such as /dev/serial/by-id/...")
     baud: int = setting(9600, "serial: the speed.", unit="bits/s", low=50, high=4_000_000)
-    sends: Literal["line", "byte"] = setting("line", "serial: what a press sends, a line or one byte.")
+    sends: Literal["line", "byte", "panel"] = setting(
+        "line", "serial: what a press sends: a line, one byte, or what the panel's firmware says."
+    )
     vendor: int = setting(0, "hid: the maker's number, such as 0x0c45.", low=0, high=0xFFFF)
     product: int = setting(0, "hid: the product's number.", low=0, high=0xFFFF)
     interface: int = setting(-1, "hid: which of the device's interfaces; -1: the first.", low=-1, high=255)

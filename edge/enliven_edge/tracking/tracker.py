@@ -92,6 +92,11 @@ class Tracker:
         """Only these people, or all who are followed now, are performers; newcomers are bystanders."""
         self._crowd.lock_to(ids)
 
+    @property
+    def locked(self) -> bool:
+        """Whether newcomers are bystanders."""
+        return self._crowd.lock.ids is not None
+
     def unlock(self) -> None:
         """Newcomers may be performers again."""
         self._crowd.unlock()

@@ -13,10 +13,12 @@ import pytest
 from enliven.frames import BodyFrame
 from enliven_edge.controls.commands import WORDS
 from enliven_edge.controls.desk import Controls, open_controls
+from enliven_edge.controls.lamps import Lamps
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.matching.rig_actor import RigActor
 from enliven_edge.matching.settings import MatchingSettings
 from enliven_edge.outlet import Outlet
+from enliven_edge.sensors.base import SensorFault
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage import Stage
@@ -59,6 +61,9 @@ class Say:
     def poll(self) -> list[str]:
         said, self.words = self.words, []
         return said
+
+    def show(self, lamps: Lamps) -> None:
+        self.lamps = lamps
 
     def close(self) -> None: ...
 
@@ -180,6 +185,30 @@ def test_a_locked_cast_is_the_trackers(outlet):
     say.words = ["unlock"]
     edge._listen()
     assert edge.tracker._crowd.lock.ids is None
+
+
+def test_lamps_show_the_stage_and_its_health(outlet):
+    say = Say()
+    house = House(outlet, Controls([say]))
+    house.sensor.bodies = []
+    house.step()
+    assert say.lamps == Lamps(attract="breathing")
+    house.sensor.bodies = [person()]
+    house.step()
+    assert say.lamps == Lamps(possess="breathing")
+    say.words = ["possess"]
+    house.step()
+    assert say.lamps == Lamps(possess="steady")
+    house.edge.tracker.lock()
+    house.step()
+    assert say.lamps == Lamps(possess="steady", locked="steady")
+    house.edge.tracker.unlock()
+    house.edge.health.failed(SensorFault("the cable is out", where="people"))
+    house.edge._wait()
+    house.edge._listen()
+    assert say.lamps == Lamps(possess="steady", ill="flashing")
+    house.step()
+    assert say.lamps == Lamps(possess="steady"), "the sensor is back"
 
 
 def test_all_words_are_known_to_somebody():

@@ -1,0 +1,103 @@
+"""A panel of buttons and lamps on a serial port, with the firmware of firmware_configs/panel."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+from enliven.errors import ResourceError
+from enliven_edge.controls.lamps import Lamps
+from enliven_edge.controls.panel_protocol import ASK, VERSION, PanelKeys, encode, lamps_body
+from enliven_edge.controls.serial_pedal import SerialPedal
+from enliven_edge.controls.settings import ControlSettings
+
+log = logging.getLogger(__name__)
+
+_WAIT = 0.03
+"""Seconds to wait for the panel's first byte before looking whether the lamps change."""
+
+_BEAT = 0.25
+"""Seconds between two messages to the panel, which takes 1 s without one for an edge that is gone."""
+
+_STALE = 1.0
+"""Seconds after which the state of the stage is old: an edge that hangs is as silent as one that is gone."""
+
+_SILENCE = 2.0
+"""Seconds without a message of the panel until it is looked for anew: noise has not spoilt eight in a row."""
+
+_STUCK = 1.0
+"""Seconds to wait for a port that takes no byte."""
+
+_GREETING = 4.0
+"""Seconds until a panel must have spoken: opening the port resets an Arduino, whose boot loader takes 2 s."""
+
+_CAUSES = {
+    "W": "its firmware hung, and its watchdog started it again",
+    "B": "its supply was too low",
+    "E": "its reset pin was pulled",
+    "P": "it had no power",
+}
+"""What a greeting of a panel says that was there already; a boot loader may hide it (docs/panel.md)."""
+
+
+class SerialPanel(SerialPedal):
+    """One panel: presses in, the patterns of its lamps out, heartbeats both ways."""
+
+    def __init__(self, settings: ControlSettings, where: str) -> None:
+        super().__init__(settings, where)
+        self._where = where
+        self._keys: PanelKeys = PanelKeys()
+        self._wanted, self._wanted_at = Lamps(), float("-inf")
+        self._forget()
+
+    @property
+    def answers(self) -> bool:
+        """Whether the panel has greeted in the protocol of this edge, and its presses are counted."""
+        return self._keys.version == VERSION and self._keys.counts != ""
+
+    def show(self, lamps: Lamps) -> None:
+        self._wanted, self._wanted_at = lamps, time.monotonic()
+
+    def open(self) -> None:
+        self._forget()
+        super().open()
+        self._port.timeout, self._port.write_timeout = _WAIT, _STUCK
+
+    def read(self) -> list[str]:
+        began, heard, answered = time.monotonic(), self._keys.heard, self.answers
+        keys = super().read()
+        self._judge_silence(began, self._keys.heard > heard)
+        if answered and self._keys.cause:
+            why = _CAUSES.get(self._keys.cause, "its boot loader hides why")
+            log.warning("%s was started again: %s", self._where, why)
+        if self._keys.heard:
+            self._say()
+        return keys if self.answers else []
+
+    def _forget(self) -> None:
+        """The port is opened anew."""
+        self._quiet, self._said, self._said_at = 0.0, "", float("-inf")
+
+    def _say(self) -> None:
+        """Sends the lamps where they change or a beat is due; asks for a greeting that was missed."""
+        now = time.monotonic()
+        body = lamps_body(self._wanted) if self.answers else ASK
+        if self.answers and now - self._wanted_at > _STALE:
+            return
+        if body != self._said or now - self._said_at >= _BEAT:
+            self._port.write(encode(body))
+            self._said, self._said_at = body, now
+
+    def _judge_silence(self, began: float, heard: bool) -> None:
+        """Counts only time in which the port was read, so that a machine that slept does not lose its panel.
+
+        Raises:
+            ResourceError: where the panel is silent, or speaks another protocol.
+        """
+        self._quiet = 0.0 if heard else self._quiet + min(time.monotonic() - began, 2.0 * _WAIT)
+        if self._quiet > (_SILENCE if self._keys.heard else _GREETING):
+            mend = f"Is its firmware on it (docs/panel.md), and its speed {self._settings.baud} bits/s?"
+            raise ResourceError("the panel says nothing", where=self._where, mend=mend)
+        if self._keys.version not in ("", VERSION):
+            what = f"the panel speaks protocol {self._keys.version}, and this edge {VERSION}"
+            raise ResourceError(what, where=self._where, mend="Flash firmware_configs/panel: docs/panel.md.")

@@ -1,0 +1,173 @@
+"""The panel's firmware in a simulator, on a pseudo-terminal, against the edge's own serial driver."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from patience import until
+
+from enliven_edge.controls import serial_panel
+from enliven_edge.controls.desk import Controls, open_controls
+from enliven_edge.controls.lamps import Lamps
+from enliven_edge.controls.settings import ControlSettings
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from panel_for_tests import LAMPS, LivePanel
+
+pytest.importorskip("serial", reason="pyserial is not installed (the extra 'controls')")
+
+WORDS = ("possess", "join", "extend", "release", "next", "previous", "follow", "lock", "unlock")
+MAP = {str(button): word for button, word in enumerate(WORDS, 1)}
+STEADY = Lamps(possess="steady", locked="steady")
+
+
+class Stand:
+    """An edge's controls, with the panel as the only one, and what was heard of it so far."""
+
+    def __init__(self, controls: Controls, panel: LivePanel) -> None:
+        self.controls, self.panel = controls, panel
+        (self._reader,) = controls._controls
+        self.heard: list[str] = []
+        self.lamps: Lamps | None = Lamps()
+        self._open = True
+        self._thread = threading.Thread(target=self._show, daemon=True)
+        self._thread.start()
+
+    def is_there(self) -> bool:
+        return not self.controls.missing
+
+    def says(self, words: list[str]) -> None:
+        """Waits until so many words were heard, and no other."""
+
+        def heard() -> bool:
+            self.heard += self._reader.poll()
+            return len(self.heard) >= len(words)
+
+        until(heard, f"{words} after {self.heard}")
+        assert self.heard == words
+
+    def shows(self, **levels: float) -> None:
+        """Waits until these lamps are lit for such a share of the time, and all others are dark."""
+        wanted = {name: levels.get(name, 0.0) for name in LAMPS}
+        until(lambda: self.panel.levels() == pytest.approx(wanted, abs=0.02), f"lamps {wanted}")
+
+    def close(self) -> None:
+        self._open = False
+        self._thread.join()
+
+    def _show(self) -> None:
+        """As an edge's loop does, ten times a second at least."""
+        while self._open:
+            if self.lamps is not None:
+                self.controls.show(self.lamps)
+            time.sleep(0.02)
+
+
+@pytest.fixture
+def panel(firmware, tmp_path):
+    made = LivePanel(firmware, tmp_path / "panel")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def stand(panel, caplog):
+    caplog.set_level(logging.INFO)
+    given = ControlSettings(
+        "serial", MAP, port=str(panel.path), sends="panel", baud=38400, debounce=0.0, retry=0.02
+    )
+    with open_controls({"panel": given}) as controls:
+        made = Stand(controls, panel)
+        until(made.is_there)
+        yield made
+        made.close()
+
+
+def test_presses_come_in_and_lamps_go_out(stand):
+    for button in range(1, 10):
+        stand.panel.click(button)
+    stand.says(list(WORDS))
+    stand.lamps = STEADY
+    stand.shows(possess=1.0, locked=1.0)
+    stand.lamps = Lamps(ill="steady")
+    stand.shows(ill=1.0)
+
+
+def test_noise_on_the_line_loses_no_press_and_makes_none(stand, caplog):
+    stand.panel.garbled = 0.015
+    stand.lamps = STEADY
+    pressed = [button for _ in range(3) for button in (1, 5, 9, 2)]
+    for count, button in enumerate(pressed, 1):
+        stand.panel.click(button)
+        stand.says([MAP[str(one)] for one in pressed[:count]])
+    stand.shows(possess=1.0, locked=1.0)
+    assert stand.panel.hits > 3
+    assert stand.is_there() and "which its map does not have" not in caplog.text
+
+
+@pytest.mark.parametrize("bytes_sent", [3, 15])
+def test_a_reset_in_mid_message_is_no_press_and_no_loss(stand, caplog, bytes_sent):
+    stand.panel.click(1)
+    stand.says(["possess"])
+    with stand.panel.lock:
+        stand.panel.board.reset_after(bytes_sent)
+    stand.panel.rest(400)
+    stand.panel.click(5)
+    stand.says(["possess", "next"])
+    assert "is not there" not in caplog.text
+
+
+def test_it_is_unplugged_and_comes_back_again_and_again(stand, caplog):
+    words = []
+    for times in range(1, 4):
+        stand.panel.unplug()
+        until(lambda: not stand.is_there())
+        stand.panel.plug()
+        until(stand.is_there)
+        stand.panel.click(4)
+        words.append("release")
+        stand.says(words)
+        assert caplog.text.count("is not there") == times
+    stand.lamps = STEADY
+    stand.shows(possess=1.0, locked=1.0)
+
+
+def test_a_firmware_that_hangs_is_started_by_its_watchdog_and_that_is_said(stand, caplog):
+    stand.lamps = STEADY
+    stand.panel.click(1)
+    stand.says(["possess"])
+    with stand.panel.lock:
+        stand.panel.board.hang()
+    until(lambda: "its watchdog started it again" in caplog.text)
+    stand.panel.click(2)
+    stand.says(["possess", "join"])
+    stand.shows(possess=1.0, locked=1.0)
+    assert "is not there" not in caplog.text
+
+
+def test_a_panel_that_stands_still_is_looked_for_until_it_speaks(stand, caplog, monkeypatch):
+    monkeypatch.setattr(serial_panel, "_SILENCE", 1.0)
+    stand.panel.frozen = True
+    until(lambda: "the panel says nothing" in caplog.text)
+    assert not stand.is_there()
+    stand.panel.frozen = False
+    until(stand.is_there)
+    stand.panel.click(6)
+    stand.says(["previous"])
+
+
+def test_an_edge_that_hangs_is_shown_as_no_edge(stand, monkeypatch):
+    monkeypatch.setattr(serial_panel, "_STALE", 0.3)
+    stand.lamps = STEADY
+    stand.shows(possess=1.0, locked=1.0)
+    stand.lamps = None
+    stand.shows()
+    assert stand.is_there(), "its thread still reads the panel"
+    stand.lamps = STEADY
+    stand.shows(possess=1.0, locked=1.0)

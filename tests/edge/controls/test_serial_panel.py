@@ -1,0 +1,125 @@
+"""The panel's driver over a real pseudo-terminal, by the real pyserial; tests/devices has the firmware."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from enliven_edge.controls import serial_panel
+from enliven_edge.controls.desk import open_controls
+from enliven_edge.controls.lamps import Lamps
+from enliven_edge.controls.panel_protocol import Decoder, encode
+from enliven_edge.controls.settings import ControlSettings
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from patience import until
+from pedals_for_tests import Pedal
+
+pytest.importorskip("serial", reason="pyserial is not installed (the extra 'controls')")
+
+
+class Port(Pedal):
+    """A port on which the test says what a panel might, and reads what the edge says."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        os.set_blocking(self._master, False)
+        self.decoder = Decoder()
+
+    def edge_says(self) -> list[str]:
+        try:
+            return self.decoder.feed(os.read(self._master, 4096))
+        except BlockingIOError:
+            return []
+
+
+@pytest.fixture
+def port(tmp_path, caplog):
+    caplog.set_level(logging.INFO)
+    made = Port(tmp_path / "panel")
+    yield made
+    made.close()
+
+
+def opened(port: Port):
+    given = ControlSettings(
+        "serial", {"1": "next"}, port=str(port.path), sends="panel", debounce=0.0, retry=0.02
+    )
+    return open_controls({"panel": given})
+
+
+def test_a_port_is_no_panel_before_it_has_greeted(port, monkeypatch, caplog):
+    monkeypatch.setattr(serial_panel, "_GREETING", 0.3)
+    with opened(port) as controls:
+        until(lambda: "the panel says nothing. Is its firmware on it" in caplog.text)
+        port.send(b"AT+GMM\r\n\xff\x00$P0000\n$H01P*0000\n")
+        assert controls.missing == ["panel"] and "is there" not in caplog.text
+        assert port.edge_says() == [], "what may be a modem or a boot loader is not spoken to"
+    assert caplog.text.count("says nothing") == 1, "it is said once, however often it is tried"
+
+
+def test_a_panel_that_runs_already_is_asked_for_its_greeting(port):
+    def asked() -> bool:
+        port.send(encode("P0123000000000"))
+        return "?" in port.edge_says()
+
+    with opened(port) as controls:
+        until(asked)
+        port.send(encode("H01P"))
+        until(lambda: not controls.missing)
+
+
+def test_a_panel_of_another_protocol_is_not_there_and_that_is_said_once(port, caplog):
+    def greeted() -> str:
+        port.send(encode("H07P"))
+        return caplog.text
+
+    with opened(port) as controls:
+        until(lambda: "the panel speaks protocol 07, and this edge 01" in greeted())
+        assert controls.missing == ["panel"]
+        for _ in range(20):
+            greeted()
+            port.edge_says()
+    assert caplog.text.count("speaks protocol 07") == 1
+
+
+class Ear:
+    """What the edge said to a panel that greets again and again, while its lamps are to show something."""
+
+    def __init__(self, port: Port, controls) -> None:
+        self._port, self._controls = port, controls
+        self.said: list[str] = []
+
+    def hears(self, lamps: Lamps, body: str, times: int) -> bool:
+        self._controls.show(lamps)
+        self._port.send(encode("H01P") + encode("P0001000000000"))
+        self.said += self._port.edge_says()
+        return self.said.count(body) >= times
+
+
+def test_lamps_are_said_again_and_again_while_the_edge_lives(port, caplog):
+    with opened(port) as controls:
+        ear = Ear(port, controls)
+        until(lambda: ear.hears(Lamps(attract="breathing"), "LB---", 3))
+        until(lambda: ear.hears(Lamps(ill="flashing"), "L---F", 3))
+    after = ear.said.index("L---F")
+    assert set(ear.said[after:]) == {"L---F"} and "L----" not in ear.said
+    assert "controls.panel was started again: it had no power" in caplog.text
+
+
+def test_a_change_of_the_lamps_waits_for_no_beat(port, monkeypatch):
+    monkeypatch.setattr(serial_panel, "_BEAT", 1000.0)
+    with opened(port) as controls:
+        ear = Ear(port, controls)
+        for lamps, body in (
+            (Lamps(locked="steady"), "L--S-"),
+            (Lamps(), "L----"),
+            (Lamps("steady"), "LS---"),
+        ):
+            until(lambda lamps=lamps, body=body: ear.hears(lamps, body, 1))
+    assert [body for body in ear.said if body[0] == "L"] == ["L--S-", "L----", "LS---"]
