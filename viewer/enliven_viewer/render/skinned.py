@@ -11,7 +11,13 @@ from enliven.arrays import Float32
 from enliven.character import Character, Pose
 from enliven_viewer.render.normals import placed
 from enliven_viewer.render.program import UNITS
-from enliven_viewer.render.surface import clustered_faces, is_closed, longest_edge, split_creases
+from enliven_viewer.render.surface import (
+    clustered_faces,
+    is_closed,
+    longest_edge,
+    neighbours_in_turn,
+    split_creases,
+)
 
 _PER_ROW = 256
 """Transforms in a row of the texture; shaders/skin.vert has the same number."""
@@ -54,8 +60,9 @@ class SkinnedMesh:
         ]
         self.closed = is_closed(character.vertices, character.faces)
         self.fine = self.closed and longest_edge(character.vertices, character.faces) <= _FINE
-        self._faces = ctx.buffer(surface.faces.tobytes())
-        self._coarse_faces = ctx.buffer(clustered_faces(rest, surface.faces, _COARSE).tobytes())
+        faces = neighbours_in_turn(rest, surface.faces)
+        self._faces = ctx.buffer(faces.tobytes())
+        self._coarse_faces = ctx.buffer(clustered_faces(rest, faces, _COARSE).tobytes())
         self._colours = ctx.buffer(_linear_colours(character)[surface.source].tobytes())
         self._placed: Float32 | None = None
         self._skinned = ctx.buffer(reserve=self.count * 24)
