@@ -10,11 +10,13 @@ import numpy as np
 from enliven.arrays import Float, UInt8
 from enliven_viewer.camera import Box, View
 from enliven_viewer.render.capsules import Capsules, bone_block, capsules_of
+from enliven_viewer.render.ground import STAGE_RADIUS, Ground
 from enliven_viewer.render.lights import TO_KEY, contact_from_world, light_from_world
 from enliven_viewer.render.marks import Marks
 from enliven_viewer.render.match_lines import match_rows
 from enliven_viewer.render.program import BLOCKS, UNITS, load_program, set_uniform
 from enliven_viewer.render.props import LooseThings
+from enliven_viewer.render.region import filled_by, seen_in
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned import SkinnedMesh
 from enliven_viewer.render.targets import Picture, Size, SoftMap
@@ -23,8 +25,6 @@ from enliven_viewer.settings import RenderSettings
 
 EMPTY_BOX: Box = (np.array([-0.6, 0.0, -0.6]), np.array([0.6, 1.7, 0.6]))
 """What the camera and the light look at while there is nothing."""
-_STAGE_RADIUS = 1.9
-_FLOOR_REACH = 3.0 * _STAGE_RADIUS  # beyond, shaders/floor.frag has faded into the horizon
 _ALPHA_TO_COVERAGE = 0x809E
 """GL_SAMPLE_ALPHA_TO_COVERAGE, which moderngl has no name for."""
 _FRAME_BYTES = 4 * (4 * 16 + 4 * 4)
@@ -64,18 +64,9 @@ class Renderer:
         self._tubes: Tubes | None = None
         self._present = load_program(ctx, "screen.vert", "present.frag")
         self._present_quad = ctx.vertex_array(self._present, [])
-        self._make_backdrop()
+        self._ground = Ground(ctx)
         self._meshes: dict[str, SkinnedMesh] = {}
         self._stage: Float | None = None
-
-    def _make_backdrop(self) -> None:
-        ctx = self.ctx
-        self._backdrop = load_program(ctx, "screen.vert", "backdrop.frag")
-        self._backdrop_quad = ctx.vertex_array(self._backdrop, [])
-        self._floor = load_program(ctx, "floor.vert", "floor.frag")
-        self._floor["reach"] = _FLOOR_REACH
-        square = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]], np.float32)
-        self._floor_quad = ctx.vertex_array(self._floor, [(ctx.buffer(square.tobytes()), "2f", "in_corner")])
 
     @property
     def size(self) -> Size:
@@ -101,11 +92,11 @@ class Renderer:
         self._props.load(scene.props)
         self._shadow_props.load(scene.props)
         self._draw_shadows(meshes, box)
-        self.picture.drawn.use()
-        self.ctx.clear(0.0, 0.0, 0.0, 1.0, depth=1.0)
         self._shadow.texture.use(UNITS["shadow_map"])
         self._contact.texture.use(UNITS["contact_map"])
-        self._draw_floor()
+        self._ground.draw(self.picture)
+        filled = filled_by(scene, capsules, [mesh.hull() for mesh in meshes])
+        self.picture.begin(seen_in(filled, view, self.size), self._ground.copy)
         self._draw_props()
         self._draw_bodies()
         self._draw_meshes(meshes, scene)
@@ -162,7 +153,7 @@ class Renderer:
         self._stage = self._stage + 0.03 * (centre - self._stage)
         self._light, self._below = light_from_world(box), contact_from_world(box)
         matrices = [view.clip_from_world, np.linalg.inv(view.clip_from_world), self._light, self._below]
-        vectors = [[*view.eye, 1.0], [*TO_KEY, 0.0], [*self._stage, _STAGE_RADIUS], [*self.size, 0.0, 0.0]]
+        vectors = [[*view.eye, 1.0], [*TO_KEY, 0.0], [*self._stage, STAGE_RADIUS], [*self.size, 0.0, 0.0]]
         values = np.concatenate([np.stack([m.T for m in matrices]).ravel(), np.ravel(vectors)])
         self._frame.write(values.astype("f4").tobytes())
         self._frame.bind_to_uniform_block(BLOCKS["Frame"])
@@ -182,14 +173,6 @@ class Renderer:
             self._shadow_props.render()
             # The contact's blur spans decimetres.
             target.blur((1.0, 2.2) if contact else (2.0,))
-
-    def _draw_floor(self) -> None:
-        """The floor, then the backdrop where it leaves room."""
-        self.ctx.depth_func = "<="
-        self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
-        self._floor_quad.render(moderngl.TRIANGLE_STRIP)
-        self.ctx.enable_only(moderngl.DEPTH_TEST)
-        self._backdrop_quad.render(moderngl.TRIANGLES, vertices=3)
 
     def _draw_props(self) -> None:
         """What is loose; the depth test sorts it out with the rest."""

@@ -1,18 +1,24 @@
-"""The framebuffers: a multisampled picture with its resolved copy, and blurred maps for soft shadows."""
+"""The framebuffers: a picture that is multisampled where it has edges, and blurred maps for soft shadows."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import moderngl
 import numpy as np
 
 from enliven.arrays import UInt8
 from enliven_viewer.render.program import UNITS, load_program
+from enliven_viewer.render.region import Region, beside, whole
 
 Size = tuple[int, int]
 
 
 class Picture:
-    """A multisampled framebuffer to draw in, and the resolved one to read, draw over or show.
+    """A picture to read, draw over or show, and a multisampled framebuffer where its edges are drawn.
+
+    The ground is drawn with one sample a pixel. Where anything stands before it, :attr:`drawn` takes it
+    over, is drawn into, and is averaged back. Without multisampling all are one framebuffer.
 
     Args:
         size: width and height in pixels, at least 1.
@@ -23,19 +29,48 @@ class Picture:
         self.ctx, self.size = ctx, size
         self.samples = _available(ctx, samples)
         self.texture = ctx.texture(size, 4)
-        self.resolved = ctx.framebuffer([self.texture], ctx.depth_renderbuffer(size))
-        self._own: list[object] = [self.texture, self.resolved]
+        near = ctx.depth_renderbuffer(size)
+        self.ground = self.drawn = self.resolved = ctx.framebuffer([self.texture], near)
+        self._own: list[object] = [self.texture, near, self.ground]
+        self._region = whole(size)
+        self._lay: Callable[[Picture], None] = lambda _: None
         if self.samples:
             colour = ctx.renderbuffer(size, 4, samples=self.samples)
             depth = ctx.depth_renderbuffer(size, samples=self.samples)
             self.drawn = ctx.framebuffer([colour], depth)
-            self._own += [colour, depth, self.drawn]
+            self.resolved = ctx.framebuffer([self.texture])  # without a depth, which would be averaged too
+            self._own += [colour, depth, self.drawn, self.resolved]
+
+    def begin(self, region: Region, lay: Callable[[Picture], None]) -> None:
+        """Draw into :attr:`drawn` from here to :meth:`resolve`, in a region of the picture alone.
+
+        Args:
+            lay: fills ``drawn``, as far as it is open, with the picture's ground.
+        """
+        self._region, self._lay = region, lay
+        if self.drawn is self.ground:
+            self.drawn.use()
         else:
-            self.drawn = self.resolved
+            self._open(region)
+
+    def widen(self) -> None:
+        """Draw into all of :attr:`drawn` from here on: over a picture that was resolved already."""
+        if self.drawn is not self.ground:
+            for rest in beside(self._region, self.size):
+                self._open(rest)
+            self.drawn.scissor = None
+        self._region = whole(self.size)
+        self.drawn.use()
+
+    def _open(self, region: Region) -> None:
+        self.drawn.scissor = region
+        self.drawn.use()
+        self._lay(self)
 
     def resolve(self) -> None:
-        """Average the samples into the resolved framebuffer."""
+        """Average the samples of the region into the picture."""
         if self.drawn is not self.resolved:
+            self.drawn.use()  # whose region bounds the copy
             self.ctx.copy_framebuffer(self.resolved, self.drawn)
 
     def pixels(self) -> UInt8:
