@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import moderngl
 import numpy as np
 
@@ -33,7 +31,6 @@ class Picture:
         self.ground = self.drawn = self.resolved = ctx.framebuffer([self.texture], near)
         self._own: list[object] = [self.texture, near, self.ground]
         self._region = whole(size)
-        self._lay: Callable[[Picture], None] = lambda _: None
         if self.samples:
             colour = ctx.renderbuffer(size, 4, samples=self.samples)
             depth = ctx.depth_renderbuffer(size, samples=self.samples)
@@ -41,31 +38,26 @@ class Picture:
             self.resolved = ctx.framebuffer([self.texture])  # without a depth, which would be averaged too
             self._own += [colour, depth, self.drawn, self.resolved]
 
-    def begin(self, region: Region, lay: Callable[[Picture], None]) -> None:
-        """Draw into :attr:`drawn` from here to :meth:`resolve`, in a region of the picture alone.
-
-        Args:
-            lay: fills ``drawn``, as far as it is open, with the picture's ground.
-        """
-        self._region, self._lay = region, lay
-        if self.drawn is self.ground:
-            self.drawn.use()
-        else:
-            self._open(region)
+    def begin(self, region: Region) -> None:
+        """Draw before the ground, in a region of the picture alone, from here to :meth:`resolve`."""
+        self._region = region
+        self._take_over(region)
+        self.drawn.use()
 
     def widen(self) -> None:
-        """Draw into all of :attr:`drawn` from here on: over a picture that was resolved already."""
-        if self.drawn is not self.ground:
-            for rest in beside(self._region, self.size):
-                self._open(rest)
-            self.drawn.scissor = None
+        """Draw over the picture from here on, wherever it may be, to the next :meth:`resolve`."""
+        for rest in beside(self._region, self.size):
+            self._take_over(rest)
+        self.drawn.scissor = None
         self._region = whole(self.size)
         self.drawn.use()
 
-    def _open(self, region: Region) -> None:
-        self.drawn.scissor = region
-        self.drawn.use()
-        self._lay(self)
+    def _take_over(self, region: Region) -> None:
+        """Fill the samples of a region with the ground and its depth."""
+        if self.drawn is not self.ground:
+            self.drawn.scissor = region
+            self.drawn.use()
+            self.ctx.copy_framebuffer(self.drawn, self.ground)
 
     def resolve(self) -> None:
         """Average the samples of the region into the picture."""
