@@ -1,4 +1,4 @@
-"""Where in the picture anything stands before the floor: only there are edges that need several samples."""
+"""Where in the picture, in the maps of shadows and on the floor anything is: work is done only there."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.props import Props
-from enliven_viewer.camera import View
 from enliven_viewer.render.marks import CUE_RADIUS
 from enliven_viewer.render.scene import Scene, corners
 
 Region = tuple[int, int, int, int]
 """Left, lower, width and height in pixels, from the lower left of the picture."""
 
-_ROOM = 6
+ROOM = 6
 """Pixels around what was projected: for marks that are never smaller than some pixels, and for rounding."""
 _NEAREST = 1e-3
 """Metres before the eye; what comes closer may be anywhere in the picture."""
@@ -34,29 +33,38 @@ def around(middles: Float, radii: Float | float) -> Float:
     return (middles[:, None] + sizes[:, None, None] * _UNIT).reshape(-1, 3)
 
 
-def filled_by(scene: Scene, capsules: Float32, surfaces: list[Float]) -> Float:
-    """(N, 3) metres, points that hold between them whatever of a scene stands before the floor.
+def casters_of(scene: Scene, capsules: Float32, surfaces: list[Float]) -> Float:
+    """(N, 3) metres, points that hold between them whatever of a scene casts a shadow.
 
     Args:
         capsules: (C, 12) rows of the bodies.
         surfaces: (K, 3) of each mesh, as :meth:`~enliven_viewer.render.skinned.SkinnedMesh.hull` says.
     """
-    points = [*surfaces, around(capsules[:, 0:3], capsules[:, 3]), around(capsules[:, 4:7], capsules[:, 7])]
-    if scene.look.cues > 0 or scene.look.graph > 0:
-        points += [around(actor.pose.positions, CUE_RADIUS) for actor in scene.actors]
-    return np.concatenate([*points, _filled_by_props(scene.props)])
+    bodies = [around(capsules[:, 0:3], capsules[:, 3]), around(capsules[:, 4:7], capsules[:, 7])]
+    return np.concatenate([*surfaces, *bodies, _filled_by_props(scene.props)])
 
 
-def seen_in(points: Float, view: View, size: tuple[int, int]) -> Region:
-    """The pixels that hold the hull of (N, 3) points; all where one is beside or behind the eye."""
+def marks_of(scene: Scene) -> Float:
+    """(N, 3) metres, points that hold between them the marks of a scene."""
+    if scene.look.cues <= 0 and scene.look.graph <= 0:
+        return np.zeros((0, 3))
+    return np.concatenate([np.zeros((0, 3)), *(around(a.pose.positions, CUE_RADIUS) for a in scene.actors)])
+
+
+def seen_in(points: Float, clip_from_world: Float, size: tuple[int, int], room: int = ROOM) -> Region:
+    """The pixels that hold the hull of (N, 3) points; all where one is beside or behind the eye.
+
+    Args:
+        room: pixels to add around it.
+    """
     if not len(points):
         return 0, 0, 0, 0
-    clip = points @ view.clip_from_world[:, :3].T + view.clip_from_world[:, 3]
+    clip = points @ clip_from_world[:, :3].T + clip_from_world[:, 3]
     if not (np.isfinite(clip).all() and clip[:, 3].min() > _NEAREST):
         return whole(size)
     pixels = (clip[:, :2] / clip[:, 3:] + 1) / 2 * size
-    low = np.clip(np.floor(pixels.min(0)) - _ROOM, 0, size)
-    high = np.clip(np.ceil(pixels.max(0)) + _ROOM, low, size)
+    low = np.clip(np.floor(pixels.min(0)) - room, 0, size)
+    high = np.clip(np.ceil(pixels.max(0)) + room, low, size)
     return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
 
 
@@ -71,6 +79,20 @@ def beside(region: Region, size: tuple[int, int]) -> list[Region]:
         (right, y, size[0] - right, height),
     ]
     return [one for one in rest if one[2] > 0 and one[3] > 0]
+
+
+def shaded_by(points: Float, to_key: Float, room: float) -> tuple[Float, Float]:
+    """Lowest and highest x and z, (2,) each, of the floor under the hull of (N, 3) points and its shadow.
+
+    Args:
+        to_key: (3,) unit direction towards the light.
+        room: metres to add around it.
+    """
+    if not (len(points) and np.isfinite(points).all()):
+        return np.full(2, -np.inf), np.full(2, np.inf)
+    thrown = points - np.maximum(points[:, 1:2], 0.0) / to_key[1] * to_key
+    both = np.concatenate([points, thrown])[:, [0, 2]]
+    return both.min(0) - room, both.max(0) + room
 
 
 def _filled_by_props(props: Props | None) -> Float:

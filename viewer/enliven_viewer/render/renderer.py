@@ -10,16 +10,16 @@ import numpy as np
 from enliven.arrays import Float, UInt8
 from enliven_viewer.camera import Box, View
 from enliven_viewer.render.capsules import Capsules, bone_block, capsules_of
-from enliven_viewer.render.ground import STAGE_RADIUS, Ground
+from enliven_viewer.render.ground import STAGE_RADIUS, Ground, Patch
 from enliven_viewer.render.lights import TO_KEY, contact_from_world, light_from_world
 from enliven_viewer.render.marks import Marks
 from enliven_viewer.render.match_lines import match_rows
 from enliven_viewer.render.program import BLOCKS, UNITS, load_program, set_uniform
 from enliven_viewer.render.props import LooseThings
-from enliven_viewer.render.region import filled_by, seen_in
+from enliven_viewer.render.region import casters_of, marks_of, seen_in, shaded_by
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned import SkinnedMesh
-from enliven_viewer.render.targets import Picture, Size, SoftMap
+from enliven_viewer.render.targets import Picture, Size, SoftMap, reach_of
 from enliven_viewer.render.tubes import Tubes
 from enliven_viewer.settings import RenderSettings
 
@@ -27,6 +27,10 @@ EMPTY_BOX: Box = (np.array([-0.6, 0.0, -0.6]), np.array([0.6, 1.7, 0.6]))
 """What the camera and the light look at while there is nothing."""
 _ALPHA_TO_COVERAGE = 0x809E
 """GL_SAMPLE_ALPHA_TO_COVERAGE, which moderngl has no name for."""
+_SHADOW_BLUR, _CONTACT_BLUR = (2.0,), (1.0, 2.2)
+"""Texels between the taps of each blur; the contact's spans decimetres."""
+_SLANT = 1.0 / float(TO_KEY[1])
+"""How much longer a texel of the key light's map is on the floor."""
 _FRAME_BYTES = 4 * (4 * 16 + 4 * 4)
 
 
@@ -91,12 +95,13 @@ class Renderer:
         self._shadow_capsules.load(capsules)
         self._props.load(scene.props)
         self._shadow_props.load(scene.props)
-        self._draw_shadows(meshes, box)
+        casters = casters_of(scene, capsules, [mesh.hull() for mesh in meshes])
+        self._draw_shadows(meshes, casters)
         self._shadow.texture.use(UNITS["shadow_map"])
         self._contact.texture.use(UNITS["contact_map"])
-        self._ground.draw(self.picture.ground)
-        filled = filled_by(scene, capsules, [mesh.hull() for mesh in meshes])
-        self.picture.begin(seen_in(filled, view, self.size))
+        self._ground.draw(self.picture.ground, self._stage, self._shaded(casters))
+        filled = np.concatenate([casters, marks_of(scene)])
+        self.picture.begin(seen_in(filled, view.clip_from_world, self.size))
         self._draw_props()
         self._draw_bodies()
         self._draw_meshes(meshes, scene)
@@ -158,10 +163,11 @@ class Renderer:
         self._frame.write(values.astype("f4").tobytes())
         self._frame.bind_to_uniform_block(BLOCKS["Frame"])
 
-    def _draw_shadows(self, meshes: list[SkinnedMesh], box: Box) -> None:
+    def _draw_shadows(self, meshes: list[SkinnedMesh], casters: Float) -> None:
         """The key light's map and the floor's contact map, blurred."""
-        passes = ((self._shadow, self._light, False, 1.0), (self._contact, self._below, True, 0.0))
-        for target, clip, contact, empty in passes:
+        passes = ((self._shadow, self._light, _SHADOW_BLUR, 1.0), (self._contact, self._below, _CONTACT_BLUR, 0.0))
+        for target, clip, blur, empty in passes:
+            contact = target is self._contact
             target.begin(empty)
             for program in (self._caster, self._body_caster, self._prop_caster):
                 set_uniform(program, "clip_from_caster", tuple(clip.T.astype("f4").ravel()))
@@ -171,8 +177,16 @@ class Renderer:
                 mesh.render(self._caster, coarse=contact)
             self._shadow_capsules.render()
             self._shadow_props.render()
-            # The contact's blur spans decimetres.
-            target.blur((1.0, 2.2) if contact else (2.0,))
+            target.blur(blur, seen_in(casters, clip, (target.size, target.size), reach_of(blur)))
+
+    def _shaded(self, casters: Float) -> Patch:
+        """The floor on which the casters' shadows may fall, blurred as they are."""
+        texels = (
+            (self._light, self.settings.shadow_size, _SHADOW_BLUR),
+            (self._below, self.settings.contact_size, _CONTACT_BLUR),
+        )
+        room = max(2 / float(np.linalg.norm(clip[0])) / size * reach_of(blur) for clip, size, blur in texels)
+        return shaded_by(casters, TO_KEY, _SLANT * room)
 
     def _draw_props(self) -> None:
         """What is loose; the depth test sorts it out with the rest."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import moderngl
 import numpy as np
 
@@ -10,6 +12,8 @@ from enliven_viewer.render.program import UNITS, load_program
 from enliven_viewer.render.region import Region, beside, whole
 
 Size = tuple[int, int]
+_OUTERMOST = 3.23
+"""Taps of shaders/blur.frag from its middle to its outermost fetch."""
 
 
 class Picture:
@@ -111,17 +115,30 @@ class SoftMap:
 
     def begin(self, value: float) -> None:
         """Clear to (value, value) and draw here until :meth:`blur`."""
-        self._buffers[0].use()
-        self.ctx.clear(value, value, value, value, depth=1.0)
+        for buffer in reversed(self._buffers):
+            buffer.scissor = None
+            buffer.use()
+            self.ctx.clear(value, value, value, value, depth=1.0)
         self.ctx.enable_only(moderngl.DEPTH_TEST)
         self.ctx.depth_func = "<"
 
-    def blur(self, widths: tuple[float, ...]) -> None:
-        """Blur with nine-tap Gaussians whose taps are ``widths`` texels apart, one after the other."""
+    def blur(self, widths: tuple[float, ...], drawn: Region) -> None:
+        """Blur with nine-tap Gaussians whose taps are ``widths`` texels apart, one after the other.
+
+        Args:
+            drawn: holds what was drawn, with :func:`reach_of` the widths around it.
+        """
         self.ctx.enable_only(moderngl.NOTHING)
+        for buffer in self._buffers:
+            buffer.scissor = drawn
         for width in widths:
             for source, step in ((0, (width / self.size, 0.0)), (1, (0.0, width / self.size))):
                 self._maps[source].use(UNITS["source"])
                 self._buffers[1 - source].use()
                 self._blur["direction"] = step
                 self._quad.render(moderngl.TRIANGLES, vertices=3)
+
+
+def reach_of(widths: tuple[float, ...]) -> int:
+    """Texels by which :meth:`SoftMap.blur` spreads what was drawn."""
+    return sum(math.ceil(_OUTERMOST * width) + 1 for width in widths)
