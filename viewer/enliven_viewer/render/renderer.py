@@ -9,11 +9,12 @@ import numpy as np
 
 from enliven.arrays import Float, UInt8
 from enliven_viewer.camera import Box, View
-from enliven_viewer.render.capsules import Capsules, bone_block, capsules_of
+from enliven_viewer.render.capsules import Capsules, capsules_of
 from enliven_viewer.render.ground import STAGE_RADIUS, Ground, Patch
 from enliven_viewer.render.lights import TO_KEY, contact_from_world, light_from_world
 from enliven_viewer.render.marks import Marks
 from enliven_viewer.render.match_lines import match_rows
+from enliven_viewer.render.mesh_pass import MeshPass
 from enliven_viewer.render.program import BLOCKS, UNITS, load_program, set_uniform
 from enliven_viewer.render.props import LooseThings
 from enliven_viewer.render.region import casters_of, marks_of, seen_in, shaded_by
@@ -49,13 +50,8 @@ class Renderer:
         self._shadow = SoftMap(ctx, self.settings.shadow_size)
         self._contact = SoftMap(ctx, self.settings.contact_size)
         self._frame = ctx.buffer(reserve=_FRAME_BYTES, dynamic=True)
-        self._bones = ctx.buffer(reserve=3 * 64 * 16, dynamic=True)
         self._skin = load_program(ctx, "skin.vert", varyings=("out_position", "out_normal"))
-        self._mesh = {
-            fine: load_program(ctx, "mesh.vert", "mesh.frag", defines=("FINE",) * fine)
-            for fine in (True, False)
-        }
-        self._depth = load_program(ctx, "depth.vert", "depth.frag")
+        self._mesh_pass = MeshPass(ctx, self.settings)
         self._caster = load_program(ctx, "caster.vert", "caster.frag")
         self._body = load_program(ctx, "capsule.vert", "capsule.frag")
         self._body_caster = load_program(ctx, "capsule.vert", "caster.frag")
@@ -104,7 +100,7 @@ class Renderer:
         self.picture.begin(seen_in(filled, view.clip_from_world, self.size))
         self._draw_props()
         self._draw_bodies()
-        self._draw_meshes(meshes, scene)
+        self._mesh_pass.draw(self.picture, meshes, scene)
         self._draw_hidden_bodies(scene)
         self._marks.draw(scene)
         self.picture.resolve()
@@ -203,29 +199,6 @@ class Renderer:
         self._capsules.render()
         self.ctx.disable_direct(_ALPHA_TO_COVERAGE)
 
-    def _draw_meshes(self, meshes: list[SkinnedMesh], scene: Scene) -> None:
-        """Depth first, so that a transparent mesh shows what is behind its nearest side, not its own back."""
-        block, count = bone_block(scene.bodies, scene.look.reveal)
-        self._bones.write(block.tobytes())
-        self._bones.bind_to_uniform_block(BLOCKS["Bones"])
-        revealing = count > 0 and scene.look.reveal > 0
-        for program in self._mesh.values():
-            set_uniform(program, "bone_count", count if revealing else 0)
-            set_uniform(program, "reveal_distance", max(self.settings.reveal_distance, 1e-4))
-            set_uniform(program, "reveal_opacity", self.settings.reveal_opacity)
-        self.ctx.depth_func = "<="
-        self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
-        self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
-        if revealing:
-            self.ctx.enable_only(moderngl.DEPTH_TEST)
-            self._write_colour(False)
-            for mesh in meshes:
-                mesh.render(self._depth)
-            self._write_colour(True)
-        self.ctx.enable_only(moderngl.DEPTH_TEST | (moderngl.BLEND if revealing else 0))
-        for mesh in meshes:
-            mesh.render(self._mesh[mesh.fine])
-
     def _draw_hidden_bodies(self, scene: Scene) -> None:
         """The body faintly through whatever covers it; the brighter of the two stays, so nothing adds up."""
         if scene.look.body <= 0:
@@ -242,9 +215,4 @@ class Renderer:
     def _write_depth(self, on: bool) -> None:
         """Whether what is drawn next hides what is behind it; moderngl takes the mask over with a bind."""
         self.picture.drawn.depth_mask = on
-        self.picture.drawn.use()
-
-    def _write_colour(self, on: bool) -> None:
-        """Whether what is drawn next is seen, or leaves its depth only."""
-        self.picture.drawn.color_mask = (on,) * 4
         self.picture.drawn.use()

@@ -35,6 +35,7 @@ class Picture:
         self.ground = self.drawn = self.resolved = ctx.framebuffer([self.texture], near)
         self._own: list[object] = [self.texture, near, self.ground]
         self._region = whole(size)
+        self._seen: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
         if self.samples:
             colour = ctx.renderbuffer(size, 4, samples=self.samples)
             depth = ctx.depth_renderbuffer(size, samples=self.samples)
@@ -68,6 +69,18 @@ class Picture:
         if self.drawn is not self.resolved:
             self.drawn.use()  # whose region bounds the copy
             self.ctx.copy_framebuffer(self.resolved, self.drawn)
+
+    def behind(self) -> moderngl.Texture:
+        """What was drawn so far, to look through what is drawn next."""
+        if self.drawn is not self.ground:
+            self.resolve()
+            return self.texture
+        if self._seen is None:
+            copied = self.ctx.texture(self.size, 4)
+            self._seen = copied, self.ctx.framebuffer([copied])
+            self._own += self._seen
+        self.ctx.copy_framebuffer(self._seen[1], self.drawn)
+        return self._seen[0]
 
     def pixels(self) -> UInt8:
         """(H, W, 3) sRGB of the resolved picture, top row first."""
