@@ -27,10 +27,10 @@ def whole(size: tuple[int, int]) -> Region:
     return 0, 0, *size
 
 
-def around(middles: Float, radii: Float | float) -> Float:
+def around(middles: Float | Float32, radii: Float | Float32 | float) -> Float:
     """(8 N, 3) the corners of boxes around balls: (N, 3) middles, radii (N,) or one, metres."""
     sizes = np.broadcast_to(np.asarray(radii, np.float64), len(middles))
-    return (middles[:, None] + sizes[:, None, None] * _UNIT).reshape(-1, 3)
+    return np.asarray((middles[:, None] + sizes[:, None, None] * _UNIT).reshape(-1, 3), np.float64)
 
 
 def casters_of(scene: Scene, capsules: Float32, surfaces: list[Float]) -> Float:

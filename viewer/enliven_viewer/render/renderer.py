@@ -85,7 +85,7 @@ class Renderer:
         self.picture.drawn.use()  # without a framebuffer OpenGL refuses even what draws nothing
         meshes = self._skinned(scene)
         box = scene.lit_box or EMPTY_BOX
-        self._write_frame(box, view)
+        stage = self._write_frame(box, view)
         capsules = capsules_of(scene.bodies if scene.look.body > 0 else (), scene.look.body)
         self._capsules.load(capsules)
         self._shadow_capsules.load(capsules)
@@ -95,7 +95,7 @@ class Renderer:
         self._draw_shadows(meshes, casters)
         self._shadow.texture.use(UNITS["shadow_map"])
         self._contact.texture.use(UNITS["contact_map"])
-        self._ground.draw(self.picture.ground, self._stage, self._shaded(casters))
+        self._ground.draw(self.picture.ground, stage, self._shaded(casters))
         filled = np.concatenate([casters, marks_of(scene)])
         self.picture.begin(seen_in(filled, view.clip_from_world, self.size))
         self._draw_props()
@@ -145,8 +145,11 @@ class Renderer:
                 known.place(actor.vertices)
         return [self._meshes[actor.character.id] for actor in scene.actors]
 
-    def _write_frame(self, box: Box, view: View) -> None:
-        """Fill the uniform block that every shader shares; the pool of light follows the scene slowly."""
+    def _write_frame(self, box: Box, view: View) -> Float:
+        """Fill the uniform block that every shader shares; (3,) where the pool of light is.
+
+        It follows the scene slowly.
+        """
         centre = (box[0] + box[1]) / 2
         centre[1] = 0.0
         if self._stage is None or float(np.linalg.norm(centre - self._stage)) > 4.0:
@@ -158,10 +161,14 @@ class Renderer:
         values = np.concatenate([np.stack([m.T for m in matrices]).ravel(), np.ravel(vectors)])
         self._frame.write(values.astype("f4").tobytes())
         self._frame.bind_to_uniform_block(BLOCKS["Frame"])
+        return self._stage
 
     def _draw_shadows(self, meshes: list[SkinnedMesh], casters: Float) -> None:
         """The key light's map and the floor's contact map, blurred."""
-        passes = ((self._shadow, self._light, _SHADOW_BLUR, 1.0), (self._contact, self._below, _CONTACT_BLUR, 0.0))
+        passes = (
+            (self._shadow, self._light, _SHADOW_BLUR, 1.0),
+            (self._contact, self._below, _CONTACT_BLUR, 0.0),
+        )
         for target, clip, blur, empty in passes:
             contact = target is self._contact
             target.begin(empty)

@@ -53,8 +53,7 @@ class Picture:
         """Draw over the picture from here on, wherever it may be, to the next :meth:`resolve`."""
         for rest in beside(self._region, self.size):
             self._take_over(rest)
-        self.drawn.scissor = None
-        self._region = whole(self.size)
+        self._region = self.drawn.scissor = whole(self.size)
         self.drawn.use()
 
     def _take_over(self, region: Region) -> None:
@@ -129,7 +128,7 @@ class SoftMap:
     def begin(self, value: float) -> None:
         """Clear to (value, value) and draw here until :meth:`blur`."""
         for buffer in reversed(self._buffers):
-            buffer.scissor = None
+            buffer.scissor = whole((self.size, self.size))
             buffer.use()
             self.ctx.clear(value, value, value, value, depth=1.0)
         self.ctx.enable_only(moderngl.DEPTH_TEST)
