@@ -59,8 +59,10 @@ def seen_in(points: Float, clip_from_world: Float, size: tuple[int, int], room: 
     """
     if not len(points):
         return 0, 0, 0, 0
+    if not np.isfinite(points).all():
+        return whole(size)
     clip = points @ clip_from_world[:, :3].T + clip_from_world[:, 3]
-    if not (np.isfinite(clip).all() and clip[:, 3].min() > _NEAREST):
+    if clip[:, 3].min() <= _NEAREST:
         return whole(size)
     pixels = (clip[:, :2] / clip[:, 3:] + 1) / 2 * size
     low = np.clip(np.floor(pixels.min(0)) - room, 0, size)

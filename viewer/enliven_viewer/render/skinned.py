@@ -95,8 +95,8 @@ class SkinnedMesh:
         A skinned vertex lies between the places to which each of its transforms alone would move it.
         """
         if self._placed is not None:
-            finite = self._placed[np.isfinite(self._placed).all(1)]
-            return corners((finite.min(0), finite.max(0))) if len(finite) else np.zeros((1, 3))
+            places = np.where(np.isfinite(self._placed), self._placed, 0.0)  # as normals.placed puts them
+            return corners((places.min(0), places.max(0)))
         moved = self._staged[: len(self._boxes)]
         places = np.einsum("jab,jkb->jka", moved[:, :, :3], self._boxes) + moved[:, None, :, 3]
         return np.asarray(places[np.isfinite(self._boxes[:, 0, 0])].reshape(-1, 3), np.float64)

@@ -68,11 +68,13 @@ class Picture:
         if self.drawn is not self.resolved:
             self.drawn.use()  # whose region bounds the copy
             self.ctx.copy_framebuffer(self.resolved, self.drawn)
+            self.resolved.use()  # a framebuffer that is cleared before its use is cleared in the region of this
 
     def behind(self) -> moderngl.Texture:
         """What was drawn so far, to look through what is drawn next."""
         if self.drawn is not self.ground:
             self.resolve()
+            self.drawn.use()
             return self.texture
         if self._seen is None:
             copied = self.ctx.texture(self.size, 4)
