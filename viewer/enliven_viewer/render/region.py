@@ -90,7 +90,9 @@ def shaded_by(points: Float, to_key: Float, room: float) -> tuple[Float, Float]:
         to_key: (3,) unit direction towards the light.
         room: metres to add around it.
     """
-    if not (len(points) and np.isfinite(points).all()):
+    if not len(points):
+        return np.zeros(2), np.zeros(2)
+    if not np.isfinite(points).all():
         return np.full(2, -np.inf), np.full(2, np.inf)
     thrown = points - np.maximum(points[:, 1:2], 0.0) / to_key[1] * to_key
     both = np.concatenate([points, thrown])[:, [0, 2]]

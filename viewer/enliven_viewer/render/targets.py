@@ -34,7 +34,7 @@ class Picture:
         near = ctx.depth_renderbuffer(size)
         self.ground = self.drawn = self.resolved = ctx.framebuffer([self.texture], near)
         self._own: list[object] = [self.texture, near, self.ground]
-        self._region = whole(size)
+        self.region = whole(size)
         self._seen: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
         if self.samples:
             colour = ctx.renderbuffer(size, 4, samples=self.samples)
@@ -45,15 +45,15 @@ class Picture:
 
     def begin(self, region: Region) -> None:
         """Draw before the ground, in a region of the picture alone, from here to :meth:`resolve`."""
-        self._region = region
+        self.region = region
         self._take_over(region)
         self.drawn.use()
 
     def widen(self) -> None:
         """Draw over the picture from here on, wherever it may be, to the next :meth:`resolve`."""
-        for rest in beside(self._region, self.size):
+        for rest in beside(self.region, self.size):
             self._take_over(rest)
-        self._region = self.drawn.scissor = whole(self.size)
+        self.region = self.drawn.scissor = whole(self.size)
         self.drawn.use()
 
     def _take_over(self, region: Region) -> None:
