@@ -23,6 +23,8 @@ _JOINT_RADII[[Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIG
 _JOINT_RADII[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = 0.034
 _HEAD_RADIUS = 0.092
 _SEGMENTS, _RINGS = 18, 5
+_SHADOW_SEGMENTS, _SHADOW_RINGS = 10, 3
+"""Of what casts a shadow: its blur is wider than the corners are sharp."""
 
 
 def capsules_of(bodies: tuple[Body, ...], opacity: float) -> Float32:
@@ -72,12 +74,24 @@ class Capsules:
     Args:
         program: of ``capsule.vert`` or ``tube.vert``.
         open_limbs: whether balls that are thicker than the limbs stand at all their ends.
+        casting: whether they only cast shadows.
     """
 
-    def __init__(self, ctx: moderngl.Context, program: moderngl.Program, *, open_limbs: bool = False) -> None:
+    def __init__(
+        self,
+        ctx: moderngl.Context,
+        program: moderngl.Program,
+        *,
+        open_limbs: bool = False,
+        casting: bool = False,
+    ) -> None:
+        segments, rings = (_SHADOW_SEGMENTS, _SHADOW_RINGS) if casting else (_SEGMENTS, _RINGS)
         self._counts = [0, 0]
         self._instances = [ctx.buffer(reserve=12 * 4 * 64, dynamic=True) for _ in self._counts]
-        templates = (capsule_template(_SEGMENTS, 1 if open_limbs else _RINGS), capsule_template(ball=True))
+        templates = (
+            capsule_template(segments, 1 if open_limbs else rings),
+            capsule_template(segments, rings, ball=True),
+        )
         self._arrays = [
             ctx.vertex_array(
                 program,

@@ -56,7 +56,7 @@ class Renderer:
         self._body = load_program(ctx, "capsule.vert", "capsule.frag")
         self._body_caster = load_program(ctx, "capsule.vert", "caster.frag")
         self._capsules = Capsules(ctx, self._body, open_limbs=True)
-        self._shadow_capsules = Capsules(ctx, self._body_caster, open_limbs=True)
+        self._shadow_capsules = Capsules(ctx, self._body_caster, open_limbs=True, casting=True)
         self._prop = load_program(ctx, "prop.vert", "prop.frag")
         self._prop_caster = load_program(ctx, "prop.vert", "caster.frag")
         self._props, self._shadow_props = LooseThings(ctx, self._prop), LooseThings(ctx, self._prop_caster)

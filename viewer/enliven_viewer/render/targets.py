@@ -68,7 +68,7 @@ class Picture:
         if self.drawn is not self.resolved:
             self.drawn.use()  # whose region bounds the copy
             self.ctx.copy_framebuffer(self.resolved, self.drawn)
-            self.resolved.use()  # a framebuffer that is cleared before its use is cleared in the region of this
+            self.resolved.use()  # else the next framebuffer would be cleared in this region only
 
     def behind(self) -> moderngl.Texture:
         """What was drawn so far, to look through what is drawn next."""
