@@ -80,6 +80,7 @@ def test_a_mesh_that_cannot_be_used(tmp_path, name, enliven):
     assert "Traceback" not in asked.stderr
 
 
+@pytest.mark.filterwarnings("ignore::enliven.recording.reader.RecordingWarning")
 @pytest.mark.parametrize(
     ("name", "content"),
     [
