@@ -32,8 +32,8 @@ BOUNDS = {
     "synthesize": ["--width", "80", "--level", "1"],
     "studio": ["--seconds", "0.1"],
 }
-"""What is added to a command line so that it ends soon, and an edge's so that a body takes hold before it does.
-Of an option that is given twice the last counts."""
+"""What is added to a command line so that it ends soon, an edge's after a body took hold. Of an option that
+is given twice the last counts."""
 TELLS = {"doctor": 4, "examples": 3}
 """Exit codes of commands that tell what is lacking: on this machine, or in a session with no poses yet."""
 

@@ -20,8 +20,8 @@ from enliven.errors import InputError
 
 EXACT = EmbeddedSettings(iterations=3000, tolerance=1e-14)
 ENOUGH = 1e-6
-"""Share of the energy that a step of the reference gains at its end. Each gains about half of the one before, so
-that the minimum is as near: a hundredth of what the two are compared to."""
+"""Share of the energy that a step of the reference gains at its end. Each gains about half of the one
+before, so the minimum is as near: a hundredth of what the two are compared to."""
 NAMES = ("rotation", "smoothness", "constraint", "rigidity", "planes")
 
 
