@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
 
@@ -26,8 +27,12 @@ _ALONE, _TOGETHER, _EMPTY = 12, 6, 2
 """Frames with one person, with two, and with nobody: who is new, known, doubted, met and lost runs once."""
 
 
+@cache
 def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
-    """Tracks the start of the shipped recording: somebody comes, a second person too, and both are gone."""
+    """Tracks the start of the shipped recording: somebody comes, a second person too, and both are gone.
+
+    Kernels stay in the process: with settings that were warmed up before there is nothing to do.
+    """
     settings = settings or TrackerSettings()
     # The user's own mounting and zone would hide the recorded person from view.
     tracker = Tracker(dataclasses.replace(settings, scene=SceneSettings()))
