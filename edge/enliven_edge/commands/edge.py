@@ -191,8 +191,7 @@ def _prepared(mesh: str, chosen: EdgeSettings) -> AnyActor:
     """The actor, with every kernel compiled: most of a minute the first time, a second later on."""
     from enliven_edge.actor import Actor
     from enliven_edge.casting import cast
-    from enliven_edge.matching.casting import cast_rig
-    from enliven_edge.puppets.casting import cast_puppet, is_puppet
+    from enliven_edge.puppets.spec import is_puppet
     from enliven_edge.warmup import warm_up_stage, warm_up_tracking
 
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
@@ -200,8 +199,12 @@ def _prepared(mesh: str, chosen: EdgeSettings) -> AnyActor:
         task = progress.add_task(f"Preparing {mesh}: sampling, linking, weighting", total=3)
         actor: AnyActor
         if is_puppet(mesh):
+            from enliven_edge.puppets.casting import cast_puppet
+
             actor = cast_puppet(mesh, chosen.puppet)
         elif chosen.drive == "skeleton":
+            from enliven_edge.matching.casting import cast_rig
+
             actor = cast_rig(mesh, chosen.matching)
         else:
             actor = cast(mesh, chosen.nodes, chosen.actor, chosen.up)
