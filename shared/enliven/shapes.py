@@ -253,8 +253,12 @@ def _nearer(x, y, z, pieces, s, bound):  # type: ignore[no-untyped-def]
     if dx * dx + dy * dy + dz * dz > far * far:
         return bound
     axes, half, r = pieces.axes[s], pieces.half[s], pieces.rounding[s]
-    qu = abs(dx * axes[0, 0] + dy * axes[0, 1] + dz * axes[0, 2]) - ((1 - t) * half[0, 0] + t * half[1, 0]) + r
-    qv = abs(dx * axes[1, 0] + dy * axes[1, 1] + dz * axes[1, 2]) - ((1 - t) * half[0, 1] + t * half[1, 1]) + r
+    qu = (
+        abs(dx * axes[0, 0] + dy * axes[0, 1] + dz * axes[0, 2]) - ((1 - t) * half[0, 0] + t * half[1, 0]) + r
+    )
+    qv = (
+        abs(dx * axes[1, 0] + dy * axes[1, 1] + dz * axes[1, 2]) - ((1 - t) * half[0, 1] + t * half[1, 1]) + r
+    )
     qw = abs(dx * axes[2, 0] + dy * axes[2, 1] + dz * axes[2, 2])
     outside = np.sqrt(max(qu, 0.0) ** 2 + max(qv, 0.0) ** 2 + qw * qw)
     if qw > 0.0:
