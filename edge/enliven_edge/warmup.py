@@ -23,8 +23,10 @@ from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 
 _STEP_NS = 33_333_333
-_ALONE, _TOGETHER, _EMPTY = 12, 6, 2
+_ALONE, _TOGETHER, _EMPTY = 3, 3, 1
 """Frames with one person, with two, and with nobody: who is new, known, doubted, met and lost runs once."""
+_ASIDE = 1 / 6
+"""Of the picture's width, between the two people: so near that it must be said whose each surface is."""
 
 
 @cache
@@ -81,5 +83,5 @@ def _look_at_a_floor() -> None:
 
 def _beside_themselves(depth):  # type: ignore[no-untyped-def]
     """(H, W) the same person twice: the nearer of the picture and the picture moved aside."""
-    moved = np.roll(depth, depth.shape[1] // 4, axis=1)
+    moved = np.roll(depth, round(_ASIDE * depth.shape[1]), axis=1)
     return np.where((depth == 0) | ((moved > 0) & (moved < depth)), moved, depth)
