@@ -45,7 +45,7 @@ def sensors(
     if name is None:
         _list(console)
         return
-    from enliven_edge.commands.record import sensor_options
+    from enliven_edge.sensors.options import sensor_options
     from enliven_edge.sensors.base import condition_of
     from enliven_edge.sensors.registry import open_sensor
 

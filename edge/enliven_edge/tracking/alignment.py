@@ -47,8 +47,9 @@ def align(
         width: metres beyond which a target is doubted.
     """
     made = start.copy()
+    sure = np.ascontiguousarray(weights)  # a column's view would be compiled, and loaded, a second time
     energy = _align(
-        made.position, made.rotations, made.lengths, frames, local, targets, weights, width, _SKELETON,
+        made.position, made.rotations, made.lengths, frames, local, targets, sure, width, _SKELETON,
         _LIMITS, iterations,
     )  # fmt: skip
     return made, float(energy)

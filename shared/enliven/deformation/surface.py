@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Float32, Int, Int32
 from enliven.deformation import surface_kernels as kernels
@@ -212,6 +211,8 @@ def _adoptions(points: Float, part: Int, positions: Float) -> Int32:
     orphans = np.flatnonzero(~np.isin(part[:count], part[count:]))
     if len(orphans) == 0:
         return np.empty((0, 2), np.int32)
+    from scipy.spatial import cKDTree  # 0.05 s to load, and few meshes have parts without a node
+
     length, nearest = cKDTree(positions).query(points[orphans])
     order = np.lexsort((length, part[orphans]))
     label = part[orphans][order]
