@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from enliven.arrays import Bool, Float, UInt8
-from enliven_edge.tracking.human import SMALLEST_AREA, Shape, parted, shape_of
+from enliven_edge.tracking.columns import parted
+from enliven_edge.tracking.human import SMALLEST_AREA, Shape, shape_of
 from enliven_edge.tracking.room import BEFORE, ROOM, UNLIKELY, widened
 from enliven_edge.tracking.segmentation import Loose, Segments, loose_groups
 from enliven_edge.tracking.view import View
