@@ -21,6 +21,7 @@ from enliven_edge.tracking.posture import Posture, continued
 from enliven_edge.tracking.recovery import SecondThoughts
 from enliven_edge.tracking.segmentation import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.spread import Steps, whole
 from enliven_edge.tracking.view import View
 
 _GOOD, _ACCEPTABLE = 0.68, 0.45
@@ -48,6 +49,8 @@ _BESIDE, _MOSTLY = 0.12, 0.5
 """Metres from a surface beyond which something else is, and the share of a group that must be the person."""
 FEWEST_PIXELS = 60
 """Of the working image; fewer show nobody."""
+LOOK, _SUPPOSING = 2, 5
+"""What the network costs, in coarse fits, where it is asked once and for each way to face."""
 
 
 class Follower:
@@ -85,23 +88,33 @@ class Follower:
     def found(
         cls, view: View, pixels: Bool, settings: TrackerSettings, fitter: Fitter
     ) -> tuple[Follower, float] | None:
-        """Somebody new in the (h, w) ``pixels``, and how well they are explained (up to 1); None: nobody."""
+        """A person in the (h, w) ``pixels``, and how well they are explained (up to 1); None: nobody."""
+        return whole(cls.sought(view, pixels, settings, fitter))
+
+    @classmethod
+    def sought(
+        cls, view: View, pixels: Bool, settings: TrackerSettings, fitter: Fitter
+    ) -> Steps[tuple[Follower, float] | None]:
+        """What :meth:`found` finds, in parts."""
         if np.count_nonzero(pixels) < FEWEST_PIXELS:
             return None
         observation = _observed(view, pixels, settings)
         seen, supposed = None, None
         if settings.estimator:
             seen = _look(view, pixels, observation, None)
+            yield LOOK
             if seen.estimate.somebody < _HARDLY:
                 return None
             supposed = supposing(shipped_estimator(), seen.estimate, view.world_from_camera)
-        posture, report = detect(fitter, observation, view.eye, settings.body_height, seen, supposed)
+            yield _SUPPOSING
+        height = settings.body_height
+        posture, report = yield from detect(fitter, observation, view.eye, height, seen, supposed)
         if quality(report) < _GOOD:
             bare = pixels & lying_on(view, [posture], 0.0, _BESIDE)
             # Once more without what stands against them, a table say.
-            return (
-                cls.found(view, bare, settings, fitter) if _MOSTLY < bare.sum() / pixels.sum() < 1.0 else None
-            )
+            if not _MOSTLY < bare.sum() / pixels.sum() < 1.0:
+                return None
+            return (yield from cls.sought(view, bare, settings, fitter))
         follower = cls(settings, fitter, posture)
         follower.somebody = 1.0 if seen is None else seen.estimate.somebody
         follower._vouch(report, observation, seen)
@@ -187,7 +200,7 @@ class Follower:
         supposed = None
         if seen is not None:
             supposed = supposing(shipped_estimator(), seen.estimate, observation.view[4])
-        found = detect_another(self._fitter, plain, seen, eye, height, posture, supposed, known)
+        found = whole(detect_another(self._fitter, plain, seen, eye, height, posture, supposed, known))
         if found is None or cost(found[1], found[0], seen, eye, height) > _CLEARLY * now:
             self._patience = self._patience if early else min(2 * self._patience, _LONGEST)
             self._in_vain = now

@@ -157,6 +157,10 @@ class Newcomer:
             return False
         return not 0 < self._next_ns - time_ns < 2 * _LONGEST_NS
 
+    def settle(self, tried: Newcomer) -> None:
+        """Is looked for again when a copy of it that was tried is."""
+        self._next_ns, self._wait_ns = max(self._next_ns, tried._next_ns), tried._wait_ns
+
     def failed(self, time_ns: int) -> None:
         """No body was found in it: the next try is later and later."""
         self._next_ns, self._wait_ns = time_ns + self._wait_ns, min(2 * self._wait_ns, _LONGEST_NS)
@@ -179,7 +183,7 @@ class Newcomers:
 
     def drop(self, newcomer: Newcomer) -> None:
         """It is somebody now."""
-        self._known.remove(newcomer)
+        self._known = [other for other in self._known if other is not newcomer]
 
     @property
     def bystanders(self) -> int:
