@@ -24,7 +24,7 @@ from enliven_edge.tracking.room import ROOM, Room
 from enliven_edge.tracking.search import Search
 from enliven_edge.tracking.segmentation import Segments, segmented
 from enliven_edge.tracking.settings import TrackerSettings
-from enliven_edge.tracking.spread import frame_budget
+from enliven_edge.tracking.spread import Budget, frame_budget
 from enliven_edge.tracking.view import View
 from enliven_edge.tracking.zone import Lock, Zone
 
@@ -43,6 +43,9 @@ _ZONE_MARGIN = 0.15
 _ABOUT, _TALLER = 1.5, 0.12
 _WELL_KNOWN = 10
 """Frames after which somebody's proportions are known."""
+_ALONE, _LEAST = 1.5, 6
+"""How many times as much a search may cost while nobody is followed, and the coarse fits that it may cost in
+every frame, however many groups of pixels there are to be measured (one each)."""
 _IN_PLAN = np.array([1.0, 0.0, 1.0])
 """What of a step of a group's middle is one of the person's: its height changes with what is seen of them."""
 
@@ -80,6 +83,7 @@ class Crowd:
         self._indexed: list[Person] = []
         self._doubles = Doubles()
         self._lookout = Lookout(Search(fitter, self._expecting))
+        self._budget = Budget(0.0)
         self._before_ns: int | None = None
         self._threads: ThreadPoolExecutor | None = None
 
@@ -128,6 +132,7 @@ class Crowd:
 
     def follow(self, view: View, kind: UInt8) -> Segments:
         """Fits everybody who is known; whose the pixels of the frame are."""
+        self._share_out(view.time_ns)
         if np.count_nonzero(view.z > 0.0) < _DARK * view.z.size:
             return self._wait_in_the_dark(view, kind)
         handicap = np.array([_HANDICAP if p.hidden else 0.0 for p in self.people])
@@ -152,6 +157,20 @@ class Crowd:
         self._decide(view.time_ns)
         self.register.forget_old(view.time_ns, self.lock.ids or frozenset())
         return segments
+
+    def _share_out(self, time_ns: int) -> None:
+        """Gives those who are being looked for, and who is new, equal parts of what the frame may cost."""
+        elapsed = None if self._before_ns is None else (time_ns - self._before_ns) * 1e-9
+        self._before_ns = time_ns
+        whole = frame_budget(self.settings.search.fits_per_frame, elapsed).left
+        whole *= 1.0 if self.people else _ALONE
+        looking = [p.follower for p in self.people if p.follower.looking]
+        for person in self.people:
+            # A search that begins in a frame goes on from the next one: its share is not known before.
+            person.follower.budget = Budget(whole if whole == np.inf else 0.0)
+        for follower in looking:
+            follower.budget = Budget(whole / (1 + len(looking)))
+        self._budget = Budget(whole / (1 + len(looking)))
 
     def _wait_in_the_dark(self, view: View, kind: UInt8) -> Segments:
         """A frame of a covered lens: everybody stays where they were going, as somebody hidden does."""
@@ -257,8 +276,9 @@ class Crowd:
         newcomers = self._newcomers.update(
             view, kind, segments, self._admits, self._awaits, young=room.age < YOUNG
         )
+        self._budget.left -= len(newcomers)
         if self.settings.estimator:
-            recognise(newcomers, view)
+            recognise(newcomers, view, self._budget)
         hold = np.zeros(view.z.shape, bool)
         free = [n for n in newcomers if n.shape.free > _LOOSE or n in self._lookout.sought]
         for newcomer in free:
@@ -269,10 +289,8 @@ class Crowd:
             self._lookout.stop()
         elif not self._lookout.busy:
             self._look_at(newcomers, view, room)
-        elapsed = None if self._before_ns is None else (view.time_ns - self._before_ns) * 1e-9
-        self._before_ns = view.time_ns
-        budget = frame_budget(self.settings.search.fits_per_frame, elapsed)
-        for sighting in self._lookout.go_on(budget):
+        self._budget.left = max(_LEAST, self._budget.left)
+        for sighting in self._lookout.go_on(self._budget):
             pixels = self._caught_up(sighting, view, kind, segments)
             if pixels is not None:
                 self._welcome(sighting, pixels, view, segments)

@@ -43,7 +43,6 @@ class Lookout:
         self._task: Spread[None] | None = None
         self._tried: list[tuple[Newcomer, Newcomer, Float]] = []
         self._made: list[Found] = []
-        self._told = 0
         self.view: View | None = None
 
     @property
@@ -58,7 +57,7 @@ class Lookout:
 
     def stop(self) -> None:
         """Gives up what is under way."""
-        self._task, self._tried, self._made, self._told, self.view = None, [], [], 0, None
+        self._task, self._tried, self._made, self.view = None, [], [], None
 
     def start(
         self, view: View, sure: Sequence[Newcomer], others: Sequence[Newcomer], *, alone: bool, most: int
@@ -72,16 +71,16 @@ class Lookout:
         self.view = view
 
     def go_on(self, budget: Budget) -> list[Sighting]:
-        """Goes on with the search; the bodies that were found since the last frame."""
-        if self._task is None:
+        """Goes on with the search; the bodies that were found, all at once when it is done.
+
+        Of two who hold hands, one who was followed first would be taken for both.
+        """
+        if self._task is None or not self._task.go_on(budget):
             return []
-        done = self._task.go_on(budget)
-        found = [self._sighting(each) for each in self._made[self._told :]]
-        self._told = len(self._made)
-        if done:
-            for newcomer, tried, _ in self._tried:
-                newcomer.settle(tried)
-            self._task, self._tried = None, []
+        for newcomer, tried, _ in self._tried:
+            newcomer.settle(tried)
+        found = [self._sighting(each) for each in self._made]
+        self._task, self._tried = None, []
         return found
 
     def _sighting(self, found: Found) -> Sighting:

@@ -29,6 +29,8 @@ _REFUSED, _REFUSED_NS = 0.4, 20_000_000_000
 _BEHIND, _PATIENCE_NS = 0.25, 800_000_000
 _BACK_OFF_NS, _LONGEST_NS = 150_000_000, 2_000_000_000
 _PARTED_AREA = 0.45
+_TOUCHING = 3
+"""Pixels within which a fragment touches a group."""
 _TIGHTNESS, _PIECES = 0.35, 6
 
 
@@ -44,8 +46,7 @@ class Newcomer:
         bystander: whether it is out of the zone, or locked out.
         awaited: whether somebody was lost about here, who may be in any posture.
         recognised: whether the network takes it for a person.
-        unions: (h, w) it with others that were parted from it, the largest first: raised arms look like
-            people of their own from above.
+        parts: (h, w) itself and the others that it was parted from; [] where it was not.
     """
 
     def __init__(self, centre: Float, time_ns: int) -> None:
@@ -56,7 +57,7 @@ class Newcomer:
         self.seen_ns = self.first_ns = time_ns
         self.before = self.plain = 0.0
         self.group: Loose | None = None
-        self.unions: list[Bool] = []
+        self.parts: list[Bool] = []
         self.checked_ns = time_ns
         self.shape: Shape
         self.pixels: Bool
@@ -95,6 +96,12 @@ class Newcomer:
         return (
             tall and self.before > 0.5 and (self.shape.upright or (self.shape.human and self.frames >= _LONG))
         )
+
+    @property
+    def unions(self) -> list[Bool]:
+        """[(h, w)] it with others that it was parted from, the largest first: raised arms look like people of
+        their own from above."""
+        return _unions(self.pixels, self.parts)
 
     def dull(self, group: Loose, time_ns: int) -> bool:
         """Whether a group is this one as it was looked at just now: a thing that stands there."""
@@ -225,7 +232,7 @@ class Newcomers:
                     continue
                 found = self._one(view, kind, part, walls)
                 if found is not None and found not in present:
-                    found.unions = _unions(part, bare) if walls is None else []
+                    found.parts = bare if walls is None else []
                     found.bystander = not admits(found.centre)
                     found.awaited = awaits(found.centre)
                     found.group = group if len(parts) == 1 else None
@@ -318,20 +325,24 @@ def _with_fragments(segments: Segments, main: Loose, view: View) -> Bool:
         for other in segments.loose
         if other.label != main.label
         and other.area < 0.6 * main.area
-        and other.box[0] <= bottom + 3
-        and other.box[2] >= top - 3
-        and other.box[1] <= right + 3
-        and other.box[3] >= left - 3
+        and other.box[0] <= bottom + _TOUCHING
+        and other.box[2] >= top - _TOUCHING
+        and other.box[1] <= right + _TOUCHING
+        and other.box[3] >= left - _TOUCHING
     ]
-    depth = view.points[..., 2]
     for other in near:
-        part = segments.group(other)
-        contact = widened(part, 3) & mask
+        # What touches it is so near to its box: the rest of the image need not be looked at.
+        top, left, bottom, right = other.box
+        window = np.s_[
+            max(0, top - _TOUCHING) : bottom + _TOUCHING, max(0, left - _TOUCHING) : right + _TOUCHING
+        ]
+        part, points = segments.labels[window] == other.label, view.points[window]
+        contact = widened(part, _TOUCHING) & mask[window]
         if contact.any():
-            gap = abs(float(np.median(depth[part]) - np.median(depth[contact])))
-            if gap < 0.6 and _reaches(view.points[part], view.points[contact]):
-                mask = mask | part
-    return np.asarray(mask)
+            gap = abs(float(np.median(points[part][:, 2]) - np.median(points[contact][:, 2])))
+            if gap < 0.6 and _reaches(points[part], points[contact]):
+                mask[window] |= part
+    return mask
 
 
 def _reaches(part: Float, contact: Float) -> bool:

@@ -127,7 +127,7 @@ class Person:
         seconds = min(0.2, max(0.0, (time_ns - self._time_ns) * 1e-9))
         self._velocity = self._velocity * math.exp(-seconds / _SLOWING)
         self.follower.carry(self._velocity * seconds)
-        self.follower.confidence = np.zeros(20)
+        self.follower.hide()
         self._time_ns, self._centre = time_ns, None
 
     def replaced(self, follower: Follower, time_ns: int) -> None:

@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.follower import LOOK, Follower
+from enliven_edge.tracking.follower import Follower
 from enliven_edge.tracking.newcomers import Newcomer
 from enliven_edge.tracking.person import trunk_shown
 from enliven_edge.tracking.recognition import likelihood
 from enliven_edge.tracking.settings import TrackerSettings
-from enliven_edge.tracking.spread import Steps
+from enliven_edge.tracking.spread import LOOK, Steps
 from enliven_edge.tracking.view import View
 
 TRIES = 3

@@ -12,6 +12,8 @@ T = TypeVar("T")
 Steps = Generator[int, Any, T]
 """Work in parts: yields what each part has cost, in coarse fits, and returns what was made."""
 
+LOOK = 2
+"""What a look of the network at a group of pixels costs, in coarse fits."""
 _RATE = 30.0
 """Frames a second for which the budget of a frame is meant."""
 
@@ -25,10 +27,6 @@ class Budget:
 
     def __init__(self, fits: float) -> None:
         self.left = fits
-
-    def split(self, parts: int) -> list[Budget]:
-        """So many equal budgets in its place."""
-        return [Budget(self.left / parts) for _ in range(parts)]
 
 
 def frame_budget(fits: int, elapsed: float | None) -> Budget:

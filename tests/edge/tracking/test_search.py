@@ -22,8 +22,9 @@ from enliven_edge.tracking.observation import WorkingCamera, world_points
 from enliven_edge.tracking.person import Person
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.ranges import standing
-from enliven_edge.tracking.search import Search
+from enliven_edge.tracking.search import Found, Search
 from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.spread import whole
 from enliven_edge.tracking.view import View
 
 SETTINGS = TrackerSettings()
@@ -59,8 +60,13 @@ def halves(view: View, mask: np.ndarray) -> list[np.ndarray]:
 
 
 def searched(view: View, newcomers: list[Newcomer]):
-    looks = Search(Fitter(SETTINGS.fit), lambda *_: SETTINGS)
-    return looks.found(view, newcomers, alone=True)
+    made: list[Found] = []
+    whole(looking().found(view, newcomers, made, alone=True))
+    return made
+
+
+def looking() -> Search:
+    return Search(Fitter(SETTINGS.fit), lambda *_: SETTINGS)
 
 
 def test_both_halves_of_somebody_are_one(scene):
@@ -68,7 +74,7 @@ def test_both_halves_of_somebody_are_one(scene):
     parts = halves(view, mask)
     two = [newcomer(view, part) for part in parts]
     for one, part in zip(two, parts, strict=True):
-        one.unions = _unions(part, parts)
+        one.pixels, one.parts = part, parts
     found = searched(view, two)
     assert [made[0] for made in found] == [two[0]]
     np.testing.assert_array_equal(two[0].pixels, mask)
@@ -85,7 +91,7 @@ def test_two_who_hold_hands_are_two():
     parts[1] &= ~parts[0]
     two = [newcomer(view, part) for part in parts]
     for one, part in zip(two, parts, strict=True):
-        one.unions = _unions(part, parts)
+        one.pixels, one.parts = part, parts
     found = searched(view, two)
     assert len(found) == 2
     apart = found[0][1].posture.position - found[1][1].posture.position
@@ -111,13 +117,13 @@ def test_unions_are_all_parts_then_pairs_the_largest_first(count, seed):
 
 def test_nobody_is_guessed_high_up_a_wall(scene, monkeypatch):
     view, mask = scene
-    looks = Search(Fitter(SETTINGS.fit), lambda *_: SETTINGS)
-    assert looks.best_guess(view, [newcomer(view, mask)], alone=True)
+    looks = looking()
+    assert whole(looks.best_guess(view, [newcomer(view, mask)], alone=True))
     lifted = MOUNT.copy()
     lifted[1, 3] += 0.6
     high = replace(view, points=world_points(view.z, view.camera.ray, lifted), world_from_camera=lifted)
     monkeypatch.setattr(search, "_likely", lambda *_: True)
-    assert not looks.best_guess(high, [newcomer(high, mask)], alone=True)
+    assert not whole(looks.best_guess(high, [newcomer(high, mask)], alone=True))
 
 
 def test_an_area_is_that_of_the_pixels_themselves(scene):
