@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numba import njit
 
 from enliven.arrays import Bool, Float, UInt8
+from enliven.masks import pixels_of
 from enliven_edge.tracking.columns import parted
 from enliven_edge.tracking.human import SMALLEST_AREA, Shape, shape_of
 from enliven_edge.tracking.room import BEFORE, ROOM, UNLIKELY, widened
@@ -81,7 +83,8 @@ class Newcomer:
 
     def grow(self, view: View, pixels: Bool) -> None:
         """It turned out to be all of these (h, w) pixels."""
-        self.pixels, self.area, self.centre = pixels, _area(view, pixels), view.points[pixels].mean(0)
+        self.pixels = pixels
+        self.centre, self.area, _ = measured(view, pixels, np.zeros(pixels.shape, np.uint8))
         self.shape = shape_of(view, pixels, self.area)
 
     @property
@@ -242,22 +245,20 @@ class Newcomers:
 
     def _one(self, view: View, kind: UInt8, part: Bool, walls: Bool | None) -> Newcomer | None:
         """The newcomer that a group of pixels is, None where it has not a person's size."""
-        points = view.points[part]
-        if len(points) < 30:
+        if np.count_nonzero(part) < 30:
             return None
-        area = _area(view, part)
+        centre, area, shares = measured(view, part, kind)
         shape = shape_of(view, part, area, walls)
         # Everything is free before the walls that were taken away from it: it has to have a head as well.
         if shape.likeness == 0 or (walls is not None and not shape.upright):
             return None
-        centre = points.mean(0)
         known = [n for n in self._known if n.seen_ns != view.time_ns]
         near = min(known, key=lambda n: float(np.linalg.norm(n.centre - centre)), default=None)
         if near is None or np.linalg.norm(near.centre - centre) > _SAME:
             near = Newcomer(centre, view.time_ns)
             self._known.append(near)
         near.refused = self._is_refused(centre, view.time_ns)
-        near.update(part, centre, shape, area, _shares(kind[part]), view.time_ns)
+        near.update(part, centre, shape, area, shares, view.time_ns)
         return near
 
     def _is_refused(self, centre: Float, time_ns: int) -> bool:
@@ -275,9 +276,33 @@ def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
     return [np.logical_or.reduce(parts), *sorted(pairs, key=lambda pair: -int(pair.sum()))]
 
 
-def _shares(kind: UInt8) -> tuple[float, float]:
-    """Of (M,) pixels: how many stand before the known room, and before what is known or guessed."""
-    return float(np.mean(kind == BEFORE)), float(np.mean(kind != UNLIKELY))
+def measured(view: View, pixels: Bool, kind: UInt8) -> tuple[Float, float, tuple[float, float]]:
+    """Of the (h, w) pixels: (3,) metres, their middle; square metres towards the sensor; and two shares.
+
+    The shares are of what stands before the known room, and before what is known or guessed.
+
+    Args:
+        kind: (h, w) from :meth:`Room.classify`.
+    """
+    centre, squares, before, plain = _measured(view.points, view.z, kind, pixels)
+    camera = view.camera.intrinsics
+    return centre, squares / (camera.fx * camera.fy), (before, plain)
+
+
+@njit(cache=True, nogil=True)
+def _measured(points, z, kind, part):  # type: ignore[no-untyped-def]
+    """See :func:`measured`; the sum of the depths' squares in place of the area."""
+    pixels = pixels_of(part)
+    centre, squares, before, plain, width = np.zeros(3), 0.0, 0, 0, part.shape[1]
+    for i in range(len(pixels)):
+        v, u = divmod(pixels[i], width)
+        for a in range(3):
+            centre[a] += points[v, u, a]
+        squares += z[v, u] * z[v, u]
+        before += kind[v, u] == BEFORE
+        plain += kind[v, u] != UNLIKELY
+    count = max(1, len(pixels))
+    return centre / count, squares, before / count, plain / count
 
 
 def _before_walls(view: View, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool]:
@@ -291,12 +316,6 @@ def _before_walls(view: View, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool
 def _tight(view: View, kind: UInt8, mask: Bool) -> list[Bool]:
     """The parts of a group that hang together more closely: somebody who stands beside a wall, say."""
     return _pieces(view, kind, mask, _TIGHTNESS)
-
-
-def _area(view: View, mask: Bool) -> float:
-    """Square metres towards the sensor that the (h, w) mask covers."""
-    camera = view.camera.intrinsics
-    return float((view.z[mask] ** 2).sum()) / (camera.fx * camera.fy)
 
 
 def _pieces(view: View, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]:

@@ -17,11 +17,12 @@ from enliven_edge.tracking.follower import Follower
 from enliven_edge.tracking.human import shape_of
 from enliven_edge.tracking.identity import Looks
 from enliven_edge.tracking.model import lengths_for_height
-from enliven_edge.tracking.newcomers import Newcomer, _area, _unions
+from enliven_edge.tracking.newcomers import Newcomer, _unions, measured
 from enliven_edge.tracking.observation import WorkingCamera, world_points
 from enliven_edge.tracking.person import Person
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.ranges import standing
+from enliven_edge.tracking.room import BEFORE, UNLIKELY
 from enliven_edge.tracking.search import Found, Search
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.spread import whole
@@ -49,9 +50,14 @@ def view_of(z: np.ndarray) -> View:
 def newcomer(view: View, pixels: np.ndarray) -> Newcomer:
     """A group of pixels as it is found in the first frame."""
     made = Newcomer(view.points[pixels].mean(0), 0)
-    area = _area(view, pixels)
+    area = area_of(view, pixels)
     made.update(pixels, made.centre, shape_of(view, pixels, area), area, (0.0, 1.0), 0)
     return made
+
+
+def area_of(view: View, pixels: np.ndarray) -> float:
+    """Square metres towards the sensor."""
+    return measured(view, pixels, np.zeros(pixels.shape, np.uint8))[1]
 
 
 def halves(view: View, mask: np.ndarray) -> list[np.ndarray]:
@@ -131,7 +137,22 @@ def test_an_area_is_that_of_the_pixels_themselves(scene):
     view, mask = scene
     for part in halves(view, mask):
         expected = sum(view.z[v, u] ** 2 / (CAMERA[0] * CAMERA[1]) for v, u in np.argwhere(part))
-        assert _area(view, part) == pytest.approx(expected)
+        assert area_of(view, part) == pytest.approx(expected)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=20, deadline=None)
+def test_what_is_measured_of_a_group_is_that_of_its_pixels(scene, seed):
+    """Its middle, and the shares that stand before the known room, and before what is known or guessed."""
+    view, mask = scene
+    random = np.random.default_rng(seed)
+    kind, part = (
+        random.integers(0, 4, mask.shape).astype(np.uint8),
+        mask & (random.uniform(size=mask.shape) < 0.5),
+    )
+    centre, _, shares = measured(view, part, kind)
+    np.testing.assert_allclose(centre, view.points[part].mean(0), atol=1e-9)
+    assert shares == pytest.approx((np.mean(kind[part] == BEFORE), np.mean(kind[part] != UNLIKELY)))
 
 
 @pytest.mark.parametrize(("plain_frames", "vague"), [(0, True), (9, True), (10, False)])
