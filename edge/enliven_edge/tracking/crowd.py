@@ -43,9 +43,9 @@ _ZONE_MARGIN = 0.15
 _ABOUT, _TALLER = 1.5, 0.12
 _WELL_KNOWN = 10
 """Frames after which somebody's proportions are known."""
-_ALONE, _LEAST = 1.5, 6
-"""How many times as much a search may cost while nobody is followed, and the coarse fits that it may cost in
-every frame, however many groups of pixels there are to be measured (one each)."""
+_ANEW, _LEAST = 1 / 3, 6
+"""What looking anew for people who are followed may cost, of what the search for new ones may; and the coarse
+fits that the latter may cost in every frame, however many groups of pixels are measured in it (one each)."""
 _IN_PLAN = np.array([1.0, 0.0, 1.0])
 """What of a step of a group's middle is one of the person's: its height changes with what is seen of them."""
 
@@ -159,18 +159,17 @@ class Crowd:
         return segments
 
     def _share_out(self, time_ns: int) -> None:
-        """Gives those who are being looked for, and who is new, equal parts of what the frame may cost."""
+        """Gives the search for new people, and those who are looked for anew, their parts of the frame."""
         elapsed = None if self._before_ns is None else (time_ns - self._before_ns) * 1e-9
         self._before_ns = time_ns
         whole = frame_budget(self.settings.search.fits_per_frame, elapsed).left
-        whole *= 1.0 if self.people else _ALONE
         looking = [p.follower for p in self.people if p.follower.looking]
         for person in self.people:
             # A search that begins in a frame goes on from the next one: its share is not known before.
             person.follower.budget = Budget(whole if whole == np.inf else 0.0)
         for follower in looking:
-            follower.budget = Budget(whole / (1 + len(looking)))
-        self._budget = Budget(whole / (1 + len(looking)))
+            follower.budget = Budget(_ANEW * whole / len(looking))
+        self._budget = Budget(whole)
 
     def _wait_in_the_dark(self, view: View, kind: UInt8) -> Segments:
         """A frame of a covered lens: everybody stays where they were going, as somebody hidden does."""
@@ -285,10 +284,11 @@ class Crowd:
             hold |= newcomer.pixels
         if room.age < YOUNG:
             hold |= _fragments(segments, [n.centre for n in free] + [p.place for p in self.people])
+        due = self._due(newcomers, view, room)
         if not believe:
             self._lookout.stop()
         elif not self._lookout.busy:
-            self._look_at(newcomers, view, room)
+            self._look_at(due, view)
         self._budget.left = max(_LEAST, self._budget.left)
         for sighting in self._lookout.go_on(self._budget):
             pixels = self._caught_up(sighting, view, kind, segments)
@@ -296,20 +296,23 @@ class Crowd:
                 self._welcome(sighting, pixels, view, segments)
         return hold
 
-    def _look_at(self, newcomers: list[Newcomer], view: View, room: Room) -> None:
-        """Begins a search for bodies in the newcomers in which one should be looked for now."""
+    def _due(self, newcomers: list[Newcomer], view: View, room: Room) -> list[Newcomer]:
+        """The newcomers in which a body should be looked for now."""
         alone = not self.people
         missing = bool(self.register.absent) or any(p.hidden for p in self.people)
-        due = [
+        return [
             n
             for n in newcomers
             if not n.bystander and n.due(view.time_ns, room.age, alone=alone, missing=missing)
         ]
+
+    def _look_at(self, due: list[Newcomer], view: View) -> None:
+        """Begins a search for bodies in newcomers, where there is room for one more."""
         sure = [n for n in due if n.convincing or n.proven]
         most = self.settings.people.most - len(self.people)
         if due and most > 0:
             others = [n for n in due if n not in sure]
-            self._lookout.start(view, sure, others, alone=alone, most=most)
+            self._lookout.start(view, sure, others, alone=not self.people, most=most)
 
     def _caught_up(self, sighting: Sighting, view: View, kind: UInt8, segments: Segments) -> Bool | None:
         """(h, w) the pixels of a body that was found, brought to this frame; None: it is not seen here."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from enliven.arrays import Bool
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.follower import Follower
 from enliven_edge.tracking.newcomers import Newcomer
@@ -72,8 +73,10 @@ class Search:
         self, view: View, newcomers: Sequence[Newcomer], made: list[Found], *, alone: bool
     ) -> Steps[None]:
         """Adds those of the newcomers in whom a body is found to ``made``; ``alone``: nobody is followed."""
+        vain: list[Bool] = []
         for newcomer in newcomers:
-            body = None if _within(newcomer, made) else (yield from self._body(view, newcomer))
+            newcomer.waits = False
+            body = None if _within(newcomer, made) else (yield from self._body(view, newcomer, vain))
             if body is None or not _likely(newcomer, *body) or _again(body[0], made):
                 newcomer.failed(view.time_ns)
             elif newcomer.tall or newcomer.awaited or alone or _certain(view, newcomer, *body):
@@ -81,10 +84,17 @@ class Search:
             else:
                 newcomer.failed(view.time_ns)
 
-    def _body(self, view: View, newcomer: Newcomer) -> Steps[tuple[Follower, float] | None]:
-        """The body in a newcomer; where one explains more of what it was parted from, in all of that."""
+    def _body(self, view: View, newcomer: Newcomer, vain: list[Bool]) -> Steps[tuple[Follower, float] | None]:
+        """The body in a newcomer; where one explains more of what it was parted from, in all of that.
+
+        Args:
+            vain: (h, w) unions that were looked at for others in vain; those of this newcomer are added.
+        """
         expecting = self._expecting(newcomer, view.time_ns)
         for union in newcomer.unions if expecting.estimator else []:
+            if any(np.array_equal(union, other) for other in vain):
+                continue
+            vain.append(union)
             likely = likelihood(view, union)
             yield LOOK
             if likely < _ONE:
