@@ -48,7 +48,6 @@ class Newcomer:
         bystander: whether it is out of the zone, or locked out.
         awaited: whether somebody was lost about here, who may be in any posture.
         recognised: whether the network takes it for a person.
-        waits: whether a body was to be looked for in it while the room was new, which has yet to be done.
         parts: (h, w) itself and the others that it was parted from; [] where it was not.
     """
 
@@ -56,7 +55,7 @@ class Newcomer:
         self.centre = centre
         self.crowns: list[float] = []
         self.frames, self.area = 0, 0.0
-        self.bystander = self.awaited = self.refused = self.recognised = self.waits = False
+        self.bystander = self.awaited = self.refused = self.recognised = False
         self.seen_ns = self.first_ns = time_ns
         self.before = self.plain = 0.0
         self.group: Loose | None = None
@@ -161,8 +160,7 @@ class Newcomer:
         """
         there = self.convincing or (self.imaginable and (alone or self.awaited or self._stands))
         late = self.convincing and self._stands and self.plain > 0.5
-        self.waits = self.waits or (room_age < YOUNG and there)
-        if not (self.proven or late or (self.waits and there)):
+        if not (self.proven or late or (room_age < YOUNG and there)):
             return False
         # Who comes out from behind something is waited for until it can be told who it is.
         if missing and self.shape.behind > _BEHIND and 0 <= time_ns - self.first_ns < _PATIENCE_NS:
@@ -172,7 +170,6 @@ class Newcomer:
     def settle(self, tried: Newcomer) -> None:
         """Is looked for again when a copy of it that was tried is."""
         self._next_ns, self._wait_ns = max(self._next_ns, tried._next_ns), tried._wait_ns
-        self.waits = self.waits and tried.waits
 
     def failed(self, time_ns: int) -> None:
         """No body was found in it: the next try is later and later."""

@@ -75,7 +75,6 @@ class Search:
         """Adds those of the newcomers in whom a body is found to ``made``; ``alone``: nobody is followed."""
         vain: list[Bool] = []
         for newcomer in newcomers:
-            newcomer.waits = False
             body = None if _within(newcomer, made) else (yield from self._body(view, newcomer, vain))
             if body is None or not _likely(newcomer, *body) or _again(body[0], made):
                 newcomer.failed(view.time_ns)
