@@ -43,7 +43,7 @@ _ZONE_MARGIN = 0.15
 _ABOUT, _TALLER = 1.5, 0.12
 _WELL_KNOWN = 10
 """Frames after which somebody's proportions are known."""
-_ANEW, _LEAST = 1 / 3, 6
+_ANEW, _LEAST = 1 / 4, 6
 """What looking anew for people who are followed may cost, of what the search for new ones may; and the coarse
 fits that the latter may cost in every frame, however many groups of pixels are measured in it (one each)."""
 _IN_PLAN = np.array([1.0, 0.0, 1.0])

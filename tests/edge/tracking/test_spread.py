@@ -16,7 +16,7 @@ from enliven_edge.tracking.spread import Budget, Spread, frame_budget, whole
 from enliven_edge.tracking.tracker import Tracker
 
 FITS = 12
-"""Half of what a frame may cost by default, so that a search takes more frames."""
+"""Less than a frame may cost by default, so that a search takes more frames."""
 FOLLOWING = 9
 """Fits of one person that a frame costs at most besides any search: two, a proposal and what it is compared
 with, one after a turn about, two that bring what was found to this frame."""
