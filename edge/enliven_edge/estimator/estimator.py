@@ -88,7 +88,8 @@ def _landmarks(joints, spread, surest, trust):  # type: ignore[no-untyped-def]
     low, high = _WIDTHS
     for j in range(len(joints)):
         sure = max(spread[j], surest)
-        out[j, :3] = joints[j]
+        for a in range(3):
+            out[j, a] = joints[j, a]
         out[j, 3] = trust[j] * (_USUAL / sure) ** 2 / len(joints)
         out[j, 4] = min(high, max(low, _DOUBTED * sure))
     return out

@@ -77,7 +77,7 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):  # ty
             below += distance < -3.0 * tolerance[i]
         if on - 3 * below > best:
             best = on - 3 * below
-            found[:3], found[3] = normal, height
+            found[0], found[1], found[2], found[3] = normal[0], normal[1], normal[2], height
     return found
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from enliven.copies import copy_row, copy_rows
 from enliven_edge.tracking import data_term, terms
 from enliven_edge.tracking.kinematics import capsules_into, forward_into, pivots_by_length, turn
 from enliven_edge.tracking.wrenches import gather, no_sums
@@ -65,8 +66,12 @@ def minimise(  # type: ignore[no-untyped-def]
                 break
             continue
         gain = energy - lower
-        position[:], rotations[:], lengths[:] = moved[0], moved[1], moved[2]
-        support[:], violated[:] = tried, tried_violated
+        copy_row(position, moved[0])
+        for f in range(len(rotations)):
+            copy_rows(rotations[f], moved[1][f])
+        copy_row(lengths, moved[2])
+        copy_row(support, tried)
+        copy_row(violated, tried_violated)
         matrix, trial_matrix = trial_matrix, matrix
         gradient, trial_gradient = trial_gradient, gradient
         energy, explained, damping = lower, better, max(1e-6, damping / 4.0)

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from enliven.arrays import Float
+from enliven.copies import copy_row
 from enliven.deformation.energy import gradient
 from enliven.deformation.own_terms import own_force, step_of
 from enliven.deformation.rigid_system import outdated, precondition, refactor
@@ -125,7 +126,7 @@ def descend(x, t, planes, system, room, most, tolerance):  # type: ignore[no-unt
         slope = _direction(now, room, kept, system)
         if not -slope > _NEGLIGIBLE:
             return iteration
-        before[:] = now
+        copy_row(before, now)
         energy = room.energies[5]
         if not _step(x, slope, t, planes, room):
             if kept == 0:
@@ -146,7 +147,7 @@ def _step(x, slope, t, planes, room):  # type: ignore[no-untyped-def]
     always the right one.
     """
     here, way, bend = room.from_here, room.way, room.bend
-    here[:] = x
+    copy_row(here, x)
     step_of(x, room.own, way, bend)
     energy, length = room.energies[5], 1.0
     for _ in range(_HALVINGS):
@@ -157,13 +158,14 @@ def _step(x, slope, t, planes, room):  # type: ignore[no-untyped-def]
         if energies[5] <= energy + _ARMIJO * length * slope:
             keep(room, energies)
             own_force(x, room.raw, room.now)
-            room.own[:] *= length
+            for i in range(room.own.shape[0]):
+                room.own[i] *= length
             return True
         # The parabola through the two energies and the slope.
         rise = energies[5] - energy - length * slope
         best = -slope * length * length / (2.0 * rise) if np.isfinite(rise) and rise > 0.0 else 0.0
         length = max(0.1 * length, min(0.5 * length, best))
-    x[:] = here
+    copy_row(x, here)
     return False
 
 
@@ -173,7 +175,7 @@ def _remember(room, kept):  # type: ignore[no-untyped-def]
     if kept == _PAIRS:
         return 0
     step, change = room.steps[kept], room.changes[kept]
-    step[:] = room.own
+    copy_row(step, room.own)
     for i in range(0, step.shape[0], 4):
         store4(change, i, load4(room.now, i) - load4(room.before, i))
     room.curvatures[kept] = _dot(step, change)

@@ -120,7 +120,7 @@ def _crossing(vertices, corners, of_face, boxes):  # type: ignore[no-untyped-def
     count, leaves = corners.shape[0], boxes.shape[0] // 2
     hit = np.zeros(count, np.bool_)
     stack = np.empty((128, 2), np.int64)
-    stack[0] = 1, 1
+    stack[0, 0], stack[0, 1] = 1, 1
     size = 1
     # The tree against itself: a pair of nodes is parted until it is two leaves.
     while size > 0:
@@ -131,16 +131,14 @@ def _crossing(vertices, corners, of_face, boxes):  # type: ignore[no-untyped-def
         if a >= leaves:
             _leaves_cross(vertices, corners, of_face, 4 * (a - leaves), 4 * (b - leaves), hit)
         elif a == b:
-            stack[size], stack[size + 1], stack[size + 2] = (
-                (2 * a, 2 * a),
-                (2 * a, 2 * a + 1),
-                (2 * a + 1, 2 * a + 1),
-            )
-            size += 3
+            for i in range(2):
+                for j in range(i, 2):
+                    stack[size, 0], stack[size, 1] = 2 * a + i, 2 * a + j
+                    size += 1
         else:
             for i in range(2):
                 for j in range(2):
-                    stack[size] = 2 * a + i, 2 * b + j
+                    stack[size, 0], stack[size, 1] = 2 * a + i, 2 * b + j
                     size += 1
     return np.flatnonzero(hit)
 

@@ -141,7 +141,7 @@ def _grown(size, pairs, found, count):  # type: ignore[no-untyped-def]
     table = np.full(size, -1, np.int64)
     larger = np.empty((size // 2, 2), np.int32)
     for p in range(found):
-        larger[p] = pairs[p]
+        larger[p, 0], larger[p, 1] = pairs[p, 0], pairs[p, 1]
         key = np.int64(pairs[p, 0]) * count + pairs[p, 1]
         slot = (key * np.int64(-7046029254386353131) >> np.int64(20)) & (size - 1)
         while table[slot] >= 0:
@@ -357,7 +357,8 @@ def _settle(offsets, neighbours, lengths, source, limit, metres, keys, items, re
 def _longer(array, needed):  # type: ignore[no-untyped-def]
     """The array with room for ``needed`` and as many again."""
     out = np.empty(2 * needed, array.dtype)
-    out[: array.shape[0]] = array
+    for i in range(array.shape[0]):
+        out[i] = array[i]
     return out
 
 

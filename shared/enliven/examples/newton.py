@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from enliven.copies import copy_rows
 from enliven.examples.banded import factor, substitute
 from enliven.examples.bounded import answers, workspace
 
@@ -42,9 +43,9 @@ def solve_point(node, known, weight, low, high, places):  # type: ignore[no-unty
     _, value = _value(node, known, y, 0, rows, how, work, places, marks, band)
     factored = 0
     for _ in range(_MOST_ROUNDS):
-        kept[:] = y
+        copy_rows(kept, y)
         _step(node, known, y, goal, 0, rows, how, band)
-        y[:] = goal
+        copy_rows(y, goal)
         changed, new = _value(node, known, y, 0, rows, how, work, places, marks, band)
         factored += rows
         if changed == 0:
@@ -52,7 +53,7 @@ def solve_point(node, known, weight, low, high, places):  # type: ignore[no-unty
         factored += _windows(node, known, y, goal, how, work, places, marks, band)
         _, new = _value(node, known, y, 0, rows, how, work, places, marks, band)
         if new > value + _close(value):
-            y[:] = kept
+            copy_rows(y, kept)
             _, value = _value(node, known, y, 0, rows, how, work, places, marks, band)
             new, steps = _range(node, known, y, goal, 0, rows, how, work, places, marks, band, 1)
             factored += steps * rows
@@ -96,8 +97,8 @@ def _range(node, known, y, goal, a, b, how, work, places, marks, band, most):  #
     before = np.empty((b - a, 3))
     for step in range(most):
         _step(node, known, y, goal, a, b, how, band)
-        before[:] = y[a:b]
-        y[a:b] = goal[a:b]
+        copy_rows(before, y[a:b])
+        copy_rows(y[a:b], goal[a:b])
         changed, new = _value(node, known, y, a, b, how, work, places, marks, band)
         if changed == 0:
             return new, step + 1

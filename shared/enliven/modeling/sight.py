@@ -126,7 +126,8 @@ def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, 
             i = found if found < some else some - 1
             while i > 0 and near[i - 1] > square:
                 near[i], who[i] = near[i - 1], who[i - 1]
-                points[i] = points[i - 1]
+                for k in range(3):
+                    points[i, k] = points[i - 1, k]
                 i -= 1
             near[i], who[i] = square, s
             for k in range(3):

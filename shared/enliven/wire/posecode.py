@@ -243,7 +243,7 @@ def _is_finite(linear: Float, position: Float) -> bool:
 def _rooms(count: int) -> tuple[Float, Int32, Float]:
     """Decoded quaternions with the identity at the end, decoded stretches, and room for the kernels."""
     quaternions = np.empty((count + 1, 4))
-    quaternions[count] = np.array([1.0, 0.0, 0.0, 0.0])
+    quaternions[count, 0], quaternions[count, 1:] = 1.0, 0.0
     return quaternions, np.empty((count, 6), np.int32), np.empty((5, 4, 6))
 
 
