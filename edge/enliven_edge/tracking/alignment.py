@@ -110,7 +110,7 @@ def _normal_equations(  # type: ignore[no-untyped-def]
     forward_into(world, pivots, position, rotations, lengths, parents, offsets)
     frozen = np.empty((13, 3, 0))
     body = (world, pivots, frozen, moves, dof_frame, dof_axis, lengths_of, parents)
-    sums = no_sums(len(world), 0)
+    sums = no_sums(len(world), np.int64(0))
     point, apart, stretch = np.empty(3), np.empty(3), np.empty((3, 0))
     energy = 0.0
     for i in range(len(frames)):

@@ -18,7 +18,8 @@ _SIDE = 0.04
 """Metres; see :func:`capsules.nearest_capsules`."""
 _FREE_WIDTH = 0.25
 """Metres: the robust width of what is seen through; a whole forearm may be in the wrong place."""
-_SAMPLES, _PAIR_SAMPLES = 5, 3
+_SAMPLES, _PAIR_SAMPLES = np.int64(5), np.int64(3)
+"""Points along a capsule, and along the first of a pair. As plain ints they would be types of their own."""
 _SCALE = 0.1
 """How much less a person's size is held than their proportions."""
 _FLOOR_SLACK = 0.02

@@ -99,7 +99,7 @@ def factorise(start, row, product, lower, upper):  # type: ignore[no-untyped-def
     diagonal block of L in its place; ``upper`` takes the transposed blocks. Returns whether A was positive
     definite.
     """
-    p = 0
+    p = np.int64(0)
     for column in range(start.shape[0] - 1):
         first, last = start[column], start[column + 1]
         if not _invert_factor(lower[SIZE * first : SIZE * first + SIZE]):

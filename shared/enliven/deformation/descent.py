@@ -119,7 +119,7 @@ def descend(x, t, planes, system, room, most, tolerance):  # type: ignore[no-unt
     """
     now, before = room.now, room.before
     own_force(x, room.raw, now)
-    kept = 0
+    kept = np.int64(0)  # a plain 0 is a type of its own, for which the callees would be compiled again
     for iteration in range(most):
         if kept == 0 and (iteration > 0 or outdated(t, planes, system, _REPULLED)):
             refactor(x, t, planes, system)
@@ -131,7 +131,7 @@ def descend(x, t, planes, system, room, most, tolerance):  # type: ignore[no-unt
         if not _step(x, slope, t, planes, room):
             if kept == 0:
                 return iteration
-            kept = 0
+            kept = np.int64(0)
             continue
         if -slope <= 2.0 * tolerance * energy + _NEGLIGIBLE:
             return iteration + 1

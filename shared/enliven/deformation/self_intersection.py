@@ -33,7 +33,7 @@ class SelfIntersection:
 
     def crossing(self, vertices: Float) -> Int:
         """(K,) the faces that pass through others in a pose (V, 3), ascending."""
-        moved = np.ascontiguousarray(vertices, np.float64)
+        moved = np.array(vertices, np.float64, order="C")
         return np.sort(self._order[_crossing(moved, self._corners, *_boxes(moved, self._corners))])
 
     def newly_crossing(self, vertices: Float) -> Int:
@@ -50,7 +50,7 @@ def crossing_faces(vertices: Float, faces: Int32) -> Int:
         vertices: (V, 3); vertices at one position count as one.
         faces: (F, 3).
     """
-    moved = np.ascontiguousarray(vertices, np.float64)
+    moved = np.array(vertices, np.float64, order="C")
     order = _curve(moved, faces)
     corners = _welded(moved, faces[order])
     return np.sort(order[_crossing(moved, corners, *_boxes(moved, corners))])
