@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int32
-from enliven.copies import copy_row, copy_rows
+from enliven.kernels import copy_row, copy_rows, njit
 from enliven.union_find import join, root_of
 
 

@@ -7,9 +7,9 @@ rotation; :func:`canonical` picks the one with w >= 0, which is what goes on the
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import AnyArray, Float
+from enliven.kernels import njit
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 """(4,) the rotation that turns nothing."""

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import onnxruntime
-from numba import njit
 
 from enliven.arrays import Bool, Float, Float32
 from enliven.errors import InputError
+from enliven.kernels import njit
 from enliven_edge.assets import ESTIMATOR
 from enliven_edge.estimator.crop import COLUMNS, Crop, crop_person
 from enliven_edge.estimator.labels import FACINGS

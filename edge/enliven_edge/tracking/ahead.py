@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
 from enliven.body import PARENTS
+from enliven.kernels import njit
 from enliven_edge.tracking.smoothing import step_between, turn
 
 _PARENTS = np.array(PARENTS)

@@ -7,10 +7,9 @@ were seen, so that the fit proper can begin.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int
-from enliven.copies import copy_row, copy_rows
+from enliven.kernels import copy_row, copy_rows, njit
 from enliven_edge.tracking import model, ranges, terms
 from enliven_edge.tracking.gauss_newton import solve_damped, stepped
 from enliven_edge.tracking.kinematics import forward_into

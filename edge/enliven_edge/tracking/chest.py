@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from enliven.kernels import njit
 from enliven_edge.tracking.kinematics import product
 from enliven_edge.tracking.model import CHEST, PELVIS
 

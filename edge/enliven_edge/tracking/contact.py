@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
 from enliven.body import Joint
-from enliven.copies import copy_row
+from enliven.kernels import copy_row, njit
 from enliven_edge.tracking.settings import ContactSettings
 
 _POINTS = np.array([[Joint.FOOT_LEFT, Joint.ANKLE_LEFT], [Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT]])

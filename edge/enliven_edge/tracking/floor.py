@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float
+from enliven.kernels import njit
 
 _WITHIN = np.deg2rad(40.0)
 _LOWEST, _HIGHEST = 0.2, 4.0

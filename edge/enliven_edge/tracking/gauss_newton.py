@@ -6,9 +6,8 @@ The unknowns are translation (3), rotations (27) and, while the person's build i
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from enliven.copies import copy_row, copy_rows
+from enliven.kernels import copy_row, copy_rows, njit
 from enliven_edge.tracking import data_term, terms
 from enliven_edge.tracking.kinematics import capsules_into, forward_into, pivots_by_length, turn
 from enliven_edge.tracking.wrenches import gather, no_sums

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from enliven.copies import copy_row, copy_rows
+from enliven.kernels import copy_row, copy_rows, njit
 from enliven_edge.tracking.model import SHOULDER, UPPER_ARM_L, UPPER_ARM_R
 
 SHRUG = 0.3

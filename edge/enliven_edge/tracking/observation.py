@@ -7,10 +7,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float, Float32, Int, UInt16
 from enliven.camera import Intrinsics, rays
+from enliven.kernels import njit
 from enliven.masks import pixels_of
 from enliven_edge.tracking.reduction import reduce_depth
 

@@ -15,7 +15,8 @@ the sums once, however many residuals there are.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from enliven.kernels import njit
 
 _MOVES = 3
 """Unknowns of the translation; turns follow, then lengths."""

@@ -19,11 +19,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.arap_factor import Factor
 from enliven.deformation.arap_solves import unit_column
+from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion
 
 

@@ -11,11 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from scipy.sparse import coo_matrix, csc_matrix, identity
 from scipy.sparse.linalg import splu
 
 from enliven.arrays import Float, Float32, Int, Int32
+from enliven.kernels import njit
 from enliven.lanes import fma8, load8, splat8, store8, transpose6
 
 SIZE = 48

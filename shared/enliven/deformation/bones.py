@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float
 from enliven.body import BONES, PARENTS, J, Joint
+from enliven.kernels import njit
 
 _PARENT = np.array(PARENTS)
 _HIP, _CHEST = int(Joint.HIP_CENTER), int(Joint.SHOULDER_CENTER)

@@ -8,15 +8,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
-from enliven.copies import copy_row
 from enliven.deformation.energy import gradient
 from enliven.deformation.own_terms import own_force, step_of
 from enliven.deformation.rigid_system import outdated, precondition, refactor
 from enliven.deformation.safeguards import set_upright
 from enliven.deformation.warm_start import choose_start
+from enliven.kernels import copy_row, njit
 from enliven.lanes import fma4, load4, store4, total4
 
 _PAIRS = 5

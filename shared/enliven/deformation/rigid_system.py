@@ -17,11 +17,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Float32, Int32
-from enliven.copies import copy_row
 from enliven.deformation.block_cholesky import SIZE, factorise, substitute
+from enliven.kernels import copy_row, njit
 from enliven.lanes import fma8, load8, store8
 
 _TIKHONOV = 1e-4

@@ -11,9 +11,9 @@ neighbours and never cross; faces that only touch, or lie in one plane, do not c
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, Int32
+from enliven.kernels import njit
 from enliven.mesh import Mesh
 from enliven.mesh_kernels import first_of_position, space_curve
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int
+from enliven.kernels import njit
 from enliven.union_find import join, root_of
 
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from enliven.copies import copy_row
 from enliven.deformation.energy import constraint_energy, gradient
+from enliven.kernels import copy_row, njit
 from enliven.lanes import fma4, load4, store4
 from enliven.rotation import nearest_rotations
 

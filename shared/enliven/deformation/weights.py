@@ -21,11 +21,11 @@ equally far away the weights go from some to others within millimetres, and the 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, Int32
 from enliven.character import SkinWeights
 from enliven.deformation.surface import Net, members, points_around
+from enliven.kernels import njit
 
 DETOUR, SLACK = 1.5, 0.5
 """A way along the surface is a detour where it is longer than 1.5 times the straight way and half a node

@@ -15,9 +15,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import AnyArray, Float
+from enliven.kernels import njit
 
 _AT_ONCE = 6
 """Rounds of changing all that is wrong at once before it is done one by one."""

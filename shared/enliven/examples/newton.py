@@ -9,11 +9,10 @@ far outside of what the settings allow it may end, after many rounds, with the b
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from enliven.copies import copy_rows
 from enliven.examples.banded import factor, substitute
 from enliven.examples.bounded import answers, workspace
+from enliven.kernels import copy_rows, njit
 
 _AROUND = 16
 """Rows of a window before and after where a piece changed."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int
+from enliven.kernels import njit
 
 
 def needed_keys(values: Float, tolerance: float, turns: bool = False) -> Int:

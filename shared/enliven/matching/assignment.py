@@ -10,9 +10,8 @@ each of them an assignment problem again (Lawler 1972).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from enliven.copies import copy_row
+from enliven.kernels import copy_row, njit
 
 
 @njit(cache=True, nogil=True)

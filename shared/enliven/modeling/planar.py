@@ -11,10 +11,9 @@ from collections.abc import Sequence
 
 import manifold3d
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int
-from enliven.copies import copy_row, copy_rows
+from enliven.kernels import copy_row, copy_rows, njit
 from enliven.modeling.flips import flip, slot
 
 _MOST = 20_000

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, Int32
+from enliven.kernels import njit
 
 _OUTWARD = 0.2
 """A bone is outside where the way to it leaves the surface, by the cosine to the normal."""

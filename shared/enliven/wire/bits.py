@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Int32, UInt8
+from enliven.kernels import njit
 
 ESCAPE: Any = np.int64(12)
 """Ones in a row that say: the number follows raw."""

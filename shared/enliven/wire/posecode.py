@@ -18,11 +18,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import AnyArray, Float, Float32, Int, Int32
 from enliven.character import Character, Pose
 from enliven.errors import InputError
+from enliven.kernels import njit
 from enliven.wire.bits import LIMIT, decode_columns, encode_columns
 from enliven.wire.quantize import (
     LARGEST_LINEAR,
