@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -47,17 +46,6 @@ class Encoded:
 
     data: bytes
     clamped: int
-
-
-class _Rooms(NamedTuple):
-    """What the kernels of one transform write into."""
-
-    quaternion: Float  # (4,)
-    turn: Float  # (3,) radians
-    stretch: Float  # (6,)
-    rotation: Float  # (3, 3)
-    relative: Float  # (3, 3)
-    search: Float  # (2, 4, 4)
 
 
 class PoseCodec:
@@ -186,34 +174,35 @@ def _expect(
 
 @njit(cache=True, nogil=True)
 def _decode_linear(
-    i: int, parent: int, row: Int32, quaternions: Float, stretches: Int32, rooms: _Rooms, linear: Float
+    i: int, parent: int, row: Int32, quaternions: Float, stretches: Int32, room: Float, linear: Float
 ) -> None:
     """Fill transform i's quaternion, stretch and linear part from its row and its parent's."""
     before = quaternions[parent] if parent >= 0 else quaternions[len(linear)]
     step = ROTATION_STEP
     turned_by(before, row[3] * step, row[4] * step, row[5] * step, quaternions[i])
-    stretch = rooms.stretch
+    stretch = room[3]
     for c in range(6):
         stretches[i, c] = row[6 + c] + (stretches[parent, c] if parent >= 0 else 0)
         stretch[c] = stretches[i, c] * STRETCH_STEP
-    rotation_matrix(quaternions[i], rooms.rotation)
-    stretched(rooms.rotation, stretch, linear[i])
+    rotation_matrix(quaternions[i], room[:3, :3])
+    stretched(room[:3, :3], stretch, linear[i])
 
 
 @njit(cache=True, nogil=True)
 def _difference_linear(
-    a: Float, i: int, parent: int, quaternions: Float, stretches: Int32, rooms: _Rooms, row: Int32
+    a: Float, i: int, parent: int, quaternions: Float, stretches: Int32, rooms: Float, row: Int32
 ) -> None:
     """row[3:] = what the parent's decoded rotation and stretch lack to make the (3, 3) ``a``.
 
     The rotation is sought in the parent's frame, where it is small and soon found.
     """
-    q, turn, stretch, rotation, relative, search = rooms
+    q, turn, stretch = rooms[2, 0, :4], rooms[2, 1, :3], rooms[2, 2]
+    rotation, relative = rooms[3, :3, :3], rooms[4, :3, :3]
     rotation_matrix(quaternions[parent] if parent >= 0 else quaternions[len(quaternions) - 1], rotation)
     for r in range(3):
         for c in range(3):
             relative[r, c] = rotation[0, r] * a[0, c] + rotation[1, r] * a[1, c] + rotation[2, r] * a[2, c]
-    nearest_rotation(relative, search, q)
+    nearest_rotation(relative, rooms[:2, :, :4], q)
     rotation_vector(q, turn)
     rotation_matrix(q, rotation)
     stretch_of(relative, rotation, stretch)
@@ -251,13 +240,11 @@ def _is_finite(linear: Float, position: Float) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _rooms(count: int) -> tuple[Float, Int32, _Rooms]:
+def _rooms(count: int) -> tuple[Float, Int32, Float]:
     """Decoded quaternions with the identity at the end, decoded stretches, and room for the kernels."""
     quaternions = np.empty((count + 1, 4))
     quaternions[count, 0], quaternions[count, 1:] = 1.0, 0.0
-    vectors, matrices = (np.empty(4), np.empty(3), np.empty(6)), np.empty((2, 3, 3))
-    rooms = _Rooms(*vectors, matrices[0], matrices[1], np.empty((2, 4, 4)))
-    return quaternions, np.empty((count, 6), np.int32), rooms
+    return quaternions, np.empty((count, 6), np.int32), np.empty((5, 4, 6))
 
 
 @njit(cache=True, nogil=True)
@@ -278,7 +265,7 @@ def _differences(
         if finite:
             changed = _tame(linear[i], a)
             _difference_linear(a, i, parent, quaternions, stretches, rooms, row)
-        _decode_linear(i, parent, row, quaternions, stretches, rooms, seen_linear)
+        _decode_linear(i, parent, row, quaternions, stretches, rooms[0], seen_linear)
         _expect(i, parent, pivots, seen_linear, seen_positions, shared, expected)
         for c in range(3):
             if finite:
@@ -299,7 +286,7 @@ def _restore(table: Int32, pivots: Float, order: Int, parents: Int, shared: bool
     for k in range(count):
         i = order[k]
         parent = parents[i]
-        _decode_linear(i, parent, table[k], quaternions, stretches, rooms, linear)
+        _decode_linear(i, parent, table[k], quaternions, stretches, rooms[0], linear)
         _expect(i, parent, pivots, linear, positions, shared, expected)
         for c in range(3):
             positions[i, c] = expected[c] + table[k, c] * POSITION_STEP
