@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float
+from enliven.kernels import njit
 from enliven_edge.tracking.view import View
 
 SMALLEST_AREA, LARGEST_AREA = 0.06, 1.6
