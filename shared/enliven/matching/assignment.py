@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.kernels import copy_row, njit
-
 from enliven.arrays import Float, Int
+from enliven.kernels import copy_row, njit
 
 
 @njit(cache=True, nogil=True)
