@@ -39,6 +39,9 @@ class Actor:
         size: metres of the mesh as modelled for one of its rest space.
     """
 
+    chosen_from: Literal[False] = False
+    """Performers choose no parts of it."""
+
     def __init__(
         self,
         character: Character,

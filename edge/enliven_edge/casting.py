@@ -11,7 +11,6 @@ import numpy as np
 from enliven.deformation.graph import DeformationGraph, character_from
 from enliven.lamp import make_lamp
 from enliven.mesh import Mesh, fit_height, refine
-from enliven.mesh_files import load_mesh
 from enliven.shapes import make_chair
 from enliven_edge.actor import Actor, ActorSettings
 from enliven_edge.standing import stood_in
@@ -64,6 +63,8 @@ def _prepared(spec: str, settings: ActorSettings, up: str) -> tuple[Mesh, float]
     """
     if spec in MADE:
         return MADE[spec](), 1.0
+    from enliven.mesh_files import load_mesh
+
     mesh, notes = load_mesh(spec)
     for note in notes:
         log.info("%s: %s", spec, note)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from enliven.body import Body
 from enliven.character import Pose
@@ -10,12 +11,16 @@ from enliven.deformation.observed import Seen
 from enliven.errors import InputError
 from enliven.matching.board import Board
 from enliven.matching.views import View
-from enliven_edge.actor import Actor, Cues, Mode
-from enliven_edge.matching.rig_actor import RigActor
-from enliven_edge.puppets.actor import PuppetActor
+from enliven_edge.actor import Cues, Mode
 
-AnyActor = Actor | RigActor | PuppetActor
-"""A mesh that is possessed, a rigged model of which parts are chosen, or a puppet."""
+if TYPE_CHECKING:
+    # What the actors need is loaded with the one that performs, and not with the others.
+    from enliven_edge.actor import Actor
+    from enliven_edge.matching.rig_actor import RigActor
+    from enliven_edge.puppets.actor import PuppetActor
+
+    AnyActor = Actor | RigActor | PuppetActor
+    """A mesh that is possessed, a rigged model of which parts are chosen, or a puppet."""
 
 
 class Stage:
@@ -110,7 +115,7 @@ class Stage:
             InputError: where there is no such character, or it is not rigged.
         """
         actor = self._actor(character)
-        if not isinstance(actor, RigActor):
+        if actor.chosen_from is False:
             mend = "Give the edge a rigged model and --drive skeleton."
             raise InputError("nothing is chosen from it", where=f"character {character!r}", mend=mend)
         actor.browse(step)
@@ -120,7 +125,7 @@ class Stage:
         return [actor.board() for actor in self._rigs()]
 
     def _rigs(self) -> list[RigActor]:
-        return [actor for actor in self.actors.values() if isinstance(actor, RigActor)]
+        return [actor for actor in self.actors.values() if actor.chosen_from is True]
 
     def _actor(self, character: str) -> AnyActor:
         if character not in self.actors:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from enliven.arrays import Float
 from enliven.body import PARENTS, Joint
@@ -135,6 +134,8 @@ class _Nearness:
         axes = [self._low[a] + cell * np.arange(shape[a]) for a in range(3)]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
         grid = grid.reshape(-1, 3)
+        from scipy.spatial import cKDTree  # which no character needs that is made to fit
+
         length, nearest = cKDTree(points).query(grid, distance_upper_bound=4 * near)
         if normals is not None:
             at = np.minimum(nearest, len(points) - 1)

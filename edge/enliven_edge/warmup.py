@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
 
@@ -22,12 +23,18 @@ from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 
 _STEP_NS = 33_333_333
-_ALONE, _TOGETHER, _EMPTY = 12, 6, 2
+_ALONE, _TOGETHER, _EMPTY = 3, 3, 1
 """Frames with one person, with two, and with nobody: who is new, known, doubted, met and lost runs once."""
+_ASIDE = 1 / 6
+"""Of the picture's width, between the two people: so near that it must be said whose each surface is."""
 
 
+@cache
 def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
-    """Tracks the start of the shipped recording: somebody comes, a second person too, and both are gone."""
+    """Tracks the start of the shipped recording: somebody comes, a second person too, and both are gone.
+
+    Kernels stay in the process: with settings that were warmed up before there is nothing to do.
+    """
     settings = settings or TrackerSettings()
     # The user's own mounting and zone would hide the recorded person from view.
     tracker = Tracker(dataclasses.replace(settings, scene=SceneSettings()))
@@ -76,5 +83,5 @@ def _look_at_a_floor() -> None:
 
 def _beside_themselves(depth):  # type: ignore[no-untyped-def]
     """(H, W) the same person twice: the nearer of the picture and the picture moved aside."""
-    moved = np.roll(depth, depth.shape[1] // 4, axis=1)
+    moved = np.roll(depth, round(_ASIDE * depth.shape[1]), axis=1)
     return np.where((depth == 0) | ((moved > 0) & (moved < depth)), moved, depth)

@@ -7,6 +7,7 @@ imported when it is used: the list of all is read from their source.
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from typing import Any
@@ -19,6 +20,9 @@ from enliven.errors import EnlivenError
 from enliven.logs import keep_going_unheard, start_logging
 
 _INTERRUPTED = 130
+_COLLECT_EVERY = 20_000
+"""New objects after which Python looks for unreachable ones among them: loading modules makes some 10^5 that
+stay, and Python's own 700 costs 0.1 s of each start."""
 
 HELP = """Step into any mesh and bring it alive.
 
@@ -42,10 +46,14 @@ input that cannot be used, 4 something this machine lacks (a port, a sensor, Ope
 
 def main() -> None:
     """Runs the command line and ends the process with its exit code."""
+    gc.set_threshold(_COLLECT_EVERY, *gc.get_threshold()[1:])
     arguments = sys.argv[1:]
     keep_going_unheard()
     start_logging(as_json="--log-json" in arguments)
-    sys.exit(run([a for a in arguments if a != "--log-json"]))
+    code = run([a for a in arguments if a != "--log-json"])
+    # Python would look through every object for unreachable ones as it ends: 0.25 s for what ends anyway.
+    gc.freeze()
+    sys.exit(code)
 
 
 def run(arguments: list[str]) -> int:

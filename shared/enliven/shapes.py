@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, UInt8
 from enliven.isosurface import surface_of
+from enliven.kernels import njit
 from enliven.mesh import Mesh
 
 _OAK, _DARK, _FABRIC = (181, 126, 74), (139, 88, 47), (62, 108, 122)
@@ -50,16 +51,16 @@ def make_chair(cell: float = 0.0135) -> Mesh:
         cell: metres, about the length of an edge.
     """
     boards = _chair_boards()
-    segments, starts = _segments(boards)
+    pieces, starts = _pieces(boards)
     boxes = _boxes(boards)
     wood = np.array([board.colour != _FABRIC for board in boards])
 
     def field(points: Float) -> Float:
-        return np.asarray(_distance(points, segments, starts, boxes, wood)[0])
+        return np.asarray(_distance(points, pieces, starts, boxes, wood)[0])
 
     low, high = np.array([-0.42, -0.03, -0.22]), np.array([0.42, 1.80, 0.66])
     vertices, faces = surface_of(field, low, high, cell)
-    nearest = np.asarray(_distance(vertices, segments, starts, boxes, wood)[1])
+    nearest = np.asarray(_distance(vertices, pieces, starts, boxes, wood)[1])
     vertices[:, 1] -= vertices[:, 1].min()
     return Mesh(vertices, faces, "chair", _coloured(vertices, nearest, boards))
 
@@ -156,17 +157,45 @@ def _back() -> list[_Board]:
     return boards
 
 
-def _segments(boards: list[_Board]) -> tuple[Float, Int]:
-    """(S, 14) the boards' straight pieces: start, end, across, half sizes at both ends, rounding; and
-    (B + 1,) where each board's pieces start."""
-    rows, starts = [], [0]
-    for board in boards:
-        for i in range(len(board.path) - 1):
-            ends = [*board.path[i], *board.path[i + 1]]
-            sizes = [*board.half[i], *board.half[i + 1]]
-            rows.append([*ends, *board.across, *sizes, board.rounding])
-        starts.append(len(rows))
-    return np.array(rows), np.array(starts)
+class _Pieces(NamedTuple):
+    """The boards' S straight pieces, with all that a distance to one needs besides the point.
+
+    Attributes:
+        start: (S, 3) metres.
+        along: (S, 3) metres, from start to end.
+        square: (S,) square metres, the squared length.
+        axes: (S, 3, 3) unit axes of the section, across and through it, and of the piece itself.
+        half: (S, 2, 2) metres, half sizes of the section at the start and at the end.
+        reach: (S,) metres from the piece's middle line within which all of it lies.
+        rounding: (S,) metres.
+    """
+
+    start: Float
+    along: Float
+    square: Float
+    axes: Float
+    half: Float
+    reach: Float
+    rounding: Float
+
+
+def _pieces(boards: list[_Board]) -> tuple[_Pieces, Int]:
+    """All boards' pieces, and (B + 1,) where each board's pieces start."""
+    counts = [len(board.path) - 1 for board in boards]
+    start = np.concatenate([board.path[:-1] for board in boards])
+    along = np.concatenate([board.path[1:] for board in boards]) - start
+    length = np.sqrt((along * along).sum(1, keepdims=True))
+    way = along / length
+    # Across, made square to the piece's direction, and the third axis.
+    across = np.repeat([board.across for board in boards], counts, axis=0)
+    across = across - (across * way).sum(1, keepdims=True) * way
+    across /= np.sqrt((across * across).sum(1, keepdims=True))
+    half = np.concatenate([np.stack([board.half[:-1], board.half[1:]], 1) for board in boards])
+    rounding = np.repeat([board.rounding for board in boards], counts)
+    axes = np.stack([across, np.cross(way, across), way], 1)
+    reach = half.max(1).sum(1)
+    pieces = _Pieces(start, along, (length * length)[:, 0], axes, half, reach, rounding)
+    return pieces, np.concatenate([[0], np.cumsum(counts)])
 
 
 def _boxes(boards: list[_Board]) -> Float:
@@ -177,7 +206,7 @@ def _boxes(boards: list[_Board]) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _distance(points, segments, starts, boxes, wood):  # type: ignore[no-untyped-def]
+def _distance(points, pieces, starts, boxes, wood):  # type: ignore[no-untyped-def]
     """Signed distance of ``points`` (N, 3) to all boards, at most _BAND, and (N,) the nearest board.
 
     Wooden boards are joined with a fillet (I. Quilez's polynomial smooth minimum), the cushion without.
@@ -185,22 +214,27 @@ def _distance(points, segments, starts, boxes, wood):  # type: ignore[no-untyped
     distance = np.empty(points.shape[0])
     nearest = np.zeros(points.shape[0], np.int64)
     for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
         joined, soft, closest = _BAND, _BAND, _BAND
         for b in range(boxes.shape[0]):
-            inside = True
-            for a in range(3):
-                if points[i, a] < boxes[b, a] - _BAND or points[i, a] > boxes[b, 3 + a] + _BAND:
-                    inside = False
-            if not inside:
+            # A board that is not nearer than this changes nothing.
+            bound = min(_BAND, max(joined + _FILLET, closest)) if wood[b] else soft
+            if x < boxes[b, 0] - bound or x > boxes[b, 3] + bound:
                 continue
-            d = _BAND
+            if y < boxes[b, 1] - bound or y > boxes[b, 4] + bound:
+                continue
+            if z < boxes[b, 2] - bound or z > boxes[b, 5] + bound:
+                continue
+            d = bound
             for s in range(starts[b], starts[b + 1]):
-                d = min(d, _to_segment(points[i], segments[s], d))
+                d = _nearer(x, y, z, pieces, s, d)
+            if d >= bound:
+                continue
             if d < closest:
                 closest = d
                 nearest[i] = b
             if not wood[b]:
-                soft = min(soft, d)
+                soft = d
                 continue
             h = max(_FILLET - abs(joined - d), 0.0) / _FILLET
             joined = min(joined, d) - h * h * _FILLET / 4
@@ -209,32 +243,27 @@ def _distance(points, segments, starts, boxes, wood):  # type: ignore[no-untyped
 
 
 @njit(cache=True, nogil=True)
-def _to_segment(p, s, bound):  # type: ignore[no-untyped-def]
-    """Signed distance of ``p`` to one straight piece with a rounded rectangular section."""
-    reach = max(s[9], s[11]) + max(s[10], s[12])
-    ax, ay, az = s[3] - s[0], s[4] - s[1], s[5] - s[2]
-    dx, dy, dz = p[0] - s[0], p[1] - s[1], p[2] - s[2]
-    length = np.sqrt(ax * ax + ay * ay + az * az)
-    t = min(1.0, max(0.0, (dx * ax + dy * ay + dz * az) / (length * length)))
+def _nearer(x, y, z, pieces, s, bound):  # type: ignore[no-untyped-def]
+    """Signed distance of a point to one straight piece with a rounded rectangular section, or ``bound``."""
+    ax, ay, az = pieces.along[s, 0], pieces.along[s, 1], pieces.along[s, 2]
+    dx, dy, dz = x - pieces.start[s, 0], y - pieces.start[s, 1], z - pieces.start[s, 2]
+    t = min(1.0, max(0.0, (dx * ax + dy * ay + dz * az) / pieces.square[s]))
     dx, dy, dz = dx - t * ax, dy - t * ay, dz - t * az
-    far = np.sqrt(dx * dx + dy * dy + dz * dz) - reach
-    if far > bound:
-        return far
-    ax, ay, az = ax / length, ay / length, az / length
-    # The section's axes: across, made square to the piece's direction, and the third one.
-    c = s[6] * ax + s[7] * ay + s[8] * az
-    ux, uy, uz = s[6] - c * ax, s[7] - c * ay, s[8] - c * az
-    n = np.sqrt(ux * ux + uy * uy + uz * uz)
-    ux, uy, uz = ux / n, uy / n, uz / n
-    vx, vy, vz = ay * uz - az * uy, az * ux - ax * uz, ax * uy - ay * ux
-    r = s[13]
-    qu = abs(dx * ux + dy * uy + dz * uz) - ((1 - t) * s[9] + t * s[11]) + r
-    qv = abs(dx * vx + dy * vy + dz * vz) - ((1 - t) * s[10] + t * s[12]) + r
-    qw = abs(dx * ax + dy * ay + dz * az)
+    far = max(bound + pieces.reach[s], 0.0)
+    if dx * dx + dy * dy + dz * dz > far * far:
+        return bound
+    axes, half, r = pieces.axes[s], pieces.half[s], pieces.rounding[s]
+    qu = (
+        abs(dx * axes[0, 0] + dy * axes[0, 1] + dz * axes[0, 2]) - ((1 - t) * half[0, 0] + t * half[1, 0]) + r
+    )
+    qv = (
+        abs(dx * axes[1, 0] + dy * axes[1, 1] + dz * axes[1, 2]) - ((1 - t) * half[0, 1] + t * half[1, 1]) + r
+    )
+    qw = abs(dx * axes[2, 0] + dy * axes[2, 1] + dz * axes[2, 2])
     outside = np.sqrt(max(qu, 0.0) ** 2 + max(qv, 0.0) ** 2 + qw * qw)
     if qw > 0.0:
-        return outside - r
-    return outside + min(max(qu, qv), 0.0) - r
+        return min(bound, outside - r)
+    return min(bound, outside + min(max(qu, qv), 0.0) - r)
 
 
 def _coloured(vertices: Float, nearest: Int, boards: list[_Board]) -> UInt8:

@@ -160,10 +160,11 @@ def js6450(name: str, file: str) -> Real:
     path = DATA / "skeletons" / "js6450_kinect2_json" / file
     cleaned = [[flow_room._cleaned(s) for s in frame] for frame in flow_room._frames(path)]
     distance = flow_room._distance([uvz for frame in cleaned for uvz, _ in frame], path)
-    people = sorted({s["trackingId"] for frame in _json(path) for s in frame})
-    people = [i for i in people if sum(i == s["trackingId"] for f in _json(path) for s in f) > 20]
+    told = _json(path)
+    people = sorted({s["trackingId"] for frame in told for s in frame})
+    people = [i for i in people if sum(i == s["trackingId"] for f in told for s in f) > 20]
     frames, moments = [], []
-    for n, (skeletons, known) in enumerate(zip(_json(path), cleaned, strict=True)):
+    for n, (skeletons, known) in enumerate(zip(told, cleaned, strict=True)):
         joints, visible = np.full((len(people), 20, 3), np.nan), np.zeros((len(people), 20), bool)
         samples = []
         for skeleton, (uvz, good) in zip(skeletons, known, strict=True):

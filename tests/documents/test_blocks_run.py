@@ -25,14 +25,15 @@ from enliven_viewer.studio.settings import StudioSettings
 
 BLOCKS = [block for page in PAGES for block in blocks_of(page)]
 BOUNDS = {
-    "edge": ["--seconds", "1.4", "--speed", "0", "--port", "0"],
+    "edge": ["--seconds", "0.6", "--possess-at", "0.3", "--speed", "0", "--port", "0"],
     "replay": ["--fast", "--port", "0"],
     "view": ["--film", "bounded.mp4", "--seconds", "0.1", "--size", "160x90"],
     "inspect": ["--frames", "3"],
     "synthesize": ["--width", "80", "--level", "1"],
     "studio": ["--seconds", "0.1"],
 }
-"""What is added to a command line so that it ends soon. Of an option that is given twice the last counts."""
+"""What is added to a command line so that it ends soon, an edge's after a body took hold. Of an option that
+is given twice the last counts."""
 TELLS = {"doctor": 4, "examples": 3}
 """Exit codes of commands that tell what is lacking: on this machine, or in a session with no poses yet."""
 

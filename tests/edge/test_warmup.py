@@ -38,6 +38,8 @@ cases = {
 }
 if WARM:
     warm_up_tracking()
+else:
+    cases = {"live": live}
 for name, frames in cases.items():
     before = kernels()
     tracker = Tracker()
@@ -50,7 +52,7 @@ for name, frames in cases.items():
 
 
 def kernels_of(*, warm: bool) -> dict[str, list[str]]:
-    """The kernels that each kind of frames compiled or loaded, in a process of its own."""
+    """The kernels that each kind of frames compiled or loaded, in its own process; one kind if not warm."""
     command = [sys.executable, "-c", f"WARM = {warm}\n{COUNTED}"]
     shown = subprocess.run(command, capture_output=True, text=True, timeout=600, check=True)
     lines = [line.split("|") for line in shown.stdout.splitlines()]

@@ -6,6 +6,7 @@ them: these tests keep what was reached, and say nothing of people it has never 
 import os
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -38,9 +39,14 @@ JOINED = 11
 HANDS = [Joint.WRIST_LEFT, Joint.WRIST_RIGHT]
 
 
+@cache
 def frames_of(folder: str) -> list[DepthFrame]:
     paths = find_files([DATA / folder])
     return list(find_reader(paths).read(paths, ImportOptions()))
+
+
+two_people = cache(js6450)
+"""Read once for all the tests of this file."""
 
 
 def pixels_outside(frame: DepthFrame, tracker: Tracker, joints: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -93,7 +99,7 @@ def test_two_with_raised_and_held_hands_are_two_and_never_less(settings, appear,
     path = DATA / "skeletons" / "js6450_kinect2_json" / "2people_raise-both-arms-MIN.json"
     if not path.exists():
         pytest.skip(f"{path} is not here")
-    real = js6450("js6450_two", path.name)
+    real = two_people("js6450_two", path.name)
     tracker = Tracker(settings)
     for n, frame in enumerate(real.frames[start:]):
         shown = replace(frame, depth=np.ascontiguousarray(frame.depth[:, ::way]))

@@ -26,6 +26,8 @@ SECONDS = 8.0
 COMING = 15
 COVERED = (3.0, 5.0)
 """Seconds of the room in which somebody stands before the left lens."""
+PUBLISHED = 3.0
+"""Seconds of both recordings that an edge is given."""
 PERFORMER = walker(12.0)
 
 
@@ -131,12 +133,13 @@ def test_an_edge_with_two_recordings_publishes_fused_bodies(takes, space, tmp_pa
     """The command line to the take: one performer all the time, the chair follows."""
     take = tmp_path / "take.mcap"
     words = ["edge", "--speed", "0", "--space", str(takes / "space.toml"), "--possess-at", "1"]
+    words += ["--seconds", str(PUBLISHED)]
     words += [w for name in ("left", "right") for w in ("--recording", str(takes / f"{name}.mcap"))]
     words += ["--name", "two", "--port", "0", "--control-port", "0", "--record", str(take)]
     assert run(words) == 0
     recording = Recording(take)
     count = sum(1 for _ in recording.messages("bodies"))
-    assert count > 0.9 * SECONDS * RATE
+    assert count > 0.9 * PUBLISHED * RATE
     assert sum(1 for _ in recording.messages("pose")) == count
 
 

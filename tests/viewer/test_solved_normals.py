@@ -16,7 +16,7 @@ from enliven_viewer.render.scene import Actor, Look, Scene
 from enliven_viewer.render.surface import split_creases
 from enliven_viewer.settings import RenderSettings
 
-CHAIR = make_chair()
+CHAIR = make_chair(0.025)
 VERTICES, FACES = CHAIR.vertices.astype(np.float32), CHAIR.faces
 SURFACE = split_creases(VERTICES, FACES)
 SIZE = (200, 160)

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import TracebackType
 
 import av
+import numpy as np
 
 from enliven.arrays import UInt8
 from enliven.errors import ResourceError
@@ -57,8 +58,12 @@ class FilmWriter:
             self._stream.bit_rate = int(bit_rate * 1e6)
 
     def add(self, picture: UInt8) -> None:
-        """Append one (H, W, 3) sRGB picture."""
-        frame = av.VideoFrame.from_ndarray(picture[: self.height, : self.width], format="rgb24")
+        """Append one sRGB picture, (H, W, 3) or with a fourth channel that does not count, in any strides."""
+        rows = picture[: self.height, : self.width]
+        frame = av.VideoFrame(self.width, self.height, "rgb24" if rows.shape[2] == 3 else "rgb0")
+        plane = frame.planes[0]
+        filled = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)  # type: ignore[call-overload]
+        filled[: self.height, : rows.shape[2] * self.width] = rows.reshape(self.height, -1)
         for packet in self._stream.encode(frame):
             self._file.mux(packet)
         self.count += 1

@@ -8,7 +8,6 @@ from types import TracebackType
 
 from enliven.arrays import UInt8
 from enliven_viewer.encoder import FilmWriter
-from enliven_viewer.render.targets import upright
 from enliven_viewer.sheet import Tiles
 
 WAITING = 4
@@ -37,7 +36,7 @@ class FilmStrip:
         self._waiting.append(self._thread.submit(self._finish, second, raw))
 
     def _finish(self, second: float, raw: UInt8) -> None:
-        picture = upright(raw)
+        picture = raw[::-1]
         self._tiles.add(second, picture)
         if self._writer:
             self._writer.add(picture)

@@ -28,6 +28,10 @@ class Tiles:
     """Chooses pictures for a sheet from a film of unknown length, evenly spread, in bounded memory.
 
     Every ``stride``-th picture is kept; beyond four times the wanted number every other one is dropped.
+
+    Args:
+        wanted: pictures on the sheet.
+        width: pixels of each there.
     """
 
     def __init__(self, wanted: int, width: int) -> None:
@@ -36,10 +40,11 @@ class Tiles:
         self._stride, self._seen = 1, 0
 
     def add(self, seconds: float, picture: UInt8) -> None:
-        """Offer the next picture of the film."""
+        """Offer the next picture of the film, (H, W, 3) or with a fourth channel that does not count."""
         if self._seen % self._stride == 0:
-            height = round(picture.shape[0] * self._width / picture.shape[1])
-            small = Image.fromarray(picture).resize((self._width, max(height, 1)), Image.Resampling.LANCZOS)
+            # Most of what is kept is dropped later, so it is only made smaller by a whole number here.
+            factor = max(picture.shape[1] // self._width, 1)
+            small = Image.fromarray(np.ascontiguousarray(picture)).reduce(factor).convert("RGB")
             self._kept.append(Tile(seconds, np.asarray(small, np.uint8)))
             if len(self._kept) >= 4 * self._wanted:
                 self._kept = self._kept[::2]
@@ -47,12 +52,18 @@ class Tiles:
         self._seen += 1
 
     def chosen(self) -> list[Tile]:
-        """At most the wanted number, the first and the last kept picture among them."""
+        """At most the wanted number, the first and the last kept picture among them, as large as wanted."""
         count = min(self._wanted, len(self._kept))
-        if count < 2:
-            return self._kept[:count]
         last = len(self._kept) - 1
-        return [self._kept[round(k * last / (count - 1))] for k in range(count)]
+        numbers = [round(k * last / max(count - 1, 1)) for k in range(count)]
+        return [
+            Tile(tile.seconds, self._sized(tile.picture)) for tile in map(self._kept.__getitem__, numbers)
+        ]
+
+    def _sized(self, picture: UInt8) -> UInt8:
+        height = max(round(picture.shape[0] * self._width / picture.shape[1]), 1)
+        sized = Image.fromarray(picture).resize((self._width, height), Image.Resampling.LANCZOS)
+        return np.asarray(sized, np.uint8)
 
 
 def write_sheet(path: Path, tiles: list[Tile], columns: int, title: str, subtitle: str) -> None:

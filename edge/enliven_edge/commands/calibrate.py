@@ -19,7 +19,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from enliven.errors import InputError
 from enliven.settings import load_settings
-from enliven_edge.commands.record import sensor_options
+from enliven_edge.sensors.options import sensor_options
 
 if TYPE_CHECKING:
     from enliven_edge.fusion.calibration import Calibration, Pair

@@ -9,7 +9,7 @@ import signal
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -47,6 +47,7 @@ def record(
     """
     from enliven.recording import Recorder
     from enliven_edge.disk_sync import DiskSync
+    from enliven_edge.sensors.options import sensor_options
     from enliven_edge.sensors.registry import open_sensor
     from enliven_edge.sensors.reopening import kept_open
 
@@ -102,32 +103,6 @@ def record_stream(
             continue
         count += 1
         yield count
-
-
-def sensor_options(settings: list[str]) -> dict[str, Any]:
-    """KEY=VALUE words as a mapping; numbers and true/false become what they look like.
-
-    Raises:
-        InputError: for a word without '='.
-    """
-    options: dict[str, Any] = {}
-    for word in settings:
-        key, equals, value = word.partition("=")
-        if not equals or not key:
-            raise InputError(f"{word!r} is not KEY=VALUE", where="--set", mend="For example: --set speed=2")
-        options[key.strip().replace("-", "_")] = _value(value.strip())
-    return options
-
-
-def _value(text: str) -> Any:
-    if text.lower() in ("true", "false"):
-        return text.lower() == "true"
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
 
 
 @contextlib.contextmanager

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from enliven.arrays import Float
 from enliven.body import Body
+from enliven.matching.assignment import least_cost
 from enliven_edge.fusion.blending import bones_within, trunk_distances
 from enliven_edge.fusion.sensor_view import SensorView, Sighting
 from enliven_edge.fusion.sides import MIDDLES
@@ -114,7 +114,7 @@ def assigned(cost: Float) -> list[tuple[int, int]]:
     """The cheapest pairing of rows with columns (Hungarian); what costs _FAR stays alone."""
     if not cost.size:
         return []
-    rows, columns = linear_sum_assignment(cost)
+    rows, columns = least_cost(cost)
     return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if cost[r, c] < _FAR / 2]
 
 

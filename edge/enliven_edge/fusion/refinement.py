@@ -150,8 +150,9 @@ def _stepped(look: _Look, a_from_b: Float, lag: float, settings: CalibrationSett
     # Errors of neighbouring frames and of one body's joints are not independent looks.
     looks = max(1.0, len(np.unique(np.floor(look.times / _MEMORY)))) * _LOOKS
     scale = looks / max(trust.sum(), 1e-12) / variance
-    h = scale * np.einsum("nj,njka,njkb->ab", trust, jacobian, jacobian)
-    g = scale * np.einsum("nj,njka,njk->a", trust, jacobian, error)
+    rows, trusted = jacobian.reshape(-1, 7), (trust[..., None, None] * jacobian).reshape(-1, 7)
+    h = scale * (trusted.T @ rows)
+    g = scale * (trusted.T @ error.reshape(-1))
     precision = h.copy()
     _add_priors(h, g, a_from_b, centre, settings)
     damped = h + 1e-9 * np.diag(np.maximum(np.diag(h), 1e-9))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from enliven.arrays import Float
@@ -13,6 +15,7 @@ from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.ranges import standing
 
 
+@cache
 def warm_up_fusion() -> None:
     """Two sensors that see one person stand for a few frames, with orientations."""
     fuser = Fuser({"a": np.zeros(3), "b": np.ones(3)})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -30,6 +31,8 @@ class RigActor:
 
     looks = False
     """It follows skeletons, not surfaces."""
+    chosen_from: Literal[True] = True
+    """Performers choose the parts of it that they move."""
 
     def __init__(self, shape: Shape, settings: MatchingSettings | None = None) -> None:
         self.settings = settings or MatchingSettings()

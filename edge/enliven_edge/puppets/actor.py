@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 
@@ -45,6 +46,8 @@ class PuppetActor:
 
     looks = False
     """It follows skeletons, not surfaces."""
+    chosen_from: Literal[False] = False
+    """Performers choose no parts of it."""
 
     def __init__(self, project: Project, puppet: Puppet, settings: PuppetSettings | None = None) -> None:
         self.settings = settings or PuppetSettings()

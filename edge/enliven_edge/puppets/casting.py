@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
-from enliven.cactus_puppet import cactus_project
 from enliven.errors import InputError
 from enliven.examples.puppet_motion import missing
 from enliven.formats.example_session import read_session
@@ -15,26 +14,17 @@ from enliven.puppet import Puppet
 from enliven.wire.convert import character_to_message
 from enliven_edge.puppets.actor import PuppetActor
 from enliven_edge.puppets.settings import PuppetSettings
+from enliven_edge.puppets.spec import MADE, file_of
 
 log = logging.getLogger(__name__)
-
-MADE = {"cactus": cactus_project}
-"""The puppets that the project makes itself, by name instead of by path."""
-ENDINGS = (".toml", ".enliven")
-"""Of files that a puppet is read from."""
-
-
-def is_puppet(spec: str) -> bool:
-    """Whether what was asked for is a puppet: a session, or a project, perhaps with a name behind #."""
-    return spec in MADE or Path(_file(spec)[0]).suffix.lower() in ENDINGS
 
 
 def cast_puppet(spec: str, settings: PuppetSettings | None = None) -> PuppetActor:
     """The actor of a puppet, ready to be moved.
 
     Args:
-        spec: a name of :data:`MADE`, a session (.toml), or a project (.enliven), of several puppets with
-            "#" and its name behind.
+        spec: a name of :data:`~enliven_edge.puppets.spec.MADE`, a session (.toml), or a project (.enliven),
+            of several puppets with "#" and its name behind.
 
     Raises:
         InputError: for a file that cannot be read, and for a puppet that cannot move yet, with what it lacks.
@@ -53,7 +43,7 @@ def _read(spec: str) -> tuple[Project, Puppet]:
     if spec in MADE:
         made = MADE[spec]()
         return made, made.puppet(spec)
-    file, name = _file(spec)
+    file, name = file_of(spec)
     if file.lower().endswith(".toml"):
         session = read_session(Path(file))
         for note in session.notes:
@@ -67,9 +57,3 @@ def _read(spec: str) -> tuple[Project, Puppet]:
         mend = f"Name one: {file}#{next(iter(project.puppets))}."
         raise InputError(f"it has {len(project.puppets)} puppets", where=file, mend=mend)
     return project, project.puppet(name or next(iter(project.puppets)))
-
-
-def _file(spec: str) -> tuple[str, str]:
-    """The file, and the name of the puppet in it."""
-    file, mark, name = spec.rpartition("#")
-    return (file, name) if mark and Path(file).suffix.lower() in ENDINGS else (spec, "")

@@ -6,10 +6,10 @@ Each 4 x 4 tile of the image keeps the few primitives that can touch it, and its
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, UInt8
 from enliven.camera import Intrinsics, rays
+from enliven.kernels import njit
 from enliven_edge.synthesis.flesh import BETWEEN, BLEND, PIECES, Flesh
 from enliven_edge.synthesis.marching import DEPTH, END, LANES, LANES_SIZE, LENGTH, MET, SIDE, X, Y, march
 
@@ -36,16 +36,14 @@ class Renderer:
 
     def _tile_bounds(self) -> Float:
         """(R, C, 3) centre (x/z, y/z) and radius of every tile, in the plane at depth 1."""
-        height, width = self.intrinsics.height, self.intrinsics.width
-        rows, columns = -(-height // SIDE), -(-width // SIDE)
-        bounds = np.zeros((rows, columns, 3))
-        for r in range(rows):
-            for c in range(columns):
-                block = self.ray[r * SIDE : (r + 1) * SIDE, c * SIDE : (c + 1) * SIDE].reshape(-1, 2)
-                centre = (block.min(0) + block.max(0)) / 2
-                apart = block - centre
-                bounds[r, c] = *centre, np.sqrt((apart[:, 0] ** 2 + apart[:, 1] ** 2).max())
-        return bounds
+        height, width = self.ray.shape[:2]
+        # A tile over the rim repeats the last pixels, which changes neither its box nor its radius.
+        whole = np.pad(self.ray, ((0, -height % SIDE), (0, -width % SIDE), (0, 0)), mode="edge")
+        blocks = whole.reshape(len(whole) // SIDE, SIDE, -1, SIDE, 2)
+        centre = (blocks.min((1, 3), keepdims=True) + blocks.max((1, 3), keepdims=True)) / 2
+        apart = np.square(blocks - centre)
+        radius = np.sqrt((apart[..., 0] + apart[..., 1]).max((1, 3)))
+        return np.concatenate([centre[:, 0, :, 0], radius[..., None]], -1)
 
     def draw(self, flesh: Flesh, depth: Float, material: UInt8) -> None:
         """Draw over ``depth`` (H, W) metres (inf: nothing there) and ``material`` (H, W), in place."""

@@ -61,10 +61,10 @@ def cast_room(
         world_from_camera: (4, 4) where the camera stands.
     """
     ray = rays(intrinsics)
-    r = world_from_camera[:3, :3]
-    direction = ray[..., :1] * r[:, 0] + ray[..., 1:] * r[:, 1] + r[:, 2]
-    depth = np.full(ray.shape[:2], np.inf)
-    material = np.zeros(ray.shape[:2], np.uint8)
+    across, down = np.ascontiguousarray(ray[..., 0]), np.ascontiguousarray(ray[..., 1])
+    direction = [across * r[0] + down * r[1] + r[2] for r in world_from_camera[:3, :3]]
+    depth = np.full(across.shape, np.inf)
+    material = np.zeros(across.shape, np.uint8)
     for box in room:
         hit = _box_entry(world_from_camera[:3, 3], direction, box)
         nearer = hit < depth
@@ -73,11 +73,13 @@ def cast_room(
     return depth, material
 
 
-def _box_entry(origin: Float, direction: Float, box: Box) -> AnyArray:
-    """(H, W) the multiple of ``direction`` (H, W, 3) at which it enters a box; inf where it misses."""
+def _box_entry(origin: Float, direction: list[Float], box: Box) -> AnyArray:
+    """(H, W) the multiple of ``direction``, (H, W) by axis, at which it enters a box; inf where it misses."""
+    enter, leave = np.full(direction[0].shape, np.nan), np.full(direction[0].shape, np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
-        low = (np.array(box.low) - origin) / direction
-        high = (np.array(box.high) - origin) / direction
-    enter = np.nanmax(np.minimum(low, high), -1)
-    leave = np.nanmin(np.maximum(low, high), -1)
+        for axis, along in enumerate(direction):
+            low, high = ((side[axis] - origin[axis]) / along for side in (box.low, box.high))
+            # A ray that lies in a side is NaN there: that side does not count.
+            np.fmax(enter, np.minimum(low, high), out=enter)
+            np.fmin(leave, np.maximum(low, high), out=leave)
     return np.where((enter <= leave) & (enter > 0), enter, np.inf)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from enliven.arrays import Float, Float32, Int
+from enliven.matching.assignment import least_cost
 from enliven_edge.tracking import model
 from enliven_edge.tracking.alignment import align
 from enliven_edge.tracking.capsules import misfits
@@ -202,7 +202,7 @@ def _reaching(posture: Posture, ends: Extremities, eye: Float) -> Posture:
     away = ends.points - eye
     targets = ends.points + 0.04 * away / np.linalg.norm(away, axis=1, keepdims=True)
     distance = np.linalg.norm(tips[:, None] - targets[None], axis=2)
-    limb, extremity = linear_sum_assignment(np.minimum(distance, _FARTHEST))
+    limb, extremity = least_cost(np.minimum(distance, _FARTHEST))
     matched = distance[limb, extremity] < _FARTHEST
     frames = np.concatenate([_END_FRAMES[limb[matched]], [model.PELVIS]])
     local = np.concatenate([_ENDS[limb[matched]], _HIPS])

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from enliven.arrays import Float
+from enliven.matching.assignment import least_cost
 from enliven_edge.tracking import model
 from enliven_edge.tracking.settings import PeopleSettings
 
@@ -121,7 +121,7 @@ class Register:
             return [(self.absent[0], True)]
         # Being somebody new costs as much as being incompatible, for each.
         padded = np.concatenate([cost, np.full((len(found), len(found)), _COMPATIBLE)], 1)
-        rows, columns = linear_sum_assignment(padded)
+        rows, columns = least_cost(padded)
         made: list[tuple[Absent | None, bool]] = []
         for row, column in zip(rows, columns, strict=True):
             absent = self.absent[column] if column < len(self.absent) else None

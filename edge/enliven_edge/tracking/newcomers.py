@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float, UInt8
+from enliven.kernels import njit
 from enliven.masks import pixels_of
 from enliven_edge.tracking.columns import parted
 from enliven_edge.tracking.human import SMALLEST_AREA, Shape, shape_of

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float, Int
 from enliven.body import Joint
+from enliven.kernels import njit
 from enliven_edge.tracking import model
 from enliven_edge.tracking.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.identity import Looks, percentile

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float, Int, UInt8
+from enliven.kernels import njit
 from enliven.masks import pixels_of
 from enliven.union_find import join, root_of
 from enliven_edge.tracking.belonging import given_back, grown

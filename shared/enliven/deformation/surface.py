@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Float32, Int, Int32
 from enliven.deformation import surface_kernels as kernels
@@ -212,6 +211,8 @@ def _adoptions(points: Float, part: Int, positions: Float) -> Int32:
     orphans = np.flatnonzero(~np.isin(part[:count], part[count:]))
     if len(orphans) == 0:
         return np.empty((0, 2), np.int32)
+    from scipy.spatial import cKDTree  # 0.05 s to load, and few meshes have parts without a node
+
     length, nearest = cKDTree(positions).query(points[orphans])
     order = np.lexsort((length, part[orphans]))
     label = part[orphans][order]
@@ -219,11 +220,11 @@ def _adoptions(points: Float, part: Int, positions: Float) -> Int32:
     return np.stack([orphans[order][first], count + nearest[order][first]], 1).astype(np.int32)
 
 
-def _adjacency(web: Web, count: int) -> tuple[Int32, Int32, Float]:
+def _adjacency(web: Web, count: int) -> tuple[Int, Int32, Float]:
     """CSR neighbours of each point: offsets (count + 1,), neighbours and lengths (2 E,)."""
     rows, columns = np.concatenate([web.edges, web.edges[:, ::-1]]).T
     order = np.argsort(rows, kind="stable")
-    offsets = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))]).astype(np.int32)
+    offsets = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
     return offsets, columns[order], np.concatenate([web.lengths, web.lengths])[order]
 
 

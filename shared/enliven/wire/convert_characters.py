@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float32, UInt16
 from enliven.character import Character, SkinWeights
-from enliven.deformation.arap import ArapSettings
+from enliven.deformation.arap_settings import ArapSettings
 from enliven.errors import InputError
 from enliven.wire.characters import MAX_ITERATIONS, MAX_SOLVED, MAX_STIFF, CharacterMessage, SurfaceMessage
 from enliven.wire.fields import MAX_FACES, MAX_VERTICES, from_bytes, to_bytes

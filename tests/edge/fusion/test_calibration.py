@@ -37,6 +37,12 @@ def seen_by_both(walker_shape=(8.0, 1.6, 1.2)):
     return streams([Walker(Way(*walker_shape))], [A, B], SHORT, [10.0, 13.0])
 
 
+@cache
+def b_of_both():
+    """(4, 4) where the second of them stands."""
+    return calibrate(seen_by_both()).world_from_sensor["b"]
+
+
 def errors(calibration, places, names="abcdef"):
     """Metres and degrees of each sensor's placement, relative to the first."""
     found = []
@@ -68,8 +74,7 @@ def test_exact_bodies_give_exact_places_and_clocks():
 )  # fmt: skip
 def test_moving_either_sensor_moves_the_answer_along(which, angle, x, z):
     """Equivariance: a_from_b becomes M a_from_b or a_from_b M^-1."""
-    told_by = list(seen_by_both())
-    before = calibrate(told_by).world_from_sensor["b"]
+    told_by, before = list(seen_by_both()), b_of_both()
     motion = rigid(turn(np.array([0.0, angle, 0.0])), np.array([x, 0.0, z]))
     told_by[which] = changed(told_by[which], motion)
     after = calibrate(told_by).world_from_sensor["b"]

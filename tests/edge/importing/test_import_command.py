@@ -19,7 +19,8 @@ from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.recording import Recorder, Recording
 from enliven_edge.commands.import_ import import_recording
-from enliven_edge.commands.record import record, sensor_options
+from enliven_edge.commands.record import record
+from enliven_edge.sensors.options import sensor_options
 
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command("import")(import_recording)

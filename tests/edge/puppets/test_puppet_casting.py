@@ -16,7 +16,8 @@ from enliven.formats.session_text import write_session
 from enliven.mesh import Mesh
 from enliven.project import Project
 from enliven.puppet import ControlPoint
-from enliven_edge.puppets.casting import cast_puppet, is_puppet
+from enliven_edge.puppets.casting import cast_puppet
+from enliven_edge.puppets.spec import is_puppet
 
 CACTUS = cactus_project(0.05)
 PUPPET = CACTUS.puppet("cactus")

@@ -1,5 +1,7 @@
 """What a frame says of a joint, and the confidence made of it."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from estimates_for_tests import estimate_of
@@ -110,6 +112,12 @@ def test_evidence_is_gathered_of_the_bone_and_of_the_part_beside_it(seed, alone)
     np.testing.assert_allclose(found, np.concatenate(slow, 1), atol=1e-12)
 
 
+@cache
+def in_full_view():
+    """What is seen of a person who stands; drawn once for all examples."""
+    return observed(standing())
+
+
 @given(st.integers(0, 10_000))
 @settings(max_examples=30, deadline=None)
 def test_a_capsule_is_believed_by_its_share_of_the_points(seed):
@@ -118,7 +126,7 @@ def test_a_capsule_is_believed_by_its_share_of_the_points(seed):
     report = FitReport(1.0, 0.9, random.integers(0, 60, 20) * 1.0, random.random(20))
     ends, radii = standing().capsules()
     area = (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) + radii.sum(1)) * radii.sum(1)
-    observation = observed(standing())
+    observation = in_full_view()
     expected = len(observation.points) * area / area.sum()
     slow = np.minimum(1.0, report.support / np.maximum(1.0, 0.35 * expected)) * (1.0 - report.violated)
     found = of_joints.capsule_confidence(report, observation, standing())

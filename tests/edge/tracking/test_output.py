@@ -1,6 +1,7 @@
 """What leaves the tracker: off is off, never a NaN, no leaps, mirrored, ahead of time."""
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ def settings_of(amount: float = 1.0, **output) -> TrackerSettings:
     return TrackerSettings(smoothing=SmoothingSettings(amount=amount), output=OutputSettings(**output))
 
 
+@cache
 def truth(choreography: str, frames: int, fps: float = 30.0) -> list[Body]:
     """True bodies, with made-up orientations that turn as they move."""
     with SyntheticSensor(choreography=choreography, realtime=False) as sensor:

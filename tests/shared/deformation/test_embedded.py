@@ -19,6 +19,9 @@ from enliven.deformation.rigid_system import precondition, refactor
 from enliven.errors import InputError
 
 EXACT = EmbeddedSettings(iterations=3000, tolerance=1e-14)
+ENOUGH = 1e-6
+"""Share of the energy that a step of the reference gains at its end. Each gains about half of the one
+before, so the minimum is as near: a hundredth of what the two are compared to."""
 NAMES = ("rotation", "smoothness", "constraint", "rigidity", "planes")
 
 
@@ -143,7 +146,7 @@ def reference_minimum(graph, points, targets, pulls, settings, start, planes=Non
             damping *= 10
         gained = value @ value - trial @ trial
         x, value, damping = x + step, trial, damping / 10
-        if gained <= 1e-10 * (value @ value):
+        if gained <= ENOUGH * (value @ value):
             break
     return float(value @ value)
 

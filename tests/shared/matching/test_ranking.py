@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
 from enliven.matching.abstraction import abstract
-from enliven.matching.assignment import all_choices, assign, best_choices, binomials
+from enliven.matching.assignment import all_choices, assign, best_choices, binomials, least_cost
 from enliven.matching.ranking import Matcher, RankingSettings
 from enliven.matching.source import source_of
 from enliven.matching.views import View
@@ -161,6 +161,24 @@ def test_assignment_uses_what_it_must_and_not_what_it_must_not(gain):
     allowed = [c for c in itertools.combinations(range(n), m) if n - 1 in c and (n == m or 0 not in c)]
     assert total == pytest.approx(max(solved(gain, list(c)) for c in allowed))
     assert tuple(sorted(columns)) in allowed
+
+
+@given(st.integers(0, 6), st.integers(0, 6), seeds, st.sampled_from([0.0, 1e6]))
+@settings(max_examples=80, deadline=None)
+def test_the_least_cost_is_scipys(m, n, seed, never):
+    cost = np.random.default_rng(seed).uniform(0, 3, (m, n))
+    cost[cost > 2] += never
+    rows, columns = least_cost(cost)
+    expected = linear_sum_assignment(cost)
+    np.testing.assert_array_equal(rows, expected[0])
+    assert len(set(columns)) == len(columns) == min(m, n)
+    assert cost[rows, columns].sum() == pytest.approx(cost[expected].sum(), rel=1e-12)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_cost_that_is_not_finite_is_refused(bad):
+    with pytest.raises(ValueError, match="not finite"):
+        least_cost(np.array([[1.0, bad], [2.0, 3.0]]))
 
 
 def star(arms, seed=0):

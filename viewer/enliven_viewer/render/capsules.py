@@ -23,6 +23,8 @@ _JOINT_RADII[[Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIG
 _JOINT_RADII[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = 0.034
 _HEAD_RADIUS = 0.092
 _SEGMENTS, _RINGS = 18, 5
+_SHADOW_SEGMENTS, _SHADOW_RINGS = 10, 3
+"""Of what casts a shadow: its blur is wider than the corners are sharp."""
 
 
 def capsules_of(bodies: tuple[Body, ...], opacity: float) -> Float32:
@@ -67,46 +69,80 @@ def bone_block(bodies: tuple[Body, ...], strength: float) -> tuple[Float32, int]
 
 
 class Capsules:
-    """Instanced capsules on the GPU, and the marks that share the trick: dots that face the camera."""
+    """Instanced capsules on the GPU: limbs between two balls, and balls.
 
-    def __init__(self, ctx: moderngl.Context, program: moderngl.Program) -> None:
-        vertices, faces = capsule_template()
-        self._instances = ctx.buffer(reserve=12 * 4 * 64, dynamic=True)
-        self._program, self._count = program, 0
-        self._array = ctx.vertex_array(
-            program,
-            [
-                (ctx.buffer(vertices.tobytes()), "3f 1f", "in_direction", "in_end"),
-                (self._instances, "4f 4f 4f/i", "in_from", "in_to", "in_tint"),
-            ],
-            index_buffer=ctx.buffer(faces.tobytes()),
-            index_element_size=4,
+    Args:
+        program: of ``capsule.vert`` or ``tube.vert``.
+        open_limbs: whether balls that are thicker than the limbs stand at all their ends.
+        casting: whether they only cast shadows.
+    """
+
+    def __init__(
+        self,
+        ctx: moderngl.Context,
+        program: moderngl.Program,
+        *,
+        open_limbs: bool = False,
+        casting: bool = False,
+    ) -> None:
+        segments, rings = (_SHADOW_SEGMENTS, _SHADOW_RINGS) if casting else (_SEGMENTS, _RINGS)
+        self._counts = [0, 0]
+        self._instances = [ctx.buffer(reserve=12 * 4 * 64, dynamic=True) for _ in self._counts]
+        templates = (
+            capsule_template(segments, 1 if open_limbs else rings),
+            capsule_template(segments, rings, ball=True),
         )
+        self._arrays = [
+            ctx.vertex_array(
+                program,
+                [
+                    (ctx.buffer(vertices.tobytes()), "3f 1f", "in_direction", "in_end"),
+                    (instances, "4f 4f 4f/i", "in_from", "in_to", "in_tint"),
+                ],
+                index_buffer=ctx.buffer(faces.tobytes()),
+                index_element_size=4,
+            )
+            for instances, (vertices, faces) in zip(self._instances, templates, strict=True)
+        ]
 
     def load(self, rows: Float32) -> None:
         """Take the (N, 12) rows of :func:`capsules_of`."""
-        self._count = len(rows)
-        if self._count:
-            self._instances.orphan(rows.nbytes)
-            self._instances.write(rows)
+        ball = (rows[:, 0:3] == rows[:, 4:7]).all(1)
+        for number, some in enumerate((rows[~ball], rows[ball])):
+            self._counts[number] = len(some)
+            if len(some):
+                self._instances[number].orphan(some.nbytes)
+                self._instances[number].write(np.ascontiguousarray(some))
 
     def render(self) -> None:
         """Draw what was loaded."""
-        if self._count:
-            self._array.render(moderngl.TRIANGLES, instances=self._count)
+        for array, count in zip(self._arrays, self._counts, strict=True):
+            if count:
+                array.render(moderngl.TRIANGLES, instances=count)
 
 
-def capsule_template() -> tuple[Float32, Int32]:
-    """(N, 4) unit directions with the end they belong to, and (F, 3) faces of a capsule along +Y."""
-    latitude = np.concatenate([np.linspace(-np.pi / 2, 0, _RINGS), np.linspace(0, np.pi / 2, _RINGS)])
-    end = np.repeat([0.0, 1.0], _RINGS)
-    around = np.linspace(0, 2 * np.pi, _SEGMENTS, endpoint=False)
-    ring = np.stack([np.cos(around), np.zeros(_SEGMENTS), np.sin(around)], -1)
+def capsule_template(
+    segments: int = _SEGMENTS, rings: int = _RINGS, *, ball: bool = False
+) -> tuple[Float32, Int32]:
+    """(N, 4) unit directions with the end they belong to, and (F, 3) faces of a capsule along +Y.
+
+    Args:
+        segments: faces around.
+        rings: rings of vertices from the middle to a pole; 1 leaves both ends open.
+        ball: without the tube between the two halves.
+    """
+    upper = np.linspace(0, np.pi / 2, rings)
+    latitude = np.concatenate([-upper[::-1], upper[1:] if ball else upper])
+    end = np.repeat([0.0, 1.0], [rings, rings - 1 if ball else rings])
+    around = np.linspace(0, 2 * np.pi, segments, endpoint=False)
+    ring = np.stack([np.cos(around), np.zeros(segments), np.sin(around)], -1)
     direction = np.cos(latitude)[:, None, None] * ring
     direction[..., 1] = np.sin(latitude)[:, None]
     vertices = np.concatenate([direction, np.broadcast_to(end[:, None, None], (*direction.shape[:2], 1))], -1)
-    row, column = np.meshgrid(np.arange(2 * _RINGS - 1), np.arange(_SEGMENTS), indexing="ij")
-    a, b = row * _SEGMENTS + column, row * _SEGMENTS + (column + 1) % _SEGMENTS
-    c, d = a + _SEGMENTS, b + _SEGMENTS
-    faces = np.concatenate([np.stack([a, c, b], -1).reshape(-1, 3), np.stack([b, c, d], -1).reshape(-1, 3)])
-    return vertices.reshape(-1, 4).astype(np.float32), faces.astype(np.int32)
+    row, column = np.meshgrid(np.arange(len(latitude) - 1), np.arange(segments), indexing="ij")
+    a, b = row * segments + column, row * segments + (column + 1) % segments
+    c, d = a + segments, b + segments
+    faces = np.stack([a, c, b, b, c, d], -1)
+    if rings > 1:  # a pole is one place, so half of the faces around it are nothing
+        faces = np.concatenate([faces[0, :, 3:], faces[1:-1].reshape(-1, 3), faces[-1, :, :3]])
+    return vertices.reshape(-1, 4).astype(np.float32), faces.reshape(-1, 3).astype(np.int32)

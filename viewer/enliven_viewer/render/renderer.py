@@ -9,24 +9,29 @@ import numpy as np
 
 from enliven.arrays import Float, UInt8
 from enliven_viewer.camera import Box, View
-from enliven_viewer.render.capsules import Capsules, bone_block, capsules_of
+from enliven_viewer.render.capsules import Capsules, capsules_of
+from enliven_viewer.render.ground import STAGE_RADIUS, Ground, Patch
 from enliven_viewer.render.lights import TO_KEY, contact_from_world, light_from_world
 from enliven_viewer.render.marks import Marks
 from enliven_viewer.render.match_lines import match_rows
+from enliven_viewer.render.mesh_pass import MeshPass
 from enliven_viewer.render.program import BLOCKS, UNITS, load_program, set_uniform
 from enliven_viewer.render.props import LooseThings
+from enliven_viewer.render.region import casters_of, marks_of, seen_in, shaded_by
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned import SkinnedMesh
-from enliven_viewer.render.targets import Picture, Size, SoftMap
+from enliven_viewer.render.targets import Picture, Size, SoftMap, reach_of
 from enliven_viewer.render.tubes import Tubes
 from enliven_viewer.settings import RenderSettings
 
 EMPTY_BOX: Box = (np.array([-0.6, 0.0, -0.6]), np.array([0.6, 1.7, 0.6]))
 """What the camera and the light look at while there is nothing."""
-_STAGE_RADIUS = 1.9
-_FLOOR_REACH = 3.0 * _STAGE_RADIUS  # beyond, shaders/floor.frag has faded into the horizon
 _ALPHA_TO_COVERAGE = 0x809E
 """GL_SAMPLE_ALPHA_TO_COVERAGE, which moderngl has no name for."""
+_SHADOW_BLUR, _CONTACT_BLUR = (2.0,), (1.0, 2.2)
+"""Texels between the taps of each blur; the contact's spans decimetres."""
+_SLANT = 1.0 / float(TO_KEY[1])
+"""How much longer a texel of the key light's map is on the floor."""
 _FRAME_BYTES = 4 * (4 * 16 + 4 * 4)
 
 
@@ -45,18 +50,13 @@ class Renderer:
         self._shadow = SoftMap(ctx, self.settings.shadow_size)
         self._contact = SoftMap(ctx, self.settings.contact_size)
         self._frame = ctx.buffer(reserve=_FRAME_BYTES, dynamic=True)
-        self._bones = ctx.buffer(reserve=3 * 64 * 16, dynamic=True)
         self._skin = load_program(ctx, "skin.vert", varyings=("out_position", "out_normal"))
-        self._mesh = {
-            fine: load_program(ctx, "mesh.vert", "mesh.frag", defines=("FINE",) * fine)
-            for fine in (True, False)
-        }
-        self._depth = load_program(ctx, "depth.vert", "depth.frag")
+        self._mesh_pass = MeshPass(ctx, self.settings)
         self._caster = load_program(ctx, "caster.vert", "caster.frag")
         self._body = load_program(ctx, "capsule.vert", "capsule.frag")
         self._body_caster = load_program(ctx, "capsule.vert", "caster.frag")
-        self._capsules = Capsules(ctx, self._body)
-        self._shadow_capsules = Capsules(ctx, self._body_caster)
+        self._capsules = Capsules(ctx, self._body, open_limbs=True)
+        self._shadow_capsules = Capsules(ctx, self._body_caster, open_limbs=True, casting=True)
         self._prop = load_program(ctx, "prop.vert", "prop.frag")
         self._prop_caster = load_program(ctx, "prop.vert", "caster.frag")
         self._props, self._shadow_props = LooseThings(ctx, self._prop), LooseThings(ctx, self._prop_caster)
@@ -64,18 +64,9 @@ class Renderer:
         self._tubes: Tubes | None = None
         self._present = load_program(ctx, "screen.vert", "present.frag")
         self._present_quad = ctx.vertex_array(self._present, [])
-        self._make_backdrop()
+        self._ground = Ground(ctx)
         self._meshes: dict[str, SkinnedMesh] = {}
         self._stage: Float | None = None
-
-    def _make_backdrop(self) -> None:
-        ctx = self.ctx
-        self._backdrop = load_program(ctx, "screen.vert", "backdrop.frag")
-        self._backdrop_quad = ctx.vertex_array(self._backdrop, [])
-        self._floor = load_program(ctx, "floor.vert", "floor.frag")
-        self._floor["reach"] = _FLOOR_REACH
-        square = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]], np.float32)
-        self._floor_quad = ctx.vertex_array(self._floor, [(ctx.buffer(square.tobytes()), "2f", "in_corner")])
 
     @property
     def size(self) -> Size:
@@ -94,21 +85,22 @@ class Renderer:
         self.picture.drawn.use()  # without a framebuffer OpenGL refuses even what draws nothing
         meshes = self._skinned(scene)
         box = scene.lit_box or EMPTY_BOX
-        self._write_frame(box, view)
+        stage = self._write_frame(box, view)
         capsules = capsules_of(scene.bodies if scene.look.body > 0 else (), scene.look.body)
         self._capsules.load(capsules)
         self._shadow_capsules.load(capsules)
         self._props.load(scene.props)
         self._shadow_props.load(scene.props)
-        self._draw_shadows(meshes, box)
-        self.picture.drawn.use()
-        self.ctx.clear(0.0, 0.0, 0.0, 1.0, depth=1.0)
+        casters = casters_of(scene, capsules, [mesh.hull() for mesh in meshes])
+        self._draw_shadows(meshes, casters)
         self._shadow.texture.use(UNITS["shadow_map"])
         self._contact.texture.use(UNITS["contact_map"])
-        self._draw_floor()
+        self._ground.draw(self.picture.ground, stage, self._shaded(casters))
+        filled = np.concatenate([casters, marks_of(scene)])
+        self.picture.begin(seen_in(filled, view.clip_from_world, self.size))
         self._draw_props()
         self._draw_bodies()
-        self._draw_meshes(meshes, scene)
+        self._mesh_pass.draw(self.picture, meshes, scene)
         self._draw_hidden_bodies(scene)
         self._marks.draw(scene)
         self.picture.resolve()
@@ -153,8 +145,11 @@ class Renderer:
                 known.place(actor.vertices)
         return [self._meshes[actor.character.id] for actor in scene.actors]
 
-    def _write_frame(self, box: Box, view: View) -> None:
-        """Fill the uniform block that every shader shares; the pool of light follows the scene slowly."""
+    def _write_frame(self, box: Box, view: View) -> Float:
+        """Fill the uniform block that every shader shares; (3,) where the pool of light is.
+
+        It follows the scene slowly.
+        """
         centre = (box[0] + box[1]) / 2
         centre[1] = 0.0
         if self._stage is None or float(np.linalg.norm(centre - self._stage)) > 4.0:
@@ -162,15 +157,20 @@ class Renderer:
         self._stage = self._stage + 0.03 * (centre - self._stage)
         self._light, self._below = light_from_world(box), contact_from_world(box)
         matrices = [view.clip_from_world, np.linalg.inv(view.clip_from_world), self._light, self._below]
-        vectors = [[*view.eye, 1.0], [*TO_KEY, 0.0], [*self._stage, _STAGE_RADIUS], [*self.size, 0.0, 0.0]]
+        vectors = [[*view.eye, 1.0], [*TO_KEY, 0.0], [*self._stage, STAGE_RADIUS], [*self.size, 0.0, 0.0]]
         values = np.concatenate([np.stack([m.T for m in matrices]).ravel(), np.ravel(vectors)])
         self._frame.write(values.astype("f4").tobytes())
         self._frame.bind_to_uniform_block(BLOCKS["Frame"])
+        return self._stage
 
-    def _draw_shadows(self, meshes: list[SkinnedMesh], box: Box) -> None:
+    def _draw_shadows(self, meshes: list[SkinnedMesh], casters: Float) -> None:
         """The key light's map and the floor's contact map, blurred."""
-        passes = ((self._shadow, self._light, False, 1.0), (self._contact, self._below, True, 0.0))
-        for target, clip, contact, empty in passes:
+        passes = (
+            (self._shadow, self._light, _SHADOW_BLUR, 1.0),
+            (self._contact, self._below, _CONTACT_BLUR, 0.0),
+        )
+        for target, clip, blur, empty in passes:
+            contact = target is self._contact
             target.begin(empty)
             for program in (self._caster, self._body_caster, self._prop_caster):
                 set_uniform(program, "clip_from_caster", tuple(clip.T.astype("f4").ravel()))
@@ -180,16 +180,16 @@ class Renderer:
                 mesh.render(self._caster, coarse=contact)
             self._shadow_capsules.render()
             self._shadow_props.render()
-            # The contact's blur spans decimetres.
-            target.blur((1.0, 2.2) if contact else (2.0,))
+            target.blur(blur, seen_in(casters, clip, (target.size, target.size), reach_of(blur)))
 
-    def _draw_floor(self) -> None:
-        """The floor, then the backdrop where it leaves room."""
-        self.ctx.depth_func = "<="
-        self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
-        self._floor_quad.render(moderngl.TRIANGLE_STRIP)
-        self.ctx.enable_only(moderngl.DEPTH_TEST)
-        self._backdrop_quad.render(moderngl.TRIANGLES, vertices=3)
+    def _shaded(self, casters: Float) -> Patch:
+        """The floor on which the casters' shadows may fall, blurred as they are."""
+        texels = (
+            (self._light, self.settings.shadow_size, _SHADOW_BLUR),
+            (self._below, self.settings.contact_size, _CONTACT_BLUR),
+        )
+        room = max(2 / float(np.linalg.norm(clip[0])) / size * reach_of(blur) for clip, size, blur in texels)
+        return shaded_by(casters, TO_KEY, _SLANT * room)
 
     def _draw_props(self) -> None:
         """What is loose; the depth test sorts it out with the rest."""
@@ -205,29 +205,6 @@ class Renderer:
         self.ctx.enable_direct(_ALPHA_TO_COVERAGE)
         self._capsules.render()
         self.ctx.disable_direct(_ALPHA_TO_COVERAGE)
-
-    def _draw_meshes(self, meshes: list[SkinnedMesh], scene: Scene) -> None:
-        """Depth first, so that a transparent mesh shows what is behind its nearest side, not its own back."""
-        block, count = bone_block(scene.bodies, scene.look.reveal)
-        self._bones.write(block.tobytes())
-        self._bones.bind_to_uniform_block(BLOCKS["Bones"])
-        revealing = count > 0 and scene.look.reveal > 0
-        for program in self._mesh.values():
-            set_uniform(program, "bone_count", count if revealing else 0)
-            set_uniform(program, "reveal_distance", max(self.settings.reveal_distance, 1e-4))
-            set_uniform(program, "reveal_opacity", self.settings.reveal_opacity)
-        self.ctx.depth_func = "<="
-        self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
-        self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
-        if revealing:
-            self.ctx.enable_only(moderngl.DEPTH_TEST)
-            self._write_colour(False)
-            for mesh in meshes:
-                mesh.render(self._depth)
-            self._write_colour(True)
-        self.ctx.enable_only(moderngl.DEPTH_TEST | (moderngl.BLEND if revealing else 0))
-        for mesh in meshes:
-            mesh.render(self._mesh[mesh.fine])
 
     def _draw_hidden_bodies(self, scene: Scene) -> None:
         """The body faintly through whatever covers it; the brighter of the two stays, so nothing adds up."""
@@ -245,9 +222,4 @@ class Renderer:
     def _write_depth(self, on: bool) -> None:
         """Whether what is drawn next hides what is behind it; moderngl takes the mask over with a bind."""
         self.picture.drawn.depth_mask = on
-        self.picture.drawn.use()
-
-    def _write_colour(self, on: bool) -> None:
-        """Whether what is drawn next is seen, or leaves its depth only."""
-        self.picture.drawn.color_mask = (on,) * 4
         self.picture.drawn.use()

@@ -7,11 +7,18 @@ import math
 import moderngl
 import numpy as np
 
-from enliven.arrays import Float32
+from enliven.arrays import Float, Float32
 from enliven.character import Character, Pose
 from enliven_viewer.render.normals import placed
 from enliven_viewer.render.program import UNITS
-from enliven_viewer.render.surface import clustered_faces, is_closed, longest_edge, split_creases
+from enliven_viewer.render.scene import corners
+from enliven_viewer.render.surface import (
+    clustered_faces,
+    is_closed,
+    longest_edge,
+    neighbours_in_turn,
+    split_creases,
+)
 
 _PER_ROW = 256
 """Transforms in a row of the texture; shaders/skin.vert has the same number."""
@@ -54,9 +61,11 @@ class SkinnedMesh:
         ]
         self.closed = is_closed(character.vertices, character.faces)
         self.fine = self.closed and longest_edge(character.vertices, character.faces) <= _FINE
-        self._faces = ctx.buffer(surface.faces.tobytes())
-        self._coarse_faces = ctx.buffer(clustered_faces(rest, surface.faces, _COARSE).tobytes())
+        faces = neighbours_in_turn(rest, surface.faces)
+        self._faces = ctx.buffer(faces.tobytes())
+        self._coarse_faces = ctx.buffer(clustered_faces(rest, faces, _COARSE).tobytes())
         self._colours = ctx.buffer(_linear_colours(character)[surface.source].tobytes())
+        self._boxes = boxes_of(character)
         self._placed: Float32 | None = None
         self._skinned = ctx.buffer(reserve=self.count * 24)
         layouts = (("3f 3f", "in_rest", "in_rest_normal"), ("4u2", "in_nodes"), ("4f", "in_weights"))
@@ -79,6 +88,18 @@ class SkinnedMesh:
         if vertices is not self._placed:
             self._skinned.write(placed(vertices, self.character.faces, self._surface))
         self._placed = vertices
+
+    def hull(self) -> Float:
+        """(K, 3) metres, points that hold every vertex between them where it is now.
+
+        A skinned vertex lies between the places to which each of its transforms alone would move it.
+        """
+        if self._placed is not None:
+            places = np.where(np.isfinite(self._placed), self._placed, 0.0)  # as normals.placed puts them
+            return corners((places.min(0), places.max(0)))
+        moved = self._staged[: len(self._boxes)]
+        places = np.einsum("jab,jkb->jka", moved[:, :, :3], self._boxes) + moved[:, None, :, 3]
+        return np.asarray(places[np.isfinite(self._boxes[:, 0, 0])].reshape(-1, 3), np.float64)
 
     def render(self, program: moderngl.Program, *, coarse: bool = False) -> None:
         """Draw the skinned triangles with a program that takes ``in_position`` and perhaps more.
@@ -119,6 +140,19 @@ class SkinnedMesh:
         if "in_albedo" in program:
             content.append((self._colours, "3f", "in_albedo"))
         return self._ctx.vertex_array(program, content, index_buffer=faces, index_element_size=4)
+
+
+def boxes_of(character: Character) -> Float32:
+    """(J, 8, 3) metres: the corners of the box at rest around what each transform moves; NaN for nothing."""
+    moves = character.skin.weights.reshape(-1) > 0
+    nodes = character.skin.indices.reshape(-1)[moves]
+    order = np.argsort(nodes, kind="stable")
+    vertices = np.repeat(character.vertices, character.skin.weights.shape[1], axis=0)[moves][order]
+    used, starts = np.unique(nodes[order], return_index=True)
+    boxes = np.full((len(character.pivots), 8, 3), np.nan, np.float32)
+    lows, highs = np.minimum.reduceat(vertices, starts), np.maximum.reduceat(vertices, starts)
+    boxes[used] = [corners((low, high)) for low, high in zip(lows, highs, strict=True)]
+    return boxes
 
 
 def _linear_colours(character: Character) -> Float32:

@@ -18,6 +18,9 @@ from enliven_viewer.render.surface_kernels import (
     summed,
 )
 
+_CURVE_BITS = 10
+"""Of a place along each axis: cells of a thousandth of the mesh."""
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -50,9 +53,10 @@ def split_creases(vertices: Float32, faces: Int32, crease: float = math.radians(
         vertices: (V, 3) metres.
         faces: (F, 3).
     """
+    faces = np.array(faces, np.int32)
     rounded = np.ascontiguousarray(vertices, np.float32) + np.float32(0.0)  # -0 is 0
     place = places_of(rounded.view(np.int32))[faces]
-    normals, angles = corners_of(vertices, faces)
+    normals, angles = corners_of(rounded, faces)
     group, groups = groups_of(place, normals, math.cos(crease))
     corner, first = drawn_of(group, faces, len(vertices))
     drawn = summed(group, groups, normals, angles)[group[first]]
@@ -70,7 +74,7 @@ def split_creases(vertices: Float32, faces: Int32, crease: float = math.radians(
 
 def is_closed(vertices: Float32, faces: Int32) -> bool:
     """Whether the mesh has an inside, and its faces turn outwards: then their backs are never seen."""
-    if not bounds_something(faces, len(vertices)):
+    if not bounds_something(np.array(faces, np.int32), len(vertices)):
         return False
     a, b, c = (vertices[faces[:, k]].astype(np.float64) for k in range(3))
     return bool(np.einsum("ij,ij->", a, np.cross(b, c)) > 0)
@@ -92,3 +96,23 @@ def clustered_faces(vertices: Float32, faces: Int32, cell: float) -> Int32:
     a, b, c = coarse.T
     kept = coarse[(a != b) & (b != c) & (c != a)]
     return np.ascontiguousarray(kept if len(kept) else faces, dtype=np.int32)
+
+
+def neighbours_in_turn(vertices: Float32, faces: Int32) -> Int32:
+    """(F, 3) the same faces, those that lie together one after the other (along Morton's curve).
+
+    What draws keeps the last few vertices that it moved; a face that shares one with the face before it
+    costs less. Software OpenGL moved each vertex of a scanned mesh three times, and so moves it 1.2 times.
+    """
+    middles = vertices[faces].mean(axis=1, dtype=np.float64)
+    low, high = middles.min(0, initial=np.inf), middles.max(0, initial=-np.inf)
+    cells = (middles - low) * ((2**_CURVE_BITS - 1) / max(float((high - low).max(initial=0.0)), 1e-12))
+    key = _spread(cells.astype(np.int64)) @ np.array([1, 2, 4])
+    return np.ascontiguousarray(faces[np.argsort(key, kind="stable")])
+
+
+def _spread(numbers: Int) -> Int:
+    """Each number of ten bits with two empty bits after each of its bits."""
+    for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
+        numbers = (numbers | numbers << shift) & mask
+    return numbers

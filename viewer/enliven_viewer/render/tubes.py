@@ -48,7 +48,7 @@ class Tubes:
             bias: metres that a tube may lie beneath the surface and still be seen clearly, as the chord of
                 a round limb does.
         """
-        picture.drawn.use()
+        picture.widen()
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA

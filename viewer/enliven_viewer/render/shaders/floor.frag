@@ -1,10 +1,12 @@
-// The floor: a pool of light, a half-metre grid, soft shadow and contact, lost in the horizon.
+// The floor: a pool of light, a half-metre grid, soft shadow and contact where it is SHADED, lost in the horizon.
 #version 330 core
 #include "light.glsl"
 #include "develop.glsl"
 in vec3 position;
+#ifdef SHADED
 in vec3 on_light;
 in vec2 on_contact;
+#endif
 out vec4 colour;
 
 // Cover of lines every `spacing` metres, `width` metres wide, never sharper than a pixel.
@@ -23,8 +25,13 @@ void main() {
     float grid = 0.045 * lines(position.xz, pixel, 0.5, 0.006) + 0.070 * lines(position.xz, pixel, 1.0, 0.010);
     vec3 albedo = vec3(0.122, 0.122, 0.130) + grid;
     float pool = 1.0 / (1.0 + 0.35 * far * far);
-    float key = to_key.y * key_visibility_at(on_light) * pool;
+#ifdef SHADED
+    float visible = key_visibility_at(on_light);
     float open = 1.0 - 0.75 * floor_contact_at(on_contact);
+#else
+    const float visible = 1.0, open = 1.0;
+#endif
+    float key = to_key.y * visible * pool;
     vec3 lit = albedo * (KEY * key * 0.52 + SKY * open * 0.62) * mix(1.0, open, 0.35);
     vec3 light = mix(HORIZON, lit, near);
     colour = vec4(developed(light), 1.0);

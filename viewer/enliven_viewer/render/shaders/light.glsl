@@ -37,8 +37,9 @@ float floor_contact_at(vec2 s) {
     return cover > 0.0 ? cover * textureLod(contact_map, s, 0.0).r : 0.0;
 }
 
-vec3 backdrop(vec3 direction) {
-    float up = max(direction.y, 0.0);
+// What is far away; `up` is the sine of the angle above the horizon.
+vec3 backdrop(float up) {
+    up = max(up, 0.0);
     return mix(HORIZON, ZENITH, up / (up + 0.24));
 }
 

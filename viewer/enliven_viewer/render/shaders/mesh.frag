@@ -1,19 +1,28 @@
-// A character: opaque, but transparent where the performer's body is inside it.
+// A character: opaque, but while REVEALING transparent where the performer's body is inside it. What is then
+// seen through its nearest side is read from the picture and not blended, so that it needs no order.
 #version 330 core
 #include "light.glsl"
 #include "develop.glsl"
+#ifdef REVEALING
 #include "reveal.glsl"
+uniform sampler2D picture;  // what was drawn before
+#endif
 in vec3 position;
 in vec3 normal;
 in vec4 surface;
 out vec4 colour;
 
 void main() {
-#ifdef FINE
     vec4 seen = surface;
-#else
+#ifndef FINE
     vec3 n = normalize(gl_FrontFacing ? normal : -normal);
-    vec4 seen = vec4(lit_surface(surface.rgb, n, position, 0.12), opacity(n, position));
+    seen.rgb = lit_surface(surface.rgb, n, position, 0.12);
+#ifdef REVEALING
+    seen.a = opacity(n, position);
 #endif
-    colour = vec4(developed(seen.rgb), seen.a);
+#endif
+    colour = vec4(developed(seen.rgb), 1.0);
+#ifdef REVEALING
+    colour.rgb = mix(texelFetch(picture, ivec2(gl_FragCoord.xy), 0).rgb, colour.rgb, seen.a);
+#endif
 }

@@ -40,7 +40,7 @@ class Shades:
         self.ctx.enable_only(moderngl.DEPTH_TEST)
         self.ctx.depth_func = "<"
         self._loaded(vertices, faces).render(moderngl.TRIANGLES)
-        picture.drawn.use()
+        picture.widen()
         self._blend(moderngl.NOTHING)
         mask.use(UNITS["picture"])
         self._outline["tint"] = _tint(GHOST, 0.85)
@@ -56,7 +56,7 @@ class Shades:
             return
         buffer = self.ctx.buffer(corners.tobytes())
         array = self.ctx.vertex_array(self._warning, [(buffer, "3f", "in_position")])
-        picture.drawn.use()
+        picture.widen()
         self._blend(moderngl.DEPTH_TEST)
         picture.drawn.depth_mask = False
         picture.drawn.use()

@@ -1,0 +1,59 @@
+"""What an edge makes ready before its first frame, with what it does said on a terminal."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+from enliven_edge.actor import Actor
+from enliven_edge.casting import cast
+from enliven_edge.puppets.spec import is_puppet
+from enliven_edge.warmup import warm_up_stage, warm_up_tracking
+
+if TYPE_CHECKING:
+    from enliven_edge.settings import EdgeSettings
+    from enliven_edge.stage import AnyActor
+
+
+def prepared(mesh: str, chosen: EdgeSettings) -> AnyActor:
+    """The actor, with every kernel compiled: most of a minute the first time, a second later on."""
+    with _steps(f"Preparing {mesh}: sampling, linking, weighting", total=3) as then:
+        actor = _cast(mesh, chosen)
+        then("Compiling the solver (kept for the next start)")
+        if isinstance(actor, Actor):
+            warm_up_stage(actor)
+        else:
+            actor.warm_up()
+        then("Compiling the tracker (kept for the next start)")
+        warm_up_tracking(chosen.tracker)
+    return actor
+
+
+def _cast(mesh: str, chosen: EdgeSettings) -> AnyActor:
+    """The actor of what was asked for; only what that needs is loaded."""
+    if is_puppet(mesh):
+        from enliven_edge.puppets.casting import cast_puppet
+
+        return cast_puppet(mesh, chosen.puppet)
+    if chosen.drive == "skeleton":
+        from enliven_edge.matching.casting import cast_rig
+
+        return cast_rig(mesh, chosen.matching)
+    return cast(mesh, chosen.nodes, chosen.actor, chosen.up)
+
+
+@contextlib.contextmanager
+def _steps(first: str, total: int) -> Iterator[Callable[[str], None]]:
+    """Shows the step under way on a terminal, and what begins the next one; elsewhere nothing is shown."""
+    if not sys.stderr.isatty():
+        yield lambda step: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(first, total=total)
+        yield lambda step: progress.update(task, advance=1, description=step)

@@ -1,0 +1,62 @@
+"""The floor and the backdrop: nothing in them has an edge, so one sample a pixel is enough."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from enliven.arrays import Float
+from enliven_viewer.render.program import load_program
+
+STAGE_RADIUS = 1.9
+"""Metres, of the pool of light."""
+_REACH = 3.0 * STAGE_RADIUS  # beyond, shaders/floor.frag has faded into the horizon
+_CELLS = np.arange(9).reshape(3, 3) + np.arange(3)[:, None]
+"""(3, 3) the first corner of each cell of a grid of 4 by 4 corners."""
+
+Patch = tuple[Float, Float]
+"""Lowest and highest x and z, (2,) each, metres: a rectangle of the floor."""
+
+
+class Ground:
+    """Draws the floor and the backdrop.
+
+    Only a patch of the floor can be in a shadow; the maps of shadows are not looked at around it.
+
+    Args:
+        ctx: the renderer's context.
+    """
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
+        self._corners = ctx.buffer(reserve=16 * 2 * 4, dynamic=True)
+        self._floor = []
+        inside = np.zeros((3, 3), bool)
+        inside[1, 1] = True
+        for cells, defines in ((_CELLS[~inside], ()), (_CELLS[inside], ("SHADED",))):
+            faces = (cells[:, None] + [0, 1, 4, 4, 1, 5]).astype(np.int32)
+            program = load_program(ctx, "floor.vert", "floor.frag", defines=defines)
+            content = [(self._corners, "2f", "in_place")]
+            self._floor.append(ctx.vertex_array(program, content, index_buffer=ctx.buffer(faces.tobytes())))
+        self._backdrop = ctx.vertex_array(load_program(ctx, "backdrop.vert", "backdrop.frag"), [])
+
+    def draw(self, target: moderngl.Framebuffer, stage: Float, shaded: Patch) -> None:
+        """Fill a framebuffer: the floor, then the backdrop where it leaves room.
+
+        Args:
+            stage: (3,) metres, the middle of the pool of light.
+            shaded: holds whatever shadow falls on the floor.
+        """
+        middle = stage[[0, 2]]
+        inner = np.clip(shaded, middle - _REACH, middle + _REACH)
+        lines = np.stack([middle - _REACH, *inner, middle + _REACH])  # across x, and across z
+        places = np.stack(np.meshgrid(lines[:, 0], lines[:, 1], indexing="ij"), -1)
+        self._corners.write(places.astype(np.float32).tobytes())
+        target.use()
+        target.clear(0.0, 0.0, 0.0, 1.0, depth=1.0)
+        self.ctx.depth_func = "<="
+        self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        for cells in self._floor:
+            cells.render(moderngl.TRIANGLES)
+        self.ctx.enable_only(moderngl.DEPTH_TEST)
+        self._backdrop.render(moderngl.TRIANGLES, vertices=3)

@@ -1,0 +1,107 @@
+"""Where in the picture, in the maps of shadows and on the floor anything is: work is done only there."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven.props import Props
+from enliven_viewer.render.marks import CUE_RADIUS
+from enliven_viewer.render.scene import Scene, corners
+
+Region = tuple[int, int, int, int]
+"""Left, lower, width and height in pixels, from the lower left of the picture."""
+
+ROOM = 6
+"""Pixels around what was projected: for marks that are never smaller than some pixels, and for rounding."""
+_NEAREST = 1e-3
+"""Metres before the eye; what comes closer may be anywhere in the picture."""
+_UNIT = corners((np.full(3, -1.0), np.ones(3)))
+_SQRT3 = math.sqrt(3.0)
+
+
+def whole(size: tuple[int, int]) -> Region:
+    """All of a picture of this size."""
+    return 0, 0, *size
+
+
+def around(middles: Float | Float32, radii: Float | Float32 | float) -> Float:
+    """(8 N, 3) the corners of boxes around balls: (N, 3) middles, radii (N,) or one, metres."""
+    sizes = np.broadcast_to(np.asarray(radii, np.float64), len(middles))
+    return np.asarray((middles[:, None] + sizes[:, None, None] * _UNIT).reshape(-1, 3), np.float64)
+
+
+def casters_of(scene: Scene, capsules: Float32, surfaces: list[Float]) -> Float:
+    """(N, 3) metres, points that hold between them whatever of a scene casts a shadow.
+
+    Args:
+        capsules: (C, 12) rows of the bodies.
+        surfaces: (K, 3) of each mesh, as :meth:`~enliven_viewer.render.skinned.SkinnedMesh.hull` says.
+    """
+    bodies = [around(capsules[:, 0:3], capsules[:, 3]), around(capsules[:, 4:7], capsules[:, 7])]
+    return np.concatenate([*surfaces, *bodies, _filled_by_props(scene.props)])
+
+
+def marks_of(scene: Scene) -> Float:
+    """(N, 3) metres, points that hold between them the marks of a scene."""
+    if scene.look.cues <= 0 and scene.look.graph <= 0:
+        return np.zeros((0, 3))
+    return np.concatenate([np.zeros((0, 3)), *(around(a.pose.positions, CUE_RADIUS) for a in scene.actors)])
+
+
+def seen_in(points: Float, clip_from_world: Float, size: tuple[int, int], room: int = ROOM) -> Region:
+    """The pixels that hold the hull of (N, 3) points; all where one is beside or behind the eye.
+
+    Args:
+        room: pixels to add around it.
+    """
+    if not len(points):
+        return 0, 0, 0, 0
+    if not np.isfinite(points).all():
+        return whole(size)
+    clip = points @ clip_from_world[:, :3].T + clip_from_world[:, 3]
+    if clip[:, 3].min() <= _NEAREST:
+        return whole(size)
+    pixels = (clip[:, :2] / clip[:, 3:] + 1) / 2 * size
+    low = np.clip(np.floor(pixels.min(0)) - room, 0, size)
+    high = np.clip(np.ceil(pixels.max(0)) + room, low, size)
+    return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
+
+
+def beside(region: Region, size: tuple[int, int]) -> list[Region]:
+    """What of a picture is not in a region: at most four others."""
+    x, y, width, height = region
+    right, top = x + width, y + height
+    rest = [
+        (0, 0, size[0], y),
+        (0, top, size[0], size[1] - top),
+        (0, y, x, height),
+        (right, y, size[0] - right, height),
+    ]
+    return [one for one in rest if one[2] > 0 and one[3] > 0]
+
+
+def shaded_by(points: Float, to_key: Float, room: float) -> tuple[Float, Float]:
+    """Lowest and highest x and z, (2,) each, of the floor under the hull of (N, 3) points and its shadow.
+
+    Args:
+        to_key: (3,) unit direction towards the light.
+        room: metres to add around it.
+    """
+    if not len(points):
+        return np.zeros(2), np.zeros(2)
+    if not np.isfinite(points).all():
+        return np.full(2, -np.inf), np.full(2, np.inf)
+    thrown = points - np.maximum(points[:, 1:2], 0.0) / to_key[1] * to_key
+    both = np.concatenate([points, thrown])[:, [0, 2]]
+    return both.min(0) - room, both.max(0) + room
+
+
+def _filled_by_props(props: Props | None) -> Float:
+    """(N, 3) the corners around what is loose."""
+    if props is None:
+        return np.zeros((0, 3))
+    shown = np.isfinite(props.positions).all(1)
+    return around(props.positions[shown], _SQRT3 * np.asarray(props.sizes[shown]).max(1, initial=0.0))
