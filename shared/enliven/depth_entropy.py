@@ -11,10 +11,10 @@ makes a float.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import AnyArray, UInt8, UInt16
 from enliven.depth_kernels import predict_level
+from enliven.kernels import njit
 
 SURROUNDINGS = 12 * 625
 """Surroundings of a pixel that are told apart: 12 sizes of recent errors, 5^4 shapes of the neighbours."""

@@ -7,9 +7,9 @@ LOCO-I: Weinberger, Seroussi and Sapiro, "The LOCO-I lossless image compression 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, UInt8, UInt16
+from enliven.kernels import njit
 
 
 @njit(cache=True, nogil=True)

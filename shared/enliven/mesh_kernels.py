@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int32
+from enliven.kernels import copy_row, copy_rows, njit
 from enliven.union_find import join, root_of
 
 
@@ -80,7 +80,8 @@ def normals_of(vertices, faces, wanted):  # type: ignore[no-untyped-def]
     for w in range(wanted.shape[0]):
         length = np.sqrt(normals[w, 0] ** 2 + normals[w, 1] ** 2 + normals[w, 2] ** 2)
         if length > 0:
-            normals[w] /= length
+            for a in range(3):
+                normals[w, a] /= length
     for t in range(count):
         w = of[t]
         cosine = (
@@ -94,7 +95,8 @@ def normals_of(vertices, faces, wanted):  # type: ignore[no-untyped-def]
 def _twice(rows, of):  # type: ignore[no-untyped-def]
     """Both arrays with twice the room."""
     more, longer = np.empty((2 * rows.shape[0], rows.shape[1])), np.empty(2 * of.shape[0], of.dtype)
-    more[: rows.shape[0]], longer[: of.shape[0]] = rows, of
+    copy_rows(more[: rows.shape[0]], rows)
+    copy_row(longer[: of.shape[0]], of)
     return more, longer
 
 
@@ -244,7 +246,7 @@ def _split_faces(faces, middle, lengths):  # type: ignore[no-untyped-def]
         cuts = (middle[f, 0] >= 0) + (middle[f, 1] >= 0) + (middle[f, 2] >= 0)
         origin[n : n + cuts + 1] = f
         if cuts == 0:
-            out[n] = faces[f]
+            out[n, 0], out[n, 1], out[n, 2] = faces[f, 0], faces[f, 1], faces[f, 2]
             n += 1
             continue
         # Turn the face until its first edge is the longest, which is cut in every case.

@@ -7,9 +7,9 @@ rotation; :func:`canonical` picks the one with w >= 0, which is what goes on the
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import AnyArray, Float
+from enliven.kernels import njit
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 """(4,) the rotation that turns nothing."""
@@ -155,7 +155,7 @@ def _nearest_quaternions(matrices):  # type: ignore[no-untyped-def]
     """Kernel: (N, 4) quaternions of the proper rotations nearest to ``matrices`` (N, 3, 3)."""
     out = np.empty((matrices.shape[0], 4))
     for i in range(matrices.shape[0]):
-        out[i] = nearest_quaternion(matrices[i])
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = nearest_quaternion(matrices[i])
     return out
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, UInt8
 from enliven.isosurface import surface_of
+from enliven.kernels import njit
 from enliven.mesh import Mesh
 
 _OAK, _DARK, _FABRIC = (181, 126, 74), (139, 88, 47), (62, 108, 122)

@@ -43,6 +43,7 @@ from enliven_edge.importing import flow_room
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader
 from enliven_edge.importing.skeletons import KINECT2_NAMES
+from enliven_edge.tracking.settings import SearchSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 
 KINECT2 = Intrinsics(512, 424, 365.5, 365.5, 256.0, 212.0)
@@ -228,6 +229,10 @@ def _splatted(points: np.ndarray, radius: int) -> np.ndarray:
     return np.where(known, np.rint(1e3 * np.minimum(image, 65.0)), 0).astype(np.uint16)
 
 
+_AT_ONCE = TrackerSettings(search=SearchSettings(fits_per_frame=0))
+"""A single frame shows what is found at first sight."""
+
+
 def skeltrack(frames: int = 1) -> tuple[float, float, dict[str, list[Joint]]]:
     """The share of marked joints within 10 cm in the image plane, their mean distance (mm), and the lost.
 
@@ -237,7 +242,7 @@ def skeltrack(frames: int = 1) -> tuple[float, float, dict[str, list[Joint]]]:
     near, apart, lost = 0, [], {}
     for path in sorted((DATA / "depth" / "skeltrack_kinect1").glob("*.u16")):
         depth = np.fromfile(path, "<u2").reshape(480, 640)
-        tracker = Tracker()
+        tracker = Tracker(_AT_ONCE)
         for n in range(frames):
             found = tracker.track(DepthFrame(depth, KINECT1, n * _STEP, "kinect1"))
         bodies = [in_camera(b, tracker) for b in found]

@@ -221,7 +221,8 @@ def seen_of(ends) -> Seen:
     z = np.where(np.isfinite(depth), depth, 0.0)
     points = world_points(z, Renderer(CAMERA).ray, WORLD_FROM_CAMERA)
     pixels = np.argwhere(inner_pixels(z, np.where(z > 0, 0, -1), 0))[::2]
-    return Seen(*surface_samples(points, z, pixels, WORLD_FROM_CAMERA[:3, 3]))
+    eye = WORLD_FROM_CAMERA[:3, 3].copy()
+    return Seen(*surface_samples(points, z, np.ascontiguousarray(pixels), eye))
 
 
 def test_the_surface_follows_what_is_seen_without_a_skeleton():

@@ -194,7 +194,8 @@ def test_the_shipped_recording_drives_the_shipped_cactus(road: Path) -> None:
     np.testing.assert_allclose(local[10], character.pivots, atol=1e-3)
     assert np.abs(local[60:] - character.pivots).max() > 0.4
     paces = np.linalg.norm(np.diff([p.positions for p in poses], axis=0), axis=2) * 30
-    assert paces.max() < 5.0
+    # It goes to the performer when they appear, within a fifth of a second.
+    assert paces[6:].max() < 5.0
 
 
 @pytest.mark.system

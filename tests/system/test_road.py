@@ -33,6 +33,8 @@ JOINT_TOLERANCE, NODE_TOLERANCE, LINEAR_TOLERANCE = 0.05, 0.06, 0.25
 contact of the fit falls the other way. A broken stage is off by far more."""
 PICTURE_TOLERANCE = 12.0
 """Mean difference of 8-bit channels at a quarter of the size, after a blur: another OpenGL's antialiasing."""
+APPEARS = 6
+"""Frames, a fifth of a second, within which the performer of the first one is there."""
 AT_WORK = 20_000
 """Bytes of a take that hold more than the character: poses came."""
 
@@ -61,7 +63,7 @@ def whole(tmp_path_factory):
 
 
 def fields_of(take: Path) -> dict[str, np.ndarray]:
-    """Every ninth frame of a take: times, joints, confidences, node positions and linear parts."""
+    """Every ninth frame of a take but the first: times, joints, confidences, node positions, linear parts."""
     recording = Recording(take)
     (_, data), *_ = recording.messages("character")
     codec = PoseCodec(message_to_character(msgspec.msgpack.decode(data, type=CharacterMessage)))
@@ -74,14 +76,14 @@ def fields_of(take: Path) -> dict[str, np.ndarray]:
         for _, data in recording.messages("bodies")
     ]
     assert len(poses) == len(bodies)
-    assert all(len(present) == 1 for present in bodies), "the performer was lost"
+    assert all(len(present) == 1 for present in bodies[APPEARS:]), "the performer was lost"
     return {
         "frames": np.array(len(poses)),
-        "time_ns": np.array([pose.time_ns for pose in poses[::EVERY]]),
-        "joints": np.array([present[0].joints for present in bodies[::EVERY]], np.float32),
-        "confidence": np.array([present[0].confidence for present in bodies[::EVERY]], np.float32),
-        "positions": np.array([pose.positions for pose in poses[::EVERY]], np.float32),
-        "linear": np.array([pose.linear for pose in poses[::EVERY]], np.float16),
+        "time_ns": np.array([pose.time_ns for pose in poses[EVERY::EVERY]]),
+        "joints": np.array([present[0].joints for present in bodies[EVERY::EVERY]], np.float32),
+        "confidence": np.array([present[0].confidence for present in bodies[EVERY::EVERY]], np.float32),
+        "positions": np.array([pose.positions for pose in poses[EVERY::EVERY]], np.float32),
+        "linear": np.array([pose.linear for pose in poses[EVERY::EVERY]], np.float16),
     }
 
 

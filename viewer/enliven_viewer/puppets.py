@@ -14,12 +14,12 @@ from concurrent.futures import Future
 from typing import TypeVar
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Float32
 from enliven.character import Character, Pose
 from enliven.deformation.puppet_surface import PuppetSurface
 from enliven.errors import EnlivenError
+from enliven.kernels import njit
 from enliven.mesh import Mesh
 
 log = logging.getLogger(__name__)

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float, Float32
+from enliven.kernels import njit
 from enliven.masks import pixels_of
 
 ROWS, COLUMNS = 80, 64

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import onnxruntime
-from numba import njit
 
 from enliven.arrays import Bool, Float, Float32
 from enliven.errors import InputError
+from enliven.kernels import njit
 from enliven_edge.assets import ESTIMATOR
 from enliven_edge.estimator.crop import COLUMNS, Crop, crop_person
 from enliven_edge.estimator.labels import FACINGS
@@ -88,7 +88,8 @@ def _landmarks(joints, spread, surest, trust):  # type: ignore[no-untyped-def]
     low, high = _WIDTHS
     for j in range(len(joints)):
         sure = max(spread[j], surest)
-        out[j, :3] = joints[j]
+        for a in range(3):
+            out[j, a] = joints[j, a]
         out[j, 3] = trust[j] * (_USUAL / sure) ** 2 / len(joints)
         out[j, 4] = min(high, max(low, _DOUBTED * sure))
     return out

@@ -5,9 +5,9 @@ from __future__ import annotations
 from enum import IntEnum
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import AnyArray, Float, Int, UInt8
+from enliven.kernels import njit
 from enliven_edge.synthesis.flesh import PIECES
 from enliven_edge.synthesis.performer import Figure, Limb
 

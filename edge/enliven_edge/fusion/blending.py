@@ -12,7 +12,8 @@ go on from where f was (their d say how), and give up their difference in the ti
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from enliven.kernels import njit
 
 _DOUBT = 0.1
 """Metres from where a joint was expected at which a sensor that is alone in saying so is doubted."""

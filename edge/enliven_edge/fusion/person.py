@@ -126,7 +126,7 @@ class FusedPerson:
     def _turn_over(self) -> None:
         """What was left is right from now on."""
         self.joints, self.velocity = self.joints[OTHER_SIDE], self.velocity[OTHER_SIDE]
-        self._spoke, self._habit = self._spoke[:, OTHER_SIDE], self._habit[:, OTHER_SIDE]
+        self._spoke, self._habit = self._spoke.take(OTHER_SIDE, 1), self._habit.take(OTHER_SIDE, 1)
         self._sure = self._sure[:, OTHER_SIDE]
         self._turn_spoke[:] = False
         self._turned_known = False

@@ -10,7 +10,8 @@ body of great mass and of the same velocity gives (measured, and tested), but co
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from enliven.kernels import njit
 
 FLOOR, NOTHING = -2, -1
 _SLOW = 0.5

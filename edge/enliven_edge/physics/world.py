@@ -168,12 +168,10 @@ class World:
         try:
             mujoco.mj_step1(model, data)
             contact = data.contact
+            # Strided, unless there is one contact at most: of one layout for the kernel.
+            columns = contact.geom, contact.frame, contact.dist, contact.efc_address, contact.dim
             correct_contacts(
-                contact.geom,
-                contact.frame,
-                contact.dist,
-                contact.efc_address,
-                contact.dim,
+                *map(np.ascontiguousarray, columns),
                 data.efc_aref,
                 data.efc_KBIP,
                 data.efc_vel,

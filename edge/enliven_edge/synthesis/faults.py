@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import AnyArray, Float, UInt8, UInt16
+from enliven.kernels import njit
 
 _JUMP = 0.035
 """Part of the distance (and metres at 1 m) beyond which two neighbours are different surfaces."""

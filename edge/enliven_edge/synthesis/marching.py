@@ -8,9 +8,9 @@ IEEE doubles, however wide its vectors.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int
+from enliven.kernels import njit
 
 SIDE = 4
 LANES = SIDE * SIDE

@@ -14,10 +14,10 @@ import math
 from statistics import NormalDist
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int32, UInt8, UInt16
 from enliven.camera import Intrinsics, rays
+from enliven.kernels import njit
 from enliven_edge.sensors.profile import SensorProfile
 from enliven_edge.synthesis.faults import cast_shadow, look, mark_edges, measure, slants
 from enliven_edge.synthesis.rotations import on_grid

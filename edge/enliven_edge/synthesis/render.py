@@ -6,10 +6,10 @@ Each 4 x 4 tile of the image keeps the few primitives that can touch it, and its
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, UInt8
 from enliven.camera import Intrinsics, rays
+from enliven.kernels import njit
 from enliven_edge.synthesis.flesh import BETWEEN, BLEND, PIECES, Flesh
 from enliven_edge.synthesis.marching import DEPTH, END, LANES, LANES_SIZE, LENGTH, MET, SIDE, X, Y, march
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
 from enliven.body import PARENTS
+from enliven.kernels import njit
 from enliven_edge.tracking.smoothing import step_between, turn
 
 _PARENTS = np.array(PARENTS)
@@ -91,7 +91,8 @@ def moved_on(joints, speed, seconds):  # type: ignore[no-untyped-def]
         length = _length(out[j] - out[parent])
         if length > 1e-9:
             wanted = _length(joints[j] - joints[parent])
-            out[j] = out[parent] + (out[j] - out[parent]) * (wanted / length)
+            for a in range(3):
+                out[j, a] = out[parent, a] + (out[j, a] - out[parent, a]) * (wanted / length)
     return out
 
 

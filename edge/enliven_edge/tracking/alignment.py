@@ -7,9 +7,9 @@ were seen, so that the fit proper can begin.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int
+from enliven.kernels import copy_row, copy_rows, njit
 from enliven_edge.tracking import model, ranges, terms
 from enliven_edge.tracking.gauss_newton import solve_damped, stepped
 from enliven_edge.tracking.kinematics import forward_into
@@ -22,8 +22,14 @@ _REST = ranges.standing()
 _EASE = np.full(13, _RELAXED)
 _EASE[model.PELVIS] = 0.0
 _EASE[[model.CHEST, model.HEAD]] = 15.0, 10.0
-_SKELETON = (model.FRAME_PARENTS, model.PIVOTS, model.MOVES, model.DOF_FRAME, model.DOF_AXIS)
-_FRAME_LENGTHS = model.FRAME_LENGTHS
+_SKELETON = (
+    model.FRAME_PARENTS,
+    model.PIVOTS,
+    model.MOVES,
+    model.DOF_FRAME,
+    model.DOF_AXIS,
+    model.FRAME_LENGTHS,
+)
 _LIMITS = (ranges.MIDDLE, ranges.REACH, _REST, _EASE)
 
 
@@ -80,7 +86,9 @@ def _align(  # type: ignore[no-untyped-def]
                 break
             continue
         gain, energy = energy - lower, lower
-        position[:], rotations[:] = moved[0], moved[1]
+        copy_row(position, moved[0])
+        for f in range(len(rotations)):
+            copy_rows(rotations[f], moved[1][f])
         matrix, trial_matrix = trial_matrix, matrix
         gradient, trial_gradient = trial_gradient, gradient
         damping = max(1e-6, damping / 4.0)
@@ -95,14 +103,14 @@ def _normal_equations(  # type: ignore[no-untyped-def]
 ):
     """Of the targets (square centimetres by their weights), the joints' ranges and standing relaxed."""
     frames, local, targets, weights = wanted
-    parents, offsets, moves, dof_frame, dof_axis = skeleton
+    parents, offsets, moves, dof_frame, dof_axis, lengths_of = skeleton
     middle, reach, rest, ease = limits
     matrix[:], gradient[:] = 0.0, 0.0
     world, pivots = np.empty((13, 3, 3)), np.empty((13, 3))
     forward_into(world, pivots, position, rotations, lengths, parents, offsets)
     frozen = np.empty((13, 3, 0))
-    body = (world, pivots, frozen, moves, dof_frame, dof_axis, _FRAME_LENGTHS, parents)
-    sums = no_sums(len(world), 0)
+    body = (world, pivots, frozen, moves, dof_frame, dof_axis, lengths_of, parents)
+    sums = no_sums(len(world), np.int64(0))
     point, apart, stretch = np.empty(3), np.empty(3), np.empty((3, 0))
     energy = 0.0
     for i in range(len(frames)):
@@ -115,7 +123,7 @@ def _normal_equations(  # type: ignore[no-untyped-def]
             square += apart[a] ** 2
         cost, doubt = terms.robust(np.sqrt(square), width)
         energy += weights[i] * _SQUARE_CM * cost
-        add_place(sums, frames[i], point, apart, stretch, _FRAME_LENGTHS, weights[i] * _SQUARE_CM * doubt)
+        add_place(sums, frames[i], point, apart, stretch, lengths_of, weights[i] * _SQUARE_CM * doubt)
     gather(matrix, gradient, sums, body)
     energy += terms.joint_ranges(matrix, gradient, rotations, middle, reach, _RANGES, dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, rest, ease, dof_frame, dof_axis)

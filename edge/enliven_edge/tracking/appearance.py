@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Float32
+from enliven.kernels import njit
 from enliven_edge.estimator.estimator import Estimate
 from enliven_edge.estimator.labels import FACINGS, MIRRORED, PARTS, Part, facing_in_plan
 from enliven_edge.tracking import model, ranges

@@ -7,9 +7,9 @@ hands. Its surface still begins at its own shoulder.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int
+from enliven.kernels import njit
 from enliven.union_find import join, root_of
 
 _HOLDS, _A_PART = 3, 0.4

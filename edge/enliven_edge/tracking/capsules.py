@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from enliven.kernels import njit
 
 _NUMBER = 31
 """The bits of a cost that its capsule's number takes: at most 32 capsules."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from enliven.kernels import njit
 from enliven_edge.tracking.kinematics import product
 from enliven_edge.tracking.model import CHEST, PELVIS
 
@@ -31,7 +31,8 @@ def chest_axes_about(rotations):  # type: ignore[no-untyped-def]
     back in the pelvis' frame.
     """
     mirrored = rotations[CHEST].copy()
-    mirrored[2] = -mirrored[2]
+    for a in range(3):
+        mirrored[2, a] = -mirrored[2, a]
     turn = product(rotations[PELVIS], mirrored)
     return (-turn[0, 0], -turn[1, 0], -turn[2, 0]), (turn[0, 1], turn[1, 1], turn[2, 1])
 

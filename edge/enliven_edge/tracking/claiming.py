@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int
+from enliven.kernels import njit
 from enliven_edge.tracking.room import ROOM, UNLIKELY
 from enliven_edge.tracking.view import View
 

@@ -12,9 +12,9 @@ from functools import cache
 from importlib.resources import files
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
+from enliven.kernels import njit
 from enliven_edge.tracking.evidence import NAMES
 
 GROUPS = (

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
 from enliven.body import Joint
+from enliven.kernels import copy_row, njit
 from enliven_edge.tracking.settings import ContactSettings
 
 _POINTS = np.array([[Joint.FOOT_LEFT, Joint.ANKLE_LEFT], [Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT]])
@@ -79,7 +79,7 @@ def step_feet(  # type: ignore[no-untyped-def]
             excess = max((place[1] - ground[foot, k]) / lift, speed[foot, k] / fastest) / stiff
             lowest = min(lowest, max(excess, place[1] / highest))
             seen = max(seen, confidence[_POINTS[foot, k]] / _SEEN)
-            last[foot, k] = place
+            copy_row(last[foot, k], place)
         likely = 1.0 / (1.0 + np.exp(min(_STEEP * (lowest - 1.0), 50.0)))
         stands[foot] = likely > 0.5
         out[foot] = likely * min(1.0, seen)

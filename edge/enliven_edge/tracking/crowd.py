@@ -14,15 +14,17 @@ from enliven_edge.tracking.doubles import Doubles
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.identity import Absent, Looks, Register
+from enliven_edge.tracking.lookout import Lookout, Sighting
 from enliven_edge.tracking.model import height_of
 from enliven_edge.tracking.newcomers import YOUNG, Newcomer, Newcomers
 from enliven_edge.tracking.person import UNDECIDED, Person, sight
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.recognition import recognise
-from enliven_edge.tracking.room import Room
-from enliven_edge.tracking.search import TRIES, Search
+from enliven_edge.tracking.room import ROOM, Room
+from enliven_edge.tracking.search import Search
 from enliven_edge.tracking.segmentation import Segments, segmented
 from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.spread import Budget, frame_budget
 from enliven_edge.tracking.view import View
 from enliven_edge.tracking.zone import Lock, Zone
 
@@ -41,6 +43,11 @@ _ZONE_MARGIN = 0.15
 _ABOUT, _TALLER = 1.5, 0.12
 _WELL_KNOWN = 10
 """Frames after which somebody's proportions are known."""
+_ANEW, _LEAST = 1 / 4, 6
+"""What looking anew for people who are followed may cost, of what the search for new ones may; and the coarse
+fits that the latter may cost in every frame, however many groups of pixels are measured in it (one each)."""
+_IN_PLAN = np.array([1.0, 0.0, 1.0])
+"""What of a step of a group's middle is one of the person's: its height changes with what is seen of them."""
 
 
 @dataclass
@@ -75,7 +82,9 @@ class Crowd:
         self._dropped: list[Float] = []
         self._indexed: list[Person] = []
         self._doubles = Doubles()
-        self._search = Search(fitter, self._expecting)
+        self._lookout = Lookout(Search(fitter, self._expecting))
+        self._budget = Budget(0.0)
+        self._before_ns: int | None = None
         self._threads: ThreadPoolExecutor | None = None
 
     @property
@@ -111,6 +120,7 @@ class Crowd:
         self.people.clear()
         self.register.absent.clear()
         self._newcomers.clear()
+        self._lookout.stop()
 
     def misplaced(self, time_ns: int) -> None:
         """The sensor was moved: everybody is looked for anew, and known again by their looks alone."""
@@ -118,9 +128,11 @@ class Crowd:
             self._leave(person, time_ns)
         self.register.moved()
         self._newcomers.clear()
+        self._lookout.stop()
 
     def follow(self, view: View, kind: UInt8) -> Segments:
         """Fits everybody who is known; whose the pixels of the frame are."""
+        self._share_out(view.time_ns)
         if np.count_nonzero(view.z > 0.0) < _DARK * view.z.size:
             return self._wait_in_the_dark(view, kind)
         handicap = np.array([_HANDICAP if p.hidden else 0.0 for p in self.people])
@@ -145,6 +157,19 @@ class Crowd:
         self._decide(view.time_ns)
         self.register.forget_old(view.time_ns, self.lock.ids or frozenset())
         return segments
+
+    def _share_out(self, time_ns: int) -> None:
+        """Gives the search for new people, and those who are looked for anew, their parts of the frame."""
+        elapsed = None if self._before_ns is None else (time_ns - self._before_ns) * 1e-9
+        self._before_ns = time_ns
+        whole = frame_budget(self.settings.search.fits_per_frame, elapsed).left
+        looking = [p.follower for p in self.people if p.follower.looking]
+        for person in self.people:
+            # A search that begins in a frame goes on from the next one: its share is not known before.
+            person.follower.budget = Budget(whole if whole == np.inf else 0.0)
+        for follower in looking:
+            follower.budget = Budget(_ANEW * whole / len(looking))
+        self._budget = Budget(whole)
 
     def _wait_in_the_dark(self, view: View, kind: UInt8) -> Segments:
         """A frame of a covered lens: everybody stays where they were going, as somebody hidden does."""
@@ -250,29 +275,63 @@ class Crowd:
         newcomers = self._newcomers.update(
             view, kind, segments, self._admits, self._awaits, young=room.age < YOUNG
         )
+        self._budget.left -= len(newcomers)
         if self.settings.estimator:
-            recognise(newcomers, view)
+            recognise(newcomers, view, self._budget)
         hold = np.zeros(view.z.shape, bool)
-        free = [n for n in newcomers if n.shape.free > _LOOSE]
+        free = [n for n in newcomers if n.shape.free > _LOOSE or n in self._lookout.sought]
         for newcomer in free:
             hold |= newcomer.pixels
         if room.age < YOUNG:
             hold |= _fragments(segments, [n.centre for n in free] + [p.place for p in self.people])
+        due = self._due(newcomers, view, room)
+        if not believe:
+            self._lookout.stop()
+        elif not self._lookout.busy:
+            self._look_at(due, view)
+        self._budget.left = max(_LEAST, self._budget.left)
+        for sighting in self._lookout.go_on(self._budget):
+            pixels = self._caught_up(sighting, view, kind, segments)
+            if pixels is not None:
+                self._welcome(sighting, pixels, view, segments)
+        return hold
+
+    def _due(self, newcomers: list[Newcomer], view: View, room: Room) -> list[Newcomer]:
+        """The newcomers in which a body should be looked for now."""
         alone = not self.people
         missing = bool(self.register.absent) or any(p.hidden for p in self.people)
-        due = [
+        return [
             n
             for n in newcomers
-            if believe and not n.bystander and n.due(view.time_ns, room.age, alone=alone, missing=missing)
+            if not n.bystander and n.due(view.time_ns, room.age, alone=alone, missing=missing)
         ]
+
+    def _look_at(self, due: list[Newcomer], view: View) -> None:
+        """Begins a search for bodies in newcomers, where there is room for one more."""
         sure = [n for n in due if n.convincing or n.proven]
-        room_for = self.settings.people.most - len(self.people)
-        found = self._search.found(view, sure[: min(room_for, TRIES if alone else 1)], alone=alone)
-        if not found and room_for > 0 and (alone or not sure):
-            found = self._search.best_guess(view, [n for n in due if n not in sure], alone=alone)
-        for newcomer, follower, _ in found:
-            self._welcome(newcomer, follower, view, segments)
-        return hold
+        most = self.settings.people.most - len(self.people)
+        if due and most > 0:
+            others = [n for n in due if n not in sure]
+            self._lookout.start(view, sure, others, alone=not self.people, most=most)
+
+    def _caught_up(self, sighting: Sighting, view: View, kind: UInt8, segments: Segments) -> Bool | None:
+        """(h, w) the pixels of a body that was found, brought to this frame; None: it is not seen here."""
+        newcomer, follower = sighting.newcomer, sighting.follower
+        if self._lookout.view is view:
+            return sighting.shown.pixels
+        if newcomer.seen_ns == view.time_ns:
+            follower.carry((newcomer.centre - sighting.centre) * _IN_PLAN)
+        free = np.where(segments.owner >= 0, ROOM, kind).astype(np.uint8)
+        pixels = segmented(view, free, [follower.posture]).pixels(0)
+        if follower.follow(view, pixels):
+            return pixels
+        newcomer.failed(view.time_ns)
+        return None
+
+    def sought(self, view: View) -> Bool:
+        """(h, w) the pixels of those who may be people and are being looked at."""
+        pixels = [n.pixels for n in self._lookout.sought if n.seen_ns == view.time_ns]
+        return np.logical_or.reduce([np.zeros(view.z.shape, bool), *pixels])
 
     def _admits(self, place: Float) -> bool:
         """Whether somebody new at a place may be a performer."""
@@ -297,23 +356,24 @@ class Crowd:
         awaited = [a.looks for a in self.register.absent] if hidden is None else [hidden.looks]
         return self._of_height(awaited[0]) if len(awaited) == 1 else self.settings
 
-    def _welcome(self, newcomer: Newcomer, follower: Follower, view: View, segments: Segments) -> None:
-        """Somebody was found: who is it?"""
+    def _welcome(self, sighting: Sighting, pixels: Bool, view: View, segments: Segments) -> None:
+        """A person was found in the (h, w) pixels: who is it?"""
+        newcomer, follower, shown = sighting.newcomer, sighting.follower, sighting.shown
         person = self._hidden_near(newcomer, view.time_ns)
         if person is not None:
             person.replaced(follower, view.time_ns)
         else:
             looks = Looks()
-            if newcomer.shape.whole:
-                looks.see(follower.posture.lengths, newcomer.shape.crown)
+            if shown.shape.whole:
+                looks.see(follower.posture.lengths, shown.shape.crown)
             person = Person(UNDECIDED, follower, looks, view.time_ns)
-            person.doubted = not (newcomer.convincing or newcomer.awaited)
-            person.shapely = newcomer.shape.upright
+            person.doubted = not (shown.convincing or shown.awaited)
+            person.shapely = shown.shape.upright
             self.people.append(person)
             self._decide(view.time_ns)
         self._newcomers.drop(newcomer)
         self._dropped = [at for at in self._dropped if np.linalg.norm((person.place - at)[[0, 2]]) > _ABOUT]
-        segments.owner[newcomer.pixels & (segments.owner < 0)] = len(self._indexed)
+        segments.owner[pixels & (segments.owner < 0)] = len(self._indexed)
         self._indexed.append(person)
 
     def _hidden_near(self, newcomer: Newcomer, time_ns: int) -> Person | None:

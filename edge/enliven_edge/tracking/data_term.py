@@ -13,8 +13,8 @@ the axis. So a point costs a few products, and the rest is done once a capsule.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from enliven.kernels import njit
 from enliven_edge.tracking.capsules import FAST, nearest_capsules
 from enliven_edge.tracking.terms import body_girth
 from enliven_edge.tracking.wrenches import of_frame

@@ -23,6 +23,7 @@ from enliven_edge.tracking.hypotheses import banked_starts, standing_starts
 from enliven_edge.tracking.observation import Observation
 from enliven_edge.tracking.posing import posed
 from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.spread import Steps
 
 _REFINED = 3
 """Hypotheses that are refined. With more of them those win that are turned about: ranking by coarse fits
@@ -54,6 +55,9 @@ _SHORTEST, _TALLEST, _ALIKE = 0.9, 2.1, 0.08
 """Metres within which a person may just stand there, and the share by which statures are much the same."""
 _BANKED, _BANKED_BESIDES = 8, 3
 """Hypotheses of the bank without a network, and besides one."""
+_POSED, _ENDS, _BANK, _REFINEMENT, _GLANCED = 1, 3, 4, 2, 1
+"""What the parts of a detection cost, in coarse fits: estimates made postures, extremities, the bank, half a
+refinement, and a look at a hypothesis."""
 
 
 def detect(
@@ -64,8 +68,8 @@ def detect(
     seen: Seen | None = None,
     supposed: list[Estimate] | None = None,
     lengths: Float | None = None,
-) -> tuple[Posture, FitReport]:
-    """The posture that explains the observation best from scratch.
+) -> Steps[tuple[Posture, FitReport]]:
+    """The posture that explains the observation best from scratch, in parts.
 
     A short coarse fit of every hypothesis ranks them, and the best three are refined to all points.
 
@@ -77,11 +81,15 @@ def detect(
         lengths: (12,) metres, the person's own where they are known already.
     """
     coarse = _Coarse(fitter, observation, seen, eye, height)
-    ranked = [coarse.fitted(s) for s in _starts(observation, supposed or [], eye, height, lengths)]
+    starts = yield from _starts(observation, supposed or [], eye, height, lengths)
+    ranked = []
+    for start in starts:
+        ranked.append(coarse.fitted(start))
+        yield 1
     kept = _best_distinct(ranked, _REFINED)
-    best = _refined(fitter, observation, seen, kept, height)
+    best = yield from _refined(fitter, observation, seen, kept, height)
     # A front is easily taken for a back: the best is tried turned about as well.
-    other = _refined(fitter, observation, seen, [turned_about(best[1])], height)
+    other = yield from _refined(fitter, observation, seen, [turned_about(best[1])], height)
     _, posture, report = min(best, other, key=lambda found: found[0])
     return posture, report
 
@@ -95,8 +103,8 @@ def detect_another(
     now: Posture,
     supposed: list[Estimate] | None = None,
     lengths: Float | None = None,
-) -> tuple[Posture, FitReport] | None:
-    """A posture from scratch that may explain the observation better than ``now``; None: there is none.
+) -> Steps[tuple[Posture, FitReport] | None]:
+    """A posture from scratch that may explain the observation better than ``now``, in parts; None: none may.
 
     The present posture is fitted as coarsely as all others: what is no better than it then is hardly ever
     better in the end, and is not refined.
@@ -106,12 +114,14 @@ def detect_another(
     """
     coarse = _Coarse(fitter, observation, seen, eye, height, _COARSE_POINTS)
     mark, _ = coarse.fitted(now)
-    ranked = coarse.ranked(_starts(observation, supposed or [], eye, height, lengths))
+    yield 1
+    starts = yield from _starts(observation, supposed or [], eye, height, lengths)
+    ranked = yield from coarse.ranked(starts)
     promising = [pair for pair in ranked if pair[0] < _PROMISING * mark]
     if not promising:
         return None
     kept = _best_distinct(promising, _REFINED)
-    _, posture, report = _refined(fitter, observation, seen, kept, height, _MIDDLE_POINTS)
+    _, posture, report = yield from _refined(fitter, observation, seen, kept, height, _MIDDLE_POINTS)
     return posture, report
 
 
@@ -132,14 +142,20 @@ class _Coarse:
         self._seen = None if seen is None else seen.thinned(step)
         self._observation = _guided(observation.thinned(step), self._seen, _AFFINITY)
 
-    def ranked(self, starts: list[Posture]) -> list[tuple[float, Posture]]:
-        """What the better half of some hypotheses costs, and their postures.
+    def ranked(self, starts: list[Posture]) -> Steps[list[tuple[float, Posture]]]:
+        """What the better half of some hypotheses costs, and their postures, in parts.
 
         Who is among the worse after a few steps hardly ever wins.
         """
-        glanced = sorted((self.fitted(s, _GLANCE) for s in starts), key=lambda pair: pair[0])
-        left = glanced[: max(_REFINED, len(starts) // 2)]
-        return [self.fitted(posture, _COARSE_STEPS - _GLANCE) for _, posture in left]
+        glanced, ranked = [], []
+        for start in starts:
+            glanced.append(self.fitted(start, _GLANCE))
+            yield _GLANCED
+        glanced.sort(key=lambda pair: pair[0])
+        for _, posture in glanced[: max(_REFINED, len(starts) // 2)]:
+            ranked.append(self.fitted(posture, _COARSE_STEPS - _GLANCE))
+            yield _GLANCED
+        return ranked
 
     def fitted(self, start: Posture, steps: int = _COARSE_STEPS) -> tuple[float, Posture]:
         """What a hypothesis costs after so many steps, and its posture."""
@@ -170,8 +186,8 @@ def supposing(estimator: PoseEstimator, estimate: Estimate, world_from_camera: F
 
 def _starts(
     observation: Observation, supposed: list[Estimate], eye: Float, height: float, lengths: Float | None
-) -> list[Posture]:
-    """Where to begin: as the network sees it, standing, and of the bank.
+) -> Steps[list[Posture]]:
+    """Where to begin: as the network sees it, standing, and of the bank; in parts.
 
     Args:
         lengths: (12,) the person's own; None: the likeliest person's, and those of one who just stands there.
@@ -179,8 +195,11 @@ def _starts(
     z, mask, _, camera, pose = observation.view
     builds = [lengths] if lengths is not None else _builds(observation, height)
     by_estimate = [posed(estimate, build) for build in builds for estimate in supposed]
+    yield _POSED * len(builds)
     ends = extremities(z, mask, camera, pose)
+    yield _ENDS
     banked = banked_starts(observation, ends, eye, builds[0], _BANKED_BESIDES if supposed else _BANKED)
+    yield _BANK
     return [*by_estimate, *standing_starts(observation, eye, builds[-1]), *banked]
 
 
@@ -191,8 +210,8 @@ def _refined(
     starts: list[Posture],
     height: float,
     points: int | None = None,
-) -> tuple[float, Posture, FitReport]:
-    """The best of some hypotheses fitted to the end, their proportions too, and what it costs.
+) -> Steps[tuple[float, Posture, FitReport]]:
+    """The best of some hypotheses fitted to the end, their proportions too, and what it costs; in parts.
 
     Args:
         points: of the first half of the fit, after which what is much worse than another is left; None: all,
@@ -207,6 +226,7 @@ def _refined(
         guided = _guided(few, guide, 0.4 * _AFFINITY)
         posture, report = fitter.fit(guided, start, iterations=15, width=0.12, proportions=_LOOSE)
         halfway.append((report.energy, posture))
+        yield _REFINEMENT
     most = np.inf if points is None else _LEFT * min(energy for energy, _ in halfway)
     ready = []
     for energy, posture in halfway:
@@ -214,6 +234,7 @@ def _refined(
             posture, report = fitter.fit(observation, posture, iterations=15, proportions=_LOOSE)
             odd = _oddness(seen, posture, observation.view[4][:3, 3], height)
             ready.append((report.energy + odd, posture, report))
+            yield _REFINEMENT
     return min(ready, key=lambda found: found[0])
 
 

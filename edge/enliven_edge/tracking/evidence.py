@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
+from enliven.kernels import njit
 from enliven_edge.estimator.estimator import Estimate
 from enliven_edge.tracking import model
 from enliven_edge.tracking.fit import FitReport, Fitter
@@ -225,7 +225,8 @@ def _joint_spread(  # type: ignore[no-untyped-def]
         row[:], axis[:] = 0.0, 0.0
         axis[a] = 1.0
         point_row(row, 1.0, frames[j], joints[j], axis, local[j], body)
-        columns[:, k] = row
+        for i in range(len(row)):
+            columns[i, k] = row[i]
     loose = np.zeros(len(joints))
     for i in range(len(matrix)):
         for k in range(i):

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float
+from enliven.kernels import njit
 from enliven_edge.tracking.observation import world_points
 
 _NODES = 1200

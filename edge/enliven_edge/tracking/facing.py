@@ -6,9 +6,9 @@ Two things tell: what the network sees, and that people walk forward.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
+from enliven.kernels import njit
 from enliven_edge.estimator.labels import facing_in_plan
 from enliven_edge.tracking.appearance import Seen, likely_to_face
 from enliven_edge.tracking.chest import ahead_in_plan, chest_axes, chest_axes_about, leaning_back

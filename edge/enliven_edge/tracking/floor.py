@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float
+from enliven.kernels import njit
 
 _WITHIN = np.deg2rad(40.0)
 _LOWEST, _HIGHEST = 0.2, 4.0
@@ -77,7 +77,7 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):  # ty
             below += distance < -3.0 * tolerance[i]
         if on - 3 * below > best:
             best = on - 3 * below
-            found[:3], found[3] = normal, height
+            found[0], found[1], found[2], found[3] = normal[0], normal[1], normal[2], height
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from enliven_edge.tracking.posture import Posture, continued
 from enliven_edge.tracking.recovery import SecondThoughts
 from enliven_edge.tracking.segmentation import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.spread import LOOK, Budget, Spread, Steps, whole
 from enliven_edge.tracking.view import View
 
 _GOOD, _ACCEPTABLE = 0.68, 0.45
@@ -48,6 +49,8 @@ _BESIDE, _MOSTLY = 0.12, 0.5
 """Metres from a surface beyond which something else is, and the share of a group that must be the person."""
 FEWEST_PIXELS = 60
 """Of the working image; fewer show nobody."""
+_SUPPOSING = 5
+"""What a look of the network for each way to face costs, in coarse fits."""
 
 
 class Follower:
@@ -61,6 +64,7 @@ class Follower:
         evidence: (20, 17) what the last frame said for and against every joint.
         lost: whether the fit has been bad for longer than the settings allow.
         somebody: how likely the network finds it by the last frame that this is a person, in [0, 1].
+        budget: what looking for the person anew may cost in the next frame.
     """
 
     def __init__(self, settings: TrackerSettings, fitter: Fitter, posture: Posture) -> None:
@@ -78,34 +82,55 @@ class Follower:
         self._bad = 0
         self._unsupported = np.zeros(20)
         self._velocity, self._time_ns = np.zeros(3), 0
+        self.budget = Budget(np.inf)
         self._since_detected, self._since_found = 0, 0
+        self._anew: _Anew | None = None
         self._patience, self._in_vain = _AGAIN_AFTER, np.inf
 
     @classmethod
     def found(
         cls, view: View, pixels: Bool, settings: TrackerSettings, fitter: Fitter
     ) -> tuple[Follower, float] | None:
-        """Somebody new in the (h, w) ``pixels``, and how well they are explained (up to 1); None: nobody."""
+        """A person in the (h, w) ``pixels``, and how well they are explained (up to 1); None: nobody."""
+        return whole(cls.sought(view, pixels, settings, fitter))
+
+    @classmethod
+    def sought(
+        cls, view: View, pixels: Bool, settings: TrackerSettings, fitter: Fitter
+    ) -> Steps[tuple[Follower, float] | None]:
+        """What :meth:`found` finds, in parts."""
         if np.count_nonzero(pixels) < FEWEST_PIXELS:
             return None
         observation = _observed(view, pixels, settings)
         seen, supposed = None, None
         if settings.estimator:
             seen = _look(view, pixels, observation, None)
+            yield LOOK
             if seen.estimate.somebody < _HARDLY:
                 return None
             supposed = supposing(shipped_estimator(), seen.estimate, view.world_from_camera)
-        posture, report = detect(fitter, observation, view.eye, settings.body_height, seen, supposed)
+            yield _SUPPOSING
+        height = settings.body_height
+        posture, report = yield from detect(fitter, observation, view.eye, height, seen, supposed)
         if quality(report) < _GOOD:
             bare = pixels & lying_on(view, [posture], 0.0, _BESIDE)
             # Once more without what stands against them, a table say.
-            return (
-                cls.found(view, bare, settings, fitter) if _MOSTLY < bare.sum() / pixels.sum() < 1.0 else None
-            )
+            if not _MOSTLY < bare.sum() / pixels.sum() < 1.0:
+                return None
+            return (yield from cls.sought(view, bare, settings, fitter))
         follower = cls(settings, fitter, posture)
         follower.somebody = 1.0 if seen is None else seen.estimate.somebody
         follower._vouch(report, observation, seen)
         return follower, quality(report)
+
+    @property
+    def looking(self) -> bool:
+        """Whether the person is being looked for anew."""
+        return self._anew is not None
+
+    def hide(self) -> None:
+        """Is not seen in a frame."""
+        self.confidence, self._anew = np.zeros(20), None
 
     def predicted(self) -> Posture:
         """Where the posture is expected in the next frame, by the motion between the last two."""
@@ -169,33 +194,50 @@ class Follower:
     ) -> tuple[Posture, FitReport] | None:
         """The person detected from scratch, where that explains a doubtful frame much better.
 
-        A detection takes long, so there is one at most every half second, and fewer of them while they find
-        nothing; and two soon after somebody was found, because one frame may show a stranger badly.
+        A detection takes several frames, so there is one at most every half second, and fewer of them while
+        they find nothing; and two soon after a person was found, because one frame may show a stranger badly.
+        What was found in an earlier frame is brought to this one and has to explain it better too.
         """
         self._since_detected += 1
         early = self._since_found in _EARLY
         self._since_found += 1
         height = self.settings.body_height
         now = cost(report, posture, seen, eye, height)
-        if now < _DOUBTED or now > _WORSE * self._in_vain:
-            self._patience = _AGAIN_AFTER
-        if not early and (now < _DOUBTED or self._since_detected < self._patience):
-            return None
-        self._since_detected = 0
         plain = replace(observation, affinity=_NO_AFFINITY, landmarks=_NO_LANDMARKS)
-        known = posture.lengths if self._fitted > _KNOWN_AFTER else None
-        supposed = None
-        if seen is not None:
-            supposed = supposing(shipped_estimator(), seen.estimate, observation.view[4])
-        found = detect_another(self._fitter, plain, seen, eye, height, posture, supposed, known)
-        if found is None or cost(found[1], found[0], seen, eye, height) > _CLEARLY * now:
-            self._patience = self._patience if early else min(2 * self._patience, _LONGEST)
+        if self._anew is None:
+            if now < _DOUBTED or now > _WORSE * self._in_vain:
+                self._patience = _AGAIN_AFTER
+            if not early and (now < _DOUBTED or self._since_detected < self._patience):
+                return None
+            self._since_detected = 0
+            known = posture.lengths if self._fitted > _KNOWN_AFTER else None
+            steps = _another(self._fitter, plain, seen, eye, height, posture, known)
+            self._anew = _Anew(Spread(steps), observation, seen, posture, now, early, known is not None)
+        anew = self._anew
+        if not anew.task.go_on(self.budget):
+            return None
+        self._anew, found = None, anew.task.result
+        better = (
+            found is not None and cost(found[1], found[0], anew.seen, eye, height) <= _CLEARLY * anew.cost
+        )
+        if found is not None and better and anew.observation is not observation:
+            found = self._brought(found[0], posture.position - anew.posture.position, plain)
+            better = cost(found[1], found[0], seen, eye, height) <= _CLEARLY * now
+        if not better:
+            self._patience = self._patience if anew.early else min(2 * self._patience, _LONGEST)
             self._in_vain = now
             return None
         self._patience = _AGAIN_AFTER
-        self._fitted = self._fitted if known is not None else 0
+        self._fitted = self._fitted if anew.known else 0
         self._second_thoughts, self._facing = SecondThoughts(self._fitter), Facing()
         return found
+
+    def _brought(self, posture: Posture, step: Float, observation: Observation) -> tuple[Posture, FitReport]:
+        """A posture of an earlier frame, moved by (3,) metres, fitted widely to this one, then closely."""
+        moved = posture.copy()
+        moved.position = moved.position + step
+        wide, _ = self._fitter.fit(observation, moved, width=_WIDE)
+        return self._fitter.fit(observation, wide)
 
     def _moving(self, position: Float, time_ns: int) -> Float:
         """(3,) metres a second at which the hip centre has been going of late."""
@@ -210,6 +252,7 @@ class Follower:
 
     def _missed(self) -> bool:
         """Counts a bad frame."""
+        self._anew = None
         self._bad += 1
         self.lost = self._bad > self.settings.lost_after
         return False
@@ -229,6 +272,44 @@ class Follower:
             return None
         firmness = settings.proportions * (1.0 + 30.0 * self._fitted / settings.settle_frames)
         return np.full(len(model.LENGTHS), firmness)
+
+
+@dataclass(frozen=True)
+class _Anew:
+    """A detection from scratch of a person who is followed, under way.
+
+    Attributes:
+        observation, seen: of the frame that is looked at, and what the network says of it.
+        posture, cost: the present ones in that frame.
+        early: whether it is one of those soon after the person was found.
+        known: whether the person's build was known.
+    """
+
+    task: Spread[tuple[Posture, FitReport] | None]
+    observation: Observation
+    seen: Seen | None
+    posture: Posture
+    cost: float
+    early: bool
+    known: bool
+
+
+def _another(
+    fitter: Fitter,
+    observation: Observation,
+    seen: Seen | None,
+    eye: Float,
+    height: float,
+    posture: Posture,
+    lengths: Float | None,
+) -> Steps[tuple[Posture, FitReport] | None]:
+    """What :func:`detect_another` finds, in parts; arguments as there."""
+    supposed = None
+    if seen is not None:
+        supposed = supposing(shipped_estimator(), seen.estimate, observation.view[4])
+        yield _SUPPOSING
+    steps = detect_another(fitter, observation, seen, eye, height, posture, supposed, lengths)
+    return (yield from steps)
 
 
 def _observed(view: View, pixels: Bool, settings: TrackerSettings) -> Observation:

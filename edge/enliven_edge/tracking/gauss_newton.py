@@ -6,8 +6,8 @@ The unknowns are translation (3), rotations (27) and, while the person's build i
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from enliven.kernels import copy_row, copy_rows, njit
 from enliven_edge.tracking import data_term, terms
 from enliven_edge.tracking.kinematics import capsules_into, forward_into, pivots_by_length, turn
 from enliven_edge.tracking.wrenches import gather, no_sums
@@ -17,7 +17,8 @@ _SIDE = 0.04
 """Metres; see :func:`capsules.nearest_capsules`."""
 _FREE_WIDTH = 0.25
 """Metres: the robust width of what is seen through; a whole forearm may be in the wrong place."""
-_SAMPLES, _PAIR_SAMPLES = 5, 3
+_SAMPLES, _PAIR_SAMPLES = np.int64(5), np.int64(3)
+"""Points along a capsule, and along the first of a pair. As plain ints they would be types of their own."""
 _SCALE = 0.1
 """How much less a person's size is held than their proportions."""
 _FLOOR_SLACK = 0.02
@@ -65,8 +66,12 @@ def minimise(  # type: ignore[no-untyped-def]
                 break
             continue
         gain = energy - lower
-        position[:], rotations[:], lengths[:] = moved[0], moved[1], moved[2]
-        support[:], violated[:] = tried, tried_violated
+        copy_row(position, moved[0])
+        for f in range(len(rotations)):
+            copy_rows(rotations[f], moved[1][f])
+        copy_row(lengths, moved[2])
+        copy_row(support, tried)
+        copy_row(violated, tried_violated)
         matrix, trial_matrix = trial_matrix, matrix
         gradient, trial_gradient = trial_gradient, gradient
         energy, explained, damping = lower, better, max(1e-6, damping / 4.0)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
+from enliven.kernels import njit
 
 _PATCH, _PATCHED = 31, 0.12
 """Pixels of a square, and the share of it that must be known to say something of the room about it."""

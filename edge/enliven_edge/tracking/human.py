@@ -1,13 +1,14 @@
-"""Whether a group of pixels may be a person, by size and shape alone; and people who touch, parted."""
+"""Whether a group of pixels may be a person, by size and shape alone."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float
+from enliven.kernels import njit
+from enliven.masks import pixels_of
 from enliven_edge.tracking.view import View
 
 SMALLEST_AREA, LARGEST_AREA = 0.06, 1.6
@@ -16,8 +17,8 @@ _TALLEST = 2.6
 _FLAT, _BROAD = 0.022, 0.35
 _BIN, _GRID = 0.04, 0.06
 _HEAD = 0.14
-_SHOULDERS = ((0.25, 0.35), (0.35, 0.45), (0.45, 0.55))
-"""Metres below the crown."""
+_BANDS = np.array([(-1.0, _HEAD), (0.25, 0.35), (0.35, 0.45), (0.45, 0.55)])
+"""Metres below the crown between which a head is, and shoulders may be."""
 _HEADLIKE, _HEAD_WIDTH, _SOLID = 0.75, (0.09, 0.45), 0.43
 _SPARSE, _BOARD, _ROUND = 0.8, 0.85, 0.035
 _FREE = 0.6
@@ -103,38 +104,76 @@ def shape_of(view: View, mask: Bool, area: float, walls: Bool | None = None) -> 
     """
     z = view.z if walls is None else np.where(walls & (view.z > 0), view.z + _WALL_BEHIND, view.z)
     free, behind, border, cut = outline(z, mask)
-    points = view.points[mask]
-    points = points[:: max(1, len(points) // _SAMPLES)]
-    low, high = np.percentile(points, [3, 97], axis=0)
-    wide, tall, deep = high - low
+    points = samples(view.points, mask, _SAMPLES)
+    ordered = np.sort(points, axis=1)
+    wide, tall, deep = (_spread(axis, 0.03, 0.97) for axis in ordered)
     fits = SMALLEST_AREA < area < LARGEST_AREA and tall >= _SHORTEST and wide <= _WIDEST and deep <= _DEEPEST
     likeness = float(min(area, 0.7) * min(tall, 1.8)) if fits else 0.0
-    centred = points - points.mean(0)
-    covariance = centred.T @ centred / len(points)
+    centred = points - points.mean(1, keepdims=True)
+    covariance = centred @ centred.T / points.shape[1]
     thickness = float(np.sqrt(max(0.0, np.linalg.eigvalsh(covariance)[0])))
-    along = centred[:, [0, 2]] @ np.linalg.eigh(covariance[np.ix_([0, 2], [0, 2])])[1][:, 1]
-    crown, head, shoulders = _head(along, points[:, 1])
-    fill, wide = _fill(along, points[:, 1]), float(max(wide, deep))
-    return Shape(likeness, crown, thickness, wide, head / shoulders, head, fill, free, behind, border, cut)
+    along = np.linalg.eigh(covariance[::2, ::2])[1][:, 1] @ centred[::2]
+    crown = quantile(ordered[1], 0.99)
+    head, *shoulders = _widths(along, points[1], crown, _BANDS)
+    box = _spread(np.sort(along), 0.01, 0.99) * _spread(ordered[1], 0.01, 0.99)
+    fill = float(_cells(along, points[1]) * _GRID**2 / max(1e-6, box))
+    beside = max(*shoulders, _BIN)
+    wide = max(wide, deep)
+    return Shape(likeness, crown, thickness, wide, head / beside, head, fill, free, behind, border, cut)
 
 
-def _head(along: Float, height: Float) -> tuple[float, float, float]:
-    """Metres: the crown above the floor, the width filled at the head's height and that at the shoulders'."""
-    crown = float(np.percentile(height, 99))
-
-    def width(top: float, bottom: float) -> float:
-        part = along[(height <= crown - top) & (height > crown - bottom)]
-        return len(np.unique(np.floor(part / _BIN))) * _BIN
-
-    shoulders = max(width(top, bottom) for top, bottom in _SHOULDERS)
-    return crown, width(-1.0, _HEAD), max(shoulders, _BIN)
+def quantile(ordered: Float, share: float) -> float:
+    """The number below which a share in [0, 1] of (N,) rising values is, between two of them linearly."""
+    at = share * (len(ordered) - 1)
+    low = int(at)
+    high = min(low + 1, len(ordered) - 1)
+    return float(ordered[low] + (at - low) * (ordered[high] - ordered[low]))
 
 
-def _fill(along: Float, height: Float) -> float:
-    """The share of the upright box around the points that they fill, cell by cell."""
-    cells = np.unique(np.floor(along / _GRID) * 1000 + np.floor(height / _GRID))
-    wide, tall = np.ptp(np.percentile(along, [1, 99])), np.ptp(np.percentile(height, [1, 99]))
-    return float(len(cells) * _GRID**2 / max(1e-6, wide * tall))
+def _spread(ordered: Float, low: float, high: float) -> float:
+    """How far apart two quantiles of (N,) rising values are."""
+    return quantile(ordered, high) - quantile(ordered, low)
+
+
+@njit(cache=True, nogil=True)
+def samples(points, mask, most):  # type: ignore[no-untyped-def]
+    """(3, M) every k-th of the (h, w, 3) points on the (h, w) mask, in reading order; M < 2 ``most``."""
+    pixels = pixels_of(mask)
+    step = max(1, len(pixels) // most)
+    out, width = np.empty((3, (len(pixels) + step - 1) // step)), mask.shape[1]
+    for i in range(out.shape[1]):
+        v, u = divmod(pixels[i * step], width)
+        for a in range(3):
+            out[a, i] = points[v, u, a]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _widths(along, height, crown, bands):  # type: ignore[no-untyped-def]
+    """(B,) metres, in steps, that (M,) points fill ``along`` a line within each of (B, 2) bands of height.
+
+    Args:
+        bands: metres below the crown where each begins and ends.
+    """
+    first = np.floor(along.min() / _BIN)
+    met = np.zeros((len(bands), int(np.floor(along.max() / _BIN) - first) + 1), np.bool_)
+    for i in range(len(along)):
+        place = int(np.floor(along[i] / _BIN) - first)
+        for b in range(len(bands)):
+            if crown - bands[b, 1] < height[i] <= crown - bands[b, 0]:
+                met[b, place] = True
+    return met.sum(1) * _BIN
+
+
+@njit(cache=True, nogil=True)
+def _cells(along, height):  # type: ignore[no-untyped-def]
+    """How many cells of an upright grid (M,) points fill."""
+    left, low = np.floor(along.min() / _GRID), np.floor(height.min() / _GRID)
+    wide, tall = int(np.floor(along.max() / _GRID) - left), int(np.floor(height.max() / _GRID) - low)
+    met = np.zeros((wide + 1, tall + 1), np.bool_)
+    for i in range(len(along)):
+        met[int(np.floor(along[i] / _GRID) - left), int(np.floor(height[i] / _GRID) - low)] = True
+    return np.count_nonzero(met)
 
 
 @njit(cache=True, nogil=True)
@@ -167,67 +206,3 @@ def outline(z, mask):  # type: ignore[no-untyped-def]
     if total < telling * (total + unknown):
         return 1.0, 0.0, border / total, below > 0.05 * width
     return farther / total, nearer / total, border / total, below > 0.05 * width
-
-
-def parted(points: Float, mask: Bool) -> list[Bool]:
-    """The (h, w) mask, or its parts where several people stand side by side in it, joined at a hand say.
-
-    Seen from above, each person is a column that reaches from a head to the legs; a pixel belongs to the
-    nearest column.
-
-    Args:
-        points: (h, w, 3) world frame.
-    """
-    found = points[mask]
-    columns = _columns(found)
-    if len(columns) < 2:
-        return [mask]
-    nearest = np.argmin(np.linalg.norm(found[:, None, [0, 2]] - columns[None], axis=2), axis=1)
-    parts = []
-    for k in range(len(columns)):
-        part = np.zeros(mask.shape, bool)
-        part[mask] = nearest == k
-        parts.append(part)
-    return parts
-
-
-_CELL, _APART, _RADIUS = 0.06, 0.42, 0.24
-_STANDING, _NECK, _HIGHER = 0.7, 0.3, 0.2
-
-
-def _columns(points: Float) -> Float:
-    """(N, 2) x and z of the people in (M, 3) points: peaks of the height map over a filled column."""
-    points = points[:: max(1, len(points) // (2 * _SAMPLES))]
-    flat = points[:, [0, 2]]
-    origin = flat.min(0)
-    cells = np.floor((flat - origin) / _CELL).astype(int)
-    height = np.zeros(cells.max(0) + 1)
-    np.maximum.at(height, (cells[:, 0], cells[:, 1]), points[:, 1])
-    kept: list[Float] = []
-    for index in np.argsort(-height, axis=None)[:200]:
-        x, z = np.unravel_index(index, height.shape)
-        top = float(height[x, z])
-        if top < _STANDING:
-            break
-        centre = _summit(points, origin + (np.array([x, z]) + 0.5) * _CELL, top)
-        if all(np.linalg.norm(centre - other) > _APART for other in kept) and _filled(points, centre, top):
-            kept.append(centre)
-    return np.array(kept).reshape(-1, 2)
-
-
-def _summit(points: Float, near: Float, top: float) -> Float:
-    """(2,) x and z of the middle of what is highest about a place, of a head say."""
-    high = points[points[:, 1] > top - 0.15]
-    high = high[np.linalg.norm(high[:, [0, 2]] - near, axis=1) < 0.2]
-    return np.asarray(high[:, [0, 2]].mean(0))
-
-
-def _filled(points: Float, centre: Float, top: float) -> bool:
-    """Whether somebody is under a peak: no shoulder, and most heights from the knees up are met."""
-    away = np.linalg.norm(points[:, [0, 2]] - centre, axis=1)
-    near = away < _RADIUS
-    if float(points[away < _NECK, 1].max()) > top + _HIGHER:
-        return False
-    bins = np.unique(np.floor(points[near, 1] / 0.1))
-    wanted = np.arange(np.ceil(0.35 * top / 0.1), np.floor(top / 0.1))
-    return len(wanted) > 0 and float(np.isin(wanted, bins).mean()) > 0.8

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from enliven.kernels import copy_row, copy_rows, njit
 from enliven_edge.tracking.model import SHOULDER, UPPER_ARM_L, UPPER_ARM_R
 
 SHRUG = 0.3
@@ -28,7 +28,8 @@ def forward_into(world, pivots, position, rotations, lengths, parents, offsets):
         parents: (13,) of each frame.
         offsets: (13, 3, 12) each frame's origin in its parent's frame, linear in the lengths.
     """
-    pivots[0], world[0] = position, rotations[0]
+    copy_row(pivots[0], position)
+    copy_rows(world[0], rotations[0])
     for f in range(1, len(parents)):
         p = parents[f]
         x, y, z = (
@@ -126,7 +127,7 @@ def turn(rotations, step, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
         while k < len(dof_frame) and dof_frame[k] == frame:
             vector[dof_axis[k]] = step[k]
             k += 1
-        rotations[frame] = product(rotations[frame], exponential(vector))
+        copy_rows(rotations[frame], product(rotations[frame], exponential(vector)))
 
 
 @njit(cache=True, nogil=True)
@@ -136,7 +137,7 @@ def carry_on(rotations, before, share, fastest):  # type: ignore[no-untyped-def]
         vector = share * deviation(before[f], rotations[f])
         angle = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
         vector *= min(1.0, fastest / max(1e-9, angle))
-        rotations[f] = product(rotations[f], exponential(vector))
+        copy_rows(rotations[f], product(rotations[f], exponential(vector)))
 
 
 @njit(cache=True, nogil=True)
@@ -169,7 +170,7 @@ def deviation_into(out, reference, rotation):  # type: ignore[no-untyped-def]
             out[i] += reference[a, k] * rotation[a, j] - reference[a, j] * rotation[a, k]
     sine = 0.5 * np.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
     if sine < _SMALL and trace < 1.0:
-        out[:] = logarithm(product(reference.T, rotation))  # near a half turn
+        copy_row(out, logarithm(product(reference.T, rotation)))  # near a half turn
         return
     scale = 0.5 if sine < _SMALL else 0.5 * np.arctan2(sine, 0.5 * (trace - 1.0)) / sine
     for i in range(3):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
 from enliven.body import PARENTS, Joint
+from enliven.kernels import njit
 from enliven.rotation import normalized
 from enliven_edge.tracking.settings import OutputSettings
 

@@ -7,7 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from enliven.arrays import Bool, Float, UInt8
-from enliven_edge.tracking.human import SMALLEST_AREA, Shape, parted, shape_of
+from enliven.kernels import njit
+from enliven.masks import pixels_of
+from enliven_edge.tracking.columns import parted
+from enliven_edge.tracking.human import SMALLEST_AREA, Shape, shape_of
 from enliven_edge.tracking.room import BEFORE, ROOM, UNLIKELY, widened
 from enliven_edge.tracking.segmentation import Loose, Segments, loose_groups
 from enliven_edge.tracking.view import View
@@ -28,6 +31,8 @@ _REFUSED, _REFUSED_NS = 0.4, 20_000_000_000
 _BEHIND, _PATIENCE_NS = 0.25, 800_000_000
 _BACK_OFF_NS, _LONGEST_NS = 150_000_000, 2_000_000_000
 _PARTED_AREA = 0.45
+_TOUCHING = 3
+"""Pixels within which a fragment touches a group."""
 _TIGHTNESS, _PIECES = 0.35, 6
 
 
@@ -43,8 +48,7 @@ class Newcomer:
         bystander: whether it is out of the zone, or locked out.
         awaited: whether somebody was lost about here, who may be in any posture.
         recognised: whether the network takes it for a person.
-        unions: (h, w) it with others that were parted from it, the largest first: raised arms look like
-            people of their own from above.
+        parts: (h, w) itself and the others that it was parted from; [] where it was not.
     """
 
     def __init__(self, centre: Float, time_ns: int) -> None:
@@ -55,7 +59,7 @@ class Newcomer:
         self.seen_ns = self.first_ns = time_ns
         self.before = self.plain = 0.0
         self.group: Loose | None = None
-        self.unions: list[Bool] = []
+        self.parts: list[Bool] = []
         self.checked_ns = time_ns
         self.shape: Shape
         self.pixels: Bool
@@ -79,7 +83,8 @@ class Newcomer:
 
     def grow(self, view: View, pixels: Bool) -> None:
         """It turned out to be all of these (h, w) pixels."""
-        self.pixels, self.area, self.centre = pixels, _area(view, pixels), view.points[pixels].mean(0)
+        self.pixels = pixels
+        self.centre, self.area, _ = measured(view, pixels, np.zeros(pixels.shape, np.uint8))
         self.shape = shape_of(view, pixels, self.area)
 
     @property
@@ -94,6 +99,12 @@ class Newcomer:
         return (
             tall and self.before > 0.5 and (self.shape.upright or (self.shape.human and self.frames >= _LONG))
         )
+
+    @property
+    def unions(self) -> list[Bool]:
+        """[(h, w)] it with others that it was parted from, the largest first: raised arms look like people of
+        their own from above."""
+        return _unions(self.pixels, self.parts)
 
     def dull(self, group: Loose, time_ns: int) -> bool:
         """Whether a group is this one as it was looked at just now: a thing that stands there."""
@@ -156,6 +167,10 @@ class Newcomer:
             return False
         return not 0 < self._next_ns - time_ns < 2 * _LONGEST_NS
 
+    def settle(self, tried: Newcomer) -> None:
+        """Is looked for again when a copy of it that was tried is."""
+        self._next_ns, self._wait_ns = max(self._next_ns, tried._next_ns), tried._wait_ns
+
     def failed(self, time_ns: int) -> None:
         """No body was found in it: the next try is later and later."""
         self._next_ns, self._wait_ns = time_ns + self._wait_ns, min(2 * self._wait_ns, _LONGEST_NS)
@@ -178,7 +193,7 @@ class Newcomers:
 
     def drop(self, newcomer: Newcomer) -> None:
         """It is somebody now."""
-        self._known.remove(newcomer)
+        self._known = [other for other in self._known if other is not newcomer]
 
     @property
     def bystanders(self) -> int:
@@ -220,7 +235,7 @@ class Newcomers:
                     continue
                 found = self._one(view, kind, part, walls)
                 if found is not None and found not in present:
-                    found.unions = _unions(part, bare) if walls is None else []
+                    found.parts = bare if walls is None else []
                     found.bystander = not admits(found.centre)
                     found.awaited = awaits(found.centre)
                     found.group = group if len(parts) == 1 else None
@@ -230,22 +245,20 @@ class Newcomers:
 
     def _one(self, view: View, kind: UInt8, part: Bool, walls: Bool | None) -> Newcomer | None:
         """The newcomer that a group of pixels is, None where it has not a person's size."""
-        points = view.points[part]
-        if len(points) < 30:
+        if np.count_nonzero(part) < 30:
             return None
-        area = _area(view, part)
+        centre, area, shares = measured(view, part, kind)
         shape = shape_of(view, part, area, walls)
         # Everything is free before the walls that were taken away from it: it has to have a head as well.
         if shape.likeness == 0 or (walls is not None and not shape.upright):
             return None
-        centre = points.mean(0)
         known = [n for n in self._known if n.seen_ns != view.time_ns]
         near = min(known, key=lambda n: float(np.linalg.norm(n.centre - centre)), default=None)
         if near is None or np.linalg.norm(near.centre - centre) > _SAME:
             near = Newcomer(centre, view.time_ns)
             self._known.append(near)
         near.refused = self._is_refused(centre, view.time_ns)
-        near.update(part, centre, shape, area, _shares(kind[part]), view.time_ns)
+        near.update(part, centre, shape, area, shares, view.time_ns)
         return near
 
     def _is_refused(self, centre: Float, time_ns: int) -> bool:
@@ -263,9 +276,33 @@ def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
     return [np.logical_or.reduce(parts), *sorted(pairs, key=lambda pair: -int(pair.sum()))]
 
 
-def _shares(kind: UInt8) -> tuple[float, float]:
-    """Of (M,) pixels: how many stand before the known room, and before what is known or guessed."""
-    return float(np.mean(kind == BEFORE)), float(np.mean(kind != UNLIKELY))
+def measured(view: View, pixels: Bool, kind: UInt8) -> tuple[Float, float, tuple[float, float]]:
+    """Of the (h, w) pixels: (3,) metres, their middle; square metres towards the sensor; and two shares.
+
+    The shares are of what stands before the known room, and before what is known or guessed.
+
+    Args:
+        kind: (h, w) from :meth:`Room.classify`.
+    """
+    centre, squares, before, plain = _measured(view.points, view.z, kind, pixels)
+    camera = view.camera.intrinsics
+    return centre, squares / (camera.fx * camera.fy), (before, plain)
+
+
+@njit(cache=True, nogil=True)
+def _measured(points, z, kind, part):  # type: ignore[no-untyped-def]
+    """See :func:`measured`; the sum of the depths' squares in place of the area."""
+    pixels = pixels_of(part)
+    centre, squares, before, plain, width = np.zeros(3), 0.0, 0, 0, part.shape[1]
+    for i in range(len(pixels)):
+        v, u = divmod(pixels[i], width)
+        for a in range(3):
+            centre[a] += points[v, u, a]
+        squares += z[v, u] * z[v, u]
+        before += kind[v, u] == BEFORE
+        plain += kind[v, u] != UNLIKELY
+    count = max(1, len(pixels))
+    return centre / count, squares, before / count, plain / count
 
 
 def _before_walls(view: View, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool]:
@@ -279,12 +316,6 @@ def _before_walls(view: View, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool
 def _tight(view: View, kind: UInt8, mask: Bool) -> list[Bool]:
     """The parts of a group that hang together more closely: somebody who stands beside a wall, say."""
     return _pieces(view, kind, mask, _TIGHTNESS)
-
-
-def _area(view: View, mask: Bool) -> float:
-    """Square metres towards the sensor that the (h, w) mask covers."""
-    camera = view.camera.intrinsics
-    return float((view.z[mask] ** 2).sum()) / (camera.fx * camera.fy)
 
 
 def _pieces(view: View, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]:
@@ -313,20 +344,24 @@ def _with_fragments(segments: Segments, main: Loose, view: View) -> Bool:
         for other in segments.loose
         if other.label != main.label
         and other.area < 0.6 * main.area
-        and other.box[0] <= bottom + 3
-        and other.box[2] >= top - 3
-        and other.box[1] <= right + 3
-        and other.box[3] >= left - 3
+        and other.box[0] <= bottom + _TOUCHING
+        and other.box[2] >= top - _TOUCHING
+        and other.box[1] <= right + _TOUCHING
+        and other.box[3] >= left - _TOUCHING
     ]
-    depth = view.points[..., 2]
     for other in near:
-        part = segments.group(other)
-        contact = widened(part, 3) & mask
+        # What touches it is so near to its box: the rest of the image need not be looked at.
+        top, left, bottom, right = other.box
+        window = np.s_[
+            max(0, top - _TOUCHING) : bottom + _TOUCHING, max(0, left - _TOUCHING) : right + _TOUCHING
+        ]
+        part, points = segments.labels[window] == other.label, view.points[window]
+        contact = widened(part, _TOUCHING) & mask[window]
         if contact.any():
-            gap = abs(float(np.median(depth[part]) - np.median(depth[contact])))
-            if gap < 0.6 and _reaches(view.points[part], view.points[contact]):
-                mask = mask | part
-    return np.asarray(mask)
+            gap = abs(float(np.median(points[part][:, 2]) - np.median(points[contact][:, 2])))
+            if gap < 0.6 and _reaches(points[part], points[contact]):
+                mask[window] |= part
+    return mask
 
 
 def _reaches(part: Float, contact: Float) -> bool:

@@ -7,10 +7,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float, Float32, Int, UInt16
 from enliven.camera import Intrinsics, rays
+from enliven.kernels import njit
 from enliven.masks import pixels_of
 from enliven_edge.tracking.reduction import reduce_depth
 
@@ -155,7 +155,7 @@ def observe(
         points: at most this many surface points are kept, evenly over the pixels.
     """
     pixels = sampled(mask, points)
-    found, normals = surface_samples(surface, z, pixels, world_from_camera[:3, 3])
+    found, normals = surface_samples(surface, z, pixels, world_from_camera[:3, 3].copy())
     view = (z, mask, nearest_columns(mask), camera.camera, world_from_camera)
     cut = bool(mask[-2:].sum() > 0.05 * mask.shape[1])
     return Observation(found, normals, pixels, view, cut)

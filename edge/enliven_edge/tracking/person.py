@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float, Int
 from enliven.body import Joint
+from enliven.kernels import njit
 from enliven_edge.tracking import model
 from enliven_edge.tracking.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.identity import Looks, percentile
@@ -127,7 +127,7 @@ class Person:
         seconds = min(0.2, max(0.0, (time_ns - self._time_ns) * 1e-9))
         self._velocity = self._velocity * math.exp(-seconds / _SLOWING)
         self.follower.carry(self._velocity * seconds)
-        self.follower.confidence = np.zeros(20)
+        self.follower.hide()
         self._time_ns, self._centre = time_ns, None
 
     def replaced(self, follower: Follower, time_ns: int) -> None:

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
+from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion
 from enliven_edge.tracking import model
 from enliven_edge.tracking.kinematics import capsules_into, carry_on, forward_into

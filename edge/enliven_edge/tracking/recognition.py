@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from enliven.arrays import Bool
 from enliven_edge.estimator.estimator import shipped_estimator
 from enliven_edge.tracking.newcomers import Newcomer
+from enliven_edge.tracking.spread import LOOK, Budget
 from enliven_edge.tracking.view import View
 
 _RECOGNISED = 0.97
@@ -19,8 +20,9 @@ def likelihood(view: View, pixels: Bool) -> float:
     return shipped_estimator().estimate(view.z, pixels, camera, pose, None).somebody
 
 
-def recognise(newcomers: Iterable[Newcomer], view: View) -> None:
-    """Asks the network about those whose shape does not convince, now and then."""
+def recognise(newcomers: Iterable[Newcomer], view: View, budget: Budget) -> None:
+    """Asks the network about those whose shape does not convince, now and then, as far as the budget goes."""
     for newcomer in newcomers:
-        if newcomer.puzzles(view.time_ns):
+        if budget.left > 0.0 and newcomer.puzzles(view.time_ns):
             newcomer.recognised = likelihood(view, newcomer.pixels) > _RECOGNISED
+            budget.left -= LOOK

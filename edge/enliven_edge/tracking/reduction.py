@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from enliven.kernels import njit
 
 _SIDE = 3
 """Samples of a block, along and across, that are looked at."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import AnyArray, Bool, Float, UInt8
+from enliven.kernels import njit
 from enliven_edge.tracking.guess import guessed
 from enliven_edge.tracking.settings import RoomSettings
 from enliven_edge.tracking.view import View

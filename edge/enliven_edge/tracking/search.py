@@ -6,12 +6,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from enliven.arrays import Bool
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.follower import Follower
 from enliven_edge.tracking.newcomers import Newcomer
 from enliven_edge.tracking.person import trunk_shown
 from enliven_edge.tracking.recognition import likelihood
 from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.spread import LOOK, Steps
 from enliven_edge.tracking.view import View
 
 TRIES = 3
@@ -48,35 +50,66 @@ class Search:
     def __init__(self, fitter: Fitter, expecting: Callable[[Newcomer, int], TrackerSettings]) -> None:
         self._fitter, self._expecting = fitter, expecting
 
-    def found(self, view: View, newcomers: Sequence[Newcomer], *, alone: bool) -> list[Found]:
-        """Those of the newcomers in whom a body is found; ``alone``: nobody is followed."""
-        made: list[Found] = []
+    def looked(
+        self,
+        view: View,
+        sure: Sequence[Newcomer],
+        others: Sequence[Newcomer],
+        made: list[Found],
+        *,
+        alone: bool,
+        most: int,
+    ) -> Steps[None]:
+        """Adds bodies to ``made``: those of newcomers that are surely people, else the best of the others.
+
+        Args:
+            most: how many may be found.
+        """
+        yield from self.found(view, sure[: min(most, TRIES if alone else 1)], made, alone=alone)
+        if not made and most > 0 and (alone or not sure):
+            made += yield from self.best_guess(view, others, alone=alone)
+
+    def found(
+        self, view: View, newcomers: Sequence[Newcomer], made: list[Found], *, alone: bool
+    ) -> Steps[None]:
+        """Adds those of the newcomers in whom a body is found to ``made``; ``alone``: nobody is followed."""
+        vain: list[Bool] = []
         for newcomer in newcomers:
-            body = None if _within(newcomer, made) else self._body(view, newcomer)
+            body = None if _within(newcomer, made) else (yield from self._body(view, newcomer, vain))
             if body is None or not _likely(newcomer, *body) or _again(body[0], made):
                 newcomer.failed(view.time_ns)
             elif newcomer.tall or newcomer.awaited or alone or _certain(view, newcomer, *body):
                 made.append((newcomer, *body))
             else:
                 newcomer.failed(view.time_ns)
-        return made
 
-    def _body(self, view: View, newcomer: Newcomer) -> tuple[Follower, float] | None:
-        """The body in a newcomer; where one explains more of what it was parted from, in all of that."""
+    def _body(self, view: View, newcomer: Newcomer, vain: list[Bool]) -> Steps[tuple[Follower, float] | None]:
+        """The body in a newcomer; where one explains more of what it was parted from, in all of that.
+
+        Args:
+            vain: (h, w) unions that were looked at for others in vain; those of this newcomer are added.
+        """
         expecting = self._expecting(newcomer, view.time_ns)
         for union in newcomer.unions if expecting.estimator else []:
-            if likelihood(view, union) < _ONE:
+            if any(np.array_equal(union, other) for other in vain):
                 continue
-            body = Follower.found(view, union, expecting, self._fitter)
+            vain.append(union)
+            likely = likelihood(view, union)
+            yield LOOK
+            if likely < _ONE:
+                continue
+            body = yield from Follower.sought(view, union, expecting, self._fitter)
             if body is not None and body[1] > _ONE:
                 newcomer.grow(view, union)
                 return body
-        return Follower.found(view, newcomer.pixels, expecting, self._fitter)
+        return (yield from Follower.sought(view, newcomer.pixels, expecting, self._fitter))
 
-    def best_guess(self, view: View, due: Sequence[Newcomer], *, alone: bool) -> list[Found]:
+    def best_guess(self, view: View, due: Sequence[Newcomer], *, alone: bool) -> Steps[list[Found]]:
         """In any posture somebody is better than nobody: the likeliest, or one explained clearly better."""
         best: list[Found] = []
-        for made in self.found(view, due[: TRIES if alone else 1], alone=alone):
+        found: list[Found] = []
+        yield from self.found(view, due[: TRIES if alone else 1], found, alone=alone)
+        for made in found:
             shown = trunk_shown(view, made[1].posture, made[0].pixels)
             borne_out = shown > _SHOWN and float(made[1].confidence.mean()) > _FAINT
             borne_out = borne_out and float(made[1].posture.position[1]) < _HIGH

@@ -7,12 +7,12 @@ that was lost hangs together with the body), a large one may be somebody new.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float, Int, UInt8
+from enliven.kernels import njit
 from enliven.masks import pixels_of
 from enliven.union_find import join, root_of
 from enliven_edge.tracking.belonging import given_back, grown
@@ -107,7 +107,11 @@ def segmented(
     loose, joined = _judged(_table(view, pixels, labels, groups, owner, count))
     counts = _join(owner, labels, pixels, joined, count)
     if count > 1:
-        counts = given_back(owner, view.z, counts)
+        kept, counts = counts, given_back(owner, view.z, counts)
+        if (kept != counts).any():
+            # What touched one person may touch another one now.
+            table = _table(view, pixels, labels, groups, owner, count)
+            loose = [replace(each, contact=table[each.label, 15:].astype(np.int64)) for each in loose]
     return Segments(owner, labels, loose, counts)
 
 

@@ -57,6 +57,19 @@ class PeopleSettings:
 
 
 @dataclass(frozen=True)
+class SearchSettings:
+    """How people are looked for who are not followed yet."""
+
+    fits_per_frame: int = setting(
+        32,
+        "Search in a frame, in coarse fits: a person appears some frames later, but no frame takes long. "
+        "0: all of it in one frame, where a person must be there at first sight.",
+        low=0,
+        high=10_000,
+    )
+
+
+@dataclass(frozen=True)
 class FitSettings:
     """The weights of the articulated fit; energies are in squared centimetres, averaged over the points."""
 
@@ -138,6 +151,7 @@ class TrackerSettings:
     scene: SceneSettings = setting(SceneSettings, "The scene.")
     room: RoomSettings = setting(RoomSettings, "The room without people.")
     people: PeopleSettings = setting(PeopleSettings, "The people in it.")
+    search: SearchSettings = setting(SearchSettings, "The search for people.")
     fit: FitSettings = setting(FitSettings, "The fit.")
     smoothing: SmoothingSettings = setting(SmoothingSettings, "The smoothing.")
     output: OutputSettings = setting(OutputSettings, "What is done to the fit before it leaves.")

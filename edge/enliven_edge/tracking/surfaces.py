@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int
 from enliven.deformation.observed import Seen
+from enliven.kernels import njit
 from enliven_edge.tracking.observation import sampled, surface_samples
 from enliven_edge.tracking.view import View
 

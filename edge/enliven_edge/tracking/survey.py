@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import UInt16
+from enliven.kernels import njit
 
 _SAMPLES = 12_000
 _NEAR_MM = 300

@@ -12,8 +12,8 @@ capsules, metres, world frame, the frames that carry them, the derivatives of th
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from enliven.kernels import njit
 from enliven_edge.tracking.kinematics import deviation_into
 from enliven_edge.tracking.observation import nearest_pixel
 from enliven_edge.tracking.wrenches import add_place, add_ray, of_frame

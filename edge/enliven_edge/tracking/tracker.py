@@ -119,7 +119,7 @@ class Tracker:
         hold = self._crowd.look(view, kind, segments, room, believe=not self._mounting.suspected)
         self._owner, self._view = segments.owner, view
         room.guard(segments.owner, self._crowd.owners(), view.z)
-        somebody = segments.owner >= 0
+        somebody = (segments.owner >= 0) | self._crowd.sought(view)
         agreement = room.learn(view.z, somebody, view.time_ns, hold)
         self._take_back(room, view)
         self._mounting.watch(view, agreement, somebody)

@@ -29,4 +29,4 @@ class View:
     @property
     def eye(self) -> Float:
         """(3,) the sensor's position, world frame."""
-        return self.world_from_camera[:3, 3]
+        return self.world_from_camera[:3, 3].copy()

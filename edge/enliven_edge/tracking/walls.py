@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float
+from enliven.kernels import njit
 from enliven_edge.tracking.view import View
 
 _TRIALS, _SAMPLES = 150, 1500
@@ -51,7 +51,7 @@ def _thickness(z: Float) -> Float:
     return np.asarray(0.03 + 0.006 * z * z)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def _best_line(points, thickness, weight, pairs):  # type: ignore[no-untyped-def]
     """(3,) the line a x + b z + c = 0 through two of the (N, 2) points on which most weight lies."""
     best, found = 0.0, np.zeros(3)
@@ -65,8 +65,8 @@ def _best_line(points, thickness, weight, pairs):  # type: ignore[no-untyped-def
         c = -(a * p[0] + b * p[1])
         on = 0.0
         for i in range(len(points)):
-            if abs(a * points[i, 0] + b * points[i, 1] + c) < thickness[i]:
-                on += weight[i]
+            # Without a branch, so that many points are counted at once.
+            on += weight[i] if abs(a * points[i, 0] + b * points[i, 1] + c) < thickness[i] else 0.0
         if on > best:
             best = on
             found[0], found[1], found[2] = a, b, c

@@ -15,7 +15,8 @@ the sums once, however many residuals there are.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from enliven.kernels import njit
 
 _MOVES = 3
 """Unknowns of the translation; turns follow, then lengths."""
@@ -111,9 +112,13 @@ def gather(matrix, gradient, sums, body):  # type: ignore[no-untyped-def]
     world, pivots, _, moves, dof_frame, dof_axis, _, parents = body
     total, pull, cross, own, tug = sums
     for f in range(len(world) - 1, 0, -1):
-        total[parents[f]] += total[f]
-        pull[parents[f]] += pull[f]
-        cross[parents[f]] += cross[f]
+        parent = parents[f]
+        for i in range(6):
+            pull[parent, i] += pull[f, i]
+            for j in range(6):
+                total[parent, i, j] += total[f, i, j]
+            for p in range(len(tug)):
+                cross[parent, i, p] += cross[f, i, p]
     turns = _turns(world, pivots, dof_frame, dof_axis)
     _gather_turns(matrix, gradient, total, pull, turns, moves, dof_frame)
     first = _MOVES + len(turns)

@@ -190,8 +190,8 @@ class ArapSolver:
     def _fit(self) -> None:
         """Each cell's best turn and scale at the positions as they are."""
         most = self.settings.most_stretch if self.settings.squash_and_stretch else 1.0
-        frames, hold = self._frames.reshape(-1), self.settings.hold
-        self._share(turn_and_scale, self._surface.cells, frames, hold, 1 / most, most)
+        frames, hold = self._frames.reshape(-1), float(self.settings.hold)
+        self._share(turn_and_scale, self._surface.cells, frames, hold, 1 / most, float(most))
 
     def _share(self, kernel: Callable[..., Any], *arguments: Any) -> None:
         """The kernel over all vertices."""
@@ -212,7 +212,7 @@ class ArapSolver:
     def energy(self) -> float:
         """Eq. 4 of the shape state, each cell at its best turn and scale, with what soft handles add."""
         self._fit()
-        total = float(energy(self._surface.cells, self._frames.reshape(-1), self.settings.hold))
+        total = float(energy(self._surface.cells, self._frames.reshape(-1), float(self.settings.hold)))
         for name, handle in self.handles.items():
             if handle.weight is not None:
                 now = self._frames[self._surface.place_of[list(handle.vertices)], 12:15]

@@ -13,10 +13,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.arap_polar import ROWS, TRACE, N, polar
+from enliven.kernels import njit
 from enliven.lanes import fma4, load4, splat4, store4
 
 _STEADY = 0.02

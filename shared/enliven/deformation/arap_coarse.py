@@ -15,12 +15,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Bool, Float, Float32, Int, Int32
 from enliven.deformation.surface_kernels import _room, _settle, ways
 from enliven.errors import InputError
+from enliven.kernels import njit
 from enliven.mesh import Mesh, weld
 from enliven.mesh_kernels import shells, space_curve
 

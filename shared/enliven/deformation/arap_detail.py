@@ -8,8 +8,8 @@ of its rotation and volume, V_i R_i.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from enliven.kernels import njit
 from enliven.lanes import fma4, load4, splat4, store4
 
 _OWN = 0.01

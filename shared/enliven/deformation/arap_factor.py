@@ -12,11 +12,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.linalg import splu
 
 from enliven.arrays import Float, Float32, Int, Int32
+from enliven.kernels import njit
 
 _WIDEST = 64
 _FEW_ZEROS = 0.25

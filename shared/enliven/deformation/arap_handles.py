@@ -19,11 +19,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.arap_factor import Factor
 from enliven.deformation.arap_solves import unit_column
+from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion
 
 
@@ -58,7 +58,7 @@ def hold(
         known: columns of U by place, kept for the next change.
     """
     for place in set(places.tolist()) - known.keys():
-        known[place] = unit_column(factor, eliminated[place])
+        known[place] = unit_column(factor, int(eliminated[place]))
     columns = [known[place] for place in places.tolist()]
     start = np.concatenate([[0], np.cumsum([len(rows) for rows, _ in columns])]).astype(np.int64)
     rows = np.concatenate([rows for rows, _ in columns])

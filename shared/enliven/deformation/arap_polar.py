@@ -14,8 +14,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion
 
 N = 64

@@ -13,12 +13,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.arap_cells import Cells
 from enliven.deformation.arap_factor import Factor
 from enliven.deformation.arap_solves import backward, forward
+from enliven.kernels import njit
 
 _OPEN = 0.02
 """Part of the edges that may be open where a surface still counts as closed."""

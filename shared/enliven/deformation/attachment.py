@@ -11,7 +11,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.body import PARENTS, J, Joint, parts_named
@@ -19,6 +18,7 @@ from enliven.deformation.bones import bone_rotations, bone_samples, filled
 from enliven.deformation.graph import DeformationGraph
 from enliven.deformation.reach import carried_back, nearest_facing
 from enliven.errors import InputError
+from enliven.kernels import njit
 from enliven.settings import setting
 
 _PARENT = np.array(PARENTS)

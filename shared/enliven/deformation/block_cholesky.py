@@ -11,11 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from scipy.sparse import coo_matrix, csc_matrix, identity
 from scipy.sparse.linalg import splu
 
 from enliven.arrays import Float, Float32, Int, Int32
+from enliven.kernels import njit
 from enliven.lanes import fma8, load8, splat8, store8, transpose6
 
 SIZE = 48
@@ -99,7 +99,7 @@ def factorise(start, row, product, lower, upper):  # type: ignore[no-untyped-def
     diagonal block of L in its place; ``upper`` takes the transposed blocks. Returns whether A was positive
     definite.
     """
-    p = 0
+    p = np.int64(0)
     for column in range(start.shape[0] - 1):
         first, last = start[column], start[column + 1]
         if not _invert_factor(lower[SIZE * first : SIZE * first + SIZE]):

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float
 from enliven.body import BONES, PARENTS, J, Joint
+from enliven.kernels import njit
 
 _PARENT = np.array(PARENTS)
 _HIP, _CHEST = int(Joint.HIP_CENTER), int(Joint.SHOULDER_CENTER)
-_HIPS = (int(Joint.HIP_LEFT), int(Joint.HIP_RIGHT))
-_SHOULDERS = (int(Joint.SHOULDER_LEFT), int(Joint.SHOULDER_RIGHT))
+# Arrays: tuples of ints would be types of their own, for which the kernels are compiled once each.
+_HIPS = np.array([Joint.HIP_LEFT, Joint.HIP_RIGHT])
+_SHOULDERS = np.array([Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT])
 _UPPER_ARMS = (int(Joint.ELBOW_LEFT), int(Joint.ELBOW_RIGHT))
 _X, _Y, _Z = np.eye(3)
 _ON_CHEST = np.array([j in (_CHEST, Joint.HEAD, *_SHOULDERS, *_UPPER_ARMS) for j in range(J)])

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from enliven.arrays import Bool, Float, Int, Int32
+from enliven.kernels import njit
 
 
 def components(count: int, edges: Int32 | Int) -> Int:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
 from enliven.deformation.energy import gradient
@@ -16,6 +15,7 @@ from enliven.deformation.own_terms import own_force, step_of
 from enliven.deformation.rigid_system import outdated, precondition, refactor
 from enliven.deformation.safeguards import set_upright
 from enliven.deformation.warm_start import choose_start
+from enliven.kernels import copy_row, njit
 from enliven.lanes import fma4, load4, store4, total4
 
 _PAIRS = 5
@@ -118,19 +118,19 @@ def descend(x, t, planes, system, room, most, tolerance):  # type: ignore[no-unt
     """
     now, before = room.now, room.before
     own_force(x, room.raw, now)
-    kept = 0
+    kept = np.int64(0)  # a plain 0 is a type of its own, for which the callees would be compiled again
     for iteration in range(most):
         if kept == 0 and (iteration > 0 or outdated(t, planes, system, _REPULLED)):
             refactor(x, t, planes, system)
         slope = _direction(now, room, kept, system)
         if not -slope > _NEGLIGIBLE:
             return iteration
-        before[:] = now
+        copy_row(before, now)
         energy = room.energies[5]
         if not _step(x, slope, t, planes, room):
             if kept == 0:
                 return iteration
-            kept = 0
+            kept = np.int64(0)
             continue
         if -slope <= 2.0 * tolerance * energy + _NEGLIGIBLE:
             return iteration + 1
@@ -146,7 +146,7 @@ def _step(x, slope, t, planes, room):  # type: ignore[no-untyped-def]
     always the right one.
     """
     here, way, bend = room.from_here, room.way, room.bend
-    here[:] = x
+    copy_row(here, x)
     step_of(x, room.own, way, bend)
     energy, length = room.energies[5], 1.0
     for _ in range(_HALVINGS):
@@ -157,13 +157,14 @@ def _step(x, slope, t, planes, room):  # type: ignore[no-untyped-def]
         if energies[5] <= energy + _ARMIJO * length * slope:
             keep(room, energies)
             own_force(x, room.raw, room.now)
-            room.own[:] *= length
+            for i in range(room.own.shape[0]):
+                room.own[i] *= length
             return True
         # The parabola through the two energies and the slope.
         rise = energies[5] - energy - length * slope
         best = -slope * length * length / (2.0 * rise) if np.isfinite(rise) and rise > 0.0 else 0.0
         length = max(0.1 * length, min(0.5 * length, best))
-    x[:] = here
+    copy_row(x, here)
     return False
 
 
@@ -173,7 +174,7 @@ def _remember(room, kept):  # type: ignore[no-untyped-def]
     if kept == _PAIRS:
         return 0
     step, change = room.steps[kept], room.changes[kept]
-    step[:] = room.own
+    copy_row(step, room.own)
     for i in range(0, step.shape[0], 4):
         store4(change, i, load4(room.now, i) - load4(room.before, i))
     room.curvatures[kept] = _dot(step, change)

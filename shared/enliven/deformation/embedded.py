@@ -33,7 +33,6 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.block_cholesky import SIZE, BlockPattern, analyse, elimination_order
@@ -43,6 +42,7 @@ from enliven.deformation.graph import DeformationGraph
 from enliven.deformation.planes import PlaneConstraints
 from enliven.deformation.rigid_system import RigidSystem
 from enliven.errors import InputError
+from enliven.kernels import njit
 from enliven.settings import setting
 
 _FARTHEST = 1e4

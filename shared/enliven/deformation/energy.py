@@ -10,9 +10,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit
-
 from enliven.arrays import Bool, Float, Int32
+from enliven.kernels import njit
 from enliven.lanes import fma4, load4, splat4, store4, total4
 
 

@@ -12,12 +12,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Float32
 from enliven.character import Character
 from enliven.deformation.planes import PlaneConstraints
 from enliven.deformation.soft import Points, spread
+from enliven.kernels import njit
 from enliven.mesh import Mesh
 from enliven.settings import setting
 

@@ -11,7 +11,7 @@ Sixteen numbers a node: w and a 0, the shift and a 0, S00 S11 S22 and a 0, S01 S
 
 from __future__ import annotations
 
-from numba import njit
+from enliven.kernels import njit
 
 
 @njit(cache=True, nogil=True)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.deformation.weights import insert
+from enliven.kernels import njit
 
 _INNER = 0.35
 """Share of the reach that is looked at first."""

@@ -17,10 +17,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Float32, Int32
 from enliven.deformation.block_cholesky import SIZE, factorise, substitute
+from enliven.kernels import copy_row, njit
 from enliven.lanes import fma8, load8, store8
 
 _TIKHONOV = 1e-4
@@ -74,8 +74,9 @@ def refactor(x, t, planes, s):  # type: ignore[no-untyped-def]
     """Kernel: make and factorise the matrix at ``x``."""
     for j in range(s.start.shape[0] - 1):
         for c in range(3):
-            s.linear[9 * j + 3 * c : 9 * j + 3 * c + 3] = x[16 * j + 4 * c : 16 * j + 4 * c + 3]
-    s.pulls[:] = t.pulls
+            for a in range(3):
+                s.linear[9 * j + 3 * c + a] = x[16 * j + 4 * c + a]
+    copy_row(s.pulls, t.pulls)
     ridge = _TIKHONOV
     while True:
         _assemble(t, planes, s, ridge)

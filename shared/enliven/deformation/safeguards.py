@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from enliven.kernels import njit
 from enliven.rotation import nearest_rotations
 
 _LEAST_VOLUME = 0.05
@@ -37,21 +37,31 @@ def set_upright(flat, edges):  # type: ignore[no-untyped-def]
                 i, j = edges[e, 0], edges[e, 1]
                 other = j if i == n else i
                 if (i == n or j == n) and sound[other]:
-                    mean[0] += x[other, :3, :3]
+                    for a in range(3):
+                        for b in range(3):
+                            mean[0, a, b] += x[other, a, b]
                     found[n] = True
             if found[n]:
                 nearest_rotations(mean, turn)
-                x[n, :3, :3] = turn[0]
+                _copy_turn(x[n], turn[0])
         if (found == sound).all():
             # Nobody is sound: each takes the rotation nearest to what it has.
             for n in range(count):
                 if not sound[n]:
-                    mean[0] = x[n, :3, :3]
+                    _copy_turn(mean[0], x[n])
                     nearest_rotations(mean, turn)
-                    x[n, :3, :3] = turn[0]
+                    _copy_turn(x[n], turn[0])
             break
         sound = found
     return True
+
+
+@njit(cache=True, nogil=True)
+def _copy_turn(target, source):  # type: ignore[no-untyped-def]
+    """Write the first three rows and columns of ``source`` into those of ``target``."""
+    for a in range(3):
+        for b in range(3):
+            target[a, b] = source[a, b]
 
 
 @njit(cache=True, nogil=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, Int32
 from enliven.errors import InputError
+from enliven.kernels import njit
 from enliven.mesh import Mesh, weld
 from enliven.mesh_kernels import face_areas, face_vectors, normals_of
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
@@ -14,6 +13,7 @@ from enliven.character import Character
 from enliven.deformation.graph import DeformationGraph
 from enliven.deformation.planes import PlaneConstraints
 from enliven.deformation.soft import Points, spread
+from enliven.kernels import njit
 from enliven.settings import setting
 
 

@@ -11,9 +11,9 @@ neighbours and never cross; faces that only touch, or lie in one plane, do not c
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, Int32
+from enliven.kernels import njit
 from enliven.mesh import Mesh
 from enliven.mesh_kernels import first_of_position, space_curve
 
@@ -33,7 +33,7 @@ class SelfIntersection:
 
     def crossing(self, vertices: Float) -> Int:
         """(K,) the faces that pass through others in a pose (V, 3), ascending."""
-        moved = np.ascontiguousarray(vertices, np.float64)
+        moved = np.array(vertices, np.float64, order="C")
         return np.sort(self._order[_crossing(moved, self._corners, *_boxes(moved, self._corners))])
 
     def newly_crossing(self, vertices: Float) -> Int:
@@ -50,7 +50,7 @@ def crossing_faces(vertices: Float, faces: Int32) -> Int:
         vertices: (V, 3); vertices at one position count as one.
         faces: (F, 3).
     """
-    moved = np.ascontiguousarray(vertices, np.float64)
+    moved = np.array(vertices, np.float64, order="C")
     order = _curve(moved, faces)
     corners = _welded(moved, faces[order])
     return np.sort(order[_crossing(moved, corners, *_boxes(moved, corners))])
@@ -120,7 +120,7 @@ def _crossing(vertices, corners, of_face, boxes):  # type: ignore[no-untyped-def
     count, leaves = corners.shape[0], boxes.shape[0] // 2
     hit = np.zeros(count, np.bool_)
     stack = np.empty((128, 2), np.int64)
-    stack[0] = 1, 1
+    stack[0, 0], stack[0, 1] = 1, 1
     size = 1
     # The tree against itself: a pair of nodes is parted until it is two leaves.
     while size > 0:
@@ -131,16 +131,14 @@ def _crossing(vertices, corners, of_face, boxes):  # type: ignore[no-untyped-def
         if a >= leaves:
             _leaves_cross(vertices, corners, of_face, 4 * (a - leaves), 4 * (b - leaves), hit)
         elif a == b:
-            stack[size], stack[size + 1], stack[size + 2] = (
-                (2 * a, 2 * a),
-                (2 * a, 2 * a + 1),
-                (2 * a + 1, 2 * a + 1),
-            )
-            size += 3
+            for i in range(2):
+                for j in range(i, 2):
+                    stack[size, 0], stack[size, 1] = 2 * a + i, 2 * a + j
+                    size += 1
         else:
             for i in range(2):
                 for j in range(2):
-                    stack[size] = 2 * a + i, 2 * b + j
+                    stack[size, 0], stack[size, 1] = 2 * a + i, 2 * b + j
                     size += 1
     return np.flatnonzero(hit)
 

@@ -11,11 +11,11 @@ names instead of a small array on the stack made it half as fast again.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float32
 from enliven.character import Character, Pose
 from enliven.errors import InputError
+from enliven.kernels import njit
 
 
 def skin_vertices(character: Character, pose: Pose, out: Float32 | None = None) -> Float32:

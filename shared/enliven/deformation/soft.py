@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float, Float32, Int, Int32
 from enliven.character import Character
 from enliven.deformation.planes import PlaneConstraints
+from enliven.kernels import njit
 
 
 @dataclass(frozen=True)

@@ -220,11 +220,11 @@ def _adoptions(points: Float, part: Int, positions: Float) -> Int32:
     return np.stack([orphans[order][first], count + nearest[order][first]], 1).astype(np.int32)
 
 
-def _adjacency(web: Web, count: int) -> tuple[Int32, Int32, Float]:
+def _adjacency(web: Web, count: int) -> tuple[Int, Int32, Float]:
     """CSR neighbours of each point: offsets (count + 1,), neighbours and lengths (2 E,)."""
     rows, columns = np.concatenate([web.edges, web.edges[:, ::-1]]).T
     order = np.argsort(rows, kind="stable")
-    offsets = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))]).astype(np.int32)
+    offsets = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
     return offsets, columns[order], np.concatenate([web.lengths, web.lengths])[order]
 
 

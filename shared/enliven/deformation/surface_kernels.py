@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int
+from enliven.kernels import njit
 from enliven.union_find import join, root_of
 
 
@@ -141,7 +141,7 @@ def _grown(size, pairs, found, count):  # type: ignore[no-untyped-def]
     table = np.full(size, -1, np.int64)
     larger = np.empty((size // 2, 2), np.int32)
     for p in range(found):
-        larger[p] = pairs[p]
+        larger[p, 0], larger[p, 1] = pairs[p, 0], pairs[p, 1]
         key = np.int64(pairs[p, 0]) * count + pairs[p, 1]
         slot = (key * np.int64(-7046029254386353131) >> np.int64(20)) & (size - 1)
         while table[slot] >= 0:
@@ -250,7 +250,7 @@ def spread(offsets, neighbours, lengths, sources):  # type: ignore[no-untyped-de
     metres, owner = np.full(count, np.inf), np.full(count, -1, np.int64)
     keys = np.empty(neighbours.shape[0] + sources.shape[0] + 1)
     items = np.empty(keys.shape[0], np.int64)
-    size = 0
+    size = np.int64(0)
     for s in sources:
         metres[s], owner[s] = 0.0, s
         size = _push(keys, items, size, 0.0, s)
@@ -263,7 +263,7 @@ def spread(offsets, neighbours, lengths, sources):  # type: ignore[no-untyped-de
             u = neighbours[e]
             if length + lengths[e] < metres[u]:
                 metres[u], owner[u] = length + lengths[e], owner[v]
-                size = _push(keys, items, size, metres[u], u)
+                size = _push(keys, items, size, metres[u], np.int64(u))
     return metres, owner
 
 
@@ -335,7 +335,7 @@ def _room(offsets, neighbours):  # type: ignore[no-untyped-def]
 def _settle(offsets, neighbours, lengths, source, limit, metres, keys, items, reached):  # type: ignore[no-untyped-def]
     """Dijkstra from one source: how many points lie within ``limit``; ``reached`` has them, nearest first."""
     metres[source] = 0.0
-    size = _push(keys, items, 0, 0.0, source)
+    size = _push(keys, items, np.int64(0), 0.0, source)
     settled = 0
     while size > 0:
         length, v = keys[0], items[0]
@@ -349,7 +349,7 @@ def _settle(offsets, neighbours, lengths, source, limit, metres, keys, items, re
             further = length + lengths[e]
             if further < metres[u] and further <= limit:
                 metres[u] = further
-                size = _push(keys, items, size, further, u)
+                size = _push(keys, items, size, further, np.int64(u))
     return settled
 
 
@@ -357,7 +357,8 @@ def _settle(offsets, neighbours, lengths, source, limit, metres, keys, items, re
 def _longer(array, needed):  # type: ignore[no-untyped-def]
     """The array with room for ``needed`` and as many again."""
     out = np.empty(2 * needed, array.dtype)
-    out[: array.shape[0]] = array
+    for i in range(array.shape[0]):
+        out[i] = array[i]
     return out
 
 

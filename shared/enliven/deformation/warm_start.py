@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.deformation.energy import constraint_energy, gradient
+from enliven.kernels import copy_row, njit
 from enliven.lanes import fma4, load4, store4
 from enliven.rotation import nearest_rotations
 
@@ -27,12 +27,12 @@ def choose_start(x, rest, t, planes, room):  # type: ignore[no-untyped-def]
     least = before[0] + before[1] + constraint_energy(x, t) + before[3] + before[4]
     settled = before[5]
     _go_on(x, room.last, room.trial)
-    room.last[:] = x
+    copy_row(room.last, x)
     energies = gradient(room.trial, t, planes, room.raw)
     goes_on = energies[5] < least or not np.isfinite(least)
     if goes_on:
         least = energies[5]
-        x[:] = room.trial
+        copy_row(x, room.trial)
     if least <= _FAR * settled + 1e-6:
         if goes_on:
             for i in range(6):
@@ -45,7 +45,7 @@ def choose_start(x, rest, t, planes, room):  # type: ignore[no-untyped-def]
             energy = gradient(room.trial, t, planes, room.raw)[5]
             if energy < least or not np.isfinite(least):
                 least = energy
-                x[:] = room.trial
+                copy_row(x, room.trial)
     return False
 
 

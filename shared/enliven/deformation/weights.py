@@ -21,11 +21,11 @@ equally far away the weights go from some to others within millimetres, and the 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, Int32
 from enliven.character import SkinWeights
 from enliven.deformation.surface import Net, members, points_around
+from enliven.kernels import njit
 
 DETOUR, SLACK = 1.5, 0.5
 """A way along the surface is a detour where it is longer than 1.5 times the straight way and half a node
@@ -95,7 +95,7 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):  # type: ig
     shares = np.zeros((points.shape[0], k))
     near, who = np.empty(k + 1), np.empty(k + 1, np.int64)
     for c in range(points.shape[0]):
-        found = 0
+        found = np.int64(0)
         for m in range(offsets[c], offsets[c + 1]):
             j = nodes[m]
             x, y, z = (
@@ -105,7 +105,7 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):  # type: ig
             )
             straight = np.sqrt(x * x + y * y + z * z)
             length = straight + 2.0 * max(0.0, ways[m] - DETOUR * straight - SLACK * spacing)
-            found = insert(near, who, found, length, j)
+            found = insert(near, who, found, length, np.int64(j))
         # With too few nodes there is no next one: the farthest keeps a little weight.
         most = near[k] if found > k else 1.25 * near[found - 1] + 1e-12
         most = min(most, max(_FARTHEST * spacing, 1.5 * near[0]))
@@ -141,7 +141,7 @@ def _mean(nodes, shares, starts, around, metres, radius, count):  # type: ignore
                     touched[some] = j
                     some += 1
                 total[j] += share * shares[around[b], m] + 1e-300
-        found = 0
+        found = np.int64(0)
         for t in range(some):
             found = insert(largest, who, found, -total[touched[t]], touched[t])
         for m in range(found):
@@ -197,10 +197,10 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
                     share, row = inside * inside, table[b - first]
                     for m in range(some):
                         mean[m] += share * row[m]
-            found = 0
+            found = np.int64(0)
             for m in range(some):
                 if mean[m] > 0.0 and (found <= k or -mean[m] < largest[k]):
-                    found = insert(largest, who, found, -mean[m], m)
+                    found = insert(largest, who, found, np.float64(-mean[m]), m)
             least = -largest[k] if found > k else 0.0
             total = 0.0
             for m in range(min(found, k)):
@@ -217,12 +217,12 @@ def _hopeful(table, rows, union, some, largest, who):  # type: ignore[no-untyped
 
     A column whose largest entry is below the smallest entries of k + 1 others never is.
     """
-    found = 0
+    found = np.int64(0)
     for m in range(some):
         least = table[0, m]
         for b in range(1, rows):
             least = min(least, table[b, m])
-        found = insert(largest, who, found, -least, m)
+        found = insert(largest, who, found, np.float64(-least), m)
     bar = -largest[found - 1] if found == largest.shape[0] else 0.0
     kept = 0
     for m in range(some):
@@ -239,7 +239,10 @@ def _hopeful(table, rows, union, some, largest, who):  # type: ignore[no-untyped
 
 @njit(cache=True, nogil=True)
 def insert(near, who, found, length, item):  # type: ignore[no-untyped-def]
-    """Keep ``near`` the smallest lengths, ascending, ``who`` beside it; returns how many there are."""
+    """Keep ``near`` the smallest lengths, ascending, ``who`` beside it; returns how many there are.
+
+    The length is a float64, the others are int64: every other type would be compiled by itself.
+    """
     if found == near.shape[0]:
         if length >= near[found - 1]:
             return found

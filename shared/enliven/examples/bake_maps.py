@@ -12,10 +12,10 @@ bones", 2012, section 4.2, with scale).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy.linalg import cho_solve
 
 from enliven.arrays import Float, Int32
+from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion, nearest_rotation
 
 _PLACE = 1e-6

@@ -10,7 +10,8 @@ surface stays smooth between frames, and the weights of before where those found
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from enliven.kernels import njit
 
 _MOST = 4
 

@@ -13,9 +13,9 @@ three numbers a frame, and time and memory that grow with the frames and not fas
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
+from enliven.kernels import njit
 
 
 class Band:

@@ -15,9 +15,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import AnyArray, Float
+from enliven.kernels import njit
 
 _AT_ONCE = 6
 """Rounds of changing all that is wrong at once before it is done one by one."""
@@ -88,7 +88,7 @@ def respond(  # type: ignore[no-untyped-def]
     for p in range(points):
         node = (matrix[p], right[p], reach[p], offset[p], slack[p], state[p])
         known = (still[p], swing[p], base[p], give[p], least[p])
-        more, part = answers(node, known, pull[p], 0, frames, low, high, work, places[p], marks)
+        more, part = answers(node, known, pull[p], np.int64(0), frames, low, high, work, places[p], marks)
         changed += more
         energy += part
     return changed, energy

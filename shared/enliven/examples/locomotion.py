@@ -182,7 +182,8 @@ class _Way:
     def __init__(
         self, turned: Float, feet: Int, step: float, settings: LocomotionSettings, stands: Bool | None
     ) -> None:
-        self._turned, self._feet, self._step, self._settings = turned, feet, step, settings
+        self._turned, self._feet = np.ascontiguousarray(turned), feet
+        self._step, self._settings = step, settings
         self._stands = np.zeros((len(turned), len(feet)), np.bool_) if stands is None else stands
         self._lowest = -turned[:, feet, 1].min(1)
         self._grip = settings.grip * (float(np.linalg.norm(np.ptp(turned[0], axis=0))) or 1.0)

@@ -15,12 +15,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
 from enliven.examples.bounded import Nodes
 from enliven.examples.poses import Examples
 from enliven.examples.settings import ExampleSettings
+from enliven.kernels import njit
 
 _LEAVING = 1e-6
 """Least share of the room that an example still has before it is one of the nearest no more."""

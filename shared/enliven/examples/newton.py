@@ -9,15 +9,16 @@ far outside of what the settings allow it may end, after many rounds, with the b
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.examples.banded import factor, substitute
 from enliven.examples.bounded import answers, workspace
+from enliven.kernels import copy_rows, njit
 
 _AROUND = 16
 """Rows of a window before and after where a piece changed."""
 _MOST_ROUNDS = 60
-_MOST_STEPS = 40
+_MOST_STEPS = np.int64(40)
+"""As a plain int it would be a type of its own, and so would a 0 or a 1 that is handed on as it is."""
 _HALVINGS = 20
 
 
@@ -38,23 +39,23 @@ def solve_point(node, known, weight, low, high, places):  # type: ignore[no-unty
     band = (inverse, one, two, np.empty((rows, 3, 1)), np.empty((frames, 3)))
     marks = np.zeros(frames, np.bool_)
     work = workspace(node[1].shape[1])
-    how = (weight, low, high)
-    _, value = _value(node, known, y, 0, rows, how, work, places, marks, band)
+    how, start, once = (weight, low, high), np.int64(0), np.int64(1)
+    _, value = _value(node, known, y, start, rows, how, work, places, marks, band)
     factored = 0
     for _ in range(_MOST_ROUNDS):
-        kept[:] = y
-        _step(node, known, y, goal, 0, rows, how, band)
-        y[:] = goal
-        changed, new = _value(node, known, y, 0, rows, how, work, places, marks, band)
+        copy_rows(kept, y)
+        _step(node, known, y, goal, start, rows, how, band)
+        copy_rows(y, goal)
+        changed, new = _value(node, known, y, start, rows, how, work, places, marks, band)
         factored += rows
         if changed == 0:
             break
         factored += _windows(node, known, y, goal, how, work, places, marks, band)
-        _, new = _value(node, known, y, 0, rows, how, work, places, marks, band)
+        _, new = _value(node, known, y, start, rows, how, work, places, marks, band)
         if new > value + _close(value):
-            y[:] = kept
-            _, value = _value(node, known, y, 0, rows, how, work, places, marks, band)
-            new, steps = _range(node, known, y, goal, 0, rows, how, work, places, marks, band, 1)
+            copy_rows(y, kept)
+            _, value = _value(node, known, y, start, rows, how, work, places, marks, band)
+            new, steps = _range(node, known, y, goal, start, rows, how, work, places, marks, band, once)
             factored += steps * rows
         value = new
     return factored
@@ -96,8 +97,8 @@ def _range(node, known, y, goal, a, b, how, work, places, marks, band, most):  #
     before = np.empty((b - a, 3))
     for step in range(most):
         _step(node, known, y, goal, a, b, how, band)
-        before[:] = y[a:b]
-        y[a:b] = goal[a:b]
+        copy_rows(before, y[a:b])
+        copy_rows(y[a:b], goal[a:b])
         changed, new = _value(node, known, y, a, b, how, work, places, marks, band)
         if changed == 0:
             return new, step + 1

@@ -17,13 +17,13 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int
 from enliven.examples.banded import Band, accelerations, pulled
 from enliven.examples.bounded import Nodes
 from enliven.examples.constraints import Conditions
 from enliven.examples.newton import solve_point
+from enliven.kernels import njit
 
 _MOST_STEPS = 60
 _SHORTEST = 1e-6

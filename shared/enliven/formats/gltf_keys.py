@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int
+from enliven.kernels import njit
 
 
 def needed_keys(values: Float, tolerance: float, turns: bool = False) -> Int:
@@ -26,7 +26,8 @@ def needed_keys(values: Float, tolerance: float, turns: bool = False) -> Int:
 @njit(cache=True, nogil=True)
 def _needed(values, tolerance, turns):  # type: ignore[no-untyped-def]
     kept = np.empty(len(values), np.int64)
-    kept[0], count, begin = 0, 1, 0
+    kept[0], count = 0, 1
+    begin = kept[0]  # a literal 0 would be a type of its own, and _holds be compiled for it
     last = len(values) - 1
     while begin < last:
         # As far as doubling goes, then between by halves.

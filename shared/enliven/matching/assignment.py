@@ -10,9 +10,9 @@ each of them an assignment problem again (Lawler 1972).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int
+from enliven.kernels import copy_row, njit
 
 
 @njit(cache=True, nogil=True)
@@ -61,12 +61,12 @@ def all_choices(gain, count, scores, picks):  # type: ignore[no-untyped-def]
                     without += int(count[members[p], p + 1]) - int(count[members[p + 1], p + 1])
             _next(members, k)
         before = now
-    scores[:] = before
+    copy_row(scores, before)
     for i in range(m):
         members[i] = i
     left = np.empty(m, np.int64)
     for place in range(len(scores)):
-        left[:] = members[:m]
+        copy_row(left, members)
         for k in range(m, 0, -1):
             column = last[start[k] + _rank(count, left, k)]
             picks[place, k - 1] = column
@@ -220,7 +220,7 @@ def best_choices(gain, scores, picks):  # type: ignore[no-untyped-def]
                 best = i
         open_[best] = False
         scores[k] = values[best]
-        picks[k] = columns[best]
+        copy_row(picks[k], columns[best])
         state = states[best].copy()
         free = n
         for j in range(n):
@@ -228,7 +228,7 @@ def best_choices(gain, scores, picks):  # type: ignore[no-untyped-def]
         for j in np.sort(columns[best]):
             if state[j] != 0 or used == room:
                 continue
-            states[used] = state
+            copy_row(states[used], state)
             states[used, j] = -1
             if free > m:
                 values[used] = assign(gain, states[used], columns[used])

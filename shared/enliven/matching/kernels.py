@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from enliven.kernels import njit
 from enliven.matching.assignment import all_choices, best_choices, binomials
 from enliven.matching.views import NEAREST
 

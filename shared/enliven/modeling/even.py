@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float, Int, Int32
+from enliven.kernels import njit
 from enliven.modeling.flips import flip, slot
 
 _PASS, _BACK = 0.5, -0.53

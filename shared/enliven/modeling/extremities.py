@@ -8,7 +8,6 @@ to one that is farther out (its persistence): a hand first by its longest finger
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
@@ -16,6 +15,7 @@ from scipy.spatial import cKDTree
 from enliven.arrays import Float, Int
 from enliven.deformation.surface import Net, net_of
 from enliven.errors import InputError
+from enliven.kernels import njit
 from enliven.mesh import Mesh
 from enliven.union_find import root_of
 

@@ -6,7 +6,7 @@ flip is legal, and better, is for the caller to know.
 
 from __future__ import annotations
 
-from numba import njit
+from enliven.kernels import njit
 
 
 @njit(cache=True, nogil=True)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
 from enliven.errors import InputError
+from enliven.kernels import njit
 from enliven.modeling.cut_loops import area
 
 _ENDS = 0.15

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 import manifold3d
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int
+from enliven.kernels import copy_row, copy_rows, njit
 from enliven.modeling.flips import flip, slot
 
 _MOST = 20_000
@@ -129,16 +129,17 @@ def _refine(points, sizes, cells, beside, count, some, growth):  # type: ignore[
             if count == points.shape[0] or some + 2 > cells.shape[0]:
                 break
             a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
-            centre = (points[a] + points[b] + points[c]) / 3.0
+            x = (points[a, 0] + points[b, 0] + points[c, 0]) / 3.0
+            y = (points[a, 1] + points[b, 1] + points[c, 1]) / 3.0
             size = (sizes[a] + sizes[b] + sizes[c]) / 3.0
             fits = True
             for v in (a, b, c):
-                far = np.sqrt(2.0) * np.sqrt(((points[v] - centre) ** 2).sum())
+                far = np.sqrt(2.0 * ((points[v, 0] - x) ** 2 + (points[v, 1] - y) ** 2))
                 if far <= size or far <= sizes[v]:
                     fits = False
             if not fits:
                 continue
-            points[count], sizes[count] = centre, growth * size
+            points[count, 0], points[count, 1], sizes[count] = x, y, growth * size
             _split(cells, beside, t, count, some)
             count, some = count + 1, some + 2
         if count == before:
@@ -172,12 +173,14 @@ def _relax(points, cells, fixed):  # type: ignore[no-untyped-def]
     for t in range(cells.shape[0]):
         for k in range(3):
             i, j = cells[t, k], cells[t, (k + 1) % 3]
-            total[i] += points[j]
+            for a in range(2):
+                total[i, a] += points[j, a]
             many[i] += 1.0
     wanted = points.copy()
     for i in range(fixed, points.shape[0]):
         if many[i] > 0.0:
-            wanted[i] = total[i] / many[i]
+            for a in range(2):
+                wanted[i, a] = total[i, a] / many[i]
     for _ in range(10):
         wrong = False
         for t in range(cells.shape[0]):
@@ -186,11 +189,11 @@ def _relax(points, cells, fixed):  # type: ignore[no-untyped-def]
             if _turn(wanted[a], wanted[b], wanted[c]) <= 0.05 * whole:
                 wrong = True
                 for i in (a, b, c):
-                    wanted[i] = points[i]
+                    copy_row(wanted[i], points[i])
         if not wrong:
             break
     for t in range(cells.shape[0]):
         a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
         if _turn(wanted[a], wanted[b], wanted[c]) <= 0.0:
             return
-    points[:] = wanted
+    copy_rows(points, wanted)

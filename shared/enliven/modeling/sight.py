@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int, Int32
+from enliven.kernels import njit
 
 _OUTWARD = 0.2
 """A bone is outside where the way to it leaves the surface, by the cosine to the normal."""
@@ -126,7 +126,8 @@ def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, 
             i = found if found < some else some - 1
             while i > 0 and near[i - 1] > square:
                 near[i], who[i] = near[i - 1], who[i - 1]
-                points[i] = points[i - 1]
+                for k in range(3):
+                    points[i, k] = points[i - 1, k]
                 i -= 1
             near[i], who[i] = square, s
             for k in range(3):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from enliven.kernels import njit
 from enliven.motion.quaternions import between, conj, load, mul, store, turn
 
 

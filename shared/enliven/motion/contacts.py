@@ -13,9 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float
+from enliven.kernels import njit
 from enliven.settings import setting
 
 

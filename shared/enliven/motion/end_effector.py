@@ -17,9 +17,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Int32
+from enliven.kernels import njit
 from enliven.motion.layers import Layer
 from enliven.motion.pin import bend_of, local_turns, rebuild
 from enliven.motion.polyline import Polyline, place_of

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from enliven.kernels import njit
 from enliven.motion.quaternions import mul, turn
 from enliven.motion.vectors import about, at_right_angles, cross, dot, length, minus, swing_to
 

@@ -16,10 +16,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Bool, Float, Int32
 from enliven.errors import InputError
+from enliven.kernels import njit
 from enliven.motion.contacts import ContactSettings, Pin
 from enliven.motion.ik import two_bone
 from enliven.motion.quaternions import conj, load, mul, store, turn

@@ -16,10 +16,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import AnyArray, Float, Int32
 from enliven.errors import InputError
+from enliven.kernels import njit
 from enliven.motion.clip import Clip
 from enliven.motion.quaternions import between, conj, load, mul, store
 from enliven.rotation import IDENTITY

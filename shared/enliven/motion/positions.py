@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import AnyArray, Bool, Float
+from enliven.kernels import njit
 from enliven.motion.quaternions import load, mul, store, turn
 from enliven.motion.vectors import about, cross, dot, length, minus, row, swing_to
 from enliven.rotation import nearest_quaternion

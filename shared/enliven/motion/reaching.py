@@ -7,8 +7,8 @@ goal in closed form. A goal out of reach is met as nearly as can be.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from enliven.kernels import njit
 from enliven.motion.ik import two_bone
 from enliven.motion.quaternions import between, conj, load, mul, store, turn
 from enliven.motion.vectors import length, minus, row, swing_to

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import AnyArray, Float
+from enliven.kernels import njit
 from enliven.motion.clip import Clip
 from enliven.motion.layers import Layer
 

@@ -10,9 +10,9 @@ A looped take goes on from where it ended, over the ground: a walk of two steps 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float
+from enliven.kernels import njit
 from enliven.motion.clip import Clip
 from enliven.motion.quaternions import turn
 from enliven.motion.timing import Clocks

@@ -8,19 +8,22 @@ of numbers shares one k, the cheapest for it; ``ALL_ZERO`` in its place says tha
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Int32, UInt8
+from enliven.kernels import njit
 
-ESCAPE = 12
+ESCAPE: Any = np.int64(12)
 """Ones in a row that say: the number follows raw."""
-ESCAPE_BITS = 22
-LIMIT = 2 ** (ESCAPE_BITS - 1) - 1
+ESCAPE_BITS: Any = np.int64(22)
+LIMIT = int(2 ** (ESCAPE_BITS - 1) - 1)
 """The largest magnitude that can be written."""
 ALL_ZERO = 15
 """The parameter of a column of zeros, which takes no further bits."""
-PARAMETER_BITS = 4
+PARAMETER_BITS: Any = np.int64(4)
+"""What the kernels are handed is an int64: a plain int would be a type of its own."""
 
 
 @njit(cache=True, nogil=True)
@@ -63,7 +66,7 @@ def encode_columns(table: Int32) -> UInt8:
         parameters[c], cost = best_parameter(table[:, c])
         total += cost
     out = np.zeros((total + 7) // 8, np.uint8)
-    at = 0
+    at: Any = np.int64(0)
     for c in range(columns):
         k = parameters[c]
         at = _put(out, at, k, PARAMETER_BITS)
@@ -103,7 +106,8 @@ def decode_columns(data: UInt8, table: Int32) -> bool:
     Every bit must be accounted for: too few bytes, a byte too many, or a one among the padding is refused.
     """
     rows, columns = table.shape
-    at, end = 0, 8 * len(data)
+    at: Any = np.int64(0)
+    end, once = 8 * len(data), np.int64(1)
     for c in range(columns):
         if at + PARAMETER_BITS > end:
             return False
@@ -114,7 +118,7 @@ def decode_columns(data: UInt8, table: Int32) -> bool:
                 table[r, c] = 0
                 continue
             quotient = 0
-            while quotient < ESCAPE and at < end and _take(data, at, 1):
+            while quotient < ESCAPE and at < end and _take(data, at, once):
                 quotient += 1
                 at += 1
             count = ESCAPE_BITS
@@ -127,4 +131,4 @@ def decode_columns(data: UInt8, table: Int32) -> bool:
                 folded |= quotient << k
             at += count
             table[r, c] = folded >> 1 if folded & 1 == 0 else -(folded >> 1) - 1
-    return end - at < 8 and _take(data, at, end - at) == 0
+    return bool(end - at < 8 and _take(data, at, end - at) == 0)

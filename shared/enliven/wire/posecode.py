@@ -17,11 +17,11 @@ import zlib
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import AnyArray, Float, Float32, Int, Int32
 from enliven.character import Character, Pose
 from enliven.errors import InputError
+from enliven.kernels import njit
 from enliven.wire.bits import LIMIT, decode_columns, encode_columns
 from enliven.wire.quantize import (
     LARGEST_LINEAR,
@@ -113,7 +113,7 @@ class PoseCodec:
 def warm_up() -> None:
     """Compile the decoder, or load it compiled: seconds the first time, for which no frame should wait."""
     table = np.empty((1, COLUMNS), np.int32)
-    decode_columns(np.full(COLUMNS // 2, 255, np.uint8), table)
+    decode_columns(np.frombuffer(b"\xff" * (COLUMNS // 2), np.uint8), table)  # bytes cannot be written to
     _restore(table, np.zeros((1, 3)), np.zeros(1, np.int64), np.full(1, -1), False)
 
 
@@ -243,7 +243,7 @@ def _is_finite(linear: Float, position: Float) -> bool:
 def _rooms(count: int) -> tuple[Float, Int32, Float]:
     """Decoded quaternions with the identity at the end, decoded stretches, and room for the kernels."""
     quaternions = np.empty((count + 1, 4))
-    quaternions[count] = np.array([1.0, 0.0, 0.0, 0.0])
+    quaternions[count, 0], quaternions[count, 1:] = 1.0, 0.0
     return quaternions, np.empty((count, 6), np.int32), np.empty((5, 4, 6))
 
 

@@ -19,9 +19,8 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from enliven.arrays import Float
+from enliven.kernels import njit
 
 POSITION_STEP = 2.0**-12
 """Metres."""

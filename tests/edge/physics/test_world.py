@@ -212,9 +212,9 @@ def test_corrected_contacts_are_those_of_the_plain_rule():
     rng = np.random.default_rng(5)
     count, spheres = 12, 4
     owner = np.array([FLOOR, 0, 1, 2, 3, -3, -4])
-    geoms = rng.integers(0, 7, (count, 2))
+    geoms = rng.integers(0, 7, (count, 2), np.int32)
     frames = np.stack([np.linalg.qr(rng.normal(size=(3, 3)))[0].ravel() for _ in range(count)])
-    distances, addresses = rng.uniform(-0.1, 0.01, count), np.arange(count) * 3
+    distances, addresses = rng.uniform(-0.1, 0.01, count), 3 * np.arange(count, dtype=np.int32)
     addresses[3] = -1
     impedance = rng.uniform(0.5, 2.0, (3 * count, 4))
     impedance[1::3, 0] = impedance[2::3, 0] = 0
@@ -234,7 +234,7 @@ def test_corrected_contacts_are_those_of_the_plain_rule():
         if spring > 0 and closing[row] < -0.5:
             slow[row] = max(slow[row], -(1 + spring) * closing[row] / 0.004)
     touched = np.full(2, NOTHING)
-    dims = np.full(count, 3)
+    dims = np.full(count, 3, np.int32)
     correct_contacts(
         geoms, frames, distances, addresses, dims, reference, impedance, approach, owner, velocities, bounce,
         0.8, 0.004, touched,

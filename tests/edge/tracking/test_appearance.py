@@ -196,7 +196,7 @@ def test_the_network_tells_the_front_from_the_back_for_most():
     for name in ("arms overhead", "back", "crouching", "one leg up", "kneeling"):
         for seed in SEEDS:
             observation, _ = seen_person(name, seed)
-            seen, eye = seen_in(observation)[0], observation.view[4][:3, 3]
+            seen, eye = seen_in(observation)[0], observation.view[4][:3, 3].copy()
             front = Posture(observation.points.mean(0).astype(float), ranges.standing(), standing().lengths)
             right.append(
                 (facing_score(seen, front, eye) > facing_score(seen, turned_about(front), eye))

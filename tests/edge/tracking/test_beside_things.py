@@ -66,6 +66,7 @@ def detections(monkeypatch, view, pixels, posture):
 
     def detect(fitter, observation, *rest):
         asked.append(observation.view[1].copy())
+        yield 1
         return posture, None
 
     monkeypatch.setattr(follower, "detect", detect)

@@ -23,6 +23,7 @@ from enliven_edge.tracking.observation import Observation, WorkingCamera, observ
 from enliven_edge.tracking.posing import posed
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.settings import FitSettings
+from enliven_edge.tracking.spread import whole
 
 MEDIAN, FAR, NOT_FAR = 0.08, 0.15, 0.6
 """Metres that a joint in sight is off most often, in any class; and the least share within so many."""
@@ -38,7 +39,7 @@ def found(name: str, seed: int, network: bool) -> Posture:
     observation, _ = seen_person(name, seed)
     seen, supposed = seen_in(observation) if network else (None, None)
     eye = observation.view[4][:3, 3]
-    posture, report = detect(Fitter(FitSettings()), observation, eye, 1.72, seen, supposed)
+    posture, report = whole(detect(Fitter(FitSettings()), observation, eye, 1.72, seen, supposed))
     assert quality(report) > (0.6 if network else 0.5), f"{name} {seed}"
     return posture
 
@@ -109,7 +110,7 @@ def test_somebody_upside_down_in_the_image_is_found_alike():
     observation, figure = seen_person("one leg up", 901)
     fitter, eye = Fitter(FitSettings()), observation.view[4][:3, 3]
     for each in (observation, hung_upside_down(observation)):
-        posture, _ = detect(fitter, each, eye, 1.72, *seen_in(each))
+        posture, _ = whole(detect(fitter, each, eye, 1.72, *seen_in(each)))
         off = np.linalg.norm(posture.joints() - figure.joints, axis=1)
         assert np.median(off) < 0.12
 
@@ -122,7 +123,7 @@ def test_somebody_known_is_found_with_their_own_bones():
         eye, fitter = observation.view[4][:3, 3], Fitter(FitSettings())
         lengths = model.lengths_for_height(random_build(np.random.default_rng([41, seed])).height)
         for off, given in ((unknown, None), (known, lengths)):
-            posture, _ = detect(fitter, observation, eye, 1.3, *seen_in(observation), given)
+            posture, _ = whole(detect(fitter, observation, eye, 1.3, *seen_in(observation), given))
             off.append(np.linalg.norm(posture.joints() - figure.joints, axis=1).mean())
     assert np.mean(known) < np.mean(unknown)
 
@@ -132,11 +133,11 @@ def test_another_posture_is_found_only_where_it_may_be_better():
     observation, _ = seen_person("one leg up", SEEDS[0])
     fitter, eye = Fitter(FitSettings()), observation.view[4][:3, 3]
     seen, supposed = seen_in(observation)
-    right, report = detect(fitter, observation, eye, 1.72, seen, supposed)
-    again = detect_another(fitter, observation, seen, eye, 1.72, right, supposed)
+    right, report = whole(detect(fitter, observation, eye, 1.72, seen, supposed))
+    again = whole(detect_another(fitter, observation, seen, eye, 1.72, right, supposed))
     assert again is None or np.linalg.norm(again[0].joints() - right.joints(), axis=1).mean() < 0.05
     for wrong in (standing_as(right), turned_about(right)):
-        found_again = detect_another(fitter, observation, seen, eye, 1.72, wrong, supposed)
+        found_again = whole(detect_another(fitter, observation, seen, eye, 1.72, wrong, supposed))
         assert found_again is not None
         assert found_again[1].energy < 1.2 * report.energy
 

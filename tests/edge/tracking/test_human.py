@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.tracking.human import outline, parted, shape_of
+from enliven_edge.tracking.columns import parted
+from enliven_edge.tracking.human import outline, shape_of
 from enliven_edge.tracking.observation import WorkingCamera, world_points
 from enliven_edge.tracking.view import View
 
@@ -153,3 +156,39 @@ def test_a_thin_body_with_a_head_is_no_panel():
     found = shape(flat, flat.z > 0)
     assert found.thickness < 0.022 and found.wide > 0.35
     assert found.upright
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=30, deadline=None)
+def test_the_measures_of_a_shape_are_those_of_the_obvious_way(seed):
+    """Head, shoulders, fill and thickness of a crooked body, by arrays of all its points."""
+    random = np.random.default_rng(seed)
+    shifts = random.uniform(-0.2, 0.2, (3, 2))
+    boxes = [
+        (a + x, b + x, low, high, z + 0.4 * y)
+        for (a, b, low, high, z), (x, y) in zip(PERSON, shifts, strict=True)
+    ]
+    view = drawn(*boxes)
+    mask = (view.z < 3.2) & (random.uniform(size=view.z.shape) < 0.9)
+    found, points = shape(view, mask), view.points[mask]
+    points = points[:: max(1, len(points) // 1500)]
+    centred = points - points.mean(0)
+    values = np.linalg.eigh(centred.T @ centred / len(points))[0]
+    along = centred[:, [0, 2]] @ np.linalg.eigh(np.cov(centred[:, [0, 2]].T, bias=True))[1][:, 1]
+    height, crown = points[:, 1], np.percentile(points[:, 1], 99)
+
+    def width(top, bottom):
+        part = along[(height <= crown - top) & (height > crown - bottom)]
+        return len(np.unique(np.floor(part / 0.04))) * 0.04
+
+    shoulders = max(width(0.25, 0.35), width(0.35, 0.45), width(0.45, 0.55), 0.04)
+    cells = len(np.unique(np.floor(np.stack([along, height]) / 0.06), axis=1).T)
+    box = np.ptp(np.percentile(along, [1, 99])) * np.ptp(np.percentile(height, [1, 99]))
+    across = np.ptp(np.percentile(points, [3, 97], axis=0), axis=0)
+    assert found.crown == pytest.approx(crown, abs=1e-9)
+    assert found.thickness == pytest.approx(np.sqrt(values[0]), abs=1e-6)
+    assert found.wide == pytest.approx(max(across[0], across[2]), abs=1e-9)
+    # A point on the border of a step may fall to either side of it.
+    assert found.head_width == pytest.approx(width(-1.0, 0.14), abs=0.041)
+    assert found.head == pytest.approx(width(-1.0, 0.14) / shoulders, abs=0.041 / shoulders * 2)
+    assert found.fill == pytest.approx(cells * 0.06**2 / box, abs=2 * 0.06**2 / box)

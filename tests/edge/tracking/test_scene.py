@@ -95,8 +95,8 @@ def test_normals_are_those_of_the_slow_twin(seed, rough):
     z = 2.0 + 0.01 * np.arange(24) + rough * random.standard_normal((18, 24))
     z[random.random(z.shape) < 0.1] = 0.0
     mount = world_from_level_camera(1.2, random.uniform(-0.5, 0.5))
-    points, eye = world_points(z, camera.ray, mount), mount[:3, 3]
-    pixels = np.argwhere(z > 0)
+    points, eye = world_points(z, camera.ray, mount), mount[:3, 3].copy()
+    pixels = np.ascontiguousarray(np.argwhere(z > 0))
     found, normals = surface_samples(points, z, pixels, eye)
     expected = [normal_slowly(points, z, v, u, eye) for v, u in pixels]
     np.testing.assert_allclose(normals, expected, atol=1e-5)

@@ -17,13 +17,15 @@ from enliven_edge.tracking.follower import Follower
 from enliven_edge.tracking.human import shape_of
 from enliven_edge.tracking.identity import Looks
 from enliven_edge.tracking.model import lengths_for_height
-from enliven_edge.tracking.newcomers import Newcomer, _area, _unions
+from enliven_edge.tracking.newcomers import Newcomer, _unions, measured
 from enliven_edge.tracking.observation import WorkingCamera, world_points
 from enliven_edge.tracking.person import Person
 from enliven_edge.tracking.posture import Posture
 from enliven_edge.tracking.ranges import standing
-from enliven_edge.tracking.search import Search
+from enliven_edge.tracking.room import BEFORE, UNLIKELY
+from enliven_edge.tracking.search import Found, Search
 from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.spread import whole
 from enliven_edge.tracking.view import View
 
 SETTINGS = TrackerSettings()
@@ -48,9 +50,14 @@ def view_of(z: np.ndarray) -> View:
 def newcomer(view: View, pixels: np.ndarray) -> Newcomer:
     """A group of pixels as it is found in the first frame."""
     made = Newcomer(view.points[pixels].mean(0), 0)
-    area = _area(view, pixels)
+    area = area_of(view, pixels)
     made.update(pixels, made.centre, shape_of(view, pixels, area), area, (0.0, 1.0), 0)
     return made
+
+
+def area_of(view: View, pixels: np.ndarray) -> float:
+    """Square metres towards the sensor."""
+    return measured(view, pixels, np.zeros(pixels.shape, np.uint8))[1]
 
 
 def halves(view: View, mask: np.ndarray) -> list[np.ndarray]:
@@ -59,8 +66,13 @@ def halves(view: View, mask: np.ndarray) -> list[np.ndarray]:
 
 
 def searched(view: View, newcomers: list[Newcomer]):
-    looks = Search(Fitter(SETTINGS.fit), lambda *_: SETTINGS)
-    return looks.found(view, newcomers, alone=True)
+    made: list[Found] = []
+    whole(looking().found(view, newcomers, made, alone=True))
+    return made
+
+
+def looking() -> Search:
+    return Search(Fitter(SETTINGS.fit), lambda *_: SETTINGS)
 
 
 def test_both_halves_of_somebody_are_one(scene):
@@ -68,7 +80,7 @@ def test_both_halves_of_somebody_are_one(scene):
     parts = halves(view, mask)
     two = [newcomer(view, part) for part in parts]
     for one, part in zip(two, parts, strict=True):
-        one.unions = _unions(part, parts)
+        one.pixels, one.parts = part, parts
     found = searched(view, two)
     assert [made[0] for made in found] == [two[0]]
     np.testing.assert_array_equal(two[0].pixels, mask)
@@ -85,7 +97,7 @@ def test_two_who_hold_hands_are_two():
     parts[1] &= ~parts[0]
     two = [newcomer(view, part) for part in parts]
     for one, part in zip(two, parts, strict=True):
-        one.unions = _unions(part, parts)
+        one.pixels, one.parts = part, parts
     found = searched(view, two)
     assert len(found) == 2
     apart = found[0][1].posture.position - found[1][1].posture.position
@@ -111,13 +123,13 @@ def test_unions_are_all_parts_then_pairs_the_largest_first(count, seed):
 
 def test_nobody_is_guessed_high_up_a_wall(scene, monkeypatch):
     view, mask = scene
-    looks = Search(Fitter(SETTINGS.fit), lambda *_: SETTINGS)
-    assert looks.best_guess(view, [newcomer(view, mask)], alone=True)
+    looks = looking()
+    assert whole(looks.best_guess(view, [newcomer(view, mask)], alone=True))
     lifted = MOUNT.copy()
     lifted[1, 3] += 0.6
     high = replace(view, points=world_points(view.z, view.camera.ray, lifted), world_from_camera=lifted)
     monkeypatch.setattr(search, "_likely", lambda *_: True)
-    assert not looks.best_guess(high, [newcomer(high, mask)], alone=True)
+    assert not whole(looks.best_guess(high, [newcomer(high, mask)], alone=True))
 
 
 def test_an_area_is_that_of_the_pixels_themselves(scene):
@@ -125,7 +137,22 @@ def test_an_area_is_that_of_the_pixels_themselves(scene):
     view, mask = scene
     for part in halves(view, mask):
         expected = sum(view.z[v, u] ** 2 / (CAMERA[0] * CAMERA[1]) for v, u in np.argwhere(part))
-        assert _area(view, part) == pytest.approx(expected)
+        assert area_of(view, part) == pytest.approx(expected)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=20, deadline=None)
+def test_what_is_measured_of_a_group_is_that_of_its_pixels(scene, seed):
+    """Its middle, and the shares that stand before the known room, and before what is known or guessed."""
+    view, mask = scene
+    random = np.random.default_rng(seed)
+    kind, part = (
+        random.integers(0, 4, mask.shape).astype(np.uint8),
+        mask & (random.uniform(size=mask.shape) < 0.5),
+    )
+    centre, _, shares = measured(view, part, kind)
+    np.testing.assert_allclose(centre, view.points[part].mean(0), atol=1e-9)
+    assert shares == pytest.approx((np.mean(kind[part] == BEFORE), np.mean(kind[part] != UNLIKELY)))
 
 
 @pytest.mark.parametrize(("plain_frames", "vague"), [(0, True), (9, True), (10, False)])

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
@@ -167,6 +167,7 @@ def contacts_slowly(view, owner, group, people):
 
 
 @given(st.integers(0, 100_000), st.integers(0, 2))
+@example(2146, 2)
 @settings(max_examples=25, deadline=None)
 def test_loose_groups_are_measured_as_their_slow_twins(seed, people):
     """None of them is a speckle or a limb, the largest come first, and everybody's pixels are counted."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import Float, Float32, Int, Int32
+from enliven.kernels import njit
 from enliven_viewer.render.surface import Surface
 
 

@@ -53,9 +53,10 @@ def split_creases(vertices: Float32, faces: Int32, crease: float = math.radians(
         vertices: (V, 3) metres.
         faces: (F, 3).
     """
+    faces = np.array(faces, np.int32)
     rounded = np.ascontiguousarray(vertices, np.float32) + np.float32(0.0)  # -0 is 0
     place = places_of(rounded.view(np.int32))[faces]
-    normals, angles = corners_of(vertices, faces)
+    normals, angles = corners_of(rounded, faces)
     group, groups = groups_of(place, normals, math.cos(crease))
     corner, first = drawn_of(group, faces, len(vertices))
     drawn = summed(group, groups, normals, angles)[group[first]]
@@ -73,7 +74,7 @@ def split_creases(vertices: Float32, faces: Int32, crease: float = math.radians(
 
 def is_closed(vertices: Float32, faces: Int32) -> bool:
     """Whether the mesh has an inside, and its faces turn outwards: then their backs are never seen."""
-    if not bounds_something(faces, len(vertices)):
+    if not bounds_something(np.array(faces, np.int32), len(vertices)):
         return False
     a, b, c = (vertices[faces[:, k]].astype(np.float64) for k in range(3))
     return bool(np.einsum("ij,ij->", a, np.cross(b, c)) > 0)

@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from enliven.arrays import AnyArray, Float, Int, Int32
+from enliven.kernels import njit
 
 _NEAREST = 1e-3
 """Metres before the eye: what is nearer, or behind it, cannot be picked."""

@@ -1,0 +1,132 @@
+"""The search for people is spread over frames: none takes long, and what is found is the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.frames import DepthFrame
+from enliven.recording import Recording
+from enliven_edge.doctor import shipped_recording
+from enliven_edge.tracking.fit import Fitter
+from enliven_edge.tracking.settings import SearchSettings, TrackerSettings
+from enliven_edge.tracking.spread import Budget, Spread, frame_budget, whole
+from enliven_edge.tracking.tracker import Tracker
+
+FITS = 12
+"""Less than a frame may cost by default, so that a search takes more frames."""
+FOLLOWING = 9
+"""Fits of one person that a frame costs at most besides any search: two, a proposal and what it is compared
+with, one after a turn about, two that bring what was found to this frame."""
+AT_ONCE = TrackerSettings(search=SearchSettings(fits_per_frame=0))
+SPREAD = TrackerSettings(search=SearchSettings(fits_per_frame=FITS))
+
+
+def parts(costs):
+    """Work whose parts cost so much; how many there were."""
+    yield from costs
+    return len(costs)
+
+
+@given(st.lists(st.integers(1, 6), max_size=30), st.floats(0.5, 20.0))
+@settings(max_examples=60, deadline=None)
+def test_no_frame_costs_more_than_its_budget_and_one_part(costs, fits):
+    spread, spent = Spread(parts(costs)), 0.0
+    for _ in range(200):
+        budget = Budget(fits)
+        done = spread.go_on(budget)
+        assert fits - budget.left < fits + max(costs, default=0)
+        spent += fits - budget.left
+        if done:
+            break
+    assert spread.result == whole(parts(costs)) == len(costs)
+    assert spent == pytest.approx(sum(costs))
+
+
+@pytest.mark.parametrize(("rate", "fits"), [(60, 24), (30, 24), (15, 48), (5, 144), (None, 24)])
+def test_a_search_takes_as_long_where_frames_are_rare(rate, fits):
+    assert frame_budget(24, rate and 1 / rate).left == pytest.approx(fits)
+    assert frame_budget(0, rate and 1 / rate).left == np.inf
+
+
+@pytest.fixture(scope="module")
+def film() -> list[DepthFrame]:
+    """Two seconds of the shipped recording, somebody in it from the first frame on."""
+    frames = (f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame))
+    return [frame for _, frame in zip(range(60), frames, strict=False)]
+
+
+def counted(frames, settings, monkeypatch):
+    """(fits, bodies) of every frame."""
+    fit, made = Fitter.fit, []
+    calls = [0]
+
+    def counting(*args, **options):
+        calls[0] += 1
+        return fit(*args, **options)
+
+    monkeypatch.setattr(Fitter, "fit", counting)
+    tracker = Tracker(settings)
+    for frame in frames:
+        calls[0] = 0
+        bodies = tracker.track(frame)
+        made.append((calls[0], bodies))
+    return made
+
+
+def test_the_fits_of_every_frame_are_bounded(film, monkeypatch):
+    """Those that look for a new person, and those that look for a person anew."""
+    spread = counted(film, SPREAD, monkeypatch)
+    appeared = next(n for n, (_, bodies) in enumerate(spread) if bodies)
+    assert max(fits for fits, _ in spread[:appeared]) <= FITS + 1
+    assert max(fits for fits, _ in spread[appeared:]) <= FITS + 1 + FOLLOWING
+    at_once = [fits for fits, _ in counted(film, AT_ONCE, monkeypatch)]
+    assert at_once[0] > FITS + 1 + FOLLOWING, "nothing had to be spread"
+    assert sum(fits > FITS + 1 + FOLLOWING for fits in at_once) >= 2, "nobody was looked for anew"
+
+
+@pytest.mark.parametrize(("step", "frames"), [(1, 6), (3, 2)], ids=["30 a second", "10 a second"])
+def test_who_is_in_the_first_frame_is_there_within_a_fifth_of_a_second(film, step, frames):
+    tracker = Tracker()
+    there = [len(tracker.track(frame)) for frame in film[::step]]
+    assert there[frames:] == [1] * len(there[frames:])
+
+
+def test_what_is_found_is_what_is_found_at_once(film):
+    """Once the person is there the joints are the same within four centimetres, soon after within one."""
+    spread, at_once = (Tracker(made) for made in (SPREAD, AT_ONCE))
+    apart = []
+    for frame in film:
+        mine, theirs = spread.track(frame), at_once.track(frame)
+        if mine:
+            apart.append(np.linalg.norm(mine[0].joints - theirs[0].joints, axis=1).max())
+    assert len(apart) > 50
+    assert max(apart) < 0.04
+    assert np.median(apart[15:]) < 0.01
+
+
+def test_who_walks_in_is_found_where_they_are(stagecraft):
+    """The body that was found in an earlier frame is brought to the newest one."""
+    s = stagecraft
+    walker = s.Player(s.line((1.6, -2.6), (-1.4, -2.6), 0.3, 2.0), "walk")
+    playground, tracker, first = s.Playground(walker), Tracker(SPREAD), None
+    for i in range(60):
+        bodies = tracker.track(playground.frame(i / 30))
+        if bodies and first is None:
+            first = np.linalg.norm(bodies[0].joints - playground.joints(i / 30)[0], axis=1)
+    assert first is not None
+    assert np.median(first) < 0.06
+    assert first.max() < 0.35
+
+
+def test_the_room_does_not_learn_a_person_who_is_being_looked_for(film):
+    """In a search of a third of a second: what is looked at is not taken for the room meanwhile."""
+    tracker = Tracker(TrackerSettings(search=SearchSettings(fits_per_frame=1)))
+    at_once = Tracker(AT_ONCE)
+    found = [(tracker.track(frame), at_once.track(frame)) for frame in film]
+    appeared = next(n for n, (mine, _) in enumerate(found) if mine)
+    assert 6 < appeared < 15
+    for mine, theirs in found[appeared + 3 :]:
+        assert np.linalg.norm(mine[0].joints - theirs[0].joints, axis=1).max() < 0.05
