@@ -45,8 +45,8 @@ def sensors(
     if name is None:
         _list(console)
         return
-    from enliven_edge.sensors.options import sensor_options
     from enliven_edge.sensors.base import condition_of
+    from enliven_edge.sensors.options import sensor_options
     from enliven_edge.sensors.registry import open_sensor
 
     if output is not None and output.suffix != ".png":
