@@ -77,9 +77,9 @@ def test_a_film_s_viewer_starts_with_its_edge_and_waits_for_it(monkeypatch, tmp_
         return 0
 
     monkeypatch.setattr(run_command, "run_together", together)
-    run_command.run(None, None, "chair", 1.5, None, tmp_path, True, 0.1, None, None, None, None)
+    run_command.run(**asked, film=True)
     edge, viewer = started
     assert edge.ready() and "--wait" in viewer.arguments
     started.clear()
-    run_command.run(None, None, "chair", 1.5, None, tmp_path, False, 0.1, None, None, None, None)
+    run_command.run(**asked, film=False)
     assert not started[0].ready() and "--wait" not in started[1].arguments
