@@ -6,6 +6,7 @@ import av
 import numpy as np
 import pytest
 
+from enliven import cli
 from enliven.commands import run as run_command
 from enliven_viewer.encoder import FilmWriter
 from enliven_viewer.film_strip import WAITING, FilmStrip
@@ -77,9 +78,12 @@ def test_a_film_s_viewer_starts_with_its_edge_and_waits_for_it(monkeypatch, tmp_
         return 0
 
     monkeypatch.setattr(run_command, "run_together", together)
-    run_command.run(**asked, film=True)
+    words = ["run", "--seconds", "0.1", "--out", str(tmp_path)]
+    assert cli.run([*words, "--film"]) == 0
     edge, viewer = started
     assert edge.ready() and "--wait" in viewer.arguments
     started.clear()
-    run_command.run(**asked, film=False)
+    assert cli.run([*words, "--window", "--sensor", "synthetic", "--set", "width=80"]) == 0
     assert not started[0].ready() and "--wait" not in started[1].arguments
+    at = started[0].arguments.index("--set")
+    assert started[0].arguments[at + 1] == "width=80"
