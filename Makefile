@@ -7,11 +7,11 @@ help:            ## what can be made
 run: setup       ## watch a chair move with a recorded person (a window, or a film where there is no display)
 	@.venv/bin/enliven run $(ARGS)
 
-# Files of tests are shared between three processes, for two cores: a test of processes waits much of its time.
+# Files of tests are shared between two processes; types are checked while those wait for what they started.
 test: setup-dev  ## linters, types, every test, and one run of the main job
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
-	@nice -n 10 .venv/bin/mypy & types=$$!; .venv/bin/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(ARGS); tests=$$?; \
+	@nice -n 10 .venv/bin/mypy & types=$$!; .venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(ARGS); tests=$$?; \
 	wait $$types || { echo "mypy found what is written above"; exit 1; }; exit $$tests
 
 test-more: setup-dev ## search at random for what breaks a law: make test-more MINUTES=10 ARGS=tests/edge
