@@ -4,6 +4,7 @@ import importlib.util
 import os
 import signal
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -119,3 +120,13 @@ def test_a_camera_that_does_not_know_its_lens_gets_that_of_its_kind():
     assert not known and typical.width == 320 and 200 < typical.fx < 240
     with pytest.raises(InputError, match="oak 1: it does not know its lens"):
         known_or_typical(640, 480, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1")
+
+
+def test_a_recording_that_is_not_rectified_is_none_of_an_oak(tmp_path):
+    if importlib.util.find_spec("depthai") is None:
+        pytest.skip('depthai is not installed: pip install "./edge[oak]"')
+    lens = replace(camera(96, 64), distortion=(0.1, 0.0, 0.0, 0.0, 0.0))
+    with Recorder(tmp_path / "bent.mcap") as recorder:
+        recorder.write_frame(DepthFrame(picture(0, 96, 64), lens, 0, "test"))
+    with pytest.raises(InputError, match="not rectified"):
+        kept_open(sensor_opener("oak", rehearse=str(tmp_path / "bent.mcap")))

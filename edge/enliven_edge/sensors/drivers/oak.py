@@ -206,14 +206,15 @@ class OakSensor:
         self._pipeline = dai.Pipeline(createImplicitDevice=False)
         self._node = self._pipeline.create(Recorded)
         self._rehearsal = Rehearsal(path, self._send)
+        if any(self._rehearsal.first.intrinsics.distortion):
+            mend = "An OAK's depth always is; rehearse with another recording, or with --sensor realsense."
+            raise InputError("its images are not rectified", where=path, mend=mend)
         self.name, self.fps = "oak rehearsal", self._rehearsal.fps
         return self._node.out
 
     def _send(self, frame: DepthFrame, number: int) -> None:
         """An image of the recording, as a camera's stereo node would send it."""
         dai, camera = self._dai, frame.intrinsics
-        if any(camera.distortion):
-            raise InputError("its images are not rectified", where="rehearsal of oak")
         image = dai.ImgFrame()
         image.setType(dai.ImgFrame.Type.RAW16)
         image.setWidth(camera.width)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable
 
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.replay import ReplaySensor
+
+log = logging.getLogger(__name__)
 
 _TURN = 0.1
 """Seconds between two looks at whether the rehearsal is over."""
@@ -60,6 +63,9 @@ class Rehearsal:
             try:
                 frame = self._sensor.read(_TURN)
             except TimeoutError:
+                continue
+            except InputError as error:
+                log.warning("%s", error)
                 continue
             if frame is None:
                 break

@@ -300,7 +300,10 @@ class HelperProcess:
         self._slots = FrameSlots.make(size)
         self._say("memory", self._slots.name, size)
         while self._pipe.poll(_CLOSING + SILENT):
-            message = self._pipe.recv()
+            try:
+                message = self._pipe.recv()
+            except (EOFError, OSError):
+                raise self._lost() from None
             if message == ("attached",):
                 break
             self._waiting.append(message)
