@@ -11,8 +11,8 @@ run: setup       ## watch a chair move with a recorded person (a window, or a fi
 test: setup-dev  ## linters, types, every test, and one run of the main job
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
-	@nice -n 10 .venv/bin/mypy & types=$$!; .venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(ARGS); tests=$$?; \
-	wait $$types || { echo "mypy found what is written above"; exit 1; }; exit $$tests
+	@.venv/bin/pyrefly check --summary=none & types=$$!; .venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(ARGS); tests=$$?; \
+	wait $$types || { echo "pyrefly found what is written above"; exit 1; }; exit $$tests
 
 test-more: setup-dev ## search at random for what breaks a law: make test-more MINUTES=10 ARGS=tests/edge
 	@.venv/bin/python scripts/test_more.py --minutes $(or $(MINUTES),10) $(ARGS)
@@ -37,7 +37,7 @@ audit: setup-dev ## known vulnerabilities and licences of everything that is ins
 	@.venv/bin/python scripts/audit.py
 
 lint: setup-dev  ## linters and types only
-	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy
+	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/pyrefly check
 
 fuzz-quick: setup-dev ## 10,000 mutated files and messages to every reader, the same every time (part of make test)
 	@.venv/bin/python -m pytest tests/fuzz $(ARGS)
@@ -71,4 +71,4 @@ setup-dev:
 	@sh scripts/setup.sh dev
 
 clean:           ## remove what was made here
-	rm -rf .venv out build dist .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv out build dist .pytest_cache .ruff_cache

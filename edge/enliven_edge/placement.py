@@ -77,13 +77,14 @@ def beside(placement: Placement, metres: float) -> Placement:
 
 def facing(body: Body) -> float:
     """Radians about +Y from +Z to the performer's front, by hips and shoulders; 0 where unknown."""
-    left = sum(
+    lefts = [
         body.joints[a] - body.joints[b]
         for a, b in ((Joint.HIP_LEFT, Joint.HIP_RIGHT), (Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT))
         if np.isfinite(body.joints[[a, b]]).all()
-    )
-    if np.ndim(left) == 0:
+    ]
+    if not lefts:
         return 0.0
+    left = np.sum(lefts, axis=0)
     # A person who faces +Z has the left side at +X; turning by yaw takes +X to (cos, 0, -sin).
     return float(np.arctan2(-left[2], left[0]))
 

@@ -75,7 +75,9 @@ def rays(intrinsics: Intrinsics) -> Float:
     cameras; compute once per camera and keep.
     """
     u, v = np.meshgrid(np.arange(intrinsics.width), np.arange(intrinsics.height))
-    distorted = np.stack([(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy], -1)
+    distorted: Float = np.empty((*u.shape, 2))
+    distorted[..., 0] = (u - intrinsics.cx) / intrinsics.fx
+    distorted[..., 1] = (v - intrinsics.cy) / intrinsics.fy
     if not any(intrinsics.distortion):
         return distorted
     ideal = distorted.copy()

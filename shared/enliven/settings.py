@@ -89,7 +89,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 def _inside(value: Any) -> list[Any]:
     """The tables and arrays in a table or an array."""
     inner = value.values() if isinstance(value, dict) else value
-    return [one for one in inner if isinstance(one, dict | list)]
+    return [one for one in inner if isinstance(one, (dict, list))]
 
 
 def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) -> T:
@@ -179,7 +179,7 @@ def _table(arguments: tuple[Any, ...], value: Any) -> Any:
 
 def _tuple(arguments: tuple[Any, ...], value: Any) -> Any:
     """A TOML array as tuple[X, ...] or tuple[X, Y, Z], or _WRONG."""
-    if not isinstance(value, list | tuple):
+    if not isinstance(value, (list, tuple)):
         return _WRONG
     hints = [arguments[0]] * len(value) if arguments[1:] == (Ellipsis,) else list(arguments)
     if len(hints) != len(value):

@@ -31,7 +31,7 @@ def blend_poses(before: Pose, after: Pose, share: float, time_ns: int) -> Pose:
         return before if share < 0.5 else after
     linear = blend_linear(before.linear.astype(np.float64), after.linear.astype(np.float64), share)
     positions = before.positions + (after.positions - before.positions) * np.float32(share)
-    return Pose(before.character, time_ns, linear.astype(np.float32), positions)
+    return Pose(before.character, time_ns, linear.astype(np.float32), np.asarray(positions, np.float32))
 
 
 def blend_linear(before: Float, after: Float, share: float) -> Float:

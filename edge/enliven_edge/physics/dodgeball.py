@@ -51,7 +51,7 @@ class Dodgeball:
         settings = self.settings
         self._ground = ground
         row = (np.arange(settings.balls) - (settings.balls - 1) / 2) * 3 * settings.radius
-        places = np.stack([row, np.full(len(row), settings.radius), np.full(len(row), settings.distance)], 1)
+        places = np.column_stack(np.broadcast_arrays(row, settings.radius, settings.distance))
         world.put(slice(None), ground.to_world(places))
         self._target = [""] * settings.balls
         self._wait = 0.0

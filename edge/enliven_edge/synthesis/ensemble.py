@@ -119,7 +119,7 @@ class Ensemble:
         self.world_from_camera = on_grid(
             stand @ world_from_level_camera(height, math.radians(tilt), math.radians(roll))
         )
-        self.camera_from_world: Float = np.asarray(np.linalg.inv(self.world_from_camera))
+        self.camera_from_world: Float = np.asarray(np.linalg.inv(self.world_from_camera), np.float64)
         self.sensor = f"synthetic {profile.name}"
         self._told = told
         self._anatomies = [Anatomy(a.performer) for a in cast]

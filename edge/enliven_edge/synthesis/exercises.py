@@ -33,9 +33,9 @@ _DOWN = Arm(flex=1.75, abduct=0.08, elbow=0.10)
 
 def _home(**changes: Any) -> Posture:
     """Standing relaxed, changed as told."""
-    feet = {"left_foot": Foot(0.13, HOME_Z, yaw=0.12), "right_foot": Foot(-0.13, HOME_Z, yaw=-0.12)}
-    values = {"left_arm": _HANGING, "right_arm": _HANGING, "z": HOME_Z, "pitch": 0.02, "spine_pitch": 0.04}
-    return Posture(**{**feet, **values, **changes})
+    values: dict[str, Any] = {"left_arm": _HANGING, "right_arm": _HANGING, "z": HOME_Z, "pitch": 0.02}
+    values |= {"left_foot": Foot(0.13, HOME_Z, yaw=0.12), "right_foot": Foot(-0.13, HOME_Z, yaw=-0.12)}
+    return Posture(**(values | {"spine_pitch": 0.04} | changes))
 
 
 class _Dice:

@@ -112,7 +112,7 @@ class DepthNoise:
         if box == 1:
             raw = self._bytes(index, stream, (4 * height, width)).astype(np.int64)
             summed = raw[0::4] + raw[1::4] + raw[2::4] + raw[3::4]
-            return np.asarray((summed - 510.0) / (2.0 * _BYTE_DEVIATION))
+            return np.asarray((summed - 510.0) / (2.0 * _BYTE_DEVIATION), np.float64)
         raw = self._bytes(index, stream, (height + 2 * box - 2, width + 2 * box - 2)).astype(np.int32)
         once = np.empty((height + box - 1, width + box - 1), np.int32)
         twice = np.empty((height, width), np.int32)
@@ -120,7 +120,7 @@ class DepthNoise:
         _box_sums(once, box, twice)
         # The sum of the squared weights of two boxes in a row, per axis: b (2 b^2 + 1) / 3.
         squares = box * (2 * box * box + 1) // 3
-        return np.asarray((twice - 127.5 * box**4) * (1.0 / (squares * _BYTE_DEVIATION)))
+        return np.asarray((twice - 127.5 * box**4) * (1.0 / (squares * _BYTE_DEVIATION)), np.float64)
 
 
 def _quantile(part: float) -> float:

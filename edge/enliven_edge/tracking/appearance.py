@@ -88,7 +88,7 @@ class Seen:
     def sideless_affinity(self, metres: float) -> Float32:
         """The same where a left part is as good as a right one."""
         either = np.minimum(1.0, self.probabilities @ _CARRY_EITHER)
-        return np.ascontiguousarray((np.float32(metres) * (1.0 - either)).T)
+        return np.ascontiguousarray((np.float32(metres) * (1.0 - either)).T, np.float32)
 
 
 def looked_at(observation: Observation, estimate: Estimate) -> Seen:

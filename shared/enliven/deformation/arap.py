@@ -165,7 +165,7 @@ class ArapSolver:
             shift = self._global(held, rows, settings.volume)
         else:
             plain(self._z)
-        pose = np.empty_like(self.pose)
+        pose: Float = np.empty_like(self.pose)
         give(frames, self._z, shift, surface.cells.eliminated, surface.place_of, surface.centre, pose)
         if not np.isfinite(pose).all():
             self.start_from(self.pose, 0.0)

@@ -64,7 +64,7 @@ def _area(part: Part, vertices: Float) -> Float:
     """(V,) m2 of the faces around each vertex, a third of each; never nothing."""
     a, b, c = (vertices[part.faces[:, k]] for k in range(3))
     third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
-    return np.asarray(np.bincount(part.faces.ravel(), np.repeat(third, 3), len(vertices)) + 1e-12)
+    return np.asarray(np.bincount(part.faces.ravel(), np.repeat(third, 3), len(vertices)) + 1e-12, np.float64)
 
 
 def _far_end(start: Float, vertices: Float) -> Float:

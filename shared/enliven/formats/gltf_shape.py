@@ -98,8 +98,8 @@ def unit32(quaternions: Float) -> Float32:
 def unit_normals(normals: Float) -> Float32:
     """Unit, also where no face has any area."""
     missing = np.linalg.norm(normals, axis=1) < 0.5
-    normals = np.where(missing[:, None], [0.0, 1.0, 0.0], normals).astype(np.float32)
-    return np.asarray(normals / np.linalg.norm(normals.astype(np.float64), axis=1, keepdims=True), np.float32)
+    single = np.where(missing[:, None], [0.0, 1.0, 0.0], normals).astype(np.float32)
+    return np.asarray(single / np.linalg.norm(single.astype(np.float64), axis=1, keepdims=True), np.float32)
 
 
 def linear16(colours: UInt8) -> UInt16:

@@ -34,7 +34,7 @@ def packed(value: Any, arrays: dict[str, AnyArray]) -> Any:
         return {name: packed(getattr(value, name), arrays) for name in fields}
     if isinstance(value, Mapping):
         return {str(key): packed(inner, arrays) for key, inner in value.items()}
-    if isinstance(value, tuple | list):
+    if isinstance(value, (tuple, list)):
         return [packed(inner, arrays) for inner in value]
     if value is None or isinstance(value, str | bool | int | float):
         return value

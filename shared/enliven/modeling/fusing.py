@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import manifold3d
 import numpy as np
 
-from enliven.arrays import Bool, Float, Int, UInt8
+from enliven.arrays import Bool, Float, Int, Int32, UInt8
 from enliven.character import SkinWeights
 from enliven.mesh import Mesh, weld
 from enliven.mesh_kernels import first_of_position
@@ -154,7 +154,7 @@ class Fused:
         at[side.old[known]] = number[known]
         return np.asarray(at[side.solid.mesh.faces[order]])
 
-    def _skin(self, k: int, kept: Int, bones: int) -> SkinWeights:
+    def _skin(self, k: int, kept: Int | Int32, bones: int) -> SkinWeights:
         """The skin of the kept vertices; those that close a hole take it from what is around them."""
         mesh, skin = self.meshes[k], self.pair.skins[k]
         given = len(self.pair.meshes[k].vertices)

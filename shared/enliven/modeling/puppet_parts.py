@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from enliven.arrays import Bool, Float, Int
+from enliven.arrays import Bool, Float, Int, Int32
 from enliven.deformation.puppet_surface import PuppetSurface
 from enliven.errors import InputError
 from enliven.examples.bake_nodes import Net
@@ -112,7 +112,7 @@ def points_needed(
     puppet: Puppet,
     was: Float,
     known: Bool,
-    among: Int,
+    among: Int | Int32,
     most: int,
     tolerance: float,
 ) -> tuple[list[int], float]:
@@ -213,7 +213,7 @@ def nearest_paired(
     return [paired[int(np.argmin(away[:, of[vertex]]))] for vertex in vertices]
 
 
-def spread_over(vertices: Float, among: Int, known: Sequence[int], count: int) -> list[int]:
+def spread_over(vertices: Float, among: Int | Int32, known: Sequence[int], count: int) -> list[int]:
     """Up to ``count`` of the vertices ``among``, each time the one farthest from all that are chosen."""
     if not len(among):
         return []

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from enliven.arrays import Float, Int
+from enliven.arrays import Float, Int32
 from enliven.examples.puppet_motion import in_world
 from enliven.modeling.cut_pieces import Piece
 from enliven.modeling.cut_surfaces import CutSurface
@@ -167,7 +167,7 @@ class _Half:
             f"({100 * worst / size:.2f} % of the whole's size) of what it was."
         )
 
-    def _border(self) -> Int:
+    def _border(self) -> Int32:
         """The kept vertices that the cut is next to."""
         faces = self._piece.mesh.faces
         near = faces[~self._old[faces].all(1)]

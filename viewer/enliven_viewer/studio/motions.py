@@ -97,7 +97,8 @@ _MAKERS = (wave, curl, reach, walk, sway, quarter_turn)
 def _chain(bones: int, length: float) -> Skeleton:
     """Joints one above the other; below one another where ``length``, metres a bone, is negative."""
     heights = length * np.arange(bones + 1) + (0.2 if length > 0 else 0.2 - bones * length)
-    places = np.stack([np.zeros(bones + 1), heights, np.zeros(bones + 1)], 1)
+    places = np.zeros((bones + 1, 3))
+    places[:, 1] = heights
     names = tuple("root" if k == 0 else f"bone {k}" for k in range(bones + 1))
     return Skeleton(names, np.arange(-1, bones, dtype=np.int32), places)
 

@@ -80,7 +80,7 @@ class FrameSlots:
             place = place.copy()
             self.release(slot)
         else:
-            weakref.finalize(place, self.release, slot).atexit = False
+            weakref.finalize(place, self.release, slot).atexit = False  # pyrefly: ignore[missing-attribute]
         place.flags.writeable = False
         end = 2 * shape[0] * shape[1]
         seen = None if colour is None else place[end : end + int(np.prod(colour))].reshape(colour)
