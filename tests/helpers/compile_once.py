@@ -30,7 +30,7 @@ _LOCKS = 1 << 31
 
 @contextlib.contextmanager
 def no_garbage_collection() -> Iterator[None]:
-    """Puts off collections of garbage: a tenth of the time that compiling takes, for 80 MB more at the most."""
+    """Puts off collections of garbage, a tenth of the time that compiling takes, for at most 80 MB more."""
     was = gc.isenabled()
     gc.disable()
     try:
