@@ -19,7 +19,7 @@ from enliven_edge.sensors.drivers.lens import known_or_typical
 from enliven_edge.sensors.registry import open_sensor, sensor_opener
 from enliven_edge.sensors.reopening import kept_open
 
-LIBRARIES = {"oak": "depthai", "realsense": "pyrealsense2"}
+LIBRARIES = {"oak": "depthai", "orbbec": "pyorbbecsdk", "realsense": "pyrealsense2"}
 FRAMES = 300
 STEP = 11_111_111
 """Nanoseconds between two images, 90 a second: the fastest mode of the two."""
