@@ -12,6 +12,7 @@ from enliven.arrays import Int, UInt16
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven_edge.importing.bags.fields import Fields
+from enliven_edge.sensors.base import TIME_LIMIT_NS
 
 _WIDEST = 8192
 """Pixels of an image's side; the makers' largest have 1,600."""
@@ -61,21 +62,32 @@ def packed_image(fields: Fields) -> UInt16:
 
 
 def in_millimetres(depth: UInt16, millimetres: float) -> UInt16:
-    """Depths of another step, rounded; 1 exactly where the step is that but for a float32's rounding."""
-    if abs(millimetres - 1.0) < 1e-6:
+    """Depths of another step, rounded."""
+    if millimetres == 1.0:
         return depth
     return np.rint(depth * millimetres).clip(0, 65535).astype(np.uint16)
 
 
 def checked_step(millimetres: float, where: str) -> float:
-    """A step of depth that a camera may have.
+    """A step of depth that a camera may have, without the rounding of a float32, which knows seven digits.
 
     Raises:
         InputError: where it is none.
     """
     if not (math.isfinite(millimetres) and 0.0 < millimetres <= 1000.0):
         raise InputError(f"its step of depth is {millimetres} mm", where=where, mend="Record it again.")
-    return millimetres
+    return float(f"{millimetres:.6g}")
+
+
+def checked_time(time_ns: int, where: str) -> int:
+    """A time that a recording may have, nanoseconds.
+
+    Raises:
+        InputError: where it is beyond all calendars.
+    """
+    if abs(time_ns) >= TIME_LIMIT_NS:
+        raise InputError(f"an image has the time {time_ns} ns", where=where, mend="Copy the recording again.")
+    return time_ns
 
 
 def plain_lens(

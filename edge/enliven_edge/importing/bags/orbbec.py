@@ -20,6 +20,7 @@ from enliven.frames import DepthFrame
 from enliven_edge.importing.bags.fields import Fields
 from enliven_edge.importing.bags.images import (
     checked_step,
+    checked_time,
     in_millimetres,
     plain_image,
     plain_lens,
@@ -82,7 +83,8 @@ def frames(path: Path, device: str | None) -> Iterator[DepthFrame]:
         _bits, number, time_us = (int(each) for each in fields.numbers("IQQ"))
         if about.places is not None and depth.size == about.places.size:
             depth = np.append(depth.ravel(), np.uint16(0))[about.places].reshape(depth.shape)
-        yield DepthFrame(in_millimetres(depth, step), about.camera, 1000 * time_us, name, sequence=number)
+        time_ns = checked_time(1000 * time_us, fields.where)
+        yield DepthFrame(in_millimetres(depth, step), about.camera, time_ns, name, sequence=number)
 
 
 def check_playback(path: Path) -> None:

@@ -13,6 +13,7 @@ from enliven.frames import DepthFrame
 from enliven_edge.importing.bags.fields import AlignedFields, Fields
 from enliven_edge.importing.bags.images import (
     checked_step,
+    checked_time,
     in_millimetres,
     packed_image,
     plain_image,
@@ -80,7 +81,7 @@ def _frame(topic: str, fields: Fields, camera: Intrinsics, step: float, name: st
 def _numbered(frame: DepthFrame, said: dict[str, str]) -> DepthFrame:
     """An image of a .db3, with the number and the camera's own time that come behind it."""
     try:
-        time_ns = round(1e6 * float(said["timestamp"]))
+        time_ns = checked_time(round(1e6 * float(said["timestamp"])), frame.sensor)
         return replace(frame, sequence=int(said["Frame number"]), time_ns=time_ns)
     except (KeyError, ValueError, OverflowError):
         return frame
