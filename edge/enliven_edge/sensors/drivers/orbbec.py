@@ -318,11 +318,11 @@ class OrbbecSensor:
 
 def _library() -> Any:
     """pyorbbecsdk, told to keep its log files to itself."""
-    ob = library("pyorbbecsdk", "orbbec")
+    ob = library("pyorbbecsdk", "orbbec", "--no-deps pyorbbecsdk2")
     found = tuple(int(part) for part in ob.get_version().split(".")[:2]) if hasattr(ob, "get_version") else (0,)
     if found < _OLDEST:
         what = f"pyorbbecsdk is of version {'.'.join(map(str, found))}, which has another interface"
-        mend = 'Type: pip uninstall pyorbbecsdk; pip install "enliven-edge[orbbec]"'
+        mend = "Type: pip uninstall pyorbbecsdk; pip install --no-deps pyorbbecsdk2"
         raise ResourceError(what, where="sensor orbbec", mend=mend)
     ob.Context.set_logger_to_file(ob.OBLogLevel.NONE, tempfile.gettempdir())
     ob.Context.set_logger_to_console(ob.OBLogLevel.ERROR)
