@@ -91,7 +91,7 @@ def test_a_bag_of_an_older_librealsense():
 
 @pytest.fixture(scope="module")
 def orbbec(tmp_path_factory) -> Path:
-    """A recording as Orbbec's library writes it; tests/edge/sensors/test_drivers.py has that library read it."""
+    """A recording as Orbbec's library writes it, which reads it in tests/edge/sensors/test_drivers.py."""
     folder = tmp_path_factory.mktemp("orbbec")
     with Recorder(folder / "take.mcap") as recorder:
         for number in range(IMAGES):
@@ -194,7 +194,7 @@ def test_a_recording_that_is_cut_off_leaves_nothing_behind(orbbec, tmp_path, sha
     content = (orbbec if which == "orbbec" else OLD_BAG).read_bytes()
     cut = tmp_path / "cut.bag"
     cut.write_bytes(content[: round(share * len(content))])
-    with pytest.raises(InputError, match="ends in the middle|not say what its depth camera"):
+    with pytest.raises(InputError, match=r"ends in the middle|not say what its depth camera"):
         run("import", cut, "-o", tmp_path / "cut.mcap")
     assert not list(tmp_path.glob("*.mcap*"))
 

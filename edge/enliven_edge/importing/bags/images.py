@@ -108,8 +108,8 @@ def plain_lens(
     elif model.lower().replace("_", " ") not in ("brown conrady", "plumb bob"):
         mend = "Record depth that is rectified."
         raise InputError(f"its images have the distortion model {model!r}", where=where, mend=mend)
-    k1, k2, p1, p2, k3 = bent
-    return Intrinsics(*size, *lens[:4], (k1, k2, p1, p2, k3))
+    (width, height), (fx, fy, cx, cy), (k1, k2, p1, p2, k3) = size, lens, bent
+    return Intrinsics(width, height, fx, fy, cx, cy, (k1, k2, p1, p2, k3))
 
 
 def rational_places(camera: Intrinsics, bent: tuple[float, ...]) -> Int:

@@ -23,6 +23,9 @@ from enliven_edge.importing.bags.ros1 import Message
 
 TOPIC = re.compile(r"/device_\d+/")
 _STREAM = re.compile(r"(/device_\d+)(/sensor_\d+)/Depth_\d+")
+_SMALL = re.compile(
+    r"/device_\d+(/info|/sensor_\d+/(option/Depth[_ ]Units/value|Depth_\d+(/info)?/camera_info))"
+)
 _USUAL_STEP = 1.0
 """Millimetres a step of depth where none was recorded: that of the D400 family."""
 Read = Callable[[Path, Callable[[str], bool]], Iterator[Message]]
@@ -106,8 +109,7 @@ def _about(path: Path, read: Read) -> _About:
 
 def _is_small(topic: str) -> bool:
     """Whether a topic says something of a camera; a .db3 has its lens in words too, beside each image."""
-    known = r"/device_\d+(/info|/sensor_\d+/option/Depth[_ ]Units/value|/sensor_\d+/Depth_\d+(/info)?/camera_info)"
-    return re.fullmatch(known, topic) is not None
+    return _SMALL.fullmatch(topic) is not None
 
 
 def _camera(fields: Fields) -> Intrinsics:

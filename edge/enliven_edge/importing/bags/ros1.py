@@ -98,7 +98,9 @@ def _unpacked(header: dict[bytes, bytes], packed: bytes, path: Path) -> bytes:
             case b"bz2":
                 content = bz2.BZ2Decompressor().decompress(packed, max_length=size + 1)
             case _:
-                raise InputError(f"it is packed by {how!r}", where=str(path), mend="Unpack it: rosbag decompress")
+                raise InputError(
+                    f"it is packed by {how!r}", where=str(path), mend="Unpack it: rosbag decompress"
+                )
     except (RuntimeError, OSError, EOFError, ValueError):
         raise InputError("a part cannot be unpacked", where=str(path), mend=_COPY) from None
     if len(content) != size:

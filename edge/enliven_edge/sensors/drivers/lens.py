@@ -71,8 +71,10 @@ def within(reach: tuple[float, float], profile: str, rehearsed: bool) -> Callabl
     known = load_profile(profile).range
     typical = (0.0, 0.0) if rehearsed else (known.near, known.far)
     near, far = (given or other for given, other in zip(reach, typical, strict=True))
-    if far and near >= far or near < 0 or far < 0:
-        raise InputError(f"near is {near} m and far {far} m", where="sensor", mend="Give near below far, both above 0.")
+    if (far and near >= far) or near < 0 or far < 0:
+        raise InputError(
+            f"near is {near} m and far {far} m", where="sensor", mend="Give near below far, both above 0."
+        )
     low, high = round(1e3 * near), min(round(1e3 * far), 65535) if far else 65535
     if not near and not far:
         return lambda depth: depth

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ipaddress
 import tempfile
 from collections import deque
 from dataclasses import replace
@@ -18,16 +17,12 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition
-from enliven_edge.sensors.drivers.extras import library
 from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical, within
+from enliven_edge.sensors.drivers.orbbec_library import depth_mode, in_a_line, opened_device, orbbec_library
 from enliven_edge.sensors.drivers.playback import write_playback
 
-_PORT = 8090
-"""The port at which Orbbec's network cameras answer."""
 _STILL = 100
 """Readings of the accelerometer, a second at 100 Hz, whose mean is gravity."""
-_MODES_SHOWN = 8
-"""Modes that are named where the wanted one is none."""
 _SYNC = ("free_run", "standalone", "primary", "secondary", "secondary_synced", "hardware_triggering")
 """How several cameras keep time: the modes of OBMultiDeviceSyncMode that need no more than a cable."""
 _KINDS = {
@@ -37,8 +32,6 @@ _KINDS = {
     "Femto": "orbbec-femto-mega",
 }
 """The profile of a camera, by its name, a regular expression."""
-_OLDEST = (2, 0)
-"""OrbbecSDK 1 has another interface."""
 
 
 class OrbbecSensor:
@@ -73,8 +66,10 @@ class OrbbecSensor:
         rehearse: str = "",
     ) -> None:
         if sync and sync not in _SYNC:
-            raise InputError(f"there is no sync {sync!r}", where="sensor orbbec", mend=f"Give {', '.join(_SYNC)}.")
-        self._ob = _library()
+            raise InputError(
+                f"there is no sync {sync!r}", where="sensor orbbec", mend=f"Give {', '.join(_SYNC)}."
+            )
+        self._ob = orbbec_library()
         self._pipeline: Any = None
         self._accelerometer: Any = None
         self._context: Any = None
@@ -88,7 +83,9 @@ class OrbbecSensor:
                 self._start()
         except self._ob.OBError as error:
             self.close()
-            raise ResourceError(_words(error), where=self.name, mend="Unplug it once; enliven doctor") from None
+            raise ResourceError(
+                in_a_line(error), where=self.name, mend="Unplug it once; enliven doctor"
+            ) from None
         except BaseException:
             self.close()
             raise
@@ -113,10 +110,12 @@ class OrbbecSensor:
                 raise TimeoutError(f"no image of {self.name} yet")
             return self._received(image)
         except self._ob.OBError as error:
-            raise ResourceError(_words(error), where=self.name, mend="Check its cable and power.") from None
+            raise ResourceError(
+                in_a_line(error), where=self.name, mend="Check its cable and power."
+            ) from None
 
     def condition(self) -> Condition:
-        """The link, the temperature, and gravity where there is an accelerometer; no maker's limit is known."""
+        """The link, the temperature (no limit is published), and gravity where there is an accelerometer."""
         link = self._device.get_device_info().get_connection_type()
         slow, usb = link.startswith("USB2"), link.replace("USB", "USB ")
         return Condition(usb, slow, self._celsius(), None, self._down(), self._calibrated)
@@ -143,21 +142,7 @@ class OrbbecSensor:
         """The camera, opened; the library tells when it is unplugged."""
         self.name = "sensor orbbec"
         self._context = self._ob.Context()
-        listed = self._context.query_devices()
-        known = [_names(listed, i) for i in range(len(listed))]
-        chosen = [i for i, names in enumerate(known) if not wanted or wanted in names]
-        try:
-            if chosen:
-                device = listed.get_device_by_index(chosen[0])
-            elif _is_address(wanted):
-                device = self._context.create_net_device(wanted, _PORT)
-            else:
-                raise _missing(wanted, known)
-        except self._ob.OBError as error:
-            mend = "Close what else uses it, and check that your user may open it: enliven doctor"
-            raise ResourceError(
-                f"it cannot be opened ({_words(error)})", where=wanted or self.name, mend=mend
-            ) from None
+        device = opened_device(self._ob, self._context, wanted)
         self._uid = device.get_device_info().get_uid()
         self._context.set_device_changed_callback(self._changed)
         return device
@@ -183,7 +168,9 @@ class OrbbecSensor:
             try:
                 device = self._ob.PlaybackDevice(str(bag))
             except self._ob.OBError as error:
-                raise InputError(f"Orbbec's library cannot play it ({_words(error)})", where=path) from None
+                raise InputError(
+                    f"Orbbec's library cannot play it ({in_a_line(error)})", where=path
+                ) from None
         device.set_playback_status_change_callback(self._played)
         return device
 
@@ -201,7 +188,8 @@ class OrbbecSensor:
         self._reach = within(reach, self._kind, self._rehearsed)
         self._configure(preset, sync)
         self._pipeline = ob.Pipeline(self._device)
-        profile = self._profile(mode)
+        wanted = (0, 0, 0) if self._rehearsed else mode
+        profile = depth_mode(ob, self._pipeline, wanted, self.name)
         self.fps, self._stream = float(profile.get_fps()), profile
         self._straighten = self._lens(profile)
         self._config = ob.Config()
@@ -259,28 +247,6 @@ class OrbbecSensor:
         names = [name for name in dir(all_parts) if name.endswith("_temperature")]
         return max((float(getattr(all_parts, name)) for name in names), default=None)
 
-    def _profile(self, mode: tuple[int, int, int]) -> Any:
-        """The stream of a width, height and rate, as far as they are given; the camera's own is preferred."""
-        ob = self._ob
-        listed = self._pipeline.get_stream_profile_list(ob.OBSensorType.DEPTH_SENSOR)
-        modes: dict[tuple[int, int, int], Any] = {}
-        each = [listed.get_default_video_stream_profile(), *(listed[i] for i in range(len(listed)))]
-        for profile in each:
-            if profile.get_format() in (ob.OBFormat.Y16, ob.OBFormat.Z16):
-                video = profile.as_video_stream_profile()
-                modes.setdefault((video.get_width(), video.get_height(), video.get_fps()), video)
-        wanted = () if self._rehearsed else mode
-        for known, profile in modes.items():
-            if all(not want or want == has for want, has in zip(wanted, known, strict=False)):
-                return profile
-        near = sorted(modes, key=lambda m: sum(abs(a - b) for a, b in zip(m, mode, strict=True) if b))
-        said = ", ".join(f"{w}x{h} at {fps}" for w, h, fps in near[:_MODES_SHOWN])
-        raise InputError(
-            f"it has no depth of {mode[0]}x{mode[1]} at {mode[2]} images a second on this port",
-            where=self.name,
-            mend=f"It has: {said}. 0 stands for any; on USB 2 there are fewer.",
-        )
-
     def _lens(self, profile: Any) -> Any:
         """Takes the camera's lens; returns a filter of the library for a distortion that ours cannot say."""
         ob, bent = self._ob, profile.get_distortion()
@@ -316,50 +282,9 @@ class OrbbecSensor:
         return DepthFrame(self._reach(depth), camera, time_ns, self.name, sequence=number)
 
 
-def _library() -> Any:
-    """pyorbbecsdk, told to keep its log files to itself."""
-    ob = library("pyorbbecsdk", "orbbec", "--no-deps pyorbbecsdk2")
-    found = tuple(int(part) for part in ob.get_version().split(".")[:2]) if hasattr(ob, "get_version") else (0,)
-    if found < _OLDEST:
-        what = f"pyorbbecsdk is of version {'.'.join(map(str, found))}, which has another interface"
-        mend = "Type: pip uninstall pyorbbecsdk; pip install --no-deps pyorbbecsdk2"
-        raise ResourceError(what, where="sensor orbbec", mend=mend)
-    ob.Context.set_logger_to_file(ob.OBLogLevel.NONE, tempfile.gettempdir())
-    ob.Context.set_logger_to_console(ob.OBLogLevel.ERROR)
-    return ob
-
-
-def _names(listed: Any, index: int) -> list[str]:
-    """What a connected camera may be called by: its serial number first."""
-    ask = ("serial_number", "name", "uid", "ip_address", "user_name")
-    return [getattr(listed, f"get_device_{word}_by_index")(index) for word in ask]
-
-
-def _missing(wanted: str, known: list[list[str]]) -> ResourceError:
-    """What to say where the camera is not there."""
-    if known:
-        said = ", ".join(f"{names[1]} {names[0]}" for names in known)
-        return ResourceError(f"there is no camera {wanted!r}", where="sensor orbbec", mend=f"Connected: {said}.")
-    mend = "Plug one into a USB 3 port, or give --set device=ADDRESS; enliven doctor"
-    return ResourceError("no Orbbec camera is connected", where="sensor orbbec", mend=mend)
-
-
-def _is_address(word: str) -> bool:
-    try:
-        ipaddress.ip_address(word)
-    except ValueError:
-        return False
-    return True
-
-
 def _coefficients(bent: Any) -> tuple[float, ...]:
     return bent.k1, bent.k2, bent.k3, bent.k4, bent.k5, bent.k6, bent.p1, bent.p2
 
 
 def _shape(camera: Intrinsics) -> str:
     return f"those of {camera.width}x{camera.height}"
-
-
-def _words(error: Exception) -> str:
-    """What the library says, in one line."""
-    return " ".join(str(error).split()).rstrip(".") or "its library failed"

@@ -30,11 +30,20 @@ _MOST_BYTES = 1 << 30
 """Bytes of images in a playback, more than a minute of 640x400 at 30: it is written before it is played."""
 _HEADER_SIZE = 4096
 """Bytes of the first record, which is written again at the end."""
-_OP_MESSAGE, _OP_HEADER, _OP_INDEX, _OP_CHUNK, _OP_CHUNK_INFO, _OP_CONNECTION = b"\2", b"\3", b"\4", b"\5", b"\6", b"\7"
+_OP_MESSAGE, _OP_HEADER, _OP_INDEX, _OP_CHUNK, _OP_CHUNK_INFO, _OP_CONNECTION = (
+    b"\2",
+    b"\3",
+    b"\4",
+    b"\5",
+    b"\6",
+    b"\7",
+)
 _DEPTH = 3
 """Orbbec's number of the depth sensor, its stream and its frames."""
 _Y16 = 8
 """Orbbec's number of the format of 16 bits a pixel."""
+_BROWN_CONRADY = 3
+"""Orbbec's number of the distortion model that ours is."""
 _FEMTO_MEGA = (0x2BC5, 0x0669)
 """USB's vendor and product of the camera that a playback claims to be: its depth is played as it is."""
 _FILE_VERSION = 2.0
@@ -187,7 +196,7 @@ def _head(time_us: int = BEGINNING_US) -> bytes:
 
 
 def _image(depth: np.ndarray, time_us: int, number: int) -> bytes:
-    """``sensor_msgs/Image`` with Orbbec's fields behind it: the bits of a pixel, number, times and metadata."""
+    """``sensor_msgs/Image`` with Orbbec's fields behind it: bits of a pixel, number, times and metadata."""
     height, width = depth.shape
     shape = struct.pack("<II", height, width) + _sized(b"mono16") + struct.pack("<BI", 0, 2 * width)
     pixels = _sized(np.ascontiguousarray(depth, "<u2").tobytes())
@@ -215,14 +224,10 @@ def _stream(camera: Intrinsics, fps: int) -> bytes:
         _head()
         + struct.pack("<BB12f", _DEPTH, _Y16, *values)
         + size
-        + struct.pack("<12fB", *lens, BROWN_CONRADY if bent else 0)
+        + struct.pack("<12fB", *lens, _BROWN_CONRADY if bent else 0)
     )
 
 
 def _property(number: int, value: bytes) -> bytes:
     """``custom_msg/OBProperty``."""
     return _head() + struct.pack("<I", number) + _sized(value) + struct.pack("<I", len(value))
-
-
-BROWN_CONRADY = 3
-"""Orbbec's number of the distortion model that ours is."""

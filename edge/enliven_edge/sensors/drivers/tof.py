@@ -31,7 +31,10 @@ _STEP = 100.0
 _WAITING = 4
 """Images of a rehearsal that may wait."""
 _REASONS = {
-    "ArducamNoPermission": ("your user may not open it", "Type: sudo usermod -aG video $USER, and log in again."),
+    "ArducamNoPermission": (
+        "your user may not open it",
+        "Type: sudo usermod -aG video $USER, and log in again.",
+    ),
     "ArducamUnkownDevice": ("the camera at this port is no Arducam ToF camera", "Check --set device=NUMBER."),
     "ArducamNoCache": ("it is in use, or its library has no memory left", "Close what else uses it."),
 }
