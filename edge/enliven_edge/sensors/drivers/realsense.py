@@ -95,7 +95,8 @@ class RealSenseSensor:
         usb = self._device.get_info(info) if self._device.supports(info) else ""
         hot = self._depth.supports(rs.option.asic_temperature)
         celsius = self._depth.get_option(rs.option.asic_temperature) if hot else None
-        return Condition(f"USB {usb}" if usb else "", usb.startswith("2"), celsius, _HOT, self._down(), self._calibrated)
+        link, slow = f"USB {usb}" if usb else "", usb.startswith("2")
+        return Condition(link, slow, celsius, _HOT, self._down(), self._calibrated)
 
     def close(self) -> None:
         """Lets the camera go; a second call does nothing."""
@@ -264,8 +265,8 @@ def _intrinsics(lens: Any, rs: Any, kind: str, name: str) -> tuple[Intrinsics, b
         )
     k1, k2, p1, p2, k3 = lens.coeffs
     said = (lens.fx, lens.fy, lens.ppx, lens.ppy)
-    camera, known = known_or_typical(lens.width, lens.height, said, kind, name)
-    return (replace(camera, distortion=(k1, k2, p1, p2, k3)) if known else camera), known
+    camera, told = known_or_typical(lens.width, lens.height, said, kind, name)
+    return (replace(camera, distortion=(k1, k2, p1, p2, k3)) if told else camera), told
 
 
 def _whole(millimetres: float) -> float:
