@@ -4,6 +4,7 @@ import bz2
 import importlib.util
 import sqlite3
 import struct
+import tracemalloc
 from pathlib import Path
 
 import lz4.frame
@@ -221,8 +222,13 @@ BOMB = lz4.frame.compress(bytes(1 << 26))
 )
 def test_hostile_bags(tmp_path, content, words):
     (tmp_path / "hostile.bag").write_bytes(content)
-    with pytest.raises(InputError, match=words):
-        read(tmp_path)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match=words):
+            read(tmp_path)
+        assert tracemalloc.get_traced_memory()[1] < 16 << 20, "a bomb was not let off"
+    finally:
+        tracemalloc.stop()
 
 
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT"

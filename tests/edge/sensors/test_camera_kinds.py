@@ -140,3 +140,54 @@ def test_a_playback_of_an_old_version_is_refused_before_the_library_hangs_on_it(
     write_playback(take, tmp_path / "old.bag")
     with pytest.raises(InputError, match="only version 2 is known"):
         kept_open(sensor_opener("orbbec", rehearse=str(tmp_path / "old.bag")))
+
+
+ACCELERATION = (0.5, -9.7, -1.25)
+"""What an accelerometer feels at rest, m/s^2, in its own frame: the opposite of gravity."""
+TURN = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""(3, 3) from the accelerometer's frame to the depth camera's: an axis becomes the next."""
+
+
+def felt(time_us: int, number: int) -> bytes:
+    """``sensor_msgs/Imu`` with Orbbec's fields: the reading and its temperature once more, as bytes."""
+    unknown, reading = struct.pack("<4d9d3d9d", *(0.0,) * 25), struct.pack("<4f", *ACCELERATION, 36.5)
+    own = struct.pack("<IQfQQQ", len(reading), number, 36.5, time_us, time_us, time_us)
+    moved = struct.pack("<3d9d", *ACCELERATION, *(0.0,) * 9)
+    return playback._head(time_us) + unknown + moved + playback._sized(reading) + own
+
+
+def accelerometer() -> bytes:
+    """``custom_msg/OBImuStreamProfileInfo``: 4 g, 100 readings a second."""
+    stands = struct.pack("<9f3f", *TURN.ravel(), 0.0, 0.0, 0.0)
+    return playback._head() + struct.pack("<6B", 4, 16, 2, 7, 0, 0) + stands + struct.pack("<27d", *(0.0,) * 27)
+
+
+def test_gravity_comes_from_the_accelerometer_in_the_cameras_frame(tmp_path, monkeypatch):
+    """Through Orbbec's library, which takes readings and the accelerometer's place from a playback."""
+    needs("orbbec")
+    more = {
+        "felt": ("/cam/sensor_4/frameType_4", "sensor_msgs/Imu", "6a62c6daae103f4ff57a132d6f95cec2"),
+        "stands": ("/cam/streamProfileType_4", "custom_msg/OBImuStreamProfileInfo", playback._MADE_UP),
+    }
+    monkeypatch.setattr(playback, "_TOPICS", playback._TOPICS | more)
+    made = playback._Bag.write
+
+    def write(bag, messages):
+        kind, time_us, _ = messages[0]
+        if kind == "image":
+            messages = [*messages, *(("felt", time_us + 10 * i, felt(time_us, i)) for i in range(5))]
+        else:
+            messages = [*messages, ("stands", time_us, accelerometer())]
+        made(bag, messages)
+
+    monkeypatch.setattr(playback._Bag, "write", write)
+    with Recorder(tmp_path / "take.mcap") as recorder:
+        for number in range(40):
+            frame = DepthFrame(picture(number, 96, 64), camera(96, 64, 80.25), number * 10**8, "test")
+            recorder.write_frame(frame)
+    write_playback(str(tmp_path / "take.mcap"), tmp_path / "felt.bag")
+    with open_sensor("orbbec", rehearse=str(tmp_path / "felt.bag")) as sensor:
+        gravity = None
+        while gravity is None and next_frame(sensor) is not None:
+            gravity = getattr(sensor.condition(), "gravity", None)
+    np.testing.assert_allclose(gravity, -TURN @ ACCELERATION, atol=1e-5)
