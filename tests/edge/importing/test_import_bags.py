@@ -205,6 +205,7 @@ def chunk(how: bytes, size: int, packed: bytes) -> bytes:
     return ros1.MAGIC + playback._record(playback._OP_CHUNK, fields, packed)
 
 
+LISTED = playback._connection(0, *playback._TOPICS["image"])
 BOMB = lz4.frame.compress(bytes(1 << 26))
 
 
@@ -217,6 +218,7 @@ BOMB = lz4.frame.compress(bytes(1 << 26))
         (chunk(b"lz4", 1000, b"nothing"), "cannot be unpacked"),
         (chunk(b"zip", 1, b"a"), "packed by b'zip'"),
         (ros1.MAGIC + struct.pack("<I", 1 << 30), "ends in the middle"),
+        (chunk(b"none", len(LISTED) - 2, LISTED[:-2]), "ends in the middle"),
         (ros1.MAGIC, "no known camera"),
     ],
 )

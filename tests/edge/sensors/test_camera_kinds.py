@@ -43,8 +43,12 @@ def test_a_camera_gets_the_profile_of_its_kind(kinds, otherwise, called, profile
     assert load_profile(kind_of(called, kinds, otherwise)).name == profile
 
 
+EDGES = [each + by for each in (500, 700, 1000, 2000, 3100, 5460) for by in (-1, 0, 1)]
+"""Millimetres around the ends of the reaches below."""
+
+
 @given(
-    st.lists(st.integers(0, 65535), min_size=1, max_size=50),
+    st.lists(st.sampled_from(EDGES) | st.integers(0, 65535), min_size=1, max_size=50),
     st.sampled_from([(0.0, 0.0), (1.0, 0.0), (0.0, 2.0), (0.7, 3.1)]),
     st.booleans(),
 )
