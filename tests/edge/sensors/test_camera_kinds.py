@@ -1,28 +1,22 @@
 """What is known of each kind of camera is used by its driver, and what only some drivers do."""
 
-import importlib.util
-import struct
+import importlib
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_drivers import needs
+from test_drivers import LIBRARIES, needs
 from test_isolation import next_frame, none_left  # noqa: F401 (a fixture)
 from troubled import camera, picture
 
-from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.recording import Recorder
-from enliven_edge.importing.bags.reader import BagReader
-from enliven_edge.sensors.drivers import oak, orbbec, playback, realsense
+from enliven_edge.sensors.drivers import oak, orbbec, realsense
 from enliven_edge.sensors.drivers.lens import kind_of, within
-from enliven_edge.sensors.drivers.playback import write_playback
 from enliven_edge.sensors.drivers.tof import TofSensor
 from enliven_edge.sensors.profile import load_profile
-from enliven_edge.sensors.registry import open_sensor, sensor_opener
-from enliven_edge.sensors.reopening import kept_open
 
 NAMES = [
     (oak._KINDS, "oak-d", "OAK-D-LITE", "OAK-D Lite"),
@@ -100,98 +94,35 @@ def test_what_the_time_of_flight_camera_has_not(options, words):
         TofSensor(**options)
 
 
-def test_orbbec_knows_its_ways_of_keeping_time():
-    with pytest.raises(InputError, match="Give free_run, standalone, primary"):
-        orbbec.OrbbecSensor(sync="boss")
-    needs("orbbec")
-    from pyorbbecsdk import OBMultiDeviceSyncMode
-
-    assert all(hasattr(OBMultiDeviceSyncMode, word.upper()) for word in orbbec._SYNC)
-
-
-BENT = (17.7, 12.3, 0.68, 18.0, 16.9, 3.6, 0.0001, -0.0002)
-"""k1 to k6, p1, p2 of a Femto's depth camera, the size that these have there."""
-
-
-def bent_stream(lens: Intrinsics, fps: int) -> bytes:
-    """The message of a stream with a rational distortion, model 4 of Orbbec."""
-    straight = playback_stream(lens, fps)
-    return straight[: -8 * 4 - 1] + struct.pack("<8fB", *BENT, 4)
-
-
-playback_stream = playback._stream
-
-
-def test_orbbecs_library_and_the_import_straighten_alike(take, tmp_path, monkeypatch):
-    """The library's own filter and ours round to the nearest pixel, but not every half in the same way."""
-    needs("orbbec")
-    monkeypatch.setattr(playback, "_stream", bent_stream)
-    write_playback(take, tmp_path / "bent.bag")
-    imported = {frame.sequence: frame for frame in BagReader().read([tmp_path / "bent.bag"])}
-    with open_sensor("orbbec", rehearse=str(tmp_path / "bent.bag")) as sensor:
-        played = next_frame(sensor)
-    ours = imported[played.sequence]
-    assert not any(played.intrinsics.distortion) and played.intrinsics == ours.intrinsics
-    assert (played.depth == ours.depth).mean() > 0.95
-    raw = picture(played.sequence, 96, 64)
-    assert (played.depth == raw).mean() < 0.7, "it was bent enough to tell"
+ASKED = {
+    "orbbec": {
+        "Context": "query_devices create_net_device set_device_changed_callback set_logger_to_file",
+        "DeviceList": "get_device_by_index get_device_serial_number_by_index get_device_name_by_index "
+        "get_device_uid_by_index get_device_ip_address_by_index get_device_user_name_by_index",
+        "Device": "get_device_info get_temperature get_sensor get_sensor_list load_preset "
+        "get_available_preset_list get_multi_device_sync_config set_multi_device_sync_config",
+        "DevicePresetList": "get_name_by_index",
+        "OBMultiDeviceSyncConfig": "mode",
+        "DeviceInfo": "get_uid get_serial_number get_name get_connection_type",
+    },
+    "tof": {
+        "ArducamCamera": "open start stop close setControl getControl getCameraInfo requestFrame "
+        "releaseFrame",
+        "CameraInfo": "width height",
+        "DepthData": "depth_data confidence_data",
+        "Control": "RANGE INTRINSIC_FX INTRINSIC_FY INTRINSIC_CX INTRINSIC_CY",
+        "TofErrorCode": "ArducamSuccess ArducamNoPermission ArducamUnkownDevice ArducamNoCache",
+        "Connection": "CSI",
+        "FrameType": "DEPTH",
+    },
+}
+"""What a driver asks of its library only where there is a device, class by class."""
 
 
-def test_a_playback_of_an_old_version_is_refused_before_the_library_hangs_on_it(take, tmp_path, monkeypatch):
-    if importlib.util.find_spec("pyorbbecsdk") is None:
-        pytest.skip("pyorbbecsdk is not installed: docs/sensors.md")
-    monkeypatch.setattr(playback, "_FILE_VERSION", 1.0)
-    write_playback(take, tmp_path / "old.bag")
-    with pytest.raises(InputError, match="only version 2 is known"):
-        kept_open(sensor_opener("orbbec", rehearse=str(tmp_path / "old.bag")))
-
-
-ACCELERATION = (0.5, -9.7, -1.25)
-"""What an accelerometer feels at rest, m/s^2, in its own frame: the opposite of gravity."""
-TURN = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""(3, 3) from the accelerometer's frame to the depth camera's: an axis becomes the next."""
-
-
-def felt(time_us: int, number: int) -> bytes:
-    """``sensor_msgs/Imu`` with Orbbec's fields: the reading and its temperature once more, as bytes."""
-    unknown, reading = struct.pack("<4d9d3d9d", *(0.0,) * 25), struct.pack("<4f", *ACCELERATION, 36.5)
-    own = struct.pack("<IQfQQQ", len(reading), number, 36.5, time_us, time_us, time_us)
-    moved = struct.pack("<3d9d", *ACCELERATION, *(0.0,) * 9)
-    return playback._head(time_us) + unknown + moved + playback._sized(reading) + own
-
-
-def accelerometer() -> bytes:
-    """``custom_msg/OBImuStreamProfileInfo``: 4 g, 100 readings a second."""
-    stands = struct.pack("<9f3f", *TURN.ravel(), 0.0, 0.0, 0.0)
-    return playback._head() + struct.pack("<6B", 4, 16, 2, 7, 0, 0) + stands + struct.pack("<27d", *(0.0,) * 27)
-
-
-def test_gravity_comes_from_the_accelerometer_in_the_cameras_frame(tmp_path, monkeypatch):
-    """Through Orbbec's library, which takes readings and the accelerometer's place from a playback."""
-    needs("orbbec")
-    more = {
-        "felt": ("/cam/sensor_4/frameType_4", "sensor_msgs/Imu", "6a62c6daae103f4ff57a132d6f95cec2"),
-        "stands": ("/cam/streamProfileType_4", "custom_msg/OBImuStreamProfileInfo", playback._MADE_UP),
-    }
-    monkeypatch.setattr(playback, "_TOPICS", playback._TOPICS | more)
-    made = playback._Bag.write
-
-    def write(bag, messages):
-        kind, time_us, _ = messages[0]
-        if kind == "image":
-            messages = [*messages, *(("felt", time_us + 10 * i, felt(time_us, i)) for i in range(5))]
-        else:
-            messages = [*messages, ("stands", time_us, accelerometer())]
-        made(bag, messages)
-
-    monkeypatch.setattr(playback._Bag, "write", write)
-    with Recorder(tmp_path / "take.mcap") as recorder:
-        for number in range(40):
-            frame = DepthFrame(picture(number, 96, 64), camera(96, 64, 80.25), number * 10**8, "test")
-            recorder.write_frame(frame)
-    write_playback(str(tmp_path / "take.mcap"), tmp_path / "felt.bag")
-    with open_sensor("orbbec", rehearse=str(tmp_path / "felt.bag")) as sensor:
-        gravity = None
-        while gravity is None and next_frame(sensor) is not None:
-            gravity = getattr(sensor.condition(), "gravity", None)
-    np.testing.assert_allclose(gravity, -TURN @ ACCELERATION, atol=1e-5)
+@pytest.mark.parametrize("driver", ASKED)
+def test_a_library_has_what_only_a_device_would_show(driver):
+    needs(driver)
+    library = importlib.import_module(LIBRARIES[driver])
+    for kind, words in ASKED[driver].items():
+        missing = [word for word in words.split() if not hasattr(getattr(library, kind), word)]
+        assert not missing, f"{kind} has no {', '.join(missing)}"
