@@ -1,6 +1,7 @@
 """The makers' own recordings: what went in through their libraries comes out, and damage is a sentence."""
 
 import bz2
+import contextlib
 import importlib.util
 import sqlite3
 import struct
@@ -76,6 +77,30 @@ def test_what_went_into_librealsense_comes_out(tmp_path, packed):
         assert frame.intrinsics == CAMERA and frame.sensor == f"realsense-{SERIAL}"
     run("import", tmp_path / "take.db3", "-o", tmp_path / "take.mcap")
     assert len(list(Recording(tmp_path / "take.mcap").frames())) == IMAGES
+
+
+def test_one_of_two_cameras_is_chosen_by_its_number(tmp_path):
+    """The second camera is the first once more, under the next number and with another serial number."""
+    if importlib.util.find_spec("pyrealsense2") is None:
+        pytest.skip('pyrealsense2 is not installed: pip install "./edge[realsense]"')
+    path = tmp_path / "two.db3"
+    librealsense_writes(path, False)
+    with contextlib.closing(sqlite3.connect(path)) as database:
+        database.execute(
+            "INSERT INTO topics SELECT id + 100, replace(name, 'device_0', 'device_1'), type, "
+            "serialization_format, offered_qos_profiles FROM topics"
+        )
+        for topic, time_ns, data in database.execute(
+            "SELECT topic_id, timestamp, data FROM messages"
+        ).fetchall():
+            other = data.replace(SERIAL.encode(), SERIAL[::-1].encode())
+            row = (topic + 100, time_ns, other)
+            database.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", row)
+        database.commit()
+    with pytest.raises(InputError, match=f"2 depth cameras. Choose one: --device {SERIAL} or {SERIAL[::-1]}"):
+        read(path)
+    _, frames = read(path, device=SERIAL[::-1])
+    assert len(frames) == IMAGES and frames[0].sensor == f"realsense-{SERIAL[::-1]}"
 
 
 def test_a_bag_of_an_older_librealsense():

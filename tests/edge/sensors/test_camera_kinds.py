@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from test_drivers import LIBRARIES, needs
-from test_isolation import next_frame, none_left  # noqa: F401 (a fixture)
 from troubled import camera, picture
 
 from enliven.errors import InputError
