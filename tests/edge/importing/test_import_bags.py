@@ -162,6 +162,29 @@ def test_what_orbbec_recorded_otherwise_is_refused(tmp_path, orbbec, monkeypatch
         with_properties(tmp_path, orbbec, monkeypatch, about)
 
 
+@pytest.mark.parametrize(
+    ("name", "product", "made", "known"),
+    [
+        (b"Femto Bolt", 0x066B, None, True),
+        (b"Orbbec Gemini 335", 0x0800, 1, True),
+        (b"Orbbec Gemini 335", 0x0800, None, False),
+        (b"Orbbec Gemini 2", 0x0670, 1, False),
+        (b"Orbbec DaBai", 0x060E, 1, False),
+    ],
+)
+def test_images_that_only_the_library_understands_are_refused(
+    tmp_path, orbbec, monkeypatch, name, product, made, known
+):
+    """A camera has to say that it made depth of its disparities; a Femto has none."""
+    monkeypatch.setattr(playback, "_CAMERA", (0x2BC5, product, name))
+    about = {0: struct.pack("<d", 2.0)} | ({} if made is None else {85: struct.pack("<i", made)})
+    if known:
+        assert with_properties(tmp_path, orbbec, monkeypatch, about)
+    else:
+        with pytest.raises(InputError, match=r"only Orbbec's library understands\. Have the library play it"):
+            with_properties(tmp_path, orbbec, monkeypatch, about)
+
+
 def with_properties(folder, orbbec, monkeypatch, about):
     """The frames of a recording with other properties of the camera."""
     made = playback._Bag.write

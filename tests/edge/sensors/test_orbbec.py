@@ -127,28 +127,36 @@ def test_gravity_comes_from_the_accelerometer_in_the_cameras_frame(tmp_path, mon
     np.testing.assert_allclose(gravity, -TURN @ ACCELERATION, atol=1e-5)
 
 
-STEPS = [(0x0800, 176, struct.pack("<f", 0.25)), (0x0670, 75, struct.pack("<i", 2))]
-"""A Gemini 335 says its step of depth in millimetres, a Gemini 2 by a level: product and property."""
+STEPS = [
+    (0x0800, b"Orbbec Gemini 335", 176, struct.pack("<f", 0.25)),
+    (0x0660, b"Orbbec Astra 2", 75, struct.pack("<i", 2)),
+]
+"""A Gemini 335 says its step of depth in millimetres, an Astra 2 by a level: product, name and property."""
 
 
-@pytest.mark.parametrize(("product", "number", "value"), STEPS)
+@pytest.mark.parametrize(("product", "name", "number", "value"), STEPS)
 def test_orbbecs_library_and_the_import_take_the_same_steps(
-    take, tmp_path, monkeypatch, product, number, value
+    take, tmp_path, monkeypatch, product, name, number, value
 ):
-    """Cameras that make depth of disparities say of themselves, beside the step, that they did."""
+    """Cameras that make depth of disparities say that they did (85, 3004), and that nothing is smoothed (24)."""
     needs("orbbec")
     made = playback._Bag.write
 
     def write(bag, messages):
         if messages[0][0] != "image":
-            about = {85: struct.pack("<i", 1), 3004: struct.pack("<i", 0), number: value}
+            about = {
+                85: struct.pack("<i", 1),
+                3004: struct.pack("<i", 0),
+                24: struct.pack("<i", 0),
+                number: value,
+            }
             messages = messages + [
                 ("property", 1_000_000, playback._property(*each)) for each in about.items()
             ]
         made(bag, messages)
 
     monkeypatch.setattr(playback._Bag, "write", write)
-    monkeypatch.setattr(playback, "_FEMTO_MEGA", (0x2BC5, product))
+    monkeypatch.setattr(playback, "_CAMERA", (0x2BC5, product, name))
     write_playback(take, tmp_path / "steps.bag")
     imported = {frame.sequence: frame for frame in BagReader().read([tmp_path / "steps.bag"])}
     with open_sensor("orbbec", rehearse=str(tmp_path / "steps.bag")) as sensor:

@@ -6,6 +6,7 @@ definition understands them.
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -42,6 +43,12 @@ _STEPS = (1.0, 0.8, 0.4, 0.1, 0.2, 0.5, 0.05)
 """Millimetres a step of depth, by Orbbec's level of precision."""
 _MODELS = ("none", "modified", "inverse", "brown conrady", "brown conrady", "fisheye")
 """Orbbec's distortion models by their numbers."""
+_MEASURES_DEPTH = (0x0669, 0x06C0, 0x066B)
+"""USB's product ids of Femto Mega and Bolt, which measure by time of flight and have no disparities."""
+_KNOWN = re.compile(r"Gemini [3-9]\d\d|Astra 2")
+"""Cameras that make depth of their disparities themselves, where a property says so, in the steps above. The
+library plays those of a Gemini 2 with a quarter of the recorded numbers; older ones were not tried."""
+_PLAY = "Have the library play it: enliven record --sensor orbbec --set rehearse={} -o take.mcap"
 _RATIONAL = 4
 """The number of the model with six coefficients; with three it is ours."""
 _NONE = (0.0,) * 5
@@ -54,12 +61,14 @@ class _About:
     Attributes:
         camera: the lens of the images that are handed on.
         places: (H*W,) from where in a recorded image each of their pixels comes; None: all stay.
-        serial: the camera's serial number.
+        name, product, serial: what the camera calls itself, USB's product id, its serial number.
         properties: its settings, as bytes, by Orbbec's numbers.
     """
 
     camera: Intrinsics | None = None
     places: Int | None = None
+    name: str = ""
+    product: int = 0
     serial: str = ""
     properties: dict[int, bytes] = field(default_factory=dict)
 
@@ -75,6 +84,7 @@ def frames(path: Path, device: str | None) -> Iterator[DepthFrame]:
     """
     about = _about(path)
     assert about.camera is not None
+    _check_depth(about, path)
     step, name = _step(about, path), device or "-".join(filter(None, ("orbbec", about.serial)))
     for _, fields in messages(path, lambda topic: topic == _IMAGES):
         fields.numbers("III")
@@ -109,7 +119,7 @@ def _about(path: Path) -> _About:
         if topic == _STREAM:
             about.camera, about.places = _camera(fields)
         elif topic == _DEVICE:
-            about.serial = _serial(fields)
+            about.name, about.product, about.serial = _device(fields)
         else:
             number = fields.count()
             about.properties[number] = fields.block()
@@ -120,10 +130,23 @@ def _about(path: Path) -> _About:
     if about.camera is None:
         what = "it does not say what its depth camera is: it was not closed, or has no depth"
         raise InputError(what, where=str(path), mend="Record it again with the depth stream on.")
-    if about.properties.get(_IN_DEVICE) and not any(about.properties[_IN_DEVICE]):
-        what = "it holds the camera's disparities in place of depth"
-        raise InputError(what, where=str(path), mend="Record it again with hardware disparity-to-depth on.")
     return about
+
+
+def _check_depth(about: _About, path: Path) -> None:
+    """Looks whether the images are depth.
+
+    Raises:
+        InputError: where they are disparities, or may be.
+    """
+    made = about.properties.get(_IN_DEVICE)
+    if made is not None and not any(made):
+        what = "it holds the camera's disparities in place of depth"
+        raise InputError(what, where=str(path), mend=_PLAY.format(path))
+    if about.product not in _MEASURES_DEPTH and (made is None or not _KNOWN.search(about.name)):
+        camera = about.name or "without a name"
+        what = f"it is of a camera ({camera}) whose images only Orbbec's library understands"
+        raise InputError(what, where=str(path), mend=_PLAY.format(path))
 
 
 def _value(about: _About, number: int, kind: str, otherwise: float) -> float:
@@ -154,10 +177,9 @@ def _camera(fields: Fields) -> tuple[Intrinsics, Int | None]:
     return plain_lens((width, height), lens, word, bent, fields.where), None
 
 
-def _serial(fields: Fields) -> str:
-    """``custom_msg/OBDeviceInfo``."""
-    for _ in range(3):
-        fields.text()
-    fields.numbers("HH")
-    fields.text()
-    return fields.text()
+def _device(fields: Fields) -> tuple[str, int, str]:
+    """``custom_msg/OBDeviceInfo``: name, product and serial number."""
+    name, _full, _chip = fields.text(), fields.text(), fields.text()
+    _vendor, product = fields.numbers("HH")
+    _place = fields.text()
+    return name, int(product), fields.text()

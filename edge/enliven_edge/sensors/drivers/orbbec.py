@@ -116,8 +116,7 @@ class OrbbecSensor:
 
     def condition(self) -> Condition:
         """The link, the temperature (no limit is published), and gravity where there is an accelerometer."""
-        link = self._device.get_device_info().get_connection_type()
-        slow, usb = link.startswith("USB2"), link.replace("USB", "USB ")
+        slow, usb = self._link.startswith("USB2"), self._link.replace("USB", "USB ")
         return Condition(usb, slow, self._celsius(), None, self._down(), self._calibrated)
 
     def close(self) -> None:
@@ -184,6 +183,7 @@ class OrbbecSensor:
         ob, about = self._ob, self._device.get_device_info()
         if not self._rehearsed:
             self.name = f"orbbec {about.get_serial_number()}"
+        self._link = about.get_connection_type()
         self._kind = kind_of(about.get_name(), _KINDS, "orbbec-gemini335")
         self._reach = within(reach, self._kind, self._rehearsed)
         self._configure(preset, sync)

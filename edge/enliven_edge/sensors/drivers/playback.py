@@ -44,8 +44,9 @@ _Y16 = 8
 """Orbbec's number of the format of 16 bits a pixel."""
 _BROWN_CONRADY = 3
 """Orbbec's number of the distortion model that ours is."""
-_FEMTO_MEGA = (0x2BC5, 0x0669)
-"""USB's vendor and product of the camera that a playback claims to be: its depth is played as it is."""
+_CAMERA = (0x2BC5, 0x0669, b"Femto Mega")
+"""USB's vendor and product and the name of the camera that a playback claims to be: one whose depth is played
+as it is."""
 _FILE_VERSION = 2.0
 """What OrbbecSDK 2.4 and later write and accept."""
 _MADE_UP = "0123456789abcdef0123456789abcdef"
@@ -206,10 +207,11 @@ def _image(depth: np.ndarray, time_us: int, number: int) -> bytes:
 
 def _device() -> bytes:
     """``custom_msg/OBDeviceInfo``."""
-    name, serial, link = b"Femto Mega", b"rehearsal", b"USB3.0"
+    vendor, product, name = _CAMERA
+    serial, link = b"rehearsal", b"USB3.0"
     text = [name, name, b"", b"rehearsal", serial, b"1.2.8", b"1.0", b"2.0.0", link]
     words = [_sized(each) for each in text]
-    words.insert(3, struct.pack("<HH", *_FEMTO_MEGA))
+    words.insert(3, struct.pack("<HH", vendor, product))
     return _head() + b"".join(words) + struct.pack("<HB", 0, 0) + 2 * _sized(b"")
 
 
