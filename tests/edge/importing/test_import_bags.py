@@ -1,14 +1,11 @@
 """The makers' own recordings: what went in through their libraries comes out, and damage is a sentence."""
 
-import bz2
 import contextlib
 import importlib.util
 import sqlite3
 import struct
-import tracemalloc
 from pathlib import Path
 
-import lz4.frame
 import numpy as np
 import pytest
 from hypothesis import given
@@ -20,7 +17,6 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.recording import Recorder, Recording
-from enliven_edge.importing.bags import ros1
 from enliven_edge.importing.bags.images import rational_places
 from enliven_edge.importing.bags.reader import BagReader
 from enliven_edge.sensors.drivers import playback
@@ -181,7 +177,9 @@ def test_images_that_only_the_library_understands_are_refused(
     if known:
         assert with_properties(tmp_path, orbbec, monkeypatch, about)
     else:
-        with pytest.raises(InputError, match=r"only Orbbec's library understands\. Have the library play it"):
+        with pytest.raises(
+            InputError, match=r"only Orbbec's library understands .*\. Have the library play it"
+        ):
             with_properties(tmp_path, orbbec, monkeypatch, about)
 
 
@@ -246,66 +244,6 @@ def test_a_recording_that_is_cut_off_leaves_nothing_behind(orbbec, tmp_path, sha
     with pytest.raises(InputError, match=r"ends in the middle|not say what its depth camera"):
         run("import", cut, "-o", tmp_path / "cut.mcap")
     assert not list(tmp_path.glob("*.mcap*"))
-
-
-def chunk(how: bytes, size: int, packed: bytes) -> bytes:
-    fields = {"compression": how, "size": struct.pack("<I", size)}
-    return ros1.MAGIC + playback._record(playback._OP_CHUNK, fields, packed)
-
-
-LISTED = playback._connection(0, *playback._TOPICS["image"])
-BOMB = lz4.frame.compress(bytes(1 << 26))
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (chunk(b"none", 1 << 31, b"a"), "2147483648 bytes"),
-        (chunk(b"lz4", 1000, BOMB), "another size than it says"),
-        (chunk(b"bz2", 1000, bz2.compress(bytes(1 << 20))), "another size than it says"),
-        (chunk(b"lz4", 1000, b"nothing"), "cannot be unpacked"),
-        (chunk(b"zip", 1, b"a"), "packed by b'zip'"),
-        (ros1.MAGIC + struct.pack("<I", 1 << 30), "ends in the middle"),
-        (chunk(b"none", len(LISTED) - 2, LISTED[:-2]), "ends in the middle"),
-        (ros1.MAGIC, "no known camera"),
-    ],
-)
-def test_hostile_bags(tmp_path, content, words):
-    (tmp_path / "hostile.bag").write_bytes(content)
-    tracemalloc.start()
-    try:
-        with pytest.raises(InputError, match=words):
-            read(tmp_path)
-        assert tracemalloc.get_traced_memory()[1] < 16 << 20, "a bomb was not let off"
-    finally:
-        tracemalloc.stop()
-
-
-ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT"
-
-
-@pytest.mark.parametrize(
-    "script",
-    [
-        "CREATE TABLE other(id)",
-        f"CREATE VIEW topics AS {ENDLESS} i AS id, '/device_0/x' AS name FROM n; CREATE TABLE messages(id)",
-        "CREATE TABLE topics(id, name); CREATE TABLE messages(id, topic_id, data); "
-        "INSERT INTO topics VALUES ('x', '/device_0/sensor_0/Depth_0/camera_info')",
-        "CREATE TABLE topics(id, name); CREATE TABLE messages(id, topic_id, data); "
-        "INSERT INTO topics VALUES (1, '/device_0/sensor_0/Depth_0/camera_info'); "
-        "INSERT INTO messages VALUES (1, 1, x'0001000004000000')",
-    ],
-)
-def test_hostile_databases(tmp_path, script):
-    path = tmp_path / "hostile.db3"
-    database = sqlite3.connect(path)
-    database.executescript(script)
-    database.close()
-    with pytest.raises(InputError):
-        read(path)
-    path.write_bytes(path.read_bytes()[:100] + bytes(1000))
-    with pytest.raises(InputError, match="damaged"):
-        read(path)
 
 
 def test_several_recordings_are_imported_one_by_one(orbbec):

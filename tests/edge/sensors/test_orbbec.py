@@ -138,7 +138,7 @@ STEPS = [
 def test_orbbecs_library_and_the_import_take_the_same_steps(
     take, tmp_path, monkeypatch, product, name, number, value
 ):
-    """Cameras that make depth of disparities say that they did (85, 3004), and that nothing is smoothed (24)."""
+    """Cameras that make depth of disparities say that they did (85, 3004), and that none is smoothed (24)."""
     needs("orbbec")
     made = playback._Bag.write
 

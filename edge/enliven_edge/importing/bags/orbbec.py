@@ -145,7 +145,7 @@ def _check_depth(about: _About, path: Path) -> None:
         raise InputError(what, where=str(path), mend=_PLAY.format(path))
     if about.product not in _MEASURES_DEPTH and (made is None or not _KNOWN.search(about.name)):
         camera = about.name or "without a name"
-        what = f"it is of a camera ({camera}) whose images only Orbbec's library understands"
+        what = f"only Orbbec's library understands the images of its camera ({camera})"
         raise InputError(what, where=str(path), mend=_PLAY.format(path))
 
 

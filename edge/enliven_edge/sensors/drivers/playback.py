@@ -45,8 +45,8 @@ _Y16 = 8
 _BROWN_CONRADY = 3
 """Orbbec's number of the distortion model that ours is."""
 _CAMERA = (0x2BC5, 0x0669, b"Femto Mega")
-"""USB's vendor and product and the name of the camera that a playback claims to be: one whose depth is played
-as it is."""
+"""USB's vendor and product and the name of the camera that a playback claims to be: the library
+plays the depth of a Femto as it is."""
 _FILE_VERSION = 2.0
 """What OrbbecSDK 2.4 and later write and accept."""
 _MADE_UP = "0123456789abcdef0123456789abcdef"
