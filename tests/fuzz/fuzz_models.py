@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import io
+import sqlite3
 import struct
 import tempfile
 import zipfile
@@ -12,7 +14,7 @@ from random import Random
 
 import numpy as np
 from fuzz_mutations import mutated
-from fuzz_seeds import character, json_anew, poses
+from fuzz_seeds import character, json_anew, poses, recording
 from made_gltf import random_rig
 from surgery_worlds import random_project
 
@@ -21,6 +23,7 @@ from enliven.formats.project_file import project_bytes
 from enliven.graph_shape import graph_shape_of
 from enliven.mesh import Mesh
 from enliven.mesh_files import save_mesh
+from enliven_edge.sensors.drivers.playback import write_playback
 
 
 @functools.cache
@@ -35,6 +38,39 @@ def project() -> bytes:
     graph, stream = graph_shape_of(character(), poses(), "dance")
     made = made.with_shapes(shape.with_changes(mesh=mesh, skin=skin)).with_streams(stream).with_graphs(graph)
     return project_bytes(made)
+
+
+def orbbec_bag() -> bytes:
+    """A recording in Orbbec's layout, of the depth image that our recording has."""
+    with tempfile.TemporaryDirectory() as folder:
+        take, bag = Path(folder) / "seed.mcap", Path(folder) / "seed.bag"
+        take.write_bytes(recording())
+        write_playback(str(take), bag)
+        return bag.read_bytes()
+
+
+def realsense_database() -> bytes:
+    """A recording in librealsense's layout since 2.57, of one small image."""
+    words = "width=6;height=4;fx=5;fy=5;ppx=2;ppy=1;model=Brown Conrady;coeffs=0.1,0,0,0,0"
+    said = {
+        "camera_info": struct.pack("<4sI", b"\0\1\0\0", len(words)) + words.encode(),
+        "image/data": struct.pack(
+            "<4siII2sxxIII7sxII48x", b"\0\1\0\0", 1, 2, 2, b"D", 4, 6, 7, b"mono16", 12, 48
+        ),
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "seed.db3"
+        with contextlib.closing(sqlite3.connect(path)) as database:
+            database.executescript(
+                "PRAGMA page_size = 512; CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT);"
+                "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, data BLOB)"
+            )
+            for number, (topic, data) in enumerate(said.items(), 1):
+                name = f"/device_0/sensor_0/Depth_0/{topic}"
+                database.execute("INSERT INTO topics VALUES (?, ?)", (number, name))
+                database.execute("INSERT INTO messages VALUES (?, ?, ?)", (number, number, data))
+            database.commit()
+        return path.read_bytes()
 
 
 def project_anew(dice: Random) -> bytes:

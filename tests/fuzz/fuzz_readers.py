@@ -31,6 +31,7 @@ from enliven.wire import convert, envelope, messages, topics
 from enliven.wire.envelope import Malformed
 from enliven.wire.matches import message_to_board
 from enliven.wire.posecode import PoseCodec
+from enliven_edge.importing.bags.reader import BagReader
 from enliven_viewer.document import Document
 from enliven_viewer.takes import Take
 
@@ -125,6 +126,14 @@ def _bvh(data: bytes, folder: Path) -> None:
     assert capture.positions.shape == (capture.frames, len(capture.names), 3)
 
 
+def _bag(name: str) -> Callable[[bytes, Path], None]:
+    def read(data: bytes, folder: Path) -> None:
+        for frame in BagReader().read([_file(folder, name, data)]):
+            assert frame.depth.shape == (frame.intrinsics.height, frame.intrinsics.width)
+
+    return read
+
+
 def _file(folder: Path, name: str, data: bytes) -> Path:
     path = folder / name
     path.write_bytes(data)
@@ -199,6 +208,8 @@ def targets() -> list[Target]:
         Target("mesh glb", 150, models.glb_anew, _mesh(".glb")),
         Target("bvh", 500, seeds.of_bytes(texts.BVH), _bvh),
         Target("expmap", 50, seeds.of_bytes(texts.EXPMAP), lambda d, f: read_expmap(_file(f, "a.txt", d))),
+        Target("orbbec bag", 250, seeds.of_bytes(models.orbbec_bag()), _bag("a.bag")),
+        Target("realsense database", 250, seeds.of_bytes(models.realsense_database()), _bag("a.db3")),
         Target("mapping", 150, seeds.of_bytes(texts.PLAN), lambda d, f: read_plan(_file(f, "a.toml", d))),
         Target("settings", 50, seeds.of_bytes(texts.SETTINGS, texts.PLAN), _settings),
         Target("session", 100, seeds.of_bytes(texts.SESSION), _session),

@@ -80,6 +80,7 @@ def import_recording(
       enliven import PERSON_TURN/ -o turn.mcap                    a folder of depth images
       enliven import GESTURES/WAVE.csv -o wave.mcap               one skeleton recording
       enliven import STUDY.csv --device 10.0.0.7 -o two.mcap      one of several Kinects in a file
+      enliven import VIEWER.bag -o viewer.mcap                    RealSense Viewer, Orbbec Viewer (or .db3)
       enliven import "FRAMES/*.u16" --fps 15 -o frames.mcap       images without times
       enliven import --list-readers                               the layouts that are known
     """

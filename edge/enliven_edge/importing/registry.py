@@ -17,6 +17,7 @@ ENTRY_POINTS = "enliven.readers"
 """Other packages add readers through this group: an entry point names a class like those here."""
 
 _BUILT_IN = (
+    "bags.reader:BagReader",
     "opencv_depth:OpenCvDepthReader",
     "posed_depth:PosedDepthReader",
     "realsense:RealSenseReader",

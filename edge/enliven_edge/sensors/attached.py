@@ -25,6 +25,7 @@ class CameraKind:
         title: what the device's own name contains; a vendor such as Intel makes much else.
         sensor: the driver's name in enliven; empty where there is none.
         package: its library on PyPI.
+        pip: what pip installs it by, where no extra of that name can have it.
         bad: versions of the library that do not work, a regular expression, and why.
         boots: whether it has these ids only until its firmware is loaded, on a link that is slow anyway.
     """
@@ -35,8 +36,14 @@ class CameraKind:
     title: str = ""
     sensor: str = ""
     package: str = ""
+    pip: str = ""
     bad: tuple[str, str] | None = None
     boots: bool = False
+
+    @property
+    def install(self) -> str:
+        """The line that installs its library."""
+        return f"pip install {self.pip}" if self.pip else f'pip install "enliven-edge[{self.sensor}]"'
 
 
 _OAK_LITE = (r"3\.(7\.[1-9]|[89]\.|10\.)", "an OAK-D Lite delivers no depth with it (luxonis/depthai#1252)")
@@ -44,7 +51,7 @@ KINDS = (
     CameraKind("OAK", "03e7", "2485", sensor="oak", package="depthai", bad=_OAK_LITE, boots=True),
     CameraKind("OAK", "03e7", sensor="oak", package="depthai", bad=_OAK_LITE),
     CameraKind("RealSense", "8086", title="RealSense", sensor="realsense", package="pyrealsense2"),
-    CameraKind("Orbbec", "2bc5"),
+    CameraKind("Orbbec", "2bc5", sensor="orbbec", package="pyorbbecsdk2", pip="--no-deps pyorbbecsdk2"),
     CameraKind("Kinect v1", "045e", "02ae|02bf"),
     CameraKind("Kinect v2", "045e", "02c4|02d8|02d9"),
     CameraKind("Azure Kinect", "045e", "097[a-e]"),
@@ -78,9 +85,9 @@ class Attached:
         try:
             installed = version(kind.package)
         except PackageNotFoundError:
-            return f"{kind.package} is not installed", f'Type: pip install "enliven-edge[{kind.sensor}]"'
+            return f"{kind.package} is not installed", f"Type: {kind.install}"
         if kind.bad and re.match(kind.bad[0], installed):
-            mend = f'Type: pip install "enliven-edge[{kind.sensor}]", which has a version that works.'
+            mend = f"Type: {kind.install}, which has a version that works."
             return f"{kind.package} {installed}: {kind.bad[1]}", mend
         return None
 

@@ -73,10 +73,20 @@ def test_what_a_camera_lacks_is_said_with_what_to_type(usb, monkeypatch):
 
 
 def test_the_doctor_shows_each(usb, monkeypatch):
-    usb("2bc5", "0670", "Orbbec Gemini 335")
+    usb("045e", "02c4", "Xbox NUI Sensor")
     monkeypatch.setattr(doctor, "attached", usb.found)
-    check = next(check for check in doctor.checks() if check.name == "Orbbec")
-    assert not check.ok and "Gemini 335" in check.detail and "add-a-sensor" in check.mend
+    check = next(check for check in doctor.checks() if check.name == "Kinect v2")
+    assert not check.ok and "NUI" in check.detail and "add-a-sensor" in check.mend
+
+
+def test_a_library_that_no_extra_can_have_has_its_own_line(usb, monkeypatch):
+    def nothing(package: str) -> str:
+        raise module.PackageNotFoundError(package)
+
+    monkeypatch.setattr(module, "version", nothing)
+    usb("2bc5", "0670", "Orbbec Gemini 335")
+    (trouble,) = usb.found()[0].troubles()
+    assert trouble == ("pyorbbecsdk2 is not installed", "Type: pip install --no-deps pyorbbecsdk2")
 
 
 def test_the_rules_open_the_cameras_that_are_known_and_no_other_devices(usb):

@@ -19,7 +19,14 @@ from enliven_edge.sensors.drivers.lens import known_or_typical
 from enliven_edge.sensors.registry import open_sensor, sensor_opener
 from enliven_edge.sensors.reopening import kept_open
 
-LIBRARIES = {"oak": "depthai", "realsense": "pyrealsense2"}
+LIBRARIES = {
+    "oak": "depthai",
+    "orbbec": "pyorbbecsdk",
+    "realsense": "pyrealsense2",
+    "tof": "ArducamDepthCamera",
+}
+WITHOUT = {"tof"}
+"""Drivers that rehearse without their library, which has nothing to rehearse with."""
 FRAMES = 300
 STEP = 11_111_111
 """Nanoseconds between two images, 90 a second: the fastest mode of the two."""
@@ -29,9 +36,15 @@ CLOCK = 1_000
 
 @pytest.fixture(params=LIBRARIES)
 def driver(request) -> str:
-    if importlib.util.find_spec(LIBRARIES[request.param]) is None:
-        pytest.skip(f'{LIBRARIES[request.param]} is not installed: pip install "./edge[{request.param}]"')
+    if request.param not in WITHOUT:
+        needs(request.param)
     return request.param
+
+
+def needs(driver: str) -> None:
+    """Skips a test where the driver's library is missing."""
+    if importlib.util.find_spec(LIBRARIES[driver]) is None:
+        pytest.skip(f"{LIBRARIES[driver]} is not installed: docs/sensors.md")
 
 
 @pytest.fixture
@@ -107,6 +120,7 @@ def test_what_cannot_be_used_is_said(driver, options):
 
 def test_without_a_camera_it_says_what_to_do(driver):
     """No camera of the kind is beside this machine, which the doctor would say."""
+    needs(driver)
     if any(camera.kind.sensor == driver for camera in attached()):
         pytest.skip("there is one")
     with pytest.raises(ResourceError, match=r"Plug .* enliven doctor"):

@@ -16,7 +16,7 @@ def said(capsys, *words: str) -> tuple[int, str, str]:
 
 def test_all_are_listed(capsys):
     code, out, _ = said(capsys)
-    assert code == 0 and "oak, realsense, replay, synthetic, webcam" in out
+    assert code == 0 and "oak, orbbec, realsense, replay, synthetic, tof, webcam" in out
 
 
 def test_what_one_sees_is_told_and_drawn(capsys, tmp_path):

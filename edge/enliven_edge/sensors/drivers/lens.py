@@ -1,13 +1,30 @@
-"""The lens of a camera that does not know its own."""
+"""What a camera does not say of itself: its kind's lens and reach, from ``firmware_configs/sensors``."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from enliven.arrays import UInt16
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven_edge.sensors.profile import load_profile
 
 _SHORTEST = 10.0
 """Pixels of focal length below which a camera has told nothing: those of depth cameras are 150 to 1,000."""
+
+
+def kind_of(name: str, kinds: Mapping[str, str], otherwise: str) -> str:
+    """The profile of a camera that calls itself so.
+
+    Args:
+        kinds: the profile by a regular expression that the name contains; the first that does counts.
+        otherwise: the profile of a camera that none of them fits.
+    """
+    fits = (profile for words, profile in kinds.items() if re.search(words, name, re.IGNORECASE))
+    return next(fits, otherwise)
 
 
 def known_or_typical(
@@ -36,3 +53,29 @@ def known_or_typical(
             mend=f"Ask for {typical.width}x{typical.height}, or calibrate the camera with its maker's tool.",
         )
     return typical, False
+
+
+def within(reach: tuple[float, float], profile: str, rehearsed: bool) -> Callable[[UInt16], UInt16]:
+    """What leaves out depths that a camera cannot have measured.
+
+    Args:
+        reach: (near, far) metres; 0 stands for the profile's, or in a rehearsal for any: a recording may be
+            of another camera.
+
+    Returns:
+        takes (H, W) uint16 millimetres, and returns them with 0 outside the reach.
+
+    Raises:
+        InputError: where the reach is empty.
+    """
+    known = load_profile(profile).range
+    typical = (0.0, 0.0) if rehearsed else (known.near, known.far)
+    near, far = (given or other for given, other in zip(reach, typical, strict=True))
+    if (far and near >= far) or near < 0 or far < 0:
+        raise InputError(
+            f"near is {near} m and far {far} m", where="sensor", mend="Give near below far, both above 0."
+        )
+    low, high = round(1e3 * near), min(round(1e3 * far), 65535) if far else 65535
+    if not near and not far:
+        return lambda depth: depth
+    return lambda depth: np.where((depth >= low) & (depth <= high), depth, np.uint16(0))

@@ -14,7 +14,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition
 from enliven_edge.sensors.drivers.extras import library
-from enliven_edge.sensors.drivers.lens import known_or_typical
+from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical
 from enliven_edge.sensors.drivers.rehearsal import Rehearsal
 
 _WAITING = 4
@@ -23,6 +23,8 @@ _SEARCH_MS = "1500"
 """Milliseconds that the library looks for a camera (of itself 10 s); one that is there answers at once."""
 _FELT_HZ = 100
 """Readings of the accelerometer a second; the mean of a second is gravity."""
+_KINDS = {"LITE": "oak-d-lite"}
+"""The profile of a camera, by what its product name contains; the others have the OAK-D's pair."""
 _HOT = 105.0
 """Degrees Celsius of the chip at which it throttles and then stops (RVC2 data sheet)."""
 
@@ -65,7 +67,7 @@ class OakSensor:
         self._gravity: list[np.ndarray] = []
         self._camera: Intrinsics | None = None
         self._matrix: Any = None
-        self._calibrated = True
+        self._calibrated, self._kind = True, "oak-d"
         self._rehearsal: Rehearsal | None = None
         self._images: Any = None
         if rehearse:
@@ -135,6 +137,7 @@ class OakSensor:
             )
         self._device = self._found(device)
         self.name, self.fps = f"oak {self._device.getDeviceId()}", fps
+        self._kind = kind_of(self._device.getProductName(), _KINDS, self._kind)
         self._pipeline = dai.Pipeline(self._device)
         stereo = self._pipeline.create(dai.node.StereoDepth).build(
             autoCreateCameras=True, presetMode=presets[preset], size=size, fps=fps
@@ -171,7 +174,7 @@ class OakSensor:
         if self._camera is None or matrix != self._matrix:
             (fx, _, cx), (_, fy, cy), _ = matrix
             lens = (fx, fy, cx, cy)
-            self._camera, self._calibrated = known_or_typical(width, height, lens, "oak-d", self.name)
+            self._camera, self._calibrated = known_or_typical(width, height, lens, self._kind, self.name)
             self._matrix = matrix
         return self._camera
 

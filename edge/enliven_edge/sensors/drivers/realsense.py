@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from dataclasses import replace
 from types import TracebackType
 from typing import Any
 
@@ -14,6 +15,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition
 from enliven_edge.sensors.drivers.extras import library
+from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical
 from enliven_edge.sensors.drivers.rehearsal import Rehearsal
 
 _WAITING = 4
@@ -22,6 +24,8 @@ _STILL = 100
 """Readings of the accelerometer, half a second at 200 Hz, whose mean is gravity."""
 _HOT = 90.0
 """Degrees Celsius of the vision processor at which the makers' data sheet ends (D400 family)."""
+_KINDS = {"D41": "realsense-d415", "D45": "realsense-d455", "D405": "realsense-d405"}
+"""The profile of a camera, by what its name contains; the others have the D435's pair."""
 _MODES_SHOWN = 8
 """Modes that are named where the wanted one is none."""
 
@@ -91,7 +95,8 @@ class RealSenseSensor:
         usb = self._device.get_info(info) if self._device.supports(info) else ""
         hot = self._depth.supports(rs.option.asic_temperature)
         celsius = self._depth.get_option(rs.option.asic_temperature) if hot else None
-        return Condition(f"USB {usb}" if usb else "", usb.startswith("2"), celsius, _HOT, self._down())
+        link, slow = f"USB {usb}" if usb else "", usb.startswith("2")
+        return Condition(link, slow, celsius, _HOT, self._down(), self._calibrated)
 
     def close(self) -> None:
         """Lets the camera go; a second call does nothing."""
@@ -143,7 +148,9 @@ class RealSenseSensor:
             mode = (camera.width, camera.height, round(self._rehearsal.fps))
         profile = self._profile(mode)
         self.fps = float(profile.fps())
-        self._camera = _intrinsics(profile.get_intrinsics(), rs, self.name)
+        called = self._device.get_info(info.name) if self._device.supports(info.name) else ""
+        kind = kind_of(called, _KINDS, "realsense-d435")
+        self._camera, self._calibrated = _intrinsics(profile.get_intrinsics(), rs, kind, self.name)
         self._scale = _whole(1e3 * self._depth.get_option(rs.option.depth_units))
         self._open(self._depth, profile, self._images)
         motion = [sensor for sensor in self._device.query_sensors() if sensor.is_motion_sensor()]
@@ -243,8 +250,12 @@ def _library() -> Any:
     return library("pyrealsense2", "realsense")
 
 
-def _intrinsics(lens: Any, rs: Any, name: str) -> Intrinsics:
-    """The camera as the library describes it; the fields of the inverse model are none of ours."""
+def _intrinsics(lens: Any, rs: Any, kind: str, name: str) -> tuple[Intrinsics, bool]:
+    """The camera as the library describes it, or as its kind's profile does, and whether the library did.
+
+    Raises:
+        InputError: for a distortion of another model: the fields of the inverse one are none of ours.
+    """
     known = (rs.distortion.none, rs.distortion.brown_conrady)
     if lens.model not in known and any(lens.coeffs):
         raise InputError(
@@ -253,7 +264,9 @@ def _intrinsics(lens: Any, rs: Any, name: str) -> Intrinsics:
             mend="Choose a depth mode, which is rectified.",
         )
     k1, k2, p1, p2, k3 = lens.coeffs
-    return Intrinsics(lens.width, lens.height, lens.fx, lens.fy, lens.ppx, lens.ppy, (k1, k2, p1, p2, k3))
+    said = (lens.fx, lens.fy, lens.ppx, lens.ppy)
+    camera, told = known_or_typical(lens.width, lens.height, said, kind, name)
+    return (replace(camera, distortion=(k1, k2, p1, p2, k3)) if told else camera), told
 
 
 def _whole(millimetres: float) -> float:

@@ -1,0 +1,1 @@
+"""Recordings of the makers' own tools: ROS bags of RealSense and Orbbec."""

@@ -1,0 +1,136 @@
+"""Depth images of a recording: their pixels, and how many millimetres one step is."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+from PIL import Image
+
+from enliven.arrays import Int, UInt16
+from enliven.camera import Intrinsics
+from enliven.errors import InputError
+from enliven_edge.importing.bags.fields import Fields
+from enliven_edge.sensors.base import TIME_LIMIT_NS
+
+_WIDEST = 8192
+"""Pixels of an image's side; the makers' largest have 1,600."""
+_PNG_BEGINS = 12
+"""Bytes that ROS puts before the PNG of a packed depth image."""
+_DEPTHS = ("mono16", "16uc1", "z16")
+"""What the makers call images of 16 bits a pixel in distances."""
+
+
+def plain_image(fields: Fields) -> UInt16:
+    """(H, W) the pixels of a ``sensor_msgs/Image`` behind its head.
+
+    Raises:
+        InputError: where it is no depth image, or has another size than it says.
+    """
+    height, width = fields.count(), fields.count()
+    encoding = fields.text().lower()
+    swapped, step = fields.number("B"), fields.count()
+    pixels = fields.block()
+    if encoding not in _DEPTHS:
+        what = f"its depth is packed as {encoding!r}"
+        raise InputError(what, where=fields.where, mend="Record it again with depth of 16 bits (Y16).")
+    shape = 0 < width <= _WIDEST and 0 < height <= _WIDEST
+    if not shape or step < 2 * width or len(pixels) != step * height:
+        raise fields.damaged()
+    rows = np.frombuffer(pixels, ">u2" if swapped else "<u2")[: height * (step // 2)]
+    if step % 2:
+        raise fields.damaged()
+    return rows.reshape(height, step // 2)[:, :width].astype(np.uint16)
+
+
+def packed_image(fields: Fields) -> UInt16:
+    """(H, W) the pixels of a ``sensor_msgs/CompressedImage`` behind its head.
+
+    Raises:
+        InputError: where it is no depth image.
+    """
+    fields.text()
+    packed = fields.block()[_PNG_BEGINS:]
+    try:
+        with Image.open(io.BytesIO(packed), formats=["PNG"]) as picture:
+            if max(picture.size) > _WIDEST or not picture.mode.startswith("I"):
+                raise fields.damaged()
+            return np.asarray(picture).astype(np.uint16)
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        raise fields.damaged() from None
+
+
+def in_millimetres(depth: UInt16, millimetres: float) -> UInt16:
+    """Depths of another step, rounded."""
+    if millimetres == 1.0:
+        return depth
+    return np.rint(depth * millimetres).clip(0, 65535).astype(np.uint16)
+
+
+def checked_step(millimetres: float, where: str) -> float:
+    """A step of depth that a camera may have, without the rounding of a float32, which knows seven digits.
+
+    Raises:
+        InputError: where it is none.
+    """
+    if not (math.isfinite(millimetres) and 0.0 < millimetres <= 1000.0):
+        raise InputError(f"its step of depth is {millimetres} mm", where=where, mend="Record it again.")
+    return float(f"{millimetres:.6g}")
+
+
+def checked_time(time_ns: int, where: str) -> int:
+    """A time that a recording may have, nanoseconds.
+
+    Raises:
+        InputError: where it is beyond all calendars.
+    """
+    if abs(time_ns) >= TIME_LIMIT_NS:
+        raise InputError(f"an image has the time {time_ns} ns", where=where, mend="Copy the recording again.")
+    return time_ns
+
+
+def plain_lens(
+    size: tuple[int, int], lens: tuple[float, ...], model: str, bent: tuple[float, ...], where: str
+) -> Intrinsics:
+    """The camera of a recording.
+
+    Args:
+        lens: (fx, fy, cx, cy) pixels.
+        model: of the distortion, as the maker names it.
+        bent: its k1, k2, p1, p2, k3.
+
+    Raises:
+        InputError: for a model that is not ours.
+    """
+    if not any(bent):
+        bent = (0.0,) * 5
+    elif model.lower().replace("_", " ") not in ("brown conrady", "plumb bob"):
+        mend = "Record depth that is rectified."
+        raise InputError(f"its images have the distortion model {model!r}", where=where, mend=mend)
+    (width, height), (fx, fy, cx, cy), (k1, k2, p1, p2, k3) = size, lens, bent
+    return Intrinsics(width, height, fx, fy, cx, cy, (k1, k2, p1, p2, k3))
+
+
+def rational_places(camera: Intrinsics, bent: tuple[float, ...]) -> Int:
+    """(H*W,) from which pixel of an image with OpenCV's rational distortion each pixel without it comes.
+
+    The nearest one: between depths there is no mean. H*W stands for none.
+
+    Args:
+        camera: the lens without its distortion.
+        bent: k1, k2, p1, p2, k3, k4, k5, k6.
+    """
+    k1, k2, p1, p2, k3, k4, k5, k6 = bent
+    v, u = np.mgrid[: camera.height, : camera.width]
+    x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
+    with np.errstate(all="ignore"):
+        r2 = x * x + y * y
+        stretch = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+        bent_x = x * stretch + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        bent_y = y * stretch + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        column, row = np.rint(bent_x * camera.fx + camera.cx), np.rint(bent_y * camera.fy + camera.cy)
+        inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+    places = np.full(inside.shape, inside.size, np.int64)
+    places[inside] = (row[inside] * camera.width + column[inside]).astype(np.int64)
+    return places.ravel()

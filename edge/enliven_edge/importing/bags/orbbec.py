@@ -1,0 +1,185 @@
+"""Recordings of OrbbecSDK 2.4 and later.
+
+Its image messages have a field that their written definition lacks, so that no reader that goes by the
+definition understands them.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import Int
+from enliven.camera import Intrinsics
+from enliven.errors import InputError
+from enliven.frames import DepthFrame
+from enliven_edge.importing.bags.fields import Fields
+from enliven_edge.importing.bags.images import (
+    checked_step,
+    checked_time,
+    in_millimetres,
+    plain_image,
+    plain_lens,
+    rational_places,
+)
+from enliven_edge.importing.bags.ros1 import messages
+
+PREFIX = "/cam/"
+_IMAGES, _STREAM, _DEVICE, _PROPERTY = (
+    "/cam/sensor_3/frameType_3",
+    "/cam/streamProfileType_3",
+    "/cam/deviceInfo",
+    "/cam/property",
+)
+_VERSION, _PRECISION, _UNIT, _IN_DEVICE = 0, 75, 176, 85
+"""Properties: the file's version, the step of depth in levels and in millimetres, and whether the camera made
+depth of its disparities."""
+_STEPS = (1.0, 0.8, 0.4, 0.1, 0.2, 0.5, 0.05)
+"""Millimetres a step of depth, by Orbbec's level of precision."""
+_MODELS = ("none", "modified", "inverse", "brown conrady", "brown conrady", "fisheye")
+"""Orbbec's distortion models by their numbers."""
+_MEASURES_DEPTH = (0x0669, 0x06C0, 0x066B)
+"""USB's product ids of Femto Mega and Bolt, which measure by time of flight and have no disparities."""
+_KNOWN = re.compile(r"Gemini [3-9]\d\d|Astra 2")
+"""Cameras that make depth of their disparities themselves, where a property says so, in the steps above. The
+library plays those of a Gemini 2 with a quarter of the recorded numbers; older ones were not tried."""
+_PLAY = "Have the library play it: enliven record --sensor orbbec --set rehearse={} -o take.mcap"
+_RATIONAL = 4
+"""The number of the model with six coefficients; with three it is ours."""
+_NONE = (0.0,) * 5
+
+
+@dataclass
+class _About:
+    """What a recording says beside its images, most of it at its end.
+
+    Attributes:
+        camera: the lens of the images that are handed on.
+        places: (H*W,) from where in a recorded image each of their pixels comes; None: all stay.
+        name, product, serial: what the camera calls itself, USB's product id, its serial number.
+        properties: its settings, as bytes, by Orbbec's numbers.
+    """
+
+    camera: Intrinsics | None = None
+    places: Int | None = None
+    name: str = ""
+    product: int = 0
+    serial: str = ""
+    properties: dict[int, bytes] = field(default_factory=dict)
+
+
+def frames(path: Path, device: str | None) -> Iterator[DepthFrame]:
+    """The depth images of a recording.
+
+    Args:
+        device: the name to give the sensor; None for one with its serial number.
+
+    Raises:
+        InputError: where it holds none, or cannot be understood.
+    """
+    about = _about(path)
+    assert about.camera is not None
+    _check_depth(about, path)
+    step, name = _step(about, path), device or "-".join(filter(None, ("orbbec", about.serial)))
+    for _, fields in messages(path, lambda topic: topic == _IMAGES):
+        fields.numbers("III")
+        fields.text()
+        depth = plain_image(fields)
+        _bits, number, time_us = (int(each) for each in fields.numbers("IQQ"))
+        if about.places is not None and depth.size == about.places.size:
+            depth = np.append(depth.ravel(), np.uint16(0))[about.places].reshape(depth.shape)
+        time_ns = checked_time(1000 * time_us, fields.where)
+        yield DepthFrame(in_millimetres(depth, step), about.camera, time_ns, name, sequence=number)
+
+
+def check_playback(path: Path) -> None:
+    """Looks whether Orbbec's library can play a recording: it hangs on one of another version.
+
+    Raises:
+        InputError: where it cannot.
+    """
+    _about(path)
+
+
+def _about(path: Path) -> _About:
+    """What the small messages say.
+
+    Raises:
+        InputError: where the depth camera is missing, or the file is of another version.
+    """
+    about = _About()
+    for topic, fields in messages(path, lambda topic: topic in (_STREAM, _DEVICE, _PROPERTY)):
+        fields.numbers("III")
+        fields.text()
+        if topic == _STREAM:
+            about.camera, about.places = _camera(fields)
+        elif topic == _DEVICE:
+            about.name, about.product, about.serial = _device(fields)
+        else:
+            number = fields.count()
+            about.properties[number] = fields.block()
+    version = _value(about, _VERSION, "d", 1.0)
+    if int(version) != 2:
+        mend = "Record it again with OrbbecSDK 2.4 or later."
+        raise InputError(f"it is of version {version}, only version 2 is known", where=str(path), mend=mend)
+    if about.camera is None:
+        what = "it does not say what its depth camera is: it was not closed, or has no depth"
+        raise InputError(what, where=str(path), mend="Record it again with the depth stream on.")
+    return about
+
+
+def _check_depth(about: _About, path: Path) -> None:
+    """Looks whether the images are depth.
+
+    Raises:
+        InputError: where they are disparities, or may be.
+    """
+    made = about.properties.get(_IN_DEVICE)
+    if made is not None and not any(made):
+        what = "it holds the camera's disparities in place of depth"
+        raise InputError(what, where=str(path), mend=_PLAY.format(path))
+    if about.product not in _MEASURES_DEPTH and (made is None or not _KNOWN.search(about.name)):
+        camera = about.name or "without a name"
+        what = f"only Orbbec's library understands the images of its camera ({camera})"
+        raise InputError(what, where=str(path), mend=_PLAY.format(path))
+
+
+def _value(about: _About, number: int, kind: str, otherwise: float) -> float:
+    """A property as a number."""
+    data = about.properties.get(number, b"")
+    size = struct.calcsize(kind)
+    return float(struct.unpack("<" + kind, data[:size])[0]) if len(data) >= size else otherwise
+
+
+def _step(about: _About, path: Path) -> float:
+    """Millimetres of one step of depth."""
+    level = round(_value(about, _PRECISION, "i", 0.0))
+    usual = _STEPS[level] if 0 <= level < len(_STEPS) else 1.0
+    return checked_step(_value(about, _UNIT, "f", usual), str(path))
+
+
+def _camera(fields: Fields) -> tuple[Intrinsics, Int | None]:
+    """``custom_msg/OBStreamProfileInfo``: the lens, and how to straighten images where it is not ours."""
+    fields.numbers("BB12f")
+    width, height, _fps = (int(each) for each in fields.numbers("HHH"))
+    fx, fy, cx, cy, k1, k2, k3, k4, k5, k6, p1, p2 = fields.numbers("12f")
+    model, lens = int(fields.number("B")), (fx, fy, cx, cy)
+    if model == _RATIONAL and any((k4, k5, k6)):
+        straight = plain_lens((width, height), lens, "none", _NONE, fields.where)
+        return straight, rational_places(straight, (k1, k2, p1, p2, k3, k4, k5, k6))
+    word = _MODELS[model] if model < len(_MODELS) else str(model)
+    bent = _NONE if model == 0 else (k1, k2, p1, p2, k3)
+    return plain_lens((width, height), lens, word, bent, fields.where), None
+
+
+def _device(fields: Fields) -> tuple[str, int, str]:
+    """``custom_msg/OBDeviceInfo``: name, product and serial number."""
+    name, _full, _chip = fields.text(), fields.text(), fields.text()
+    _vendor, product = fields.numbers("HH")
+    _place = fields.text()
+    return name, int(product), fields.text()

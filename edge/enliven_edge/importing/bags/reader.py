@@ -1,0 +1,42 @@
+"""The reader of the makers' own recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from enliven.errors import InputError
+from enliven.frames import DepthFrame
+from enliven_edge.importing.bags import orbbec, realsense, ros1, ros2
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
+
+
+class BagReader:
+    """A recording of librealsense (.bag, .db3) or of OrbbecSDK (.bag): the depth camera and its images."""
+
+    name = "bag"
+    description = "recordings of RealSense (.bag, .db3) and Orbbec (.bag) tools"
+    note = ""
+
+    def can_read(self, paths: Sequence[Path]) -> bool:
+        return any(_is_recording(path) for path in paths)
+
+    def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
+        path = only_one([path for path in paths if _is_recording(path)] or paths)
+        if head_of(path, len(ros2.MAGIC)) == ros2.MAGIC:
+            yield from realsense.frames(path, ros2.messages, options.device)
+            return
+        for topic, _ in ros1.messages(path, lambda topic: True):
+            if topic.startswith(orbbec.PREFIX):
+                yield from orbbec.frames(path, options.device)
+                return
+            if realsense.TOPIC.match(topic):
+                yield from realsense.frames(path, ros1.messages, options.device)
+                return
+        mend = "Only those of RealSense and Orbbec are known."
+        raise InputError("it is a ROS bag of no known camera", where=str(path), mend=mend)
+
+
+def _is_recording(path: Path) -> bool:
+    head = head_of(path, len(ros2.MAGIC))
+    return head.startswith(ros1.MAGIC) or (head == ros2.MAGIC and path.suffix == ".db3")

@@ -1,0 +1,151 @@
+"""The messages of a ROS bag of version 2.0, read from its beginning: its index is not needed."""
+
+from __future__ import annotations
+
+import bz2
+import os
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+import lz4.frame
+
+from enliven.errors import InputError
+from enliven.files import open_file
+from enliven_edge.importing.bags.fields import Fields
+
+MAGIC = b"#ROSBAG V2.0\n"
+_MOST_HEADER = 1 << 16
+"""Bytes of a record's header; a connection's has a topic's name."""
+_MOST_CHUNK = 1 << 27
+"""Bytes of a chunk, unpacked: the makers' have one message or 768 KiB, an image has up to 50 MB."""
+_MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7
+"""The kinds of record that matter; the others are the index."""
+_COPY = "Copy it again; it was not closed, or copied only in part."
+
+
+class Message(NamedTuple):
+    """One message of a recording."""
+
+    topic: str
+    fields: Fields
+
+
+def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
+    """The messages of the wanted topics, in the order of the file.
+
+    Raises:
+        InputError: where the file is damaged, cut off, or would not fit into memory.
+    """
+    with open_file(path) as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise InputError("it is no ROS bag of version 2.0", where=str(path), mend="Choose another file.")
+        size = os.fstat(file.fileno()).st_size
+        topics: dict[bytes, str] = {}
+        while (at := file.tell()) < size:
+            header = _header(_sized(file, _MOST_HEADER, path), path)
+            if _kind(header) != _CHUNK:
+                left = _size(file, path)
+                if left > size - file.tell():
+                    raise _cut(at, path)
+                if _kind(header) == _CONNECTION:
+                    _connect(header, topics)
+                file.seek(left, os.SEEK_CUR)
+                continue
+            yield from _inside(_unpacked(header, _sized(file, _MOST_CHUNK, path), path), topics, wanted, path)
+
+
+def _inside(
+    chunk: bytes, topics: dict[bytes, str], wanted: Callable[[str], bool], path: Path
+) -> Iterator[Message]:
+    """The messages of a chunk; its connections are added to ``topics``."""
+    at = 0
+    while at < len(chunk):
+        header_at, at = _extent(chunk, at, path)
+        header = _header(chunk[header_at:at], path)
+        data_at, at = _extent(chunk, at, path)
+        if _kind(header) == _CONNECTION:
+            _connect(header, topics)
+        elif _kind(header) == _MESSAGE:
+            topic = topics.get(header.get(b"conn", b""))
+            if topic is None:
+                raise InputError("a message has no topic", where=str(path), mend=_COPY)
+            if wanted(topic):
+                yield Message(topic, Fields(chunk[data_at:at], f"{path}, {topic}"))
+
+
+def _extent(chunk: bytes, at: int, path: Path) -> tuple[int, int]:
+    """Where a sized part of a chunk begins and ends."""
+    begin = at + 4
+    end = begin + int.from_bytes(chunk[at:begin], "little")
+    if begin > len(chunk) or end > len(chunk):
+        raise _cut(at, path)
+    return begin, end
+
+
+def _unpacked(header: dict[bytes, bytes], packed: bytes, path: Path) -> bytes:
+    """The content of a chunk, never more than it says of itself."""
+    how, size = header.get(b"compression", b""), int.from_bytes(header.get(b"size", b"")[:4], "little")
+    if size > _MOST_CHUNK:
+        raise _too_large(size, path)
+    try:
+        match how:
+            case b"none":
+                content = packed
+            case b"lz4":
+                content = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size + 1)
+            case b"bz2":
+                content = bz2.BZ2Decompressor().decompress(packed, max_length=size + 1)
+            case _:
+                raise InputError(
+                    f"it is packed by {how!r}", where=str(path), mend="Unpack it: rosbag decompress"
+                )
+    except (RuntimeError, OSError, EOFError, ValueError):
+        raise InputError("a part cannot be unpacked", where=str(path), mend=_COPY) from None
+    if len(content) != size:
+        raise InputError("a part has another size than it says", where=str(path), mend=_COPY)
+    return content
+
+
+def _header(content: bytes, path: Path) -> dict[bytes, bytes]:
+    """The fields of a record's header."""
+    fields, at = {}, 0
+    while at < len(content):
+        begin, at = _extent(content, at, path)
+        key, _, value = content[begin:at].partition(b"=")
+        fields[key] = value
+    return fields
+
+
+def _connect(header: dict[bytes, bytes], topics: dict[bytes, str]) -> None:
+    topics[header.get(b"conn", b"")] = header.get(b"topic", b"").decode("utf-8", errors="replace")
+
+
+def _kind(header: dict[bytes, bytes]) -> int:
+    return int.from_bytes(header.get(b"op", b"")[:1], "little")
+
+
+def _size(file: BinaryIO, path: Path) -> int:
+    four = file.read(4)
+    if len(four) < 4:
+        raise _cut(file.tell(), path)
+    return int(struct.unpack("<I", four)[0])
+
+
+def _sized(file: BinaryIO, most: int, path: Path) -> bytes:
+    """The next bytes of the file, as many as are said before them."""
+    size = _size(file, path)
+    if size > os.fstat(file.fileno()).st_size - file.tell():
+        raise _cut(file.tell(), path)
+    if size > most:
+        raise _too_large(size, path)
+    return file.read(size)
+
+
+def _cut(at: int, path: Path) -> InputError:
+    return InputError(f"it ends in the middle of what begins at byte {at}", where=str(path), mend=_COPY)
+
+
+def _too_large(size: int, path: Path) -> InputError:
+    return InputError(f"a part has {size} bytes, no depth camera writes such", where=str(path), mend=_COPY)

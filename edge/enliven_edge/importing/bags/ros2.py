@@ -1,0 +1,63 @@
+"""The messages of a ROS 2 recording in a database, as librealsense has written them since 2.57."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from urllib.parse import quote
+
+from enliven.errors import InputError
+from enliven.files import open_file
+from enliven_edge.importing.bags.fields import AlignedFields
+from enliven_edge.importing.bags.ros1 import Message
+
+MAGIC = b"SQLite format 3\0"
+_MOST_MESSAGE = 1 << 27
+"""Bytes of a message; an image has up to 50 MB."""
+_MOST_TOPICS = 1000
+"""Topics; a camera's recording has some 200, an option each."""
+
+
+def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
+    """The messages of the wanted topics, in the order in which they were recorded.
+
+    Raises:
+        InputError: where the file is damaged or no recording.
+    """
+    open_file(path).close()
+    try:
+        with contextlib.closing(_opened(path)) as database:
+            topics = {number: name for number, name in database.execute(_TOPICS) if wanted(str(name))}
+            chosen = ",".join(str(int(number)) for number in topics)
+            for number, data in database.execute(_MESSAGES.format(chosen)):
+                topic = str(topics[number])
+                yield Message(topic, AlignedFields(bytes(data), f"{path}, {topic}"))
+    except (sqlite3.Error, OverflowError, TypeError, ValueError) as error:
+        what = f"the database is damaged, or no recording ({error})"
+        raise InputError(what, where=str(path), mend="Copy it again.") from None
+
+
+_TOPICS = f"SELECT id, name FROM topics LIMIT {_MOST_TOPICS}"
+_MESSAGES = "SELECT topic_id, data FROM messages WHERE topic_id IN ({}) ORDER BY id"
+_TABLES = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN ('topics', 'messages')"
+"""A view of such a name could be made to run for ever."""
+
+
+def _opened(path: Path) -> sqlite3.Connection:
+    """The database, which is only read.
+
+    Raises:
+        sqlite3.Error: where it is none, or has no such tables.
+    """
+    database = sqlite3.connect(f"file:{quote(str(path))}?mode=ro&immutable=1", uri=True)
+    try:
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _MOST_MESSAGE)
+        database.execute("PRAGMA trusted_schema = OFF")
+        if database.execute(_TABLES).fetchone() != (2,):
+            raise sqlite3.DatabaseError("it has no messages")
+    except BaseException:
+        database.close()
+        raise
+    return database

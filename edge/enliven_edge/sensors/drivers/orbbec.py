@@ -1,0 +1,290 @@
+"""Depth cameras of Orbbec (Gemini, Astra 2, Femto Mega, Femto Bolt), by OrbbecSDK 2."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from collections import deque
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import UInt16
+from enliven.camera import Intrinsics
+from enliven.errors import InputError, ResourceError
+from enliven.frames import DepthFrame
+from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical, within
+from enliven_edge.sensors.drivers.orbbec_library import depth_mode, in_a_line, opened_device, orbbec_library
+from enliven_edge.sensors.drivers.playback import write_playback
+
+_STILL = 100
+"""Readings of the accelerometer, a second at 100 Hz, whose mean is gravity."""
+_SYNC = ("free_run", "standalone", "primary", "secondary", "secondary_synced", "hardware_triggering")
+"""How several cameras keep time: the modes of OBMultiDeviceSyncMode that need no more than a cable."""
+_KINDS = {
+    r"Gemini (2|210|215)\b": "orbbec-gemini2",
+    r"Gemini (3\d\d|435)": "orbbec-gemini335",
+    "Astra 2": "orbbec-astra2",
+    "Femto": "orbbec-femto-mega",
+}
+"""The profile of a camera, by its name, a regular expression."""
+
+
+class OrbbecSensor:
+    """A depth camera of Orbbec, or a recording through the same library.
+
+    Args:
+        device: its serial number, name, USB path or network address; empty: the only one, or the first.
+        width, height: pixels of the depth image; 0: as the camera does of itself.
+        fps: images a second; 0: as the camera does of itself.
+        near, far: metres outside which a depth counts as unknown; 0: what its maker promises.
+        preset: the name of a set of the camera's own settings, such as "High Accuracy"; empty: as it is.
+        sync: how several cameras keep time, such as "primary" and "secondary"; empty: as it is.
+        rehearse: a recording of ours or Orbbec's (.bag), played through the library in place of a camera.
+
+    Raises:
+        InputError: for a mode, preset or recording that cannot be used.
+        ResourceError: where the library or the camera is missing, or the camera is in use.
+    """
+
+    isolated = True
+
+    def __init__(
+        self,
+        device: str = "",
+        width: int = 0,
+        height: int = 0,
+        fps: int = 0,
+        near: float = 0.0,
+        far: float = 0.0,
+        preset: str = "",
+        sync: str = "",
+        rehearse: str = "",
+    ) -> None:
+        if sync and sync not in _SYNC:
+            raise InputError(
+                f"there is no sync {sync!r}", where="sensor orbbec", mend=f"Give {', '.join(_SYNC)}."
+            )
+        self._ob = orbbec_library()
+        self._pipeline: Any = None
+        self._accelerometer: Any = None
+        self._context: Any = None
+        self._felt: deque[tuple[float, float, float]] = deque(maxlen=_STILL)
+        self._gone = self._over = self._started = False
+        self._shift_ns, self._rehearsed = 0, bool(rehearse)
+        self._device = self._playback(rehearse) if rehearse else self._found(str(device))
+        try:
+            self._prepare((width, height, fps), (near, far), str(preset), sync)
+            if not rehearse:
+                self._start()
+        except self._ob.OBError as error:
+            self.close()
+            raise ResourceError(
+                in_a_line(error), where=self.name, mend="Unplug it once; enliven doctor"
+            ) from None
+        except BaseException:
+            self.close()
+            raise
+
+    def read(self, timeout: float | None = None) -> DepthFrame | None:
+        """The next image; None when a rehearsal is over.
+
+        Raises:
+            TimeoutError: when none came in time.
+            ResourceError: where the camera was unplugged, or the library failed.
+        """
+        self._start()
+        over = self._over
+        try:
+            frames = self._pipeline.wait_for_frames(max(round(1e3 * (timeout or 0.0)), 1))
+            image = frames.get_depth_frame() if frames is not None else None
+            if image is None:
+                if over:
+                    return None
+                if self._gone:
+                    raise ResourceError("it was unplugged", where=self.name, mend="Plug it in again.")
+                raise TimeoutError(f"no image of {self.name} yet")
+            return self._received(image)
+        except self._ob.OBError as error:
+            raise ResourceError(
+                in_a_line(error), where=self.name, mend="Check its cable and power."
+            ) from None
+
+    def condition(self) -> Condition:
+        """The link, the temperature (no limit is published), and gravity where there is an accelerometer."""
+        slow, usb = self._link.startswith("USB2"), self._link.replace("USB", "USB ")
+        return Condition(usb, slow, self._celsius(), None, self._down(), self._calibrated)
+
+    def close(self) -> None:
+        """Lets the camera go; a second call does nothing."""
+        pipeline, self._pipeline = self._pipeline, None
+        accelerometer, self._accelerometer = self._accelerometer, None
+        for each in (accelerometer, pipeline):
+            if each is not None and self._started:
+                with contextlib.suppress(self._ob.OBError):
+                    each.stop()
+        self._device = self._context = None
+
+    def __enter__(self) -> OrbbecSensor:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _found(self, wanted: str) -> Any:
+        """The camera, opened; the library tells when it is unplugged."""
+        self.name = "sensor orbbec"
+        self._context = self._ob.Context()
+        device = opened_device(self._ob, self._context, wanted)
+        self._uid = device.get_device_info().get_uid()
+        self._context.set_device_changed_callback(self._changed)
+        return device
+
+    def _changed(self, removed: Any, _added: Any) -> None:
+        """Notes that this camera was unplugged; called by the library on a thread of its own."""
+        gone = [removed.get_device_uid_by_index(i) for i in range(len(removed))]
+        self._gone = self._gone or self._uid in gone
+
+    def _playback(self, path: str) -> Any:
+        """A recording as a camera of the library."""
+        self.name = "orbbec rehearsal"
+        with tempfile.TemporaryDirectory(prefix="enliven-", ignore_cleanup_errors=True) as folder:
+            bag = Path(path)
+            if bag.suffix == ".bag":
+                from enliven_edge.importing.bags.orbbec import check_playback
+
+                check_playback(bag)
+            else:
+                bag = Path(folder) / "rehearsal.bag"
+                self._shift_ns = write_playback(path, bag).shift_ns
+            # The library has the file open; it goes with its last user.
+            try:
+                device = self._ob.PlaybackDevice(str(bag))
+            except self._ob.OBError as error:
+                raise InputError(
+                    f"Orbbec's library cannot play it ({in_a_line(error)})", where=path
+                ) from None
+        device.set_playback_status_change_callback(self._played)
+        return device
+
+    def _played(self, status: Any) -> None:
+        self._over = self._over or status == self._ob.OBPlaybackStatus.STOPPED
+
+    def _prepare(
+        self, mode: tuple[int, int, int], reach: tuple[float, float], preset: str, sync: str
+    ) -> None:
+        """Settles how the camera measures, before it begins."""
+        ob, about = self._ob, self._device.get_device_info()
+        if not self._rehearsed:
+            self.name = f"orbbec {about.get_serial_number()}"
+        self._link = about.get_connection_type()
+        self._kind = kind_of(about.get_name(), _KINDS, "orbbec-gemini335")
+        self._reach = within(reach, self._kind, self._rehearsed)
+        self._configure(preset, sync)
+        self._pipeline = ob.Pipeline(self._device)
+        wanted = (0, 0, 0) if self._rehearsed else mode
+        profile = depth_mode(ob, self._pipeline, wanted, self.name)
+        self.fps, self._stream = float(profile.get_fps()), profile
+        self._straighten = self._lens(profile)
+        self._config = ob.Config()
+        self._config.enable_stream(profile)
+
+    def _configure(self, preset: str, sync: str) -> None:
+        """Gives the camera a preset of its own and its part among several; a recording has both already."""
+        if preset:
+            listed = self._device.get_available_preset_list()
+            known = [listed.get_name_by_index(i) for i in range(len(listed))]
+            if preset not in known:
+                mend = f"It has: {', '.join(known)}."
+                raise InputError(f"there is no preset {preset!r}", where=self.name, mend=mend)
+            self._device.load_preset(preset)
+        if sync and not self._rehearsed:
+            config = self._device.get_multi_device_sync_config()
+            config.mode = getattr(self._ob.OBMultiDeviceSyncMode, sync.upper())
+            self._device.set_multi_device_sync_config(config)
+
+    def _start(self) -> None:
+        """Lets the images come; a recording begins with the first call of ``read``, so that none is late."""
+        if self._started:
+            return
+        self._started = True
+        self._pipeline.start(self._config)
+        ob, listed = self._ob, self._device.get_sensor_list()
+        kinds = [listed.get_sensor_by_index(i).get_type() for i in range(len(listed))]
+        if ob.OBSensorType.ACCEL_SENSOR in kinds:
+            sensor = self._device.get_sensor(ob.OBSensorType.ACCEL_SENSOR)
+            profile = sensor.get_stream_profile_list()[0]
+            level = profile.get_extrinsic_to(self._stream)
+            self._level = np.array(level.rot, dtype=float).reshape(3, 3)
+            sensor.start(profile, self._feel)
+            self._accelerometer = sensor
+
+    def _feel(self, frame: Any) -> None:
+        """A reading of the accelerometer; called by the library on a thread of its own."""
+        felt = frame.as_accel_frame()
+        self._felt.append((felt.get_x(), felt.get_y(), felt.get_z()))
+
+    def _down(self) -> tuple[float, float, float] | None:
+        """Gravity's direction in the depth camera's frame; at rest an accelerometer feels the opposite."""
+        felt = list(self._felt)
+        if not felt:
+            return None
+        x, y, z = (-self._level @ np.mean(felt, axis=0)).tolist()
+        return x, y, z
+
+    def _celsius(self) -> float | None:
+        """The hottest part that the camera tells of."""
+        try:
+            all_parts = self._device.get_temperature()
+        except self._ob.OBError:
+            return None
+        names = [name for name in dir(all_parts) if name.endswith("_temperature")]
+        return max((float(getattr(all_parts, name)) for name in names), default=None)
+
+    def _lens(self, profile: Any) -> Any:
+        """Takes the camera's lens; returns a filter of the library for a distortion that ours cannot say."""
+        ob, bent = self._ob, profile.get_distortion()
+        told = profile.get_intrinsic()
+        lens = (told.fx, told.fy, told.cx, told.cy)
+        size = profile.get_width(), profile.get_height()
+        self._camera, self._calibrated = known_or_typical(*size, lens, self._kind, self.name)
+        model, models = bent.model, ob.OBCameraDistortionModel
+        if not self._calibrated or model == models.NONE or not any(_coefficients(bent)):
+            return None
+        plain = model == models.BROWN_CONRADY or (
+            model == models.BROWN_CONRADY_K6 and not any((bent.k4, bent.k5, bent.k6))
+        )
+        if not plain:
+            return ob.UnDistortionFilter(ob.OBStreamType.DEPTH_STREAM)
+        distortion = (bent.k1, bent.k2, bent.p1, bent.p2, bent.k3)
+        self._camera = replace(self._camera, distortion=distortion)
+        return None
+
+    def _received(self, image: Any) -> DepthFrame:
+        """An image of the library as a frame."""
+        time_ns, number = 1000 * image.get_timestamp_us() + self._shift_ns, image.get_index()
+        if self._straighten is not None:
+            image = self._straighten.process(image).as_depth_frame()
+        camera = self._camera
+        millimetres = image.get_depth_scale()
+        depth: UInt16 = np.frombuffer(image.get_data(), np.uint16)
+        if depth.size != camera.width * camera.height:
+            raise InputError(f"an image has {depth.size} pixels, not {_shape(camera)}", where=self.name)
+        depth = depth.reshape(camera.height, camera.width)
+        if abs(millimetres - 1.0) > 1e-6:
+            depth = np.rint(depth * millimetres).clip(0, 65535).astype(np.uint16)
+        return DepthFrame(self._reach(depth), camera, time_ns, self.name, sequence=number)
+
+
+def _coefficients(bent: Any) -> tuple[float, ...]:
+    return bent.k1, bent.k2, bent.k3, bent.k4, bent.k5, bent.k6, bent.p1, bent.p2
+
+
+def _shape(camera: Intrinsics) -> str:
+    return f"those of {camera.width}x{camera.height}"

@@ -1,0 +1,107 @@
+"""Orbbec's library and the cameras that it sees."""
+
+from __future__ import annotations
+
+import ipaddress
+import tempfile
+from typing import Any
+
+from enliven.errors import InputError, ResourceError
+from enliven_edge.sensors.drivers.extras import library
+
+_PORT = 8090
+"""The port at which Orbbec's network cameras answer."""
+_OLDEST = (2, 0)
+"""OrbbecSDK 1 has another interface."""
+_MODES_SHOWN = 8
+"""Modes that are named where the wanted one is none."""
+
+
+def orbbec_library() -> Any:
+    """pyorbbecsdk, told to keep its log files to itself."""
+    ob = library("pyorbbecsdk", "orbbec", "--no-deps pyorbbecsdk2")
+    found = (
+        tuple(int(part) for part in ob.get_version().split(".")[:2]) if hasattr(ob, "get_version") else (0,)
+    )
+    if found < _OLDEST:
+        what = f"pyorbbecsdk is of version {'.'.join(map(str, found))}, which has another interface"
+        mend = "Type: pip uninstall pyorbbecsdk; pip install --no-deps pyorbbecsdk2"
+        raise ResourceError(what, where="sensor orbbec", mend=mend)
+    ob.Context.set_logger_to_file(ob.OBLogLevel.NONE, tempfile.gettempdir())
+    ob.Context.set_logger_to_console(ob.OBLogLevel.ERROR)
+    return ob
+
+
+def opened_device(ob: Any, context: Any, wanted: str) -> Any:
+    """A camera by its serial number, name, USB path or network address; the first where nothing is wanted.
+
+    Raises:
+        ResourceError: where it is not there or cannot be opened.
+    """
+    listed = context.query_devices()
+    known = [_names(listed, i) for i in range(len(listed))]
+    chosen = [i for i, names in enumerate(known) if not wanted or wanted in names]
+    try:
+        if chosen:
+            return listed.get_device_by_index(chosen[0])
+        if _is_address(wanted):
+            return context.create_net_device(wanted, _PORT)
+    except ob.OBError as error:
+        mend = "Close what else uses it, and check that your user may open it: enliven doctor"
+        what = f"it cannot be opened ({in_a_line(error)})"
+        raise ResourceError(what, where=f"sensor orbbec {wanted}".rstrip(), mend=mend) from None
+    raise _missing(wanted, known)
+
+
+def depth_mode(ob: Any, pipeline: Any, mode: tuple[int, int, int], name: str) -> Any:
+    """The depth stream of a width, height and rate, 0 standing for any; the camera's own is preferred.
+
+    Raises:
+        InputError: where there is none, naming the nearest.
+    """
+    listed = pipeline.get_stream_profile_list(ob.OBSensorType.DEPTH_SENSOR)
+    modes: dict[tuple[int, int, int], Any] = {}
+    for profile in (listed.get_default_video_stream_profile(), *(listed[i] for i in range(len(listed)))):
+        if profile.get_format() in (ob.OBFormat.Y16, ob.OBFormat.Z16):
+            video = profile.as_video_stream_profile()
+            modes.setdefault((video.get_width(), video.get_height(), video.get_fps()), video)
+    for known, profile in modes.items():
+        if all(not want or want == has for want, has in zip(mode, known, strict=True)):
+            return profile
+    near = sorted(modes, key=lambda m: sum(abs(a - b) for a, b in zip(m, mode, strict=True) if b))
+    said = ", ".join(f"{w}x{h} at {fps}" for w, h, fps in near[:_MODES_SHOWN])
+    raise InputError(
+        f"it has no depth of {mode[0]}x{mode[1]} at {mode[2]} images a second on this port",
+        where=name,
+        mend=f"It has: {said}. 0 stands for any; on USB 2 there are fewer.",
+    )
+
+
+def _names(listed: Any, index: int) -> list[str]:
+    """What a connected camera may be called by: its serial number first."""
+    ask = ("serial_number", "name", "uid", "ip_address", "user_name")
+    return [getattr(listed, f"get_device_{word}_by_index")(index) for word in ask]
+
+
+def _missing(wanted: str, known: list[list[str]]) -> ResourceError:
+    """What to say where the camera is not there."""
+    if known:
+        said = ", ".join(f"{names[1]} {names[0]}" for names in known)
+        return ResourceError(
+            f"there is no camera {wanted!r}", where="sensor orbbec", mend=f"Connected: {said}."
+        )
+    mend = "Plug one into a USB 3 port, or give --set device=ADDRESS; enliven doctor"
+    return ResourceError("no Orbbec camera is connected", where="sensor orbbec", mend=mend)
+
+
+def _is_address(word: str) -> bool:
+    try:
+        ipaddress.ip_address(word)
+    except ValueError:
+        return False
+    return True
+
+
+def in_a_line(error: Exception) -> str:
+    """What the library says, in one line."""
+    return " ".join(str(error).split()).rstrip(".") or "its library failed"

@@ -1,0 +1,235 @@
+"""Orbbec's playback files, written from our recordings, so that Orbbec's own library can rehearse with them.
+
+The layout is that of OrbbecSDK 2 (``RosWriter``): a ROS bag of version 2.0 with messages of Orbbec's own. Its
+image messages have fields that their written definition lacks, and some checksums of types are made up; the
+library compares them all.
+"""
+
+from __future__ import annotations
+
+import logging
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO
+
+import numpy as np
+
+from enliven.camera import Intrinsics
+from enliven.errors import InputError
+from enliven.frames import DepthFrame
+from enliven_edge.sensors.replay import ReplaySensor
+
+log = logging.getLogger(__name__)
+
+BEGINNING_US = 1_000_000
+"""Microseconds at which a playback begins: ROS knows no time 0."""
+_MOST_BYTES = 1 << 30
+"""Bytes of images in a playback, more than a minute of 640x400 at 30: it is written before it is played."""
+_HEADER_SIZE = 4096
+"""Bytes of the first record, which is written again at the end."""
+_OP_MESSAGE, _OP_HEADER, _OP_INDEX, _OP_CHUNK, _OP_CHUNK_INFO, _OP_CONNECTION = (
+    b"\2",
+    b"\3",
+    b"\4",
+    b"\5",
+    b"\6",
+    b"\7",
+)
+_DEPTH = 3
+"""Orbbec's number of the depth sensor, its stream and its frames."""
+_Y16 = 8
+"""Orbbec's number of the format of 16 bits a pixel."""
+_BROWN_CONRADY = 3
+"""Orbbec's number of the distortion model that ours is."""
+_CAMERA = (0x2BC5, 0x0669, b"Femto Mega")
+"""USB's vendor and product and the name of the camera that a playback claims to be: the library
+plays the depth of a Femto as it is."""
+_FILE_VERSION = 2.0
+"""What OrbbecSDK 2.4 and later write and accept."""
+_MADE_UP = "0123456789abcdef0123456789abcdef"
+_TOPICS = {
+    "image": ("/cam/sensor_3/frameType_3", "sensor_msgs/Image", "060021388200f6f0f447d0fcd9c64743"),
+    "device": ("/cam/deviceInfo", "custom_msg/OBDeviceInfo", "afef5328bb4abebd1a309e1ea8b26b3a"),
+    "stream": ("/cam/streamProfileType_3", "custom_msg/OBStreamProfileInfo", _MADE_UP),
+    "property": ("/cam/property", "custom_msg/OBProperty", _MADE_UP),
+}
+"""The topic, type and checksum of each kind of message."""
+
+
+@dataclass(frozen=True)
+class Playback:
+    """What was written.
+
+    Attributes:
+        images: how many.
+        fps: images a second.
+        shift_ns: nanoseconds to add to a played time for the recording's.
+    """
+
+    images: int
+    fps: float
+    shift_ns: int
+
+
+def write_playback(recording: str, playback: Path) -> Playback:
+    """Writes the depth images of one of our recordings as a playback of Orbbec's.
+
+    Raises:
+        InputError: where it is no recording, or none of a depth camera.
+    """
+    images, first, left = 0, None, _MOST_BYTES
+    with ReplaySensor(recording, speed=0.0) as sensor, _Bag(playback) as bag:
+        fps = sensor.fps or 30.0
+        while left > 0 and (frame := _next(sensor)) is not None:
+            if not isinstance(frame, DepthFrame) or (first and frame.intrinsics != first.intrinsics):
+                continue
+            first = first or frame
+            time_us = BEGINNING_US + (frame.time_ns - first.time_ns) // 1000
+            bag.write([("image", time_us, _image(frame.depth, time_us, images))])
+            images, left = images + 1, left - frame.depth.nbytes
+        if first is None:
+            mend = "Rehearse with a depth recording."
+            raise InputError("it holds no depth images", where=recording, mend=mend)
+        about = {
+            "device": _device(),
+            "stream": _stream(first.intrinsics, round(fps)),
+            "property": _property(0, struct.pack("<d", _FILE_VERSION)),
+        }
+        bag.write([(kind, BEGINNING_US, data) for kind, data in about.items()])
+    if left <= 0:
+        log.warning("%s: the rehearsal plays its first %d images", recording, images)
+    return Playback(images, fps, first.time_ns - 1000 * BEGINNING_US)
+
+
+def _next(sensor: ReplaySensor) -> object:
+    """The next frame that can be used; None at the end."""
+    while True:
+        try:
+            return sensor.read()
+        except InputError as error:
+            log.warning("%s", error)
+
+
+class _Bag:
+    """A ROS bag that is written; the index that a reader needs comes at its end."""
+
+    def __init__(self, path: Path) -> None:
+        self._file: BinaryIO = path.open("wb")
+        self._file.write(b"#ROSBAG V2.0\n" + _first_record(0, 0, 0))
+        self._connections: dict[str, bytes] = {}
+        self._chunks: list[bytes] = []
+
+    def __enter__(self) -> _Bag:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        end = self._file.tell()
+        self._file.write(b"".join([*self._connections.values(), *self._chunks]))
+        self._file.seek(len(b"#ROSBAG V2.0\n"))
+        self._file.write(_first_record(end, len(self._connections), len(self._chunks)))
+        self._file.close()
+
+    def write(self, messages: list[tuple[str, int, bytes]]) -> None:
+        """One chunk of messages: their kind, time (microseconds) and content."""
+        body, where = b"", dict[int, list[bytes]]()
+        for kind, time_us, content in messages:
+            if kind not in self._connections:
+                self._connections[kind] = _connection(len(self._connections), *_TOPICS[kind])
+                body += self._connections[kind]
+            number = list(self._connections).index(kind)
+            where.setdefault(number, []).append(_time(time_us) + struct.pack("<I", len(body)))
+            fields = {"conn": struct.pack("<I", number), "time": _time(time_us)}
+            body += _record(_OP_MESSAGE, fields, content)
+        position = self._file.tell()
+        size = struct.pack("<I", len(body))
+        self._file.write(_record(_OP_CHUNK, {"compression": b"none", "size": size}, body))
+        for number, entries in where.items():
+            fields = _numbers(ver=1, conn=number, count=len(entries))
+            self._file.write(_record(_OP_INDEX, fields, b"".join(entries)))
+        times = [time_us for _, time_us, _ in messages]
+        fields = _numbers(ver=1, count=len(where)) | {"chunk_pos": struct.pack("<Q", position)}
+        fields |= {"start_time": _time(min(times)), "end_time": _time(max(times))}
+        counts = b"".join(struct.pack("<II", number, len(entries)) for number, entries in where.items())
+        self._chunks.append(_record(_OP_CHUNK_INFO, fields, counts))
+
+
+def _first_record(index: int, connections: int, chunks: int) -> bytes:
+    fields = {"index_pos": struct.pack("<Q", index)} | _numbers(conn_count=connections, chunk_count=chunks)
+    bare = len(_record(_OP_HEADER, fields, b""))
+    return _record(_OP_HEADER, fields, b" " * (_HEADER_SIZE - bare))
+
+
+def _connection(number: int, topic: str, kind: str, checksum: str) -> bytes:
+    about = {"topic": topic, "type": kind, "md5sum": checksum, "message_definition": ""}
+    content = _fields({key: value.encode() for key, value in about.items()})
+    return _record(_OP_CONNECTION, _numbers(conn=number) | {"topic": topic.encode()}, content)
+
+
+def _record(op: bytes, fields: Mapping[str, bytes], content: bytes) -> bytes:
+    return _sized(_fields({**fields, "op": op})) + _sized(content)
+
+
+def _fields(fields: Mapping[str, bytes]) -> bytes:
+    return b"".join(_sized(key.encode() + b"=" + value) for key, value in fields.items())
+
+
+def _numbers(**numbers: int) -> dict[str, bytes]:
+    return {key: struct.pack("<I", number) for key, number in numbers.items()}
+
+
+def _sized(content: bytes) -> bytes:
+    return struct.pack("<I", len(content)) + content
+
+
+def _time(time_us: int) -> bytes:
+    seconds, rest = divmod(time_us, 1_000_000)
+    return struct.pack("<II", seconds, 1000 * rest)
+
+
+def _head(time_us: int = BEGINNING_US) -> bytes:
+    """ROS's head of a message: a count, a time and a name."""
+    return struct.pack("<I", 0) + _time(time_us) + _sized(b"")
+
+
+def _image(depth: np.ndarray, time_us: int, number: int) -> bytes:
+    """``sensor_msgs/Image`` with Orbbec's fields behind it: bits of a pixel, number, times and metadata."""
+    height, width = depth.shape
+    shape = struct.pack("<II", height, width) + _sized(b"mono16") + struct.pack("<BI", 0, 2 * width)
+    pixels = _sized(np.ascontiguousarray(depth, "<u2").tobytes())
+    own = struct.pack("<IQQQQ", 16, number, time_us, time_us, time_us)
+    return _head(time_us) + shape + pixels + own + _sized(b"") + struct.pack("<I", 0)
+
+
+def _device() -> bytes:
+    """``custom_msg/OBDeviceInfo``."""
+    vendor, product, name = _CAMERA
+    serial, link = b"rehearsal", b"USB3.0"
+    text = [name, name, b"", b"rehearsal", serial, b"1.2.8", b"1.0", b"2.0.0", link]
+    words = [_sized(each) for each in text]
+    words.insert(3, struct.pack("<HH", vendor, product))
+    return _head() + b"".join(words) + struct.pack("<HB", 0, 0) + 2 * _sized(b"")
+
+
+def _stream(camera: Intrinsics, fps: int) -> bytes:
+    """``custom_msg/OBStreamProfileInfo``: how the depth camera sees."""
+    k1, k2, p1, p2, k3 = camera.distortion
+    bent = any(camera.distortion)
+    values = [*np.eye(3).ravel(), 0.0, 0.0, 0.0]
+    lens = [camera.fx, camera.fy, camera.cx, camera.cy, k1, k2, k3, 0.0, 0.0, 0.0, p1, p2]
+    size = struct.pack("<HHH", camera.width, camera.height, fps)
+    return (
+        _head()
+        + struct.pack("<BB12f", _DEPTH, _Y16, *values)
+        + size
+        + struct.pack("<12fB", *lens, _BROWN_CONRADY if bent else 0)
+    )
+
+
+def _property(number: int, value: bytes) -> bytes:
+    """``custom_msg/OBProperty``."""
+    return _head() + struct.pack("<I", number) + _sized(value) + struct.pack("<I", len(value))

@@ -1,0 +1,210 @@
+"""Arducam's time-of-flight camera on a Raspberry Pi, by ArducamDepthCamera.
+
+The library has nothing that plays a file, and no frame of its own can be made without a camera: a rehearsal
+goes around it, and all that comes after its one line that reads is the driver as it runs with a camera.
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import Float32, UInt16
+from enliven.camera import Intrinsics
+from enliven.errors import InputError, ResourceError
+from enliven.frames import DepthFrame
+from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.drivers.extras import library
+from enliven_edge.sensors.drivers.lens import known_or_typical, within
+from enliven_edge.sensors.drivers.rehearsal import Rehearsal
+
+_PROFILE = "arducam-tof"
+_MODES = {2: 2000, 4: 4000}
+"""The range control, millimetres, by the metres that it is asked for."""
+_STEP = 100.0
+"""The library says its lens in hundredths of a pixel."""
+_WAITING = 4
+"""Images of a rehearsal that may wait."""
+_REASONS = {
+    "ArducamNoPermission": (
+        "your user may not open it",
+        "Type: sudo usermod -aG video $USER, and log in again.",
+    ),
+    "ArducamUnkownDevice": ("the camera at this port is no Arducam ToF camera", "Check --set device=NUMBER."),
+    "ArducamNoCache": ("it is in use, or its library has no memory left", "Close what else uses it."),
+}
+"""What its error codes mean, and what to do; the others all come of no camera being found."""
+_NONE_FOUND = (
+    "no Arducam ToF camera is found",
+    "Plug it into the camera port, add dtoverlay=arducam-pivariety to /boot/firmware/config.txt and restart; "
+    "enliven doctor",
+)
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """What the library's frames hold, for a rehearsal."""
+
+    depth_data: Float32
+    confidence_data: Float32
+    time_ns: int
+    number: int
+
+
+class TofSensor:
+    """Arducam's camera at a Raspberry Pi's camera port, or the images of a recording in its place.
+
+    Args:
+        device: the number of the port, 0 or 1.
+        range: metres that are measured, 2 (finer) or 4.
+        confidence: the least that a depth may have, 0 to 255; what has less counts as unknown.
+        near, far: metres outside which a depth counts as unknown; 0: 0.2 m and the range.
+        rehearse: a recording that is played in place of a camera.
+
+    Raises:
+        InputError: for a range or recording that cannot be used.
+        ResourceError: where the library or the camera is missing, or the camera is in use.
+    """
+
+    isolated = True
+
+    def __init__(
+        self,
+        device: int = 0,
+        range: int = 4,
+        confidence: float = 30.0,
+        near: float = 0.0,
+        far: float = 0.0,
+        rehearse: str = "",
+    ) -> None:
+        if range not in _MODES:
+            raise InputError(f"there is no range of {range} m", where="sensor tof", mend="Give 2 or 4.")
+        self.name, self.fps = f"tof {device}", 30.0
+        self._confidence = confidence
+        self._within = within((near, far or (0.0 if rehearse else float(range))), _PROFILE, bool(rehearse))
+        self._number = 0
+        self._camera: Any = None
+        self._rehearsal: Rehearsal | None = None
+        if rehearse:
+            self._played: queue.Queue[_Measured] = queue.Queue(_WAITING)
+            self._rehearsal = Rehearsal(rehearse, self._send)
+            self._lens, self._calibrated = self._rehearsal.first.intrinsics, True
+            self.name, self.fps = "tof rehearsal", self._rehearsal.fps
+        else:
+            self._open(device, range)
+
+    def read(self, timeout: float | None = None) -> DepthFrame | None:
+        """The next image; None when a rehearsal is over.
+
+        Raises:
+            TimeoutError: when none came in time.
+            InputError: for an image of another size.
+        """
+        over = self._rehearsal is not None and self._rehearsal.is_over()
+        frame = self._request(timeout or 0.0)
+        if frame is None:
+            if over:
+                return None
+            raise TimeoutError(f"no image of {self.name} yet")
+        try:
+            depth = self._trusted(frame.depth_data, frame.confidence_data)
+        finally:
+            self._release(frame)
+        # The library does not say in which unit or of which clock its times are.
+        played = isinstance(frame, _Measured)
+        time_ns = frame.time_ns if played else time.monotonic_ns()
+        number = frame.number if played else self._number
+        self._number = number + 1
+        return DepthFrame(self._within(depth), self._lens, time_ns, self.name, sequence=number)
+
+    def condition(self) -> Condition:
+        """That it is at a camera port, and whether it knows its lens: it tells nothing more."""
+        return Condition("CSI" if self._camera is not None else "", calibrated=self._calibrated)
+
+    def close(self) -> None:
+        """Lets the camera go; a second call does nothing."""
+        if self._rehearsal:
+            self._rehearsal.stop()
+        camera, self._camera = self._camera, None
+        if camera is not None:
+            camera.stop()
+            camera.close()
+
+    def __enter__(self) -> TofSensor:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _open(self, device: int, metres: int) -> None:
+        """Opens and starts the camera; any call to one that did not open crashes the library."""
+        self._ac = ac = library("ArducamDepthCamera", "tof", "--no-deps ArducamDepthCamera")
+        camera = ac.ArducamCamera()
+        code = camera.open(ac.Connection.CSI, device)
+        if code != ac.TofErrorCode.ArducamSuccess:
+            what, mend = _REASONS.get(code.name, _NONE_FOUND)
+            raise ResourceError(f"{what} ({code.name.removeprefix('Arducam')})", where=self.name, mend=mend)
+        code = camera.start(ac.FrameType.DEPTH)
+        if code != ac.TofErrorCode.ArducamSuccess:
+            camera.close()
+            what = f"it does not start ({code.name.removeprefix('Arducam')})"
+            raise ResourceError(what, where=self.name, mend="Close what else uses it, or restart the Pi.")
+        self._camera = camera
+        try:
+            camera.setControl(ac.Control.RANGE, _MODES[metres])
+            info, control = camera.getCameraInfo(), ac.Control
+            asked = (control.INTRINSIC_FX, control.INTRINSIC_FY, control.INTRINSIC_CX, control.INTRINSIC_CY)
+            fx, fy, cx, cy = (camera.getControl(each) / _STEP for each in asked)
+            self._lens, self._calibrated = known_or_typical(
+                info.width, info.height, (fx, fy, cx, cy), _PROFILE, self.name
+            )
+        except BaseException:
+            self.close()
+            raise
+
+    def _request(self, timeout: float) -> Any:
+        """The next frame, of the library or of a rehearsal; None where none came in time."""
+        if self._rehearsal is not None:
+            try:
+                return self._played.get(timeout=max(timeout, 1e-3))
+            except queue.Empty:
+                return None
+        frame = self._camera.requestFrame(max(round(1e3 * timeout), 1))
+        if isinstance(frame, self._ac.DepthData):
+            return frame
+        self._release(frame)
+        return None
+
+    def _release(self, frame: Any) -> None:
+        """Gives a frame of the library back to it."""
+        if self._camera is not None and frame is not None:
+            self._camera.releaseFrame(frame)
+
+    def _trusted(self, depth: Float32, confidence: Float32) -> UInt16:
+        """(H, W) uint16 millimetres, 0 where the confidence is too small or the depth is no number.
+
+        Raises:
+            InputError: where the image has another size than the camera said.
+        """
+        lens: Intrinsics = self._lens
+        if depth.shape != (lens.height, lens.width) or confidence.shape != depth.shape:
+            what = f"an image has the shapes {depth.shape} and {confidence.shape}"
+            raise InputError(what, where=self.name, mend=f"Expected {(lens.height, lens.width)}.")
+        good = (confidence >= self._confidence) & (depth > 0.0) & (depth < 65535.0)
+        return np.where(good, np.rint(np.where(good, depth, 0.0)), 0.0).astype(np.uint16)
+
+    def _send(self, frame: DepthFrame, number: int) -> None:
+        """An image of a recording, as the library would measure it: what is unknown has no confidence."""
+        depth = frame.depth.astype(np.float32)
+        sure = np.where(frame.depth > 0, np.float32(255.0), np.float32(0.0))
+        try:
+            self._played.put(_Measured(depth, sure, frame.time_ns, number), timeout=1.0)
+        except queue.Full:
+            return
