@@ -18,7 +18,7 @@ Field = Callable[[Float], Float]
 
 _CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
 _ON_SURFACE = 1e-9
-"""Of a cell: a vertex that is so near to the surface stays; a step for it would take six values of the field."""
+"""Of a cell: a vertex that is so near to the surface stays; a step of it would take six values."""
 _EDGES = np.array([[a, b] for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1])
 
 

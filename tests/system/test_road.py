@@ -26,7 +26,7 @@ REFERENCES = Path(__file__).parent / "references"
 POSES, PICTURE = REFERENCES / "road.npz", REFERENCES / "road.png"
 SHOWN = 4.0
 """Seconds of the recording that are filmed, which is most of the work; the edge alone goes on to its end."""
-SIZE = 640, 360
+WIDE, HIGH = 640, 360
 """Pixels of the film: a quarter of the usual ones, and as many as the compared picture has."""
 EVERY = 9
 """Frames between the ones that are stored."""
@@ -48,7 +48,7 @@ def road(tmp_path_factory):
     """The folder with film, sheet and take of one run of the main job."""
     folder = tmp_path_factory.mktemp("road")
     command = [sys.executable, "-m", "enliven", "run", "--film", "--out", str(folder)]
-    command += ["--seconds", str(SHOWN), "--record", str(folder / "take.mcap"), "--size", "%dx%d" % SIZE]
+    command += ["--seconds", str(SHOWN), "--record", str(folder / "take.mcap"), "--size", f"{WIDE}x{HIGH}"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=400)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
@@ -142,7 +142,7 @@ def test_the_film_holds_every_moment(road):
     with av.open(str(road / "enliven.mp4")) as film:
         stream = film.streams.video[0]
         count = sum(1 for _ in film.decode(stream))
-        assert (stream.codec_context.width, stream.codec_context.height) == SIZE
+        assert (stream.codec_context.width, stream.codec_context.height) == (WIDE, HIGH)
     assert abs(count - SHOWN * 30) <= 6
 
 
