@@ -39,6 +39,17 @@ def _unheard(*_: object) -> str:
     return "nobody here can do that"
 
 
+def need_free(wire: WireSettings) -> None:
+    """Look whether the name and the ports can be had, before anything is done that takes long.
+
+    Raises:
+        ResourceError: for a port in use, or a name in use on this machine.
+        InputError: for an address that other machines reach without ``open``.
+    """
+    with _publisher(wire):
+        pass
+
+
 class Outlet:
     """Publishes, answers viewers, and writes the take where one was asked for.
 
@@ -56,15 +67,7 @@ class Outlet:
     def __init__(
         self, wire: WireSettings, sensor: str, *, record: Path | None = None, overwrite: bool = False
     ) -> None:
-        self._publisher = Publisher(
-            name=wire.name,
-            host=wire.host,
-            pose_port=wire.port,
-            control_port=wire.control_port,
-            open_to_all=wire.open,
-            rate=wire.rate,
-            budget_ms=0.5 * wire.budget,
-        )
+        self._publisher = _publisher(wire)
         self._commands = CommandQueue(0.5e-3 * wire.budget)
         try:
             self._take = Take(record, overwrite=overwrite) if record else None
@@ -214,6 +217,19 @@ class Outlet:
         """To the take."""
         if self._take is not None:
             self._take.write(topic, message, time_ns)
+
+
+def _publisher(wire: WireSettings) -> Publisher:
+    """The sockets that the settings say."""
+    return Publisher(
+        name=wire.name,
+        host=wire.host,
+        pose_port=wire.port,
+        control_port=wire.control_port,
+        open_to_all=wire.open,
+        rate=wire.rate,
+        budget_ms=0.5 * wire.budget,
+    )
 
 
 def _reply(command: Command, refused: str) -> None:

@@ -17,6 +17,8 @@ Field = Callable[[Float], Float]
 """(N, 3) points to (N,) signed distances in metres, negative inside."""
 
 _CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
+_ON_SURFACE = 1e-9
+"""Of a cell: a vertex that is so near to the surface stays; a step of it would take six values."""
 _EDGES = np.array([[a, b] for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1])
 
 
@@ -68,12 +70,21 @@ def _cell_points(values: Float, cells: Int) -> Float:
 
 
 def _onto_surface(field: Field, points: Float, cell: float) -> Float:
-    """One Newton step along the gradient, at most half a cell long."""
+    """One Newton step along the gradient, at most half a cell long, of what is not on the surface yet."""
+    values = field(points)
+    off = np.abs(values) > _ON_SURFACE * cell
+    moved = points.copy()
+    moved[off] = _stepped(field, points[off], values[off], cell)
+    return moved
+
+
+def _stepped(field: Field, points: Float, values: Float, cell: float) -> Float:
+    """(N, 3) points with these values, one Newton step further."""
     h = 1e-4 * cell
     offsets = h * np.concatenate([np.eye(3), -np.eye(3)])
     around = field((points[:, None] + offsets).reshape(-1, 3)).reshape(-1, 6)
     gradient = (around[:, :3] - around[:, 3:]) / (2 * h)
-    step = field(points)[:, None] * gradient / np.maximum((gradient**2).sum(1, keepdims=True), 1e-6)
+    step = values[:, None] * gradient / np.maximum((gradient**2).sum(1, keepdims=True), 1e-6)
     length = np.linalg.norm(step, axis=1, keepdims=True)
     return np.asarray(points - step * np.minimum(1.0, 0.5 * cell / np.maximum(length, 1e-12)))
 

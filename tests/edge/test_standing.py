@@ -11,7 +11,7 @@ from enliven.body import PARENTS, Joint
 from enliven.mesh import Mesh
 from enliven.shapes import make_chair
 from enliven_edge.placement import turn_about_y
-from enliven_edge.standing import best_stand, standing_figure, stood_in
+from enliven_edge.standing import _Nearness, best_stand, standing_figure, stood_in
 
 FRONT = np.array([0.0, 0.0, 1.0])
 
@@ -83,6 +83,22 @@ def test_two_who_stand_apart_share_a_horse(horse) -> None:
     # The same way, or the other way round: the pairs of legs are alike.
     assert abs((turn_about_y(yaw) @ FRONT)[0]) == pytest.approx(1.0, abs=1e-6)
     assert np.linalg.norm(offset - [-0.07, 0.0, 0.0]) < 0.12
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_a_point_is_as_near_as_the_cell_that_it_is_in(seed) -> None:
+    """One by one, in the grid and beyond it, against all points and places at once."""
+    dice = np.random.default_rng(seed)
+    near = _Nearness(dice.uniform(-1, 1, (20, 3)), 0.2, 0.1)
+    points, shifts = dice.uniform(-2, 2, (9, 3)), dice.uniform(-2, 2, (7, 3)) * [1, 0, 1]
+    grid = near._values[1:-1, 1:-1, 1:-1]
+    found = near.over(points, shifts)
+    for s, shift in enumerate(shifts):
+        for p, point in enumerate(points):
+            cell = np.round((point + shift - near._low) / near.cell).astype(int)
+            inside = (cell >= 0).all() and (cell < grid.shape).all()
+            assert found[s, p] == (grid[tuple(cell)] if inside else 0.0)
 
 
 def test_nothing_but_the_place_of_a_mesh_changes(chair) -> None:

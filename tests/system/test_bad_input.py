@@ -117,7 +117,9 @@ def test_a_port_in_use(enliven):
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        asked = enliven("edge", "--port", str(port), "--control-port", "0", "--name", "taken")
+        # Before anything is prepared: it is not even known yet that there is no such mesh.
+        ports = ["--port", str(port), "--control-port", "0", "--name", "taken"]
+        asked = enliven("edge", "--mesh", "none.obj", *ports)
     assert asked.returncode == 4, asked.stderr
     assert f"port {port} is in use" in asked.stderr
     assert "Traceback" not in asked.stderr
@@ -132,7 +134,7 @@ def test_two_edges_of_one_name(tmp_path, enliven):
             for line in first.stderr:
                 if "listens" in line:
                     break
-            second = enliven("edge", "--recording", str(path), *ports)
+            second = enliven("edge", "--recording", str(path), "--mesh", "none.obj", *ports)
         finally:
             first.terminate()
     assert second.returncode == 4, second.stderr

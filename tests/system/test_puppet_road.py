@@ -168,6 +168,7 @@ def road(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("cactus")
     command = [sys.executable, "-m", "enliven", "run", "--mesh", "cactus", "--film", "--out", str(folder)]
     command += ["--possess-at", "0.5", "--seconds", "3", "--record", str(folder / "take.mcap")]
+    command += ["--size", "640x360"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=400)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "Traceback" not in done.stderr

@@ -26,6 +26,8 @@ REFERENCES = Path(__file__).parent / "references"
 POSES, PICTURE = REFERENCES / "road.npz", REFERENCES / "road.png"
 SHOWN = 4.0
 """Seconds of the recording that are filmed, which is most of the work; the edge alone goes on to its end."""
+WIDE, HIGH = 640, 360
+"""Pixels of the film: a quarter of the usual ones, and as many as the compared picture has."""
 EVERY = 9
 """Frames between the ones that are stored."""
 JOINT_TOLERANCE, NODE_TOLERANCE, LINEAR_TOLERANCE = 0.05, 0.06, 0.25
@@ -46,7 +48,7 @@ def road(tmp_path_factory):
     """The folder with film, sheet and take of one run of the main job."""
     folder = tmp_path_factory.mktemp("road")
     command = [sys.executable, "-m", "enliven", "run", "--film", "--out", str(folder)]
-    command += ["--seconds", str(SHOWN), "--record", str(folder / "take.mcap")]
+    command += ["--seconds", str(SHOWN), "--record", str(folder / "take.mcap"), "--size", f"{WIDE}x{HIGH}"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=400)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
@@ -140,7 +142,7 @@ def test_the_film_holds_every_moment(road):
     with av.open(str(road / "enliven.mp4")) as film:
         stream = film.streams.video[0]
         count = sum(1 for _ in film.decode(stream))
-        assert (stream.codec_context.width, stream.codec_context.height) == (1280, 720)
+        assert (stream.codec_context.width, stream.codec_context.height) == (WIDE, HIGH)
     assert abs(count - SHOWN * 30) <= 6
 
 
@@ -179,7 +181,7 @@ def started_run(folder: Path) -> tuple[subprocess.Popen, list[int]]:
     """An endless run of the main job, both its programs at work, in a process group of its own."""
     take = folder / "take.mcap"
     command = [sys.executable, "-m", "enliven", "run", "--film", "--out", str(folder), "--record", str(take)]
-    command += ["--sensor", "synthetic", "--seconds", "3600"]
+    command += ["--sensor", "synthetic", "--seconds", "3600", "--size", "160x90"]
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "start_new_session": True}
     started = subprocess.Popen(command, **options)
     # The edge waits for its viewer, so frames that were recorded say that both are at work.

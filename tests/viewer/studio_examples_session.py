@@ -92,7 +92,7 @@ def work(desk: Desk) -> Iterator[Action]:
 
 def main() -> None:
     render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
-    desk = Desk.new(Editor(StudioSettings(render=render, width=1200, height=800)), Path(sys.argv[1]))
+    desk = Desk.new(Editor(StudioSettings(render=render, width=1000, height=660)), Path(sys.argv[1]))
     project = project_with("head", "left", "right", "foot")
     puppet = project.puppets["star"]
     bare = tuple(type(point)(point.name, point.vertex) for point in puppet.points)

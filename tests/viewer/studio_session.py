@@ -83,7 +83,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 
 def main() -> None:
     render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
-    desk = Desk.new(Editor(StudioSettings(render=render, width=1100, height=720)), Path(sys.argv[1]))
+    desk = Desk.new(Editor(StudioSettings(render=render, width=1000, height=660)), Path(sys.argv[1]))
     pill = limb(np.array([[0.0, 0.0], [0.0, 0.6]]), np.array([0.08, 0.05]))
     shapes = [shape_from_stroke(np.add(pill, [x, 0.7]), id=name) for x, name in ((-0.4, "one"), (0.4, "two"))]
     desk.cabinet.new(desk.editor.project.with_shapes(*shapes))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -193,3 +195,13 @@ def test_a_picture_of_what_does_not_move_costs_nothing() -> None:
     shown_last = [surfaces.vertices(CHARACTER, pose(bent(), turn=0.4)) for _ in range(40)]
     assert shown_last[-1] is shown_last[-2]
     assert surfaces.vertices(CHARACTER, pose(bent(), turn=0.5)) is not shown_last[-1]
+
+
+def test_who_shows_no_puppet_loads_no_solver() -> None:
+    """It is a third of what a viewer loads before its first picture."""
+    heavy = {"enliven.deformation.arap", "scipy.sparse.linalg"}
+    look = f"import sys, enliven_viewer.film, enliven_viewer.app; print(*{heavy} & sys.modules.keys())"
+    shown = subprocess.run(
+        [sys.executable, "-c", look], capture_output=True, text=True, timeout=300, check=True
+    )
+    assert shown.stdout.split() == []

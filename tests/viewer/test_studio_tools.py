@@ -6,10 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from enliven.motion.retarget import bind_chain
 from enliven.project import Project
 from enliven.shape import Shape
+from enliven_viewer.studio import motions
 from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.motions import library
@@ -282,6 +284,21 @@ def test_every_motion_of_the_library_can_be_looped_or_stays(desk: Desk) -> None:
         assert clip.id == "quarter turn" or np.allclose(turns, 1.0, atol=1e-9), clip.id
         steps = np.abs((clip.turns[1:] * clip.turns[:-1]).sum(2))
         assert 2 * np.arccos(np.clip(steps, -1, 1)).max() < 0.35, f"{clip.id} jumps"
+
+
+def test_a_bone_of_the_library_turns_with_the_bones_before_it() -> None:
+    """Frame by frame and bone by bone, against all frames at once."""
+
+    def bends(phase: float) -> list[np.ndarray]:
+        return [np.array([phase, 0.3 * bone, -0.5 * phase * bone]) for bone in range(1, 4)]
+
+    clip = motions._clip("made", motions._chain(3, 0.2), 0.5, bends)
+    for frame, turns in enumerate(clip.turns):
+        total = Rotation.identity()
+        for bone, bend in enumerate(bends(frame / (len(clip.turns) - 1)), start=1):
+            total = total * Rotation.from_rotvec(bend)
+            found = Rotation.from_quat(turns[bone], scalar_first=True)
+            assert (found.inv() * total).magnitude() < 1e-9
 
 
 def test_the_best_view_shows_more_of_the_bones(desk: Desk) -> None:

@@ -11,16 +11,18 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.character import Character, Pose
-from enliven.deformation.puppet_surface import PuppetSurface
 from enliven.errors import EnlivenError
 from enliven.kernels import njit
 from enliven.mesh import Mesh
+
+if TYPE_CHECKING:
+    from enliven.deformation.puppet_surface import PuppetSurface
 
 log = logging.getLogger(__name__)
 
@@ -166,6 +168,8 @@ def _beside(work: Callable[[], T]) -> Future[T]:
 
 def _prepared(character: Character) -> PuppetSurface:
     """The solver of a character's surface."""
+    from enliven.deformation.puppet_surface import PuppetSurface  # 0.2 s to load, and puppets alone need it
+
     assert character.held is not None
     mesh = Mesh(character.vertices.astype(np.float64), character.faces)
     held = character.held.tolist()

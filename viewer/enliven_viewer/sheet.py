@@ -14,6 +14,8 @@ from enliven_viewer.hud import clock
 
 PAPER, INK, QUIET = (19, 21, 27), (240, 241, 244), (160, 167, 180)
 _GAP, _TITLE = 10, 64
+_PACKED = 3
+"""Of 9, how hard a PNG is packed: a ninth larger than at the usual 6, in a third of the time."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def write_sheet(path: Path, tiles: list[Tile], columns: int, title: str, subtitl
         _stamp(draw, x + 8, y + height - 30, clock(tile.seconds))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        sheet.save(path)
+        sheet.save(path, compress_level=_PACKED)
     except OSError as error:
         raise ResourceError(
             f"the sheet cannot be written ({error.strerror})",

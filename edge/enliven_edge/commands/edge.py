@@ -142,7 +142,7 @@ def serve(
     from enliven_edge.casting import parts_for
     from enliven_edge.commands.preparing import prepared
     from enliven_edge.controls.desk import open_controls
-    from enliven_edge.outlet import Outlet
+    from enliven_edge.outlet import Outlet, need_free
     from enliven_edge.physics.engine import need_engine
     from enliven_edge.service import Edge
     from enliven_edge.stage import Stage
@@ -152,6 +152,7 @@ def serve(
     mesh, possess_at, parts, record, overwrite, wait, seconds = run
     if chosen.physics.world != "none":
         need_engine()
+    need_free(chosen.wire)
     with contextlib.ExitStack() as stack:
         controls = stack.enter_context(open_controls(chosen.controls, folder))
         sensor = _opened(sources, chosen, stack, once)

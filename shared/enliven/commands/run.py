@@ -34,6 +34,7 @@ def run(
         None, "--film/--window", help="A film or a window; by the display where not said."
     ),
     seconds: float | None = typer.Option(None, help="Stop after this many seconds of the recording."),
+    size: str | None = typer.Option(None, help="Of window or film, such as 640x360: quicker to draw."),
     physics: str | None = typer.Option(None, help="Loose things to knock about: boxes or dodgeball."),
     drive: str | None = typer.Option(None, help="What moves it: graph, or skeleton (of a rigged glTF)."),
     settings: Path | None = typer.Option(None, help="A TOML file of settings for the edge."),
@@ -50,6 +51,7 @@ def run(
       enliven run --sensor synthetic --window
       enliven run --sensor oak --set rehearse=TAKE.mcap
       enliven run --physics boxes
+      enliven run --film --size 640x360
       enliven run --mesh HORSE.obj --settings EDGE.toml
       enliven run --mesh SPIDER.glb --drive skeleton --parts arms
       enliven run --mesh cactus
@@ -75,6 +77,7 @@ def run(
     edge += ["--drive", drive] if drive else []
     edge += ["--settings", str(settings)] if settings else []
     view = _view_arguments(out, ports, as_film)
+    view += ["--size", size] if size else []
     code = run_together(
         [Process("edge", edge, ready=_ready(ports, as_film)), Process("viewer", view, leads=True)]
     )

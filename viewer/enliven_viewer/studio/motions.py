@@ -106,12 +106,10 @@ def _chain(bones: int, length: float) -> Skeleton:
 def _clip(name: str, skeleton: Skeleton, seconds: float, bends: Bends) -> Clip:
     """The world turns of a chain whose bones bend against one another."""
     frames = round(seconds / STEP) + 1
+    bent = from_rotation_vector(np.array([bends(frame / (frames - 1)) for frame in range(frames)]))
     turns = np.tile(IDENTITY, (frames, len(skeleton), 1))
-    for frame in range(frames):
-        total = IDENTITY
-        for bone, vector in enumerate(bends(frame / (frames - 1)), start=1):
-            total = multiply(total, from_rotation_vector(vector))
-            turns[frame, bone] = total
+    for bone in range(bent.shape[1]):
+        turns[:, bone + 1] = multiply(turns[:, bone], bent[:, bone])
     return Clip(name, skeleton, turns, np.tile(skeleton.positions[0], (frames, 1)), STEP)
 
 

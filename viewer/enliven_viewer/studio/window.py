@@ -32,6 +32,9 @@ from enliven_viewer.studio.viewport import Viewport
 
 _LONGEST_STEP = 0.1
 """Seconds: after a longer picture the playhead goes on from where it was."""
+_SAMPLES = 0
+"""A pixel, of the window's own buffer; 8 where nothing is said. Panels smooth their edges themselves and the
+picture behind them has its own samples, so that more would only take a third of the time of a picture."""
 KEYS = {
     **{letter: getattr(imgui.Key, letter) for letter in "abcdefghijklmnopqrstuvwxyz"},
     **{str(k): getattr(imgui.Key, f"_{k}") for k in range(1, 10)},
@@ -93,6 +96,7 @@ class StudioWindow:
         runner.app_window_params.restore_previous_geometry = False
         kinds = hello_imgui.DefaultImGuiWindowType
         runner.imgui_window_params.default_imgui_window_type = kinds.no_default_window
+        runner.renderer_backend_options.open_gl_options.anti_aliasing_samples = _SAMPLES
         runner.fps_idling.enable_idling = False
         runner.ini_disable = True
         calls = runner.callbacks
