@@ -14,7 +14,7 @@ import select
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,23 +24,31 @@ from enliven_edge.sensors.stereo.pairing import Picture
 
 _BUFFERS = 4
 """Images that a camera may have under way: one is filled, one is read, two are between."""
-_GREY: dict[str, tuple[int, tuple[int, ...]]] = {
-    "R8": (1, (0,)),
-    "YUV420": (1, (0,)),
-    "NV12": (1, (0,)),
-    "YUYV": (2, (0,)),
-    "BGR888": (3, (1,)),
-    "RGB888": (3, (1,)),
-    "XBGR8888": (4, (1,)),
-    "XRGB8888": (4, (1,)),
+
+
+class Layout(NamedTuple):
+    """How an image lies in its first plane: bytes a pixel, and which of them are grey, or red, green and blue."""
+
+    bytes: int
+    channels: tuple[int, ...]
+
+
+GREY = {
+    "R8": Layout(1, (0,)),
+    "YUV420": Layout(1, (0,)),
+    "NV12": Layout(1, (0,)),
+    "YUYV": Layout(2, (0,)),
+    "BGR888": Layout(3, (1,)),
+    "RGB888": Layout(3, (1,)),
+    "XBGR8888": Layout(4, (1,)),
+    "XRGB8888": Layout(4, (1,)),
 }
-"""Formats that grey is read from, the best first: bytes a pixel of the first plane, and which of them; of
-red, green and blue the green, where a sensor has most of its light."""
-_COLOUR: dict[str, tuple[int, tuple[int, ...]]] = {
-    "BGR888": (3, (0, 1, 2)),
-    "RGB888": (3, (2, 1, 0)),
-    "XBGR8888": (4, (0, 1, 2)),
-    "XRGB8888": (4, (2, 1, 0)),
+"""Formats that grey is read from, the best first; of red, green and blue the green: it has most of the light."""
+COLOUR = {
+    "BGR888": Layout(3, (0, 1, 2)),
+    "RGB888": Layout(3, (2, 1, 0)),
+    "XBGR8888": Layout(4, (0, 1, 2)),
+    "XRGB8888": Layout(4, (2, 1, 0)),
 }
 """Formats that colour is read from; libcamera names them from the highest byte down."""
 _SERVER, _CLIENT = 1, 2
@@ -86,7 +94,7 @@ class LibcameraImages:
     ) -> None:
         self._lib = _library(tuning)
         self._manager = self._lib.CameraManager.singleton()
-        self._formats = _COLOUR if colour else _GREY
+        self._formats = COLOUR if colour else GREY
         self._eyes: list[_Eye] = []
         self._ready: list[Any] = []
         self._celsius: float | None = None
@@ -171,7 +179,7 @@ class _Eye:
     """One camera, its buffers and its requests."""
 
     def __init__(
-        self, lib: Any, camera: Any, number: int, size: tuple[int, int], formats: dict[str, Any]
+        self, lib: Any, camera: Any, number: int, size: tuple[int, int], formats: dict[str, Layout]
     ) -> None:
         self._lib, self._camera, self.number = lib, camera, number
         self.celsius: float | None = None
@@ -208,7 +216,7 @@ class _Eye:
         self.celsius = told.get("SensorTemperature", self.celsius)
         time_ns, sequence = int(told.get("SensorTimestamp", about.timestamp)), int(about.sequence)
         sound = about.status == self._lib.FrameMetadata.Status.Success
-        image = self._image(number) if sound else None
+        image = image_of(self._views[number], self.size, self._stride, self._layout) if sound else None
         request.reuse()
         self._camera.queue_request(request)
         if image is None:
@@ -230,7 +238,7 @@ class _Eye:
         with contextlib.suppress(RuntimeError, OSError):
             self._camera.release()
 
-    def _configure(self, size: tuple[int, int], formats: dict[str, Any]) -> None:
+    def _configure(self, size: tuple[int, int], formats: dict[str, Layout]) -> None:
         """Chooses the format and the size.
 
         Raises:
@@ -251,7 +259,7 @@ class _Eye:
         self._camera.configure(config)
         if str(stream.pixel_format) not in formats:
             raise InputError(f"it gives only {stream.pixel_format}", where=self._camera.id)
-        self._depth, self._channels = formats[str(stream.pixel_format)]
+        self._layout = formats[str(stream.pixel_format)]
         self.size = (stream.size.width, stream.size.height)
         self._stride, self._stream = stream.stride, stream.stream
         self._config = config
@@ -272,18 +280,22 @@ class _Eye:
             request.add_buffer(self._stream, buffer)
             self._requests.append(request)
 
-    def _image(self, number: int) -> UInt8 | None:
-        """(H, W) or (H, W, 3) a buffer's image, copied; None where the buffer is too short."""
-        width, height = self.size
-        rows = self._views[number][: height * self._stride]
-        if len(rows) < height * self._stride:
-            return None
-        used = rows.reshape(height, self._stride)[:, : width * self._depth]
-        pixels = used.reshape(height, width, self._depth)
-        first, last = self._channels[0], self._channels[-1]
-        if first == last:
-            return np.ascontiguousarray(pixels[..., first])
-        return np.ascontiguousarray(pixels[..., :3] if first < last else pixels[..., 2::-1])
+
+def image_of(plane: UInt8, size: tuple[int, int], stride: int, layout: Layout) -> UInt8 | None:
+    """(H, W) or (H, W, 3) a copy of the image in a plane's bytes; None where they are too few.
+
+    Args:
+        size: (width, height) of the image.
+        stride: bytes from one row to the next.
+    """
+    width, height = size
+    if len(plane) < height * stride or stride < width * layout.bytes:
+        return None
+    rows = plane[: height * stride].reshape(height, stride)[:, : width * layout.bytes]
+    pixels = rows.reshape(height, width, layout.bytes)
+    if len(layout.channels) == 1:
+        return np.ascontiguousarray(pixels[..., layout.channels[0]])
+    return np.ascontiguousarray(pixels[..., :3] if layout.channels[0] == 0 else pixels[..., 2::-1])
 
 
 def _wishes(fps: float, exposure_us: int, gain: float) -> dict[str, Any]:
