@@ -294,8 +294,8 @@ def image_of(plane: UInt8, size: tuple[int, int], stride: int, layout: Layout) -
     rows = plane[: height * stride].reshape(height, stride)[:, : width * layout.bytes]
     pixels = rows.reshape(height, width, layout.bytes)
     if len(layout.channels) == 1:
-        return np.ascontiguousarray(pixels[..., layout.channels[0]])
-    return np.ascontiguousarray(pixels[..., :3] if layout.channels[0] == 0 else pixels[..., 2::-1])
+        return pixels[..., layout.channels[0]].copy()
+    return np.array(pixels[..., :3] if layout.channels[0] == 0 else pixels[..., 2::-1], order="C")
 
 
 def _wishes(fps: float, exposure_us: int, gain: float) -> dict[str, Any]:
