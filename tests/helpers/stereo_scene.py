@@ -167,12 +167,16 @@ class Photographer:
         return np.clip(np.rint(light), 0, 255).astype(np.uint8)
 
     def depth(self, lens: Lens) -> np.ndarray:
-        """(H, W) metres along the lens's axis, of a lens that stands where the left camera does."""
+        """(H, W) metres along the lens's axis."""
+        return self.seen(lens)[0]
+
+    def seen(self, lens: Lens) -> tuple[np.ndarray, np.ndarray]:
+        """(H, W) metres along the lens's axis, and (H, W) which thing each pixel sees."""
         uu, vv = np.meshgrid(np.arange(lens.width), np.arange(lens.height))
         eye, looks = lens.rays(uu.ravel().astype(float), vv.ravel().astype(float))
-        length, _ = self._hit(eye, looks)
+        length, which = self._hit(eye, looks)
         points = (eye + looks * length[:, None]) @ lens.turn.T + lens.shift
-        return points[:, 2].reshape(lens.height, lens.width)
+        return points[:, 2].reshape(uu.shape), which.reshape(uu.shape)
 
     def _hit(self, eye: np.ndarray, looks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(N,) length along each ray to what is nearest, and (N,) which it is."""

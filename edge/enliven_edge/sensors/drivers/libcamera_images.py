@@ -27,7 +27,7 @@ _BUFFERS = 4
 
 
 class Layout(NamedTuple):
-    """How an image lies in its first plane: bytes a pixel, and which of them are grey, or red, green and blue."""
+    """How an image lies in its first plane: bytes a pixel, and which are grey, or red, green and blue."""
 
     bytes: int
     channels: tuple[int, ...]
@@ -43,7 +43,7 @@ GREY = {
     "XBGR8888": Layout(4, (1,)),
     "XRGB8888": Layout(4, (1,)),
 }
-"""Formats that grey is read from, the best first; of red, green and blue the green: it has most of the light."""
+"""Formats that grey is read from, the best first; of red, green and blue the green: most light is there."""
 COLOUR = {
     "BGR888": Layout(3, (0, 1, 2)),
     "RGB888": Layout(3, (2, 1, 0)),

@@ -110,6 +110,7 @@ def test_bodies_cross_from_the_process_as_they_are(none_left):  # noqa: F811
         ({"calibration": "missing.toml"}, "enliven calibrate-stereo"),
         ({"rehearse": "."}, "calibration"),
         ({"fps": 0.0}, "rate is 0.0"),
+        ({"view": 500.0}, "view is 500.0 degrees"),
     ],
 )
 def test_what_cannot_be_used_is_said(options, what):
