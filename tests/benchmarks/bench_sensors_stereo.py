@@ -1,4 +1,4 @@
-"""Two cameras as a depth sensor on rendered pairs whose depth is known, beside plain OpenCV on the same pairs.
+"""Two cameras as a depth sensor on rendered pairs whose depth is known, beside plain OpenCV on the same.
 
 The peer is what OpenCV's own example of stereo matching does, in its fastest mode: the same maps, the same
 number of disparities, its advice for the penalties, no check of specks or uniqueness, depth by its formula.
