@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
-import itertools
+import numpy as np
 
+from enliven.body import Body
 from enliven.frames import BodyFrame
-from enliven_edge.sensors.synthetic import SyntheticSensor
 
+FRAMES = 5
 STEP = 40_000_000
 """Nanoseconds between two frames."""
 
 
+def bodies(number: int) -> list[Body]:
+    """As many as the number of the frame says, none of them twice the same."""
+    random = np.random.default_rng(number)
+    return [Body(i, random.normal(size=(20, 3)), random.uniform(size=20), stature=1.7) for i in range(number)]
+
+
 class Telling:
-    """Five frames of a synthetic performer's true bodies."""
+    """Frames with ever more bodies."""
 
     isolated = True
     name = "telling"
     fps = 25.0
 
     def __init__(self) -> None:
-        self._performer = SyntheticSensor(choreography="walk", realtime=False)
-        self._times = itertools.count(0, STEP)
+        self._next = 0
 
     def read(self, timeout: float | None = None) -> BodyFrame | None:
         """The next."""
-        time_ns = next(self._times)
-        return BodyFrame([self._performer.truth(time_ns)], time_ns, self.name) if time_ns < 5 * STEP else None
+        number, self._next = self._next, self._next + 1
+        return BodyFrame(bodies(number), number * STEP, self.name) if number < FRAMES else None
 
     def close(self) -> None:
         """Nothing to do."""

@@ -19,8 +19,8 @@ from enliven_edge.sensors.stereo import (
     Rectification,
     StereoMatcher,
     load_calibration,
+    opencv,
 )
-from enliven_edge.sensors.stereo.opencv import opencv
 
 _HOT = 75.0
 """Degrees Celsius of the image sensor up to which the IMX296 of the Global Shutter Camera is specified."""

@@ -20,7 +20,7 @@ import numpy as np
 
 from enliven.arrays import UInt8
 from enliven.errors import InputError, ResourceError
-from enliven_edge.sensors.stereo.pairing import Picture
+from enliven_edge.sensors.stereo import Picture
 
 _BUFFERS = 4
 """Images that a camera may have under way: one is filled, one is read, two are between."""

@@ -78,7 +78,8 @@ class Studio:
         self.lens, steps = lens, np.array([-0.25, 0.25])
         u = (np.arange(lens.width)[:, None] + steps).ravel()
         v = (np.arange(lens.height)[:, None] + steps).ravel()
-        self.eye, self.looks = lens.rays(*(each.ravel() for each in np.meshgrid(u, v)))
+        self.eye, looks = lens.rays(*(each.ravel() for each in np.meshgrid(u, v)))
+        self.looks = looks.astype(np.float32)
 
     def photograph(self, turn, middle, seed=0):
         """(H, W) what the lens sees."""
@@ -99,7 +100,7 @@ class Studio:
 def pairs(tmp_path_factory):
     """A folder of rendered pairs, and the studios that took them."""
     folder, studios = tmp_path_factory.mktemp("pairs"), [Studio(lens) for lens in rig(WIDTH, HEIGHT)]
-    for number, pose in enumerate(poses(12, 4, tilt=25, side=0.25, near=0.36, far=0.5)):
+    for number, pose in enumerate(poses(9, 4, tilt=25, side=0.25, near=0.36, far=0.5)):
         for name, studio in zip(("left", "right"), studios, strict=True):
             Image.fromarray(studio.photograph(*pose, seed=number)).save(folder / f"{name}-{number:02}.png")
     return folder, studios
@@ -140,7 +141,7 @@ def test_the_sheet_is_the_board_to_the_millimetre(tmp_path, capsys):
     assert max(np.linalg.norm(point - expected[n]) for n, point in found.items()) < 1.5
 
 
-@settings(max_examples=4)
+@settings(max_examples=3)
 @given(st.integers(0, 1000), st.floats(0.06, 0.2), st.floats(-2, 2))
 def test_cameras_are_found_from_what_they_see_of_a_board(seed, baseline, crooked):
     lenses = rig(baseline=baseline, crooked=crooked)

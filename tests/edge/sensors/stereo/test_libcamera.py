@@ -6,10 +6,11 @@ import signal
 
 import numpy as np
 import pytest
+import telling
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
-from telling import STEP, Telling
+from telling import Telling
 from test_isolation import helpers, next_frame, none_left  # noqa: F401 (a fixture)
 
 pytest.importorskip("cv2", reason='OpenCV is not installed: pip install "./edge[libcamera]"')
@@ -25,7 +26,6 @@ from enliven_edge.sensors.isolation import IsolatedOpener
 from enliven_edge.sensors.registry import open_sensor, sensor_opener
 from enliven_edge.sensors.reopening import kept_open
 from enliven_edge.sensors.stereo import Rectification, save_calibration
-from enliven_edge.sensors.synthetic import SyntheticSensor
 
 FRAMES = 12
 
@@ -94,14 +94,16 @@ def test_a_damaged_image_costs_its_pair_only(recorded, tmp_path):
 
 def test_bodies_cross_from_the_process_as_they_are(none_left):  # noqa: F811
     """As those of one camera do, whose landmarks become bodies in the driver."""
-    performer = SyntheticSensor(choreography="walk", realtime=False)
     with IsolatedOpener("telling", Telling, {})() as sensor:
-        frames = []
-        while (frame := next_frame(sensor)) is not None:
+        for number in range(telling.FRAMES):
+            frame = next_frame(sensor)
             assert isinstance(frame, BodyFrame) and frame.sensor == "telling"
-            frames.append(frame.time_ns)
-            np.testing.assert_allclose(frame.bodies[0].joints, performer.truth(frame.time_ns).joints)
-    assert frames[-1] == 4 * STEP
+            assert frame.time_ns == number * telling.STEP
+            for told, true in zip(frame.bodies, telling.bodies(number), strict=True):
+                assert (told.id, told.stature) == (true.id, true.stature)
+                np.testing.assert_array_equal(told.joints, true.joints)
+                np.testing.assert_array_equal(told.confidence, true.confidence)
+        assert next_frame(sensor) is None
 
 
 @pytest.mark.parametrize(
