@@ -104,7 +104,8 @@ def test_two_images_of_nothing_in_common_tell_nothing():
     left, right = (
         np.random.default_rng(seed).integers(0, 255, (HEIGHT, WIDTH)).astype(np.uint8) for seed in (0, 1)
     )
-    assert (StereoMatcher(RECTIFIED).depth(left, right) > 0).mean() < 0.05
+    # Without the demand that the best match be unique it is 4 %, without that for specks 45 %.
+    assert (StereoMatcher(RECTIFIED).depth(left, right) > 0).mean() < 0.032
 
 
 @given(st.floats(20, 200), st.floats(0.3, 1.0), st.floats(2.0, 20.0))
