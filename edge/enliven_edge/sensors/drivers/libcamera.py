@@ -78,19 +78,15 @@ class LibcameraSensor:
         model: str = "",
         source: LandmarkSource | None = None,
     ) -> None:
+        check_view(view)
         if not 1.0 <= fps <= 240.0:
             raise InputError(f"the rate is {fps}", where="sensor libcamera", mend="Give fps=1 to 240.")
-        check_view(view)
         self.fps = fps
         self._matcher: StereoMatcher | None = None
         self._eye: LevelEye | None = None
         size, cameras = (width, height), [str(left)]
         if calibration:
-            known = load_calibration(Path(calibration))
-            opencv().setNumThreads(1)
-            self._rectification = Rectification(known)
-            self._matcher = StereoMatcher(self._rectification, near, far)
-            size, cameras = (known.width, known.height), [str(left), str(right)]
+            size, cameras = self._prepare(calibration, near, far), [str(left), str(right)]
         elif rehearse:
             mend = "Give --set calibration=FILE, which enliven calibrate-stereo writes."
             raise InputError("image pairs need the cameras' calibration", where=rehearse, mend=mend)
@@ -98,12 +94,11 @@ class LibcameraSensor:
         if rehearse:
             self._images = RecordedPairs(Path(rehearse), fps)
         else:
-            colour = not calibration
-            self._images = LibcameraImages(cameras, size, fps, colour, exposure_us, gain, tuning)
+            self._images = LibcameraImages(cameras, size, fps, not calibration, exposure_us, gain, tuning)
         self.name = self._images.name
         self._pairing = Pairing(self.name, round(1e6 * apart_ms))
         try:
-            if self._matcher is None:
+            if not calibration:
                 self._eye = LevelEye(view, stand, tilt, body_height, python, model, source)
             elif isinstance(self._images, LibcameraImages):
                 self._check_sizes(self._images.sizes, size)
@@ -151,6 +146,14 @@ class LibcameraSensor:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _prepare(self, calibration: str, near: float, far: float) -> tuple[int, int]:
+        """Makes the matcher of a calibration; returns (width, height) of the images that it is for."""
+        known = load_calibration(Path(calibration))
+        opencv().setNumThreads(1)
+        self._rectification = Rectification(known)
+        self._matcher = StereoMatcher(self._rectification, near, far)
+        return known.width, known.height
 
     def _depth(self, left: Picture, right: Picture) -> DepthFrame:
         """The depth of a pair, in the rectified left camera."""

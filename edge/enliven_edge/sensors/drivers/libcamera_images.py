@@ -14,43 +14,17 @@ import select
 import sys
 import time
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from enliven.arrays import UInt8
 from enliven.errors import InputError, ResourceError
+from enliven_edge.sensors.drivers.libcamera_formats import COLOUR, GREY, Layout, image_of
 from enliven_edge.sensors.stereo import Picture
 
 _BUFFERS = 4
 """Images that a camera may have under way: one is filled, one is read, two are between."""
-
-
-class Layout(NamedTuple):
-    """How an image lies in its first plane: bytes a pixel, and which are grey, or red, green and blue."""
-
-    bytes: int
-    channels: tuple[int, ...]
-
-
-GREY = {
-    "R8": Layout(1, (0,)),
-    "YUV420": Layout(1, (0,)),
-    "NV12": Layout(1, (0,)),
-    "YUYV": Layout(2, (0,)),
-    "BGR888": Layout(3, (1,)),
-    "RGB888": Layout(3, (1,)),
-    "XBGR8888": Layout(4, (1,)),
-    "XRGB8888": Layout(4, (1,)),
-}
-"""Formats that grey is read from, the best first; of red, green and blue the green: most light is there."""
-COLOUR = {
-    "BGR888": Layout(3, (0, 1, 2)),
-    "RGB888": Layout(3, (2, 1, 0)),
-    "XBGR8888": Layout(4, (0, 1, 2)),
-    "XRGB8888": Layout(4, (2, 1, 0)),
-}
-"""Formats that colour is read from; libcamera names them from the highest byte down."""
 _SERVER, _CLIENT = 1, 2
 """Values of the Raspberry Pi's control SyncMode: the first camera sets the beat, the others follow."""
 _SYSTEM = Path("/usr/lib")
@@ -215,7 +189,8 @@ class _Eye:
         told = {control.name: value for control, value in request.metadata.items()}
         self.celsius = told.get("SensorTemperature", self.celsius)
         time_ns, sequence = int(told.get("SensorTimestamp", about.timestamp)), int(about.sequence)
-        sound = about.status == self._lib.FrameMetadata.Status.Success
+        # Libcamera 0.4's virtual cameras leave the status of sound images as it was in memory.
+        sound = about.status != self._lib.FrameMetadata.Status.Error
         image = image_of(self._views[number], self.size, self._stride, self._layout) if sound else None
         request.reuse()
         self._camera.queue_request(request)
@@ -279,23 +254,6 @@ class _Eye:
             request = self._camera.create_request(self.number * _MOST_BUFFERS + number)
             request.add_buffer(self._stream, buffer)
             self._requests.append(request)
-
-
-def image_of(plane: UInt8, size: tuple[int, int], stride: int, layout: Layout) -> UInt8 | None:
-    """(H, W) or (H, W, 3) a copy of the image in a plane's bytes; None where they are too few.
-
-    Args:
-        size: (width, height) of the image.
-        stride: bytes from one row to the next.
-    """
-    width, height = size
-    if len(plane) < height * stride or stride < width * layout.bytes:
-        return None
-    rows = plane[: height * stride].reshape(height, stride)[:, : width * layout.bytes]
-    pixels = rows.reshape(height, width, layout.bytes)
-    if len(layout.channels) == 1:
-        return pixels[..., layout.channels[0]].copy()
-    return np.array(pixels[..., :3] if layout.channels[0] == 0 else pixels[..., 2::-1], order="C")
 
 
 def _wishes(fps: float, exposure_us: int, gain: float) -> dict[str, Any]:
