@@ -1,0 +1,98 @@
+"""Images of two cameras that were taken at the same moment, by the cameras' clocks."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+from enliven.arrays import UInt8
+from enliven.errors import ResourceError
+
+_FINDING_NS = 5_000_000_000
+"""Nanoseconds in which two cameras must have found their step: the Raspberry Pi sends a message about it each
+thirty images, and the second camera may need two."""
+_LOST_NS = 750_000_000
+"""Nanoseconds without a pair after which it is lost; the edge takes a second of silence for a loss."""
+_WAITING = 4
+"""Images of one camera that wait for the other's; the library gives each camera four."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One image of one camera.
+
+    Attributes:
+        eye: which camera, 0 the left or only one, 1 the right one.
+        image: (H, W) uint8 grey or (H, W, 3) uint8 sRGB.
+        time_ns: when it was taken, by a clock that the cameras share.
+        sequence: the camera's own count of its images.
+    """
+
+    eye: int
+    image: UInt8
+    time_ns: int
+    sequence: int
+
+
+class Pairing:
+    """Puts pictures of two cameras together, and leaves out what has no partner.
+
+    Args:
+        name: of the sensor.
+        tolerance_ns: by which the times of a pair may differ.
+
+    Attributes:
+        apart_ns: by how much those of the last pair did, left minus right; None before the first.
+        odd: pictures that were left out.
+    """
+
+    def __init__(self, name: str, tolerance_ns: int) -> None:
+        self._name, self._tolerance = name, tolerance_ns
+        self._waiting: tuple[deque[Picture], deque[Picture]] = (
+            deque(maxlen=_WAITING),
+            deque(maxlen=_WAITING),
+        )
+        self._since_ns: int | None = None
+        self._least_ns: int | None = None
+        self.apart_ns: int | None = None
+        self.odd = 0
+
+    def add(self, picture: Picture) -> tuple[Picture, Picture] | None:
+        """The pair that a picture completes, left and right; None where it must wait.
+
+        Raises:
+            ResourceError: where the cameras have been out of step for long.
+        """
+        line = self._waiting[picture.eye]
+        self._since_ns = picture.time_ns if self._since_ns is None else self._since_ns
+        if len(line) == _WAITING:
+            self._leave_out(line.popleft())
+        line.append(picture)
+        left, right = self._waiting
+        while left and right:
+            apart = left[0].time_ns - right[0].time_ns
+            if abs(apart) <= self._tolerance:
+                self.apart_ns, self._since_ns, self._least_ns = apart, left[0].time_ns, None
+                return left.popleft(), right.popleft()
+            self._least_ns = min(abs(apart), self._least_ns or abs(apart))
+            self._leave_out((left if apart < 0 else right).popleft())
+        return None
+
+    def _leave_out(self, picture: Picture) -> None:
+        """Counts a picture that has no partner."""
+        self.odd += 1
+        assert self._since_ns is not None
+        patience = _FINDING_NS if self.apart_ns is None else _LOST_NS
+        if picture.time_ns - self._since_ns < patience:
+            return
+        self._since_ns = picture.time_ns
+        if self._least_ns is None:
+            which = "left" if picture.eye else "right"
+            raise ResourceError(
+                f"the {which} camera sends no images", where=self._name, mend="Check its ribbon cable."
+            )
+        raise ResourceError(
+            f"the two cameras are not in step: {1e-6 * self._least_ns:.1f} ms apart",
+            where=self._name,
+            mend="Join their sync pins or use a tuning file with rpi.sync (docs/stereo.md).",
+        )
