@@ -15,10 +15,10 @@ from enliven_edge.sensors.synthetic import SyntheticSensor
 from enliven_edge.tracking.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
 
-GOOD, BAD, AFTER = 30, 60, 75
+GOOD, BAD, AFTER = 45, 60, 75
 """Frames before a fault, with it and after it: the person is known in the first, and found again in the last."""
-WIDTH = 160
-"""Pixels across: a quarter of the sensor's, the least at which it tracks as it does at half."""
+WIDTH = 200
+"""Pixels across: less than a third of the sensor's, and people are tracked as they are at half."""
 
 
 def stream() -> Iterator[tuple[DepthFrame, np.ndarray]]:
