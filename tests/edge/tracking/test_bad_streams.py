@@ -16,7 +16,7 @@ from enliven_edge.tracking.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
 
 GOOD, BAD, AFTER = 45, 60, 75
-"""Frames before a fault, with it and after it: a person is known before, and is to be found again after it."""
+"""Frames before a fault, with it and after it: a person is known before, and is found again after it."""
 WIDTH = 200
 """Pixels across: less than a third of the sensor's, and people are tracked as they are at half."""
 
