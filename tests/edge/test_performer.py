@@ -8,15 +8,19 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from slow_performer import SlowPerformer
 
 from enliven.body import BONES, Joint
 from enliven.errors import InputError
 from enliven_edge.synthesis.choreography import choreography, choreography_names
 from enliven_edge.synthesis.performer import Performer, Proportions
 from enliven_edge.synthesis.posture import Arm, Foot, Posture
+from enliven_edge.synthesis.rotations import GRID
 from enliven_edge.synthesis.tracks import Track, ease, pulse
 
 RATE = 30.0
+STEPS = 2 * GRID
+"""Metres by which the twin may differ: what one rounds up the other may round down."""
 
 
 def _joints(name: str, performer: Performer | None = None) -> np.ndarray:
@@ -52,27 +56,35 @@ _foot = st.builds(
     st.sampled_from([0.0, 0.1, 0.4]),
     _angle,
     st.floats(-0.6, 0.0),
+    _angle,
 )
 _arm = st.builds(
     Arm, st.floats(-0.7, 2.5), st.floats(0, 1.6), _angle, st.floats(0, 2.4), _angle, _angle, st.floats(0, 0.3)
 )
 
 
+_posture = st.builds(Posture, _foot, _foot, _arm, _arm, _angle, _angle, st.floats(-0.5, 0.1), *[_angle] * 9)
+
+
 @settings(deadline=None, max_examples=150)
-@given(_foot, _foot, _arm, _arm, _angle, _angle, _angle, st.floats(-0.5, 0.1))
-def test_any_posture_has_the_performers_bones(
-    left: Foot, right: Foot, one: Arm, other: Arm, yaw: float, pitch: float, roll: float, rise: float
-) -> None:
-    performer = Performer()
-    made = Posture(
-        left, right, one, other, 0.0, 0.0, rise, yaw, pitch, roll, yaw, pitch, roll, yaw, pitch, roll
-    )
+@given(_posture, st.sampled_from([1.2, 1.75]))
+def test_any_posture_has_the_performers_bones(made: Posture, height: float) -> None:
+    performer = Performer(Proportions(height=height))
     usual = performer.pose(Posture(Foot(0.15, 0.0), Foot(-0.15, 0.0)))
     figure = performer.pose(made)
     assert np.allclose(_lengths(figure.joints), _lengths(usual.joints), atol=1e-6)
     rotations = figure.frames[:, :, :3]
     assert np.allclose(rotations @ rotations.transpose(0, 2, 1), np.eye(3), atol=1e-6)
     assert np.allclose(np.linalg.det(rotations), 1.0, atol=1e-6)
+
+
+@settings(deadline=None, max_examples=100)
+@given(_posture)
+def test_a_posture_is_that_of_the_slow_twin(made: Posture) -> None:
+    build = Proportions(height=1.6, shoulders=1.2, hips=0.8, arms=0.9, legs=1.1)
+    figure, slow = Performer(build).pose(made), SlowPerformer(build).pose(made)
+    np.testing.assert_allclose(figure.joints, slow.joints, rtol=0, atol=STEPS)
+    np.testing.assert_allclose(figure.frames, slow.frames, rtol=0, atol=STEPS)
 
 
 @pytest.mark.parametrize("name", choreography_names())

@@ -13,7 +13,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven_edge.fusion.matching import Match
-from enliven_edge.fusion.rigid import UP, angle_between, inverse, moved, rigid, turn
+from enliven_edge.fusion.rigid import UP, angle_between, cross_matrix, inverse, moved, rigid, turn, turned
 from enliven_edge.fusion.settings import CalibrationSettings
 from enliven_edge.fusion.sides import OTHER_SIDE
 
@@ -79,16 +79,17 @@ def refine(
     """Steps from a first guess; None where the two never see the same body at one time."""
     stride = max(1, sum(len(m.times) for m in matches) // frames)
     thinned = [Match(m.a, m.b, m.times[::stride]) for m in matches]
+    held = [match.a.at(match.times, settings.longest_gap) for match in thinned]
     fit = None
     for _ in range(steps):
-        look = _looked(thinned, a_from_b, lag, settings)
+        look = _looked(thinned, held, a_from_b, lag, settings)
         if look is None:
             return fit
         fit, step = _stepped(look, a_from_b, lag, settings)
         a_from_b, lag = _applied(a_from_b, lag, step, fit.centre)
         if np.abs(step).max() < 1e-7:
             break
-    look = _looked(thinned, a_from_b, lag, settings)
+    look = _looked(thinned, held, a_from_b, lag, settings)
     return fit if look is None else _stepped(look, a_from_b, lag, settings)[0]
 
 
@@ -104,15 +105,23 @@ class _Look:
     swapped: Bool
 
 
-def _looked(matches: list[Match], a_from_b: Float, lag: float, settings: CalibrationSettings) -> _Look | None:
+def _looked(
+    matches: list[Match],
+    held: list[tuple[Float, Float, Float]],
+    a_from_b: Float,
+    lag: float,
+    settings: CalibrationSettings,
+) -> _Look | None:
+    """What both tell at the moments of the matches; ``held`` is what the first tells, by match."""
     looks = []
-    for match in matches:
-        p, _, seen_a = match.a.at(match.times, settings.longest_gap)
+    for match, (p, _, seen_a) in zip(matches, held, strict=True):
         q, velocity, seen_b = match.b.at(match.times - lag, settings.longest_gap)
         swapped = _sides(match.times, p, moved(a_from_b, q), seen_a, seen_b, settings.width)
-        order = np.where(swapped[:, None], OTHER_SIDE, np.arange(20))
-        q, velocity = (np.take_along_axis(x, order[..., None], 1) for x in (q, velocity))
-        weights = seen_a * np.take_along_axis(seen_b, order, 1)
+        if swapped.any():
+            order = np.where(swapped[:, None], OTHER_SIDE, np.arange(20))
+            q, velocity = (np.take_along_axis(x, order[..., None], 1) for x in (q, velocity))
+            seen_b = np.take_along_axis(seen_b, order, 1)
+        weights = seen_a * seen_b
         good = weights.sum(1) > 0
         looks.append(_Look(match.times[good], p[good], q[good], velocity[good], weights[good], swapped[good]))
     if not looks or not sum(len(look.times) for look in looks):
@@ -124,8 +133,8 @@ def _looked(matches: list[Match], a_from_b: Float, lag: float, settings: Calibra
 def _sides(times: Float, p: Float, q: Float, seen_a: Float, seen_b: Float, width: float) -> Bool:
     """(N,) whether the sides agree better exchanged, over a few neighbouring frames."""
     plain, other = (
-        (seen_a * seen_b[:, order] * np.minimum(np.linalg.norm(p - q[:, order], axis=2), 2 * width)).sum(1)
-        for order in (np.arange(20), OTHER_SIDE)
+        (seen_a * seen * np.minimum(_lengths(p - there), 2 * width)).sum(1)
+        for seen, there in ((seen_b, q), (seen_b[:, OTHER_SIDE], q[:, OTHER_SIDE]))
     )
     gain = plain - other
     if len(gain) < 3:
@@ -140,23 +149,20 @@ def _stepped(look: _Look, a_from_b: Float, lag: float, settings: CalibrationSett
     """The state of the fit, and the step (7,) of turn, shift and lag that improves it."""
     placed = moved(a_from_b, look.q)
     error = placed - look.p
-    residuals = np.linalg.norm(error, axis=2)
+    residuals = _lengths(error)
     width = _width(residuals, look.weights, settings.width)
     doubt = 1.0 / (1.0 + (residuals / width) ** 2) ** 2
     trust = look.weights * doubt
     centre = np.tensordot(trust, placed, 2) / max(trust.sum(), 1e-12)
-    jacobian = _jacobian(placed - centre, look.velocity @ a_from_b[:3, :3].T)
     variance = float((trust * residuals**2).sum() / max(3 * trust.sum(), 1e-12)) + 1e-10
     # Errors of neighbouring frames and of one body's joints are not independent looks.
     looks = max(1.0, len(np.unique(np.floor(look.times / _MEMORY)))) * _LOOKS
     scale = looks / max(trust.sum(), 1e-12) / variance
-    rows, trusted = jacobian.reshape(-1, 7), (trust[..., None, None] * jacobian).reshape(-1, 7)
-    h = scale * (trusted.T @ rows)
-    g = scale * (trusted.T @ error.reshape(-1))
+    h, g = normal_equations(placed - centre, turned(a_from_b, look.velocity), error, scale * trust)
     precision = h.copy()
     _add_priors(h, g, a_from_b, centre, settings)
     damped = h + 1e-9 * np.diag(np.maximum(np.diag(h), 1e-9))
-    step = -np.linalg.solve(damped, g)
+    step = np.asarray(-np.linalg.solve(damped, g), np.float64)
     step[6] = np.clip(step[6], -0.05, 0.05)
     feet = look.p[:, 0]
     fit = Fit(
@@ -171,19 +177,40 @@ def _width(residuals: Float, weights: Float, widest: float) -> float:
     return float(np.clip(3.0 * np.median(seen), _STILL, widest)) if len(seen) else widest
 
 
-def _jacobian(arm: Float, velocity: Float) -> Float:
-    """(N, 20, 3, 7) of the placed joints by turn (about the centre), shift and lag.
+def normal_equations(arm: Float, velocity: Float, error: Float, weights: Float) -> tuple[Float, Float]:
+    """J^T W J (7, 7) and J^T W e (7,) of turn (about the centre), shift and lag.
 
-    A larger lag looks at an earlier q: d q(t - lag) / d lag = -v.
+    A joint's J is (-[arm]x, 1, -v): a larger lag looks at an earlier q, d q(t - lag) / d lag = -v. All that
+    is needed are sums of products of its numbers, one product of matrices.
+
+    Args:
+        arm, velocity, error: (N, 20, 3) metres from the centre, m/s, metres of disagreement.
+        weights: (N, 20).
     """
-    jacobian = np.zeros((*arm.shape, 7))
-    x, y, z = arm[..., 0], arm[..., 1], arm[..., 2]
-    jacobian[..., 0, 1], jacobian[..., 0, 2] = z, -y
-    jacobian[..., 1, 0], jacobian[..., 1, 2] = -z, x
-    jacobian[..., 2, 0], jacobian[..., 2, 1] = y, -x
-    jacobian[..., 3:6] = np.eye(3)
-    jacobian[..., 6] = -velocity
-    return jacobian
+    flat = weights.reshape(-1)
+    columns = np.empty((len(flat), 10))
+    columns[:, :3], columns[:, 3:6], columns[:, 6:9] = (x.reshape(-1, 3) for x in (arm, velocity, error))
+    columns[:, 9] = 1.0
+    sums = columns.T @ (flat[:, None] * columns)
+    aa, av, ae, vv, ve = sums[:3, :3], sums[:3, 3:6], sums[:3, 6:9], sums[3:6, 3:6], sums[3:6, 6:9]
+    h, g = np.empty((7, 7)), np.empty(7)
+    h[:3, :3] = np.trace(aa) * np.eye(3) - aa
+    h[:3, 3:6], h[3:6, 3:6] = cross_matrix(sums[:3, 9]), sums[9, 9] * np.eye(3)
+    h[:3, 6], h[3:6, 6], h[6, 6] = -_crossed(av), -sums[3:6, 9], np.trace(vv)
+    h[3:6, :3], h[6, :6] = h[:3, 3:6].T, h[:6, 6]
+    g[:3], g[3:6], g[6] = _crossed(ae), sums[6:9, 9], -np.trace(ve)
+    return h, g
+
+
+def _crossed(products: Float) -> Float:
+    """(3,) the sum of a x b from the sum of a b^T (3, 3)."""
+    p = products
+    return np.array([p[1, 2] - p[2, 1], p[2, 0] - p[0, 2], p[0, 1] - p[1, 0]])
+
+
+def _lengths(vectors: Float) -> Float:
+    """(N, 20) the lengths of (N, 20, 3)."""
+    return np.asarray(np.sqrt(np.einsum("njk,njk->nj", vectors, vectors)))
 
 
 def _add_priors(h: Float, g: Float, a_from_b: Float, centre: Float, settings: CalibrationSettings) -> None:

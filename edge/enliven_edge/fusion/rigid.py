@@ -11,7 +11,13 @@ UP = np.array([0.0, 1.0, 0.0])
 
 def moved(transform: Float, points: Float) -> Float:
     """(..., 3) the points (..., 3) after a rigid transform (4, 4)."""
-    return np.asarray(points @ transform[:3, :3].T + transform[:3, 3])
+    return turned(transform, points) + transform[:3, 3]
+
+
+def turned(transform: Float, vectors: Float) -> Float:
+    """(..., 3) the vectors (..., 3) after the rotation of a rigid transform (4, 4)."""
+    # As one product: NumPy would make one of every (20, 3) of a (N, 20, 3).
+    return np.asarray((vectors.reshape(-1, 3) @ transform[:3, :3].T).reshape(vectors.shape))
 
 
 def inverse(transform: Float) -> Float:

@@ -49,20 +49,22 @@ class BodyTrack:
         share = np.clip(share, 0.0, 1.0)[:, None, None]
         start, change = self.joints[before], self.joints[after] - self.joints[before]
         seen = np.minimum(self.confidence[before], self.confidence[after]) * inside[:, None]
-        return start + share * change, self._velocity(before, after), seen
+        return start + share * change, self._velocities[before], seen
 
     @cached_property
     def step(self) -> float:
         """Seconds between two frames, usually."""
         return float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
 
-    def _velocity(self, before: AnyArray, after: AnyArray) -> Float:
-        """(N, 20, 3) m/s from the frames around the two that were interpolated.
+    @cached_property
+    def _velocities(self) -> Float:
+        """(F - 1, 20, 3) m/s between two frames, from the frames around the two.
 
         The two's own difference would share their noise, and a fit of the clocks by it would come to rest
         where interpolation hides most noise: halfway between frames.
         """
-        early, late = np.maximum(before - 1, 0), np.minimum(after + 1, len(self.times) - 1)
+        before = np.arange(len(self.times) - 1)
+        early, late = np.maximum(before - 1, 0), np.minimum(before + 2, len(self.times) - 1)
         seconds = self.times[late] - self.times[early]
         return np.asarray((self.joints[late] - self.joints[early]) / seconds[:, None, None])
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import AnyArray, Float, UInt8
+from enliven.arrays import Float, UInt8
 from enliven.camera import Intrinsics, rays
+from enliven.kernels import njit
 
 ORDINARY, DARK, MIRROR = 0, 1, 2
 """Materials: diffuse, swallowing most of the light, or sending it away from the sensor."""
@@ -60,26 +61,45 @@ def cast_room(
     Args:
         world_from_camera: (4, 4) where the camera stands.
     """
+    corners = np.array([[box.low, box.high] for box in room]).reshape(-1, 2, 3)
+    stuff = np.array([box.material for box in room], np.uint8)
     ray = rays(intrinsics)
-    across, down = np.ascontiguousarray(ray[..., 0]), np.ascontiguousarray(ray[..., 1])
-    direction = [across * r[0] + down * r[1] + r[2] for r in world_from_camera[:3, :3]]
-    depth = np.full(across.shape, np.inf)
-    material = np.zeros(across.shape, np.uint8)
-    for box in room:
-        hit = _box_entry(world_from_camera[:3, 3], direction, box)
-        nearer = hit < depth
-        depth[nearer] = hit[nearer]
-        material[nearer] = box.material
+    depth, material = np.full(ray.shape[:2], np.inf), np.zeros(ray.shape[:2], np.uint8)
+    _cast(ray, np.asarray(world_from_camera, np.float64), corners, stuff, depth, material)
     return depth, material
 
 
-def _box_entry(origin: Float, direction: list[Float], box: Box) -> AnyArray:
-    """(H, W) the multiple of ``direction``, (H, W) by axis, at which it enters a box; inf where it misses."""
-    enter, leave = np.full(direction[0].shape, np.nan), np.full(direction[0].shape, np.nan)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for axis, along in enumerate(direction):
-            low, high = ((side[axis] - origin[axis]) / along for side in (box.low, box.high))
-            # A ray that lies in a side is NaN there: that side does not count.
-            np.fmax(enter, np.minimum(low, high), out=enter)
-            np.fmin(leave, np.maximum(low, high), out=leave)
-    return np.where((enter <= leave) & (enter > 0), enter, np.inf)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cast(
+    ray: Float, world_from_camera: Float, corners: Float, stuff: UInt8, depth: Float, material: UInt8
+) -> None:
+    """The nearest of the boxes, ``corners`` (B, 2, 3), along every ray (H, W, 2)."""
+    along = np.empty(3)
+    for v in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            for axis in range(3):
+                x, y, z = world_from_camera[axis, 0], world_from_camera[axis, 1], world_from_camera[axis, 2]
+                along[axis] = ray[v, u, 0] * x + ray[v, u, 1] * y + z
+            for b in range(len(corners)):
+                hit = _entry(world_from_camera, along, corners, b, depth[v, u])
+                if hit < depth[v, u]:
+                    depth[v, u], material[v, u] = hit, stuff[b]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _entry(world_from_camera: Float, along: Float, corners: Float, b: int, nearest: float) -> float:
+    """The multiple of a direction (3,) at which it enters a box from the camera; inf where it misses.
+
+    Also inf where that is beyond the nearest one. A ray that lies in a side is no number there: it does not
+    count.
+    """
+    enter, leave = -np.inf, nearest
+    for axis in range(3):
+        one = (corners[b, 0, axis] - world_from_camera[axis, 3]) / along[axis]
+        other = (corners[b, 1, axis] - world_from_camera[axis, 3]) / along[axis]
+        if np.isnan(one) or np.isnan(other):
+            continue
+        enter, leave = max(enter, min(one, other)), min(leave, max(one, other))
+        if enter > leave:
+            return np.inf
+    return enter if enter > 0.0 else np.inf

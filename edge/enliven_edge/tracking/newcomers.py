@@ -221,6 +221,8 @@ class Newcomers:
                 present.append(same)
                 continue
             mask = _all_of(segments, group, view)
+            if not mask.any():  # a person has taken all of it back
+                continue
             bare = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
             parts: list[tuple[Bool, Bool | None]] = [(part, None) for part in bare]
             if young and group.area > _PARTED_AREA and not shape_of(view, mask, 0.5).possible:

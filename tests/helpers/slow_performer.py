@@ -1,0 +1,143 @@
+"""The performer's forward kinematics a second time, limb by limb in NumPy: slow, and plain to read."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.body import Joint
+from enliven_edge.synthesis.kinematics import FOLDED, STRAIGHTEST
+from enliven_edge.synthesis.performer import Figure, Limb, Performer
+from enliven_edge.synthesis.posture import Arm, Foot, Posture
+from enliven_edge.synthesis.rotations import about_x, about_y, about_z, on_grid
+
+
+class SlowPerformer(Performer):
+    """A performer whose postures are taken by the slow twin."""
+
+    def pose(self, posture: Posture) -> Figure:
+        """Forward kinematics.
+
+        The pelvis sinks below the height asked for where a planted foot would otherwise lose the floor; a
+        foot in the air that is out of reach, or nearer than a folded leg, is moved along the leg.
+        """
+        joints, frames = np.zeros((20, 3)), np.zeros((16, 3, 4))
+        pelvis = about_y(posture.yaw) @ about_x(posture.pitch) @ about_z(-posture.roll)
+        feet = [self._ankle(posture.left_foot), self._ankle(posture.right_foot)]
+        joints[Joint.HIP_CENTER] = self._pelvis_position(posture, pelvis, feet)
+        frames[Limb.PELVIS] = _frame(pelvis, joints[Joint.HIP_CENTER])
+        self._trunk(posture, pelvis, joints, frames)
+        self._arm(posture.left_arm, 0, joints, frames)
+        self._arm(posture.right_arm, 1, joints, frames)
+        for side, foot in enumerate((posture.left_foot, posture.right_foot)):
+            self._leg(foot, *feet[side], side, pelvis, joints, frames)
+        return Figure(on_grid(joints), on_grid(frames))
+
+    def _ankle(self, foot: Foot) -> tuple[Float, Float]:
+        """(3,) where the ankle wants to be, and (3, 3) the foot's orientation."""
+        heading = about_y(foot.yaw)
+        ball = np.array([foot.x, self.ankle_height + foot.lift, foot.z]) + heading @ self.ball
+        orientation = heading @ about_x(-foot.pitch)
+        return ball - orientation @ self.ball, orientation
+
+    def _pelvis_position(self, posture: Posture, pelvis: Float, feet: list[tuple[Float, Float]]) -> Float:
+        """(3,) the hip centre: the height asked for, or less where a planted leg is not that long."""
+        y = self.standing + posture.rise
+        reach = STRAIGHTEST * (self.thigh + self.shank)
+        for side, foot in enumerate((posture.left_foot, posture.right_foot)):
+            if foot.lift > 0:
+                continue
+            hip = pelvis @ _mirrored(self.hip, side)
+            flat = np.array([posture.x, 0.0, posture.z]) + hip - feet[side][0]
+            across = flat[0] ** 2 + flat[2] ** 2
+            y = min(y, float(feet[side][0][1] - hip[1] + math.sqrt(max(reach**2 - across, 0.0))))
+        return np.array([posture.x, y, posture.z])
+
+    def _trunk(self, posture: Posture, pelvis: Float, joints: Float, frames: Float) -> None:
+        """Pelvis to head: a third of the spine's bend below the spine joint, the rest above it."""
+        lower = _bend(posture.spine_yaw / 3, posture.spine_pitch / 3, posture.spine_roll / 3)
+        upper = _bend(2 * posture.spine_yaw / 3, 2 * posture.spine_pitch / 3, 2 * posture.spine_roll / 3)
+        abdomen = pelvis @ lower
+        chest = abdomen @ upper
+        half_neck = _bend(posture.head_yaw / 3, posture.head_pitch / 3, posture.head_roll / 3)
+        skull = chest @ _bend(posture.head_yaw, posture.head_pitch, posture.head_roll)
+        joints[Joint.SPINE] = joints[Joint.HIP_CENTER] + abdomen @ self.spine
+        joints[Joint.SHOULDER_CENTER] = joints[Joint.SPINE] + chest @ self.neck_base
+        joints[Joint.HEAD] = joints[Joint.SHOULDER_CENTER] + chest @ half_neck @ self.head
+        frames[Limb.ABDOMEN] = _frame(abdomen, joints[Joint.SPINE])
+        frames[Limb.CHEST] = _frame(chest, joints[Joint.SHOULDER_CENTER])
+        frames[Limb.SKULL] = _frame(skull, joints[Joint.HEAD])
+
+    def _arm(self, arm: Arm, side: int, joints: Float, frames: Float) -> None:
+        """Shoulder to hand; ``side`` 0 is the left, 1 the right."""
+        sign = 1.0 - 2.0 * side
+        first = (Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)[side]
+        chest = frames[Limb.CHEST, :, :3]
+        girdle = chest @ about_z(sign * arm.shrug)
+        upper = chest @ about_z(sign * arm.abduct) @ about_x(-arm.flex) @ about_y(-sign * arm.twist)
+        fore = upper @ about_x(-arm.elbow)
+        palm = fore @ about_y(-sign * arm.pronate) @ about_z(-sign * arm.wrist)
+        down = np.array([0.0, -1.0, 0.0])
+        joints[first] = joints[Joint.SHOULDER_CENTER] + girdle @ _mirrored(self.shoulder, side)
+        joints[first + 1] = joints[first] + self.upper_arm * (upper @ down)
+        joints[first + 2] = joints[first + 1] + self.forearm * (fore @ down)
+        joints[first + 3] = joints[first + 2] + self.hand * (palm @ down)
+        for limb, rotation, joint in ((4, upper, first), (6, fore, first + 1), (8, palm, first + 2)):
+            frames[limb + side] = _frame(rotation, joints[joint])
+
+    def _leg(
+        self,
+        foot: Foot,
+        ankle: Float,
+        orientation: Float,
+        side: int,
+        pelvis: Float,
+        joints: Float,
+        frames: Float,
+    ) -> None:
+        """Hip to foot: the knee from the two lengths, bending in the plane of the foot and its splay."""
+        first = (Joint.HIP_LEFT, Joint.HIP_RIGHT)[side]
+        hip = joints[Joint.HIP_CENTER] + pelvis @ _mirrored(self.hip, side)
+        reach = STRAIGHTEST * (self.thigh + self.shank)
+        leg = ankle - hip
+        apart = float(np.sqrt(leg @ leg))
+        along = leg / apart if apart > 1e-6 else np.array([0.0, -1.0, 0.0])
+        distance = min(max(apart, FOLDED * reach), reach)
+        ankle = hip + distance * along
+        ahead = about_y(foot.yaw + (1.0 - 2.0 * side) * foot.splay) @ np.array([0.0, 0.0, 1.0])
+        forward = ahead + 0.35 * (pelvis @ np.array([0.0, 0.0, 1.0]))
+        forward = forward - (forward @ along) * along
+        forward /= float(np.sqrt(forward @ forward))
+        reach_along = (distance**2 + self.thigh**2 - self.shank**2) / (2 * distance)
+        bow = math.sqrt(max(self.thigh**2 - reach_along**2, 0.0))
+        knee = hip + reach_along * along + bow * forward
+        joints[first], joints[first + 1], joints[first + 2] = hip, knee, ankle
+        joints[first + 3] = ankle + orientation @ self.ball
+        frames[10 + side] = _frame(_limb_axes(hip - knee, forward), hip)
+        frames[12 + side] = _frame(_limb_axes(knee - ankle, forward), knee)
+        frames[14 + side] = _frame(orientation, ankle)
+
+
+def _bend(yaw: float, pitch: float, roll: float) -> Float:
+    """(3, 3) turn to the own left, bend forward, lean to the own left."""
+    return about_y(yaw) @ about_x(pitch) @ about_z(-roll)
+
+
+def _limb_axes(up: Float, forward: Float) -> Float:
+    """(3, 3) axes with +Y along ``up`` and +Z as near to ``forward`` as that allows."""
+    y = up / float(np.sqrt(up @ up))
+    z = forward - (forward @ y) * y
+    z /= float(np.sqrt(z @ z))
+    return np.stack([np.cross(y, z), y, z], 1)
+
+
+def _frame(rotation: Float, origin: Float) -> Float:
+    """(3, 4) a rotation and an origin side by side."""
+    return np.concatenate([rotation, origin[:, None]], 1)
+
+
+def _mirrored(offset: Float, side: int) -> Float:
+    """(3,) an offset written for the left side, for ``side`` 0 (left) or 1 (right)."""
+    return offset if side == 0 else offset * np.array([-1.0, 1.0, 1.0])
