@@ -20,8 +20,8 @@ PATIENCE = 60.0
 """Seconds that a loaded machine may take for anything here."""
 
 
-def opener(folder: Path, **options) -> IsolatedOpener:
-    return IsolatedOpener("wild", Wild, {"folder": str(folder), **options})
+def opener(folder: Path, every_frame: bool = False, **options) -> IsolatedOpener:
+    return IsolatedOpener("wild", Wild, {"folder": str(folder), **options}, every_frame)
 
 
 def next_frame(sensor, errors: list[Exception] | None = None):

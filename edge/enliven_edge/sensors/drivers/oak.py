@@ -15,10 +15,8 @@ from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition
 from enliven_edge.sensors.drivers.extras import library
 from enliven_edge.sensors.drivers.lens import known_or_typical
-from enliven_edge.sensors.drivers.rehearsal import Rehearsal
+from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 
-_WAITING = 4
-"""Images that may wait in the library."""
 _SEARCH_MS = "1500"
 """Milliseconds that the library looks for a camera (of itself 10 s); one that is there answers at once."""
 _FELT_HZ = 100
@@ -72,7 +70,7 @@ class OakSensor:
             depth = self._rehearsed(rehearse)
         else:
             depth = self._stereo(str(device), (width, height), fps, preset, subpixel, left_right_check)
-        self._images = depth.createOutputQueue(_WAITING, False)
+        self._images = depth.createOutputQueue(WAITING, False)
         self._pipeline.start()
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
@@ -90,6 +88,8 @@ class OakSensor:
             if self._device is not None and self._device.hasCrashed():
                 raise ResourceError("the camera's own program crashed", where=self.name)
             raise TimeoutError(f"no image of {self.name} yet")
+        if self._rehearsal is not None:
+            self._rehearsal.taken()
         time_ns = image.getTimestamp() // timedelta(microseconds=1) * 1000
         depth = image.getFrame()
         camera = self._intrinsics(image.getTransformation(), depth.shape[1], depth.shape[0])
@@ -97,8 +97,8 @@ class OakSensor:
 
     def condition(self) -> Condition:
         """The link, the chip's temperature, and gravity where there is an accelerometer."""
-        if self._device is None:
-            return Condition(calibrated=self._calibrated)
+        if self._rehearsal is not None:
+            return self._rehearsal.condition() or Condition(calibrated=self._calibrated)
         speed, known = self._device.getUsbSpeed(), self._dai.UsbSpeed
         slow = speed in (known.LOW, known.FULL, known.HIGH)
         link = "PoE" if speed == known.UNKNOWN else "USB 2" if slow else "USB 3"
@@ -146,7 +146,7 @@ class OakSensor:
             imu.enableIMUSensor(dai.IMUSensor.ACCELEROMETER_RAW, _FELT_HZ)
             imu.setBatchReportThreshold(_FELT_HZ // 10)
             imu.setMaxBatchReports(_FELT_HZ)
-            self._felt = imu.out.createOutputQueue(_WAITING, False)
+            self._felt = imu.out.createOutputQueue(WAITING, False)
             calibration = self._device.readCalibration()
             right = dai.CameraBoardSocket.CAM_C
             self._level = np.array(calibration.getImuToCameraExtrinsics(right))[:3, :3]

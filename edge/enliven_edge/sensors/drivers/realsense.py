@@ -14,10 +14,8 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition
 from enliven_edge.sensors.drivers.extras import library
-from enliven_edge.sensors.drivers.rehearsal import Rehearsal
+from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 
-_WAITING = 4
-"""Images that may wait in the library."""
 _STILL = 100
 """Readings of the accelerometer, half a second at 200 Hz, whose mean is gravity."""
 _HOT = 90.0
@@ -58,7 +56,7 @@ class RealSenseSensor:
         self._rehearsal = Rehearsal(rehearse, self._send) if rehearse else None
         self._device = self._rehearsed() if self._rehearsal else self._found(str(serial))
         self._streams: list[Any] = []
-        self._images, self._felt = self._rs.frame_queue(_WAITING), self._rs.frame_queue(_STILL)
+        self._images, self._felt = self._rs.frame_queue(WAITING), self._rs.frame_queue(_STILL)
         self._gravity: list[np.ndarray] = []
         try:
             self._start((width, height, fps), preset, laser)
@@ -78,6 +76,8 @@ class RealSenseSensor:
             if over:
                 return None
             raise TimeoutError(f"no image of {self.name} yet")
+        if self._rehearsal is not None:
+            self._rehearsal.taken()
         self._held = frame.as_depth_frame()
         depth: UInt16 = np.asanyarray(self._held.get_data())
         if self._scale != 1.0:
@@ -87,6 +87,8 @@ class RealSenseSensor:
 
     def condition(self) -> Condition:
         """The link, the vision processor's temperature, and gravity where there is an accelerometer."""
+        if self._rehearsal is not None and (told := self._rehearsal.condition()):
+            return told
         rs, info = self._rs, self._rs.camera_info.usb_type_descriptor
         usb = self._device.get_info(info) if self._device.supports(info) else ""
         hot = self._depth.supports(rs.option.asic_temperature)

@@ -8,20 +8,27 @@ from collections.abc import Callable
 
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
+from enliven_edge.sensors.base import Condition, SensorFault
 from enliven_edge.sensors.replay import ReplaySensor
 
 log = logging.getLogger(__name__)
 
 _TURN = 0.1
 """Seconds between two looks at whether the rehearsal is over."""
+WAITING = 4
+"""Images that may wait in a library: more are not handed to it before the driver has taken one."""
+_LONGEST_PAUSE = 0.5
+"""Seconds of silence at most: after one second a driver would be taken for lost, and begin anew for ever."""
+_MOST_COUNTED = 1 << 31
+"""Images that every library can count."""
 
 
 class Rehearsal:
-    """Plays a recording of a depth camera on a thread of its own, at its pace.
+    """Plays a recording of a depth camera on a thread of its own, at its pace, or a slower driver's.
 
     Args:
         path: the recording.
-        send: takes each of its images, on that thread.
+        send: takes each of its images and its number, as recorded where it was, on that thread.
         loop: begin again at the end.
 
     Attributes:
@@ -39,7 +46,8 @@ class Rehearsal:
             raise InputError("it holds no depth images", where=path, mend="Rehearse with a depth recording.")
         self.first = first
         self._over = threading.Event()
-        self._sensor, self._send = ReplaySensor(path, loop=loop), send
+        self._sensor = ReplaySensor(path, loop=loop, longest_pause=_LONGEST_PAUSE)
+        self._send, self._room = send, threading.Semaphore(WAITING)
         self.fps = self._sensor.fps or 30.0
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._play, name=f"rehearsal {path}", daemon=True)
@@ -49,6 +57,14 @@ class Rehearsal:
         if self._thread.ident is None:
             self._thread.start()
         return self._over.is_set()
+
+    def taken(self) -> None:
+        """The driver has taken an image out of its library."""
+        self._room.release()
+
+    def condition(self) -> Condition | None:
+        """How the recorded device fared; None where the recording does not say."""
+        return self._sensor.condition()
 
     def stop(self) -> None:
         """Ends it."""
@@ -64,12 +80,20 @@ class Rehearsal:
                 frame = self._sensor.read(_TURN)
             except TimeoutError:
                 continue
-            except InputError as error:
+            except (InputError, SensorFault) as error:
                 log.warning("%s", error)
                 continue
             if frame is None:
                 break
-            if isinstance(frame, DepthFrame):
-                self._send(frame, number)
+            if isinstance(frame, DepthFrame) and self._has_room():
+                told = frame.sequence
+                self._send(frame, told if told is not None and 0 <= told < _MOST_COUNTED else number)
                 number += 1
         self._over.set()
+
+    def _has_room(self) -> bool:
+        """Waits until the library has room for an image; False where the rehearsal was stopped before."""
+        while not self._stopped.is_set():
+            if self._room.acquire(timeout=_TURN):
+                return True
+        return False

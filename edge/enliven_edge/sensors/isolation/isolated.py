@@ -18,7 +18,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition, Sensor, SensorFault
 from enliven_edge.sensors.isolation.helper import serve
-from enliven_edge.sensors.isolation.slots import FrameSlots
+from enliven_edge.sensors.isolation.slots import SLOTS, FrameSlots, slots_for_all
 
 log = logging.getLogger(__name__)
 
@@ -44,10 +44,13 @@ class IsolatedOpener:
         name: of the sensor, for what is said of it before it is open.
         kind: the sensor's class, at the top of a module that the helper process can import.
         options: what the class takes.
+        every_frame: images wait for a slow reader, as many as fit into memory; else the oldest are left out.
     """
 
-    def __init__(self, name: str, kind: Callable[..., Sensor], options: dict[str, Any]) -> None:
-        self._start = functools.partial(HelperProcess, name, kind, options)
+    def __init__(
+        self, name: str, kind: Callable[..., Sensor], options: dict[str, Any], every_frame: bool = False
+    ) -> None:
+        self._start = functools.partial(HelperProcess, name, kind, options, every_frame)
         self._idle: HelperProcess | None = None
         self._worked = False
 
@@ -98,7 +101,7 @@ class IsolatedSensor:
         return self._condition
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        """The next frame, or the newest where several wait; None when the stream has ended.
+        """The next frame, or one of the newest where many wait; None when the stream has ended.
 
         Raises:
             TimeoutError: when none came in time.
@@ -162,13 +165,15 @@ class HelperProcess:
         ResourceError: where it cannot be started.
     """
 
-    def __init__(self, name: str, kind: Callable[..., Sensor], options: dict[str, Any]) -> None:
+    def __init__(
+        self, name: str, kind: Callable[..., Sensor], options: dict[str, Any], every_frame: bool = False
+    ) -> None:
         context = multiprocessing.get_context("spawn")
-        self._name = name
+        self._name, self._every = name, every_frame
         self._pipe: Connection
         self._pipe, far = context.Pipe()
         self._process = context.Process(
-            target=serve, args=(far, kind, options), name=f"sensor {name}", daemon=True
+            target=serve, args=(far, kind, options, every_frame), name=f"sensor {name}", daemon=True
         )
         try:
             self._process.start()
@@ -222,13 +227,14 @@ class HelperProcess:
             if message[0] != "frame":
                 return message
             frames -= 1
-            if frames < _MOST_WAITING:
+            if self._every or frames < _MOST_WAITING:
                 return message
             self._skip(*message[1:])
         return None
 
     def frame(
         self,
+        slots: FrameSlots,
         slot: int,
         shape: tuple[int, int],
         colour: tuple[int, ...] | None,
@@ -236,10 +242,9 @@ class HelperProcess:
         about: tuple[int, int | None, str, Any],
     ) -> DepthFrame:
         """The frame that a message tells of."""
-        assert self._slots is not None
         self._camera = camera or self._camera
         assert self._camera is not None
-        depth, seen = self._slots.read(slot, shape, colour)
+        depth, seen = slots.read(slot, shape, colour)
         time_ns, sequence, name, stand = about
         return DepthFrame(depth, self._camera, time_ns, name, seen, stand, sequence)
 
@@ -255,11 +260,12 @@ class HelperProcess:
                 force()
                 self._process.join(0.2)
 
-    def _skip(self, slot: int, _shape: Any, _colour: Any, camera: Intrinsics | None, _about: Any) -> None:
+    def _skip(
+        self, slots: FrameSlots, slot: int, _shape: Any, _colour: Any, camera: Intrinsics | None, _about: Any
+    ) -> None:
         """A frame that came too long ago is not used; its camera may be new."""
-        assert self._slots is not None
         self._camera = camera or self._camera
-        self._slots.release(slot)
+        slots.release(slot)
 
     def _say(self, *message: Any) -> None:
         try:
@@ -292,13 +298,17 @@ class HelperProcess:
                     self._make_room(size)
                 case ("attached",):
                     pass
+                case ("frame", *about):
+                    # Where its image lies: there may be other memory by the time that it is wanted.
+                    self._waiting.append(("frame", self._slots, *about))
                 case _:
                     self._waiting.append(message)
 
     def _make_room(self, size: int) -> None:
         """Shared memory for images of so many bytes; those of before stay until they are not used."""
-        self._slots = FrameSlots.make(size)
-        self._say("memory", self._slots.name, size)
+        count = slots_for_all(size) if self._every else SLOTS
+        self._slots = FrameSlots.make(size, count)
+        self._say("memory", self._slots.name, size, count)
         while self._pipe.poll(_CLOSING + SILENT):
             try:
                 message = self._pipe.recv()
