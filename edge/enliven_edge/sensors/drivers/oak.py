@@ -88,9 +88,9 @@ class OakSensor:
             if self._device is not None and self._device.hasCrashed():
                 raise ResourceError("the camera's own program crashed", where=self.name)
             raise TimeoutError(f"no image of {self.name} yet")
-        if self._rehearsal is not None:
-            self._rehearsal.taken()
         time_ns = image.getTimestamp() // timedelta(microseconds=1) * 1000
+        if self._rehearsal is not None:
+            time_ns = self._rehearsal.taken(time_ns)
         depth = image.getFrame()
         camera = self._intrinsics(image.getTransformation(), depth.shape[1], depth.shape[0])
         return DepthFrame(depth, camera, time_ns, self.name, sequence=image.getSequenceNum())

@@ -76,13 +76,13 @@ class RealSenseSensor:
             if over:
                 return None
             raise TimeoutError(f"no image of {self.name} yet")
-        if self._rehearsal is not None:
-            self._rehearsal.taken()
         self._held = frame.as_depth_frame()
         depth: UInt16 = np.asanyarray(self._held.get_data())
         if self._scale != 1.0:
             depth = np.rint(depth * self._scale).clip(0, 65535).astype(np.uint16)
         time_ns = round(1e6 * self._held.get_timestamp())
+        if self._rehearsal is not None:
+            time_ns = self._rehearsal.taken(time_ns)
         return DepthFrame(depth, self._camera, time_ns, self.name, sequence=self._held.get_frame_number())
 
     def condition(self) -> Condition:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections import deque
 from collections.abc import Callable
 
 from enliven.errors import InputError
@@ -19,6 +20,8 @@ WAITING = 4
 """Images that may wait in a library: more are not handed to it before the driver has taken one."""
 _LONGEST_PAUSE = 0.5
 """Seconds of silence at most: after one second a driver would be taken for lost, and begin anew for ever."""
+_CLOCK_NS = 2_000
+"""Nanoseconds by which a library's clock may round; a camera's step is some thousand times as long."""
 _MOST_COUNTED = 1 << 31
 """Images that every library can count."""
 
@@ -48,6 +51,7 @@ class Rehearsal:
         self._over = threading.Event()
         self._sensor = ReplaySensor(path, loop=loop, longest_pause=_LONGEST_PAUSE)
         self._send, self._room = send, threading.Semaphore(WAITING)
+        self._sent: deque[int] = deque()
         self.fps = self._sensor.fps or 30.0
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._play, name=f"rehearsal {path}", daemon=True)
@@ -58,9 +62,18 @@ class Rehearsal:
             self._thread.start()
         return self._over.is_set()
 
-    def taken(self) -> None:
-        """The driver has taken an image out of its library."""
-        self._room.release()
+    def taken(self, time_ns: int) -> int:
+        """The driver has taken an image of this time out of its library, and those before it.
+
+        Returns:
+            the time of the image as it was recorded: a library may count in microseconds.
+        """
+        while self._sent and self._sent[0] <= time_ns + _CLOCK_NS:
+            sent = self._sent.popleft()
+            self._room.release()
+            if sent >= time_ns - _CLOCK_NS:
+                return sent
+        return time_ns
 
     def condition(self) -> Condition | None:
         """How the recorded device fared; None where the recording does not say."""
@@ -87,6 +100,7 @@ class Rehearsal:
                 break
             if isinstance(frame, DepthFrame) and self._has_room():
                 told = frame.sequence
+                self._sent.append(frame.time_ns)
                 self._send(frame, told if told is not None and 0 <= told < _MOST_COUNTED else number)
                 number += 1
         self._over.set()
