@@ -160,6 +160,26 @@ def test_the_topics_are_open_to_other_programs_and_say_when_it_was_back(tmp_path
     assert [time_ns // STEP for time_ns, _ in recording.messages(CONDITION_TOPIC)] == [1], "once, as it stays"
 
 
+def test_inspect_says_what_is_missing_how_hot_it_was_and_when_it_was_lost(tmp_path, capsys):
+    hot = Condition("USB 2", True, 93.4, 105.0)
+    script = [Step(condition=Condition("USB 3", temperature=41.2, hot=105.0)), Step(2), Step(7, hot)]
+    script += [Step(error="lost"), Step(error="lost"), Step(30), Step(error="bad frame"), Step()]
+    recorded(tmp_path / "a.mcap", Scripted(script)).close()
+    assert cli.run(["inspect", str(tmp_path / "a.mcap")]) == 0
+    said = [line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines()]
+    facts = {name: value.strip() for name, value in said if name != "at"}
+    assert facts["frames"] == "5 in 1.4 s of scripted" and facts["link"] == "USB 3, USB 2"
+    assert facts["missing"] == "9 images in 2 gaps; the longest 7 at 0.37 s", (
+        "not what passed while it was lost"
+    )
+    assert facts["temperature"] == "41 to 93 degrees; it stops at 105"
+    assert facts["lost"] == "1 times, for 1.0 s in all" and facts["unusable"] == "1 frames, left out"
+    assert ["at", "0.37 s: the cable is out (4)"] in said
+    film = tmp_path / "a.mp4"
+    assert cli.run(["inspect", str(tmp_path / "a.mcap"), "-o", str(film)]) == 0
+    assert film.stat().st_size > 1000 and "9 images in 2 gaps" in capsys.readouterr().out
+
+
 def test_what_was_said_of_the_sensor_never_costs_a_frame(tmp_path):
     """Damaged words beside the frames, and a device that measures no number."""
     frame = Scripted([Step()]).read()
