@@ -166,7 +166,7 @@ def test_inspect_says_what_is_missing_how_hot_it_was_and_when_it_was_lost(tmp_pa
     script += [Step(error="lost"), Step(error="lost"), Step(30), Step(error="bad frame"), Step()]
     recorded(tmp_path / "a.mcap", Scripted(script)).close()
     assert cli.run(["inspect", str(tmp_path / "a.mcap")]) == 0
-    said = [line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines()]
+    said = [line.strip().split(maxsplit=1) for line in capsys.readouterr().out.splitlines()]
     facts = {name: value.strip() for name, value in said if name != "at"}
     assert facts["frames"] == "5 in 1.4 s of scripted" and facts["link"] == "USB 3, USB 2"
     assert facts["missing"] == "9 images in 2 gaps; the longest 7 at 0.37 s", (
