@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from datetime import timedelta
 from types import TracebackType
@@ -12,10 +13,13 @@ import numpy as np
 from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
+from enliven_edge.sensors import crash_reports
 from enliven_edge.sensors.base import Condition
 from enliven_edge.sensors.drivers.extras import library
 from enliven_edge.sensors.drivers.lens import known_or_typical
 from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
+
+log = logging.getLogger(__name__)
 
 _SEARCH_MS = "1500"
 """Milliseconds that the library looks for a camera (of itself 10 s); one that is there answers at once."""
@@ -56,6 +60,9 @@ class OakSensor:
         rehearse: str = "",
     ) -> None:
         os.environ.setdefault("DEPTHAI_SEARCH_TIMEOUT", _SEARCH_MS)
+        # A crash of the camera's program is kept here, and not sent to its makers unasked.
+        os.environ.setdefault("DEPTHAI_CRASHDUMP", str(crash_reports.folder()))
+        os.environ.setdefault("DEPTHAI_DISABLE_CRASHDUMP_COLLECTION", "1")
         self._dai = library("depthai", "oak")
         self._device: Any = None
         self._felt: Any = None
@@ -134,6 +141,7 @@ class OakSensor:
                 f"there is no preset {preset!r}", where="sensor oak", mend=f"Give {', '.join(presets)}."
             )
         self._device = self._found(device)
+        keep_dump_of(self._device)
         self.name, self.fps = f"oak {self._device.getDeviceId()}", fps
         self._pipeline = dai.Pipeline(self._device)
         stereo = self._pipeline.create(dai.node.StereoDepth).build(
@@ -225,3 +233,15 @@ class OakSensor:
         lens = [[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]]
         image.setTransformation(dai.ImgTransformation(camera.width, camera.height, lens))
         self._node.out.send(image)
+
+
+def keep_dump_of(device: Any) -> None:
+    """Keeps the dump that a camera has of a crash of its own program, and clears it there."""
+    try:
+        crash_reports.folder().mkdir(parents=True, exist_ok=True)
+        crash_reports.tidy()
+        if device.hasCrashDump():
+            dump = device.getCrashDump()
+            crash_reports.keep_dump(dump.deviceId or device.getDeviceId(), lambda path: dump.toTar(str(path)))
+    except (RuntimeError, OSError) as error:
+        log.warning("the camera's crash dump cannot be read: %s", error)

@@ -21,6 +21,7 @@ from enliven.camera import Intrinsics
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Sensor
+from enliven_edge.sensors.isolation.last_words import speak_into
 from enliven_edge.sensors.isolation.slots import FrameSlots
 
 _TURN = 0.1
@@ -33,9 +34,17 @@ _CONDITION_EVERY = 1.0
 
 
 def serve(
-    pipe: Connection, kind: Callable[..., Sensor], options: dict[str, Any], every_frame: bool = False
+    pipe: Connection,
+    kind: Callable[..., Sensor],
+    options: dict[str, Any],
+    every_frame: bool = False,
+    words: Connection | None = None,
 ) -> None:
-    """Runs a sensor of the class ``kind`` until the edge lets the pipe go; the entry of the process."""
+    """Runs a sensor of the class ``kind`` until the edge lets the pipe go; the entry of the process.
+
+    What Python says of a crash goes into ``words``.
+    """
+    speak_into(words)
     # Ctrl-C reaches all processes of a terminal; the edge lets the device go and then ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # What a library prints is no answer to what the user asked.

@@ -17,7 +17,9 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition, Sensor, SensorFault
+from enliven_edge.sensors.crash_reports import keep_text
 from enliven_edge.sensors.isolation.helper import serve
+from enliven_edge.sensors.isolation.last_words import LastWords
 from enliven_edge.sensors.isolation.slots import SLOTS, FrameSlots, slots_for_all
 
 log = logging.getLogger(__name__)
@@ -172,14 +174,15 @@ class HelperProcess:
         self._name, self._every = name, every_frame
         self._pipe: Connection
         self._pipe, far = context.Pipe()
-        self._process = context.Process(
-            target=serve, args=(far, kind, options, every_frame), name=f"sensor {name}", daemon=True
-        )
+        self._words = LastWords(context)
+        arguments = (far, kind, options, every_frame, self._words.far)
+        self._process = context.Process(target=serve, args=arguments, name=f"sensor {name}", daemon=True)
         try:
             self._process.start()
         except OSError as error:
             raise ResourceError(f"its process cannot be started ({error})", where=name) from None
         far.close()
+        self._words.started()
         self._slots: FrameSlots | None = None
         self._camera: Intrinsics | None = None
         self._waiting: list[tuple[Any, ...]] = []
@@ -254,6 +257,7 @@ class HelperProcess:
             self._say("close")
             self._answer(_CLOSING, "closed")
         self._pipe.close()
+        self._words.close()
         self._process.join(0.05)
         for force in (self._process.terminate, self._process.kill):
             if self._process.is_alive():
@@ -324,6 +328,8 @@ class HelperProcess:
         self._process.join(_CLOSING)
         code = self._process.exitcode
         why = f"its driver crashed (signal {-code})" if code and code < 0 else "its driver ended"
+        if code and code < 0 and (said := self._words.read()):
+            keep_text(self._name, said, -code)
         return SensorFault(why, where=self._name, mend="It is started again by itself; see the log.")
 
 
