@@ -21,6 +21,7 @@ from enliven.recording import Recorder, Recording
 from enliven_edge.commands.record import record_stream
 from enliven_edge.sensors.base import Condition, SensorFault, condition_of
 from enliven_edge.sensors.diary import CONDITION_TOPIC, EVENTS_TOPIC, Diary
+from enliven_edge.sensors.registry import open_sensor
 from enliven_edge.sensors.replay import ReplaySensor
 from enliven_edge.tracking.health import HealthMonitor
 
@@ -218,11 +219,16 @@ def test_images_that_wait_stay_when_larger_ones_need_other_memory(tmp_path):
     assert [frame.depth.shape for frame in frames] == [(48, 64)] * 10 + [(72, 96)] * 10
 
 
+def needed(driver: str) -> None:
+    """Skips where a driver's library is not installed."""
+    if importlib.util.find_spec(LIBRARIES[driver]) is None:
+        pytest.skip(f'{LIBRARIES[driver]} is not installed: pip install "./edge[{driver}]"')
+
+
 @pytest.mark.parametrize("driver", LIBRARIES)
 def test_a_driver_on_its_real_library_is_recorded_and_replayed_frame_for_frame(driver, tmp_path):
     """A rehearsal of a recording with gaps, recorded as a user does: the same frames, numbers, conditions."""
-    if importlib.util.find_spec(LIBRARIES[driver]) is None:
-        pytest.skip(f'{LIBRARIES[driver]} is not installed: pip install "./edge[{driver}]"')
+    needed(driver)
     cold, hot = Condition("USB 3", False, 41.0, 90.0, (0.0, 9.8, 0.1)), Condition("USB 2", True, 93.0, 90.0)
     script = [Step(condition=cold), *[Step()] * 30, Step(4, hot), *[Step()] * 27, Step(1)]
     take, made = tmp_path / "take.mcap", tmp_path / "made.mcap"
@@ -237,3 +243,54 @@ def test_a_driver_on_its_real_library_is_recorded_and_replayed_frame_for_frame(d
         assert second.read() is None
         # The helper process asks for the condition once a second.
         assert second.condition() in (cold, hot)
+
+
+SIZE = (96, 64)
+SLOPE = 2
+"""Steps of a colour from one pixel to the next."""
+
+
+def coloured(number: int) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W) depth with a hole, and (H, W, 3) colour that rises across and down, another each time."""
+    depth = picture(number, *SIZE)
+    depth[20:30, 40:50] = 0
+    across, down = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
+    colour = np.stack([SLOPE * across, SLOPE * down, np.full_like(down, 40 * number + 10)], -1)
+    return depth, colour.astype(np.uint8)
+
+
+@pytest.mark.parametrize("driver", LIBRARIES)
+def test_colour_comes_with_the_depth_that_it_belongs_to_and_is_recorded(driver, tmp_path):
+    """Depth is the same to the bit; the RealSense library lays colour over it, at most one pixel beside."""
+    needed(driver)
+    take, made = tmp_path / "take.mcap", tmp_path / "made.mcap"
+    with Recorder(take) as recorder:
+        for number in range(6):
+            depth, colour = coloured(number)
+            seen = None if number == 3 else colour
+            recorder.write_frame(DepthFrame(depth, camera(*SIZE, 80.0), number * STEP, "test", seen))
+    words = ["--sensor", driver, "--set", f"rehearse={take}", "--set", "colour=true"]
+    assert cli.run(["record", *words, "-o", str(made)]) == 0
+    with ReplaySensor(made, speed=0.0) as replayed:
+        for number in range(6):
+            depth, colour = coloured(number)
+            frame = replayed.read()
+            np.testing.assert_array_equal(frame.depth, depth)
+            if number == 3:
+                colour = coloured(2)[
+                    1
+                ]  # a camera's colour is there always; where there was none it is the last
+            known = depth > 0 if driver == "realsense" else np.full(depth.shape, True)
+            apart = np.abs(frame.colour.astype(int) - colour)[known]
+            assert apart.max() <= (SLOPE if driver == "realsense" else 0)
+            assert apart[..., 2].max() == 0, "that of the same moment"
+            assert driver == "oak" or (frame.colour[~known] == 0).all()
+        assert replayed.read() is None
+
+
+@pytest.mark.parametrize("driver", LIBRARIES)
+def test_a_recording_without_colour_is_no_rehearsal_of_colour(driver, tmp_path):
+    needed(driver)
+    recorded(tmp_path / "grey.mcap", Scripted([Step()])).close()
+    with pytest.raises(InputError, match=r"no colour\. Rehearse without colour=true"):
+        open_sensor(driver, rehearse=str(tmp_path / "grey.mcap"), colour=True)

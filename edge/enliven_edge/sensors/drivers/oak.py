@@ -17,6 +17,7 @@ from enliven_edge.sensors import crash_reports
 from enliven_edge.sensors.base import Condition
 from enliven_edge.sensors.drivers.extras import library
 from enliven_edge.sensors.drivers.lens import known_or_typical
+from enliven_edge.sensors.drivers.oak_colour import aligned, message, together
 from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 
 log = logging.getLogger(__name__)
@@ -39,6 +40,7 @@ class OakSensor:
         preset: "default", "accuracy", "density", "robotics", "high_detail" or "face".
         subpixel: finer steps of the depth, at the price of some speed.
         left_right_check: leave out what one of the two cameras sees alone.
+        colour: the colour camera's image too; depth is then as that camera sees it.
         rehearse: a recording that is played through the library in place of a camera.
 
     Raises:
@@ -57,6 +59,7 @@ class OakSensor:
         preset: str = "robotics",
         subpixel: bool = True,
         left_right_check: bool = True,
+        colour: bool = False,
         rehearse: str = "",
     ) -> None:
         os.environ.setdefault("DEPTHAI_SEARCH_TIMEOUT", _SEARCH_MS)
@@ -74,10 +77,14 @@ class OakSensor:
         self._rehearsal: Rehearsal | None = None
         self._images: Any = None
         if rehearse:
-            depth = self._rehearsed(rehearse)
+            depth, seen = self._rehearsed(rehearse, colour)
         else:
-            depth = self._stereo(str(device), (width, height), fps, preset, subpixel, left_right_check)
-        self._images = depth.createOutputQueue(WAITING, False)
+            depth, seen = self._opened(
+                str(device), (width, height), fps, preset, (subpixel, left_right_check), colour
+            )
+        self._coloured = seen is not None
+        both = together(self._dai, self._pipeline, depth, seen, self.fps) if self._coloured else depth
+        self._images = both.createOutputQueue(WAITING, False)
         self._pipeline.start()
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
@@ -95,12 +102,15 @@ class OakSensor:
             if self._device is not None and self._device.hasCrashed():
                 raise ResourceError("the camera's own program crashed", where=self.name)
             raise TimeoutError(f"no image of {self.name} yet")
+        colour = None
+        if self._coloured:
+            image, colour = image["depth"], image["colour"].getFrame()
         time_ns = image.getTimestamp() // timedelta(microseconds=1) * 1000
         if self._rehearsal is not None:
             time_ns = self._rehearsal.taken(time_ns)
         depth = image.getFrame()
         camera = self._intrinsics(image.getTransformation(), depth.shape[1], depth.shape[0])
-        return DepthFrame(depth, camera, time_ns, self.name, sequence=image.getSequenceNum())
+        return DepthFrame(depth, camera, time_ns, self.name, colour, sequence=image.getSequenceNum())
 
     def condition(self) -> Condition:
         """The link, the chip's temperature, and gravity where there is an accelerometer."""
@@ -130,10 +140,20 @@ class OakSensor:
     ) -> None:
         self.close()
 
-    def _stereo(
-        self, device: str, size: tuple[int, int], fps: float, preset: str, subpixel: bool, check: bool
-    ) -> Any:
-        """The depth of a camera's stereo pair, and its accelerometer where it has one."""
+    def _opened(
+        self,
+        device: str,
+        size: tuple[int, int],
+        fps: float,
+        preset: str,
+        checks: tuple[bool, bool],
+        colour: bool,
+    ) -> tuple[Any, Any]:
+        """The depth of a camera's stereo pair, its colour or None, and its accelerometer where it has one.
+
+        Args:
+            checks: subpixel, and whether left and right are compared.
+        """
         dai = self._dai
         presets = {name.lower(): mode for name, mode in dai.node.StereoDepth.PresetMode.__members__.items()}
         if preset not in presets:
@@ -147,8 +167,12 @@ class OakSensor:
         stereo = self._pipeline.create(dai.node.StereoDepth).build(
             autoCreateCameras=True, presetMode=presets[preset], size=size, fps=fps
         )
-        stereo.setSubpixel(subpixel)
-        stereo.setLeftRightCheck(check)
+        stereo.setSubpixel(checks[0])
+        stereo.setLeftRightCheck(checks[1])
+        sockets = dai.CameraBoardSocket
+        depth, seen = stereo.depth, None
+        if colour:
+            depth, seen = aligned(dai, self._pipeline, stereo, size, fps)
         if self._device.getConnectedIMU() not in ("", "NONE"):
             imu = self._pipeline.create(dai.node.IMU)
             imu.enableIMUSensor(dai.IMUSensor.ACCELEROMETER_RAW, _FELT_HZ)
@@ -156,9 +180,9 @@ class OakSensor:
             imu.setMaxBatchReports(_FELT_HZ)
             self._felt = imu.out.createOutputQueue(WAITING, False)
             calibration = self._device.readCalibration()
-            right = dai.CameraBoardSocket.CAM_C
-            self._level = np.array(calibration.getImuToCameraExtrinsics(right))[:3, :3]
-        return stereo.depth
+            seeing = sockets.CAM_A if colour else sockets.CAM_C
+            self._level = np.array(calibration.getImuToCameraExtrinsics(seeing))[:3, :3]
+        return depth, seen
 
     def _found(self, device: str) -> Any:
         """The camera, opened."""
@@ -197,8 +221,12 @@ class OakSensor:
         x, y, z = (-self._level @ np.mean(self._gravity, axis=0)).tolist()
         return x, y, z
 
-    def _rehearsed(self, path: str) -> Any:
-        """The images of a recording, from a node on this machine in place of the camera's stereo node."""
+    def _rehearsed(self, path: str, colour: bool) -> tuple[Any, Any]:
+        """The images of a recording, from a node on this machine in place of the camera's stereo node.
+
+        Returns:
+            depth, and colour or None.
+        """
         dai = self._dai
 
         class Recorded(dai.node.ThreadedHostNode):  # type: ignore[misc, name-defined]
@@ -206,7 +234,7 @@ class OakSensor:
 
             def __init__(self) -> None:
                 super().__init__()
-                self.out = self.createOutput()
+                self.out, self.colour = self.createOutput(), self.createOutput()
 
             def run(self) -> None:
                 """Nothing to do: the rehearsal has a thread of its own."""
@@ -218,18 +246,19 @@ class OakSensor:
             mend = "An OAK's depth always is; rehearse with another recording, or with --sensor realsense."
             raise InputError("its images are not rectified", where=path, mend=mend)
         self.name, self.fps = "oak rehearsal", self._rehearsal.fps
-        return self._node.out
+        self._last_colour = self._rehearsal.first.colour
+        if colour and self._last_colour is None:
+            raise InputError("it has no colour", where=path, mend="Rehearse without colour=true.")
+        return self._node.out, self._node.colour if colour else None
 
     def _send(self, frame: DepthFrame, number: int) -> None:
-        """An image of the recording, as a camera's stereo node would send it."""
+        """An image of the recording, as a camera's stereo node would send it, and its colour."""
         dai, camera = self._dai, frame.intrinsics
-        image = dai.ImgFrame()
-        image.setType(dai.ImgFrame.Type.RAW16)
-        image.setWidth(camera.width)
-        image.setHeight(camera.height)
-        image.setData(np.ascontiguousarray(frame.depth).view(np.uint8).ravel())
-        image.setSequenceNum(number)
-        image.setTimestamp(timedelta(microseconds=frame.time_ns / 1000))
+        self._last_colour = self._last_colour if frame.colour is None else frame.colour
+        if self._coloured and self._last_colour is not None:
+            made = message(dai, self._last_colour, dai.ImgFrame.Type.RGB888i, number, frame.time_ns)
+            self._node.colour.send(made)
+        image = message(dai, frame.depth, dai.ImgFrame.Type.RAW16, number, frame.time_ns)
         lens = [[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]]
         image.setTransformation(dai.ImgTransformation(camera.width, camera.height, lens))
         self._node.out.send(image)

@@ -14,6 +14,12 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition
 from enliven_edge.sensors.drivers.extras import library
+from enliven_edge.sensors.drivers.realsense_colour import (
+    AlignedColour,
+    RehearsedColour,
+    colour_mode,
+    lens_of,
+)
 from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 
 _STILL = 100
@@ -33,6 +39,7 @@ class RealSenseSensor:
         fps: images a second.
         preset: "default", "high_accuracy", "high_density", "medium_density" or "hand".
         laser: whether the pattern projector is on.
+        colour: its colour too, laid over the depth; without depth there is none.
         rehearse: a recording that is played through the library in place of a camera.
 
     Raises:
@@ -50,16 +57,19 @@ class RealSenseSensor:
         fps: int = 30,
         preset: str = "default",
         laser: bool = True,
+        colour: bool = False,
         rehearse: str = "",
     ) -> None:
         self._rs = _library()
+        self._colour: AlignedColour | None = None
+        self._sent_colour: RehearsedColour | None = None
         self._rehearsal = Rehearsal(rehearse, self._send) if rehearse else None
-        self._device = self._rehearsed() if self._rehearsal else self._found(str(serial))
+        self._device = self._rehearsed(rehearse, colour) if self._rehearsal else self._found(str(serial))
         self._streams: list[Any] = []
         self._images, self._felt = self._rs.frame_queue(WAITING), self._rs.frame_queue(_STILL)
         self._gravity: list[np.ndarray] = []
         try:
-            self._start((width, height, fps), preset, laser)
+            self._start((width, height, fps), preset, laser, colour)
         except BaseException:
             self.close()
             raise
@@ -83,7 +93,9 @@ class RealSenseSensor:
         time_ns = round(1e6 * self._held.get_timestamp())
         if self._rehearsal is not None:
             time_ns = self._rehearsal.taken(time_ns)
-        return DepthFrame(depth, self._camera, time_ns, self.name, sequence=self._held.get_frame_number())
+        colour = None if self._colour is None else self._colour.over(self._held)
+        number = self._held.get_frame_number()
+        return DepthFrame(depth, self._camera, time_ns, self.name, colour, sequence=number)
 
     def condition(self) -> Condition:
         """The link, the vision processor's temperature, and gravity where there is an accelerometer."""
@@ -131,8 +143,8 @@ class RealSenseSensor:
             )
         return known[serial or next(iter(known))]
 
-    def _start(self, mode: tuple[int, int, int], preset: str, laser: bool) -> None:
-        """Starts the depth images, and the accelerometer where there is one."""
+    def _start(self, mode: tuple[int, int, int], preset: str, laser: bool, colour: bool) -> None:
+        """Starts the depth images, the colour where asked for, and the accelerometer where there is one."""
         rs, info = self._rs, self._rs.camera_info
         own = self._device.supports(info.serial_number)
         serial = self._device.get_info(info.serial_number) if own else "rehearsal"
@@ -147,6 +159,10 @@ class RealSenseSensor:
         self.fps = float(profile.fps())
         self._camera = _intrinsics(profile.get_intrinsics(), rs, self.name)
         self._scale = _whole(1e3 * self._depth.get_option(rs.option.depth_units))
+        if colour:
+            self._colour = AlignedColour(rs, 1e3 / self.fps)
+            sensor, stream = colour_mode(rs, self._device, mode[:2], self.fps, self.name)
+            self._open(sensor, stream, self._colour.queue)
         self._open(self._depth, profile, self._images)
         motion = [sensor for sensor in self._device.query_sensors() if sensor.is_motion_sensor()]
         rates = [p for sensor in motion[:1] for p in sensor.profiles if p.stream_type() == rs.stream.accel]
@@ -207,7 +223,7 @@ class RealSenseSensor:
         x, y, z = (-np.mean(self._gravity, axis=0)).tolist()
         return x, y, z
 
-    def _rehearsed(self) -> Any:
+    def _rehearsed(self, path: str, colour: bool) -> Any:
         """A device of software, with the camera of the recording."""
         assert self._rehearsal is not None
         rs, camera = self._rs, self._rehearsal.first.intrinsics
@@ -217,18 +233,19 @@ class RealSenseSensor:
         stream.type, stream.index, stream.uid, stream.fmt = rs.stream.depth, 0, 0, rs.format.z16
         stream.width, stream.height, stream.bpp = camera.width, camera.height, 2
         stream.fps = round(self._rehearsal.fps)
-        lens = rs.intrinsics()
-        lens.width, lens.height, lens.fx, lens.fy = camera.width, camera.height, camera.fx, camera.fy
-        lens.ppx, lens.ppy, lens.coeffs = camera.cx, camera.cy, list(camera.distortion)
-        lens.model = rs.distortion.brown_conrady if any(camera.distortion) else rs.distortion.none
-        stream.intrinsics = lens
+        stream.intrinsics = lens_of(rs, camera, camera.width, camera.height)
         self._stream = sensor.add_video_stream(stream)
         sensor.add_read_only_option(rs.option.depth_units, 0.001)
         self._sensor = sensor
+        if colour:
+            first = self._rehearsal.first
+            self._sent_colour = RehearsedColour(rs, device, self._stream, first, stream.fps, path)
         return device
 
     def _send(self, frame: DepthFrame, number: int) -> None:
         """An image of the recording, handed to the library as a camera would."""
+        if self._sent_colour is not None:
+            self._sent_colour.send(frame, number)
         made = self._rs.software_video_frame()
         made.pixels, made.bpp = np.ascontiguousarray(frame.depth), 2
         made.stride = 2 * frame.intrinsics.width

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 
@@ -20,6 +21,8 @@ WAITING = 4
 """Images that may wait in a library: more are not handed to it before the driver has taken one."""
 _LONGEST_PAUSE = 0.5
 """Seconds of silence at most: after one second a driver would be taken for lost, and begin anew for ever."""
+_GRACE = 0.5
+"""Seconds in which the last images come through a library, on a loaded machine too."""
 _CLOCK_NS = 2_000
 """Nanoseconds by which a library's clock may round; a camera's step is some thousand times as long."""
 _MOST_COUNTED = 1 << 31
@@ -48,7 +51,7 @@ class Rehearsal:
         if not isinstance(first, DepthFrame):
             raise InputError("it holds no depth images", where=path, mend="Rehearse with a depth recording.")
         self.first = first
-        self._over = threading.Event()
+        self._over, self._ended = threading.Event(), 0.0
         self._sensor = ReplaySensor(path, loop=loop, longest_pause=_LONGEST_PAUSE)
         self._send, self._room = send, threading.Semaphore(WAITING)
         self._sent: deque[int] = deque()
@@ -57,10 +60,10 @@ class Rehearsal:
         self._thread = threading.Thread(target=self._play, name=f"rehearsal {path}", daemon=True)
 
     def is_over(self) -> bool:
-        """Whether the last image was sent; the first call begins to send, so that none is late."""
+        """Whether the last image has come through; the first call begins to send, so that none is late."""
         if self._thread.ident is None:
             self._thread.start()
-        return self._over.is_set()
+        return self._over.is_set() and (not self._sent or time.monotonic() > self._ended + _GRACE)
 
     def taken(self, time_ns: int) -> int:
         """The driver has taken an image of this time out of its library, and those before it.
@@ -103,6 +106,7 @@ class Rehearsal:
                 self._sent.append(frame.time_ns)
                 self._send(frame, told if told is not None and 0 <= told < _MOST_COUNTED else number)
                 number += 1
+        self._ended = time.monotonic()
         self._over.set()
 
     def _has_room(self) -> bool:
