@@ -108,7 +108,7 @@ def _looked_at(sensor: Sensor, seconds: float) -> list[DepthFrame]:
             frame = sensor.read(0.25)
         except TimeoutError:
             continue
-        except SensorFault as error:
+        except (SensorFault, InputError) as error:
             if not getattr(sensor, "recorded", False):
                 raise
             typer.echo(f"enliven: {error}", err=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 import time
@@ -9,7 +10,7 @@ from collections import deque
 from collections.abc import Callable
 
 from enliven.errors import InputError
-from enliven.frames import DepthFrame
+from enliven.frames import DepthFrame, Frame
 from enliven_edge.sensors.base import Condition, SensorFault
 from enliven_edge.sensors.replay import ReplaySensor
 
@@ -46,8 +47,7 @@ class Rehearsal:
     """
 
     def __init__(self, path: str, send: Callable[[DepthFrame, int], None], loop: bool = False) -> None:
-        with ReplaySensor(path, speed=0.0) as look:
-            first = look.read()
+        first = _first(path)
         if not isinstance(first, DepthFrame):
             raise InputError("it holds no depth images", where=path, mend="Rehearse with a depth recording.")
         self.first = first
@@ -115,3 +115,11 @@ class Rehearsal:
             if self._room.acquire(timeout=_TURN):
                 return True
         return False
+
+
+def _first(path: str) -> Frame | None:
+    """The first frame of a recording, after what may have gone wrong before it."""
+    with ReplaySensor(path, speed=0.0) as look:
+        while True:
+            with contextlib.suppress(InputError, SensorFault):
+                return look.read()
