@@ -241,7 +241,7 @@ class OakSensor:
 
         self._pipeline = dai.Pipeline(createImplicitDevice=False)
         self._node = self._pipeline.create(Recorded)
-        self._rehearsal = Rehearsal(path, self._send)
+        self._rehearsal = Rehearsal(path, self._send, paced=True)
         if any(self._rehearsal.first.intrinsics.distortion):
             mend = "An OAK's depth always is; rehearse with another recording, or with --sensor realsense."
             raise InputError("its images are not rectified", where=path, mend=mend)

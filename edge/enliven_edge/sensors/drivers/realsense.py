@@ -63,7 +63,7 @@ class RealSenseSensor:
         self._rs = _library()
         self._colour: AlignedColour | None = None
         self._sent_colour: RehearsedColour | None = None
-        self._rehearsal = Rehearsal(rehearse, self._send) if rehearse else None
+        self._rehearsal = Rehearsal(rehearse, self._send, paced=True) if rehearse else None
         self._device = self._rehearsed(rehearse, colour) if self._rehearsal else self._found(str(serial))
         self._streams: list[Any] = []
         self._images, self._felt = self._rs.frame_queue(WAITING), self._rs.frame_queue(_STILL)

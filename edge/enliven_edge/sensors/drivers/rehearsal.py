@@ -31,12 +31,14 @@ _MOST_COUNTED = 1 << 31
 
 
 class Rehearsal:
-    """Plays a recording of a depth camera on a thread of its own, at its pace, or a slower driver's.
+    """Plays a recording of a depth camera on a thread of its own, at its pace.
 
     Args:
         path: the recording.
         send: takes each of its images and its number, as recorded where it was, on that thread.
         loop: begin again at the end.
+        paced: no image is lost where the driver is slower: it says which it has :meth:`taken`, and more than
+            :data:`WAITING` never wait.
 
     Attributes:
         first: its first image, which says what the device would say of its camera.
@@ -46,7 +48,9 @@ class Rehearsal:
         InputError: where it is no recording, or none of a depth camera.
     """
 
-    def __init__(self, path: str, send: Callable[[DepthFrame, int], None], loop: bool = False) -> None:
+    def __init__(
+        self, path: str, send: Callable[[DepthFrame, int], None], loop: bool = False, paced: bool = False
+    ) -> None:
         first = _first(path)
         if not isinstance(first, DepthFrame):
             raise InputError("it holds no depth images", where=path, mend="Rehearse with a depth recording.")
@@ -54,7 +58,7 @@ class Rehearsal:
         self._over, self._ended = threading.Event(), 0.0
         self._sensor = ReplaySensor(path, loop=loop, longest_pause=_LONGEST_PAUSE)
         self._send, self._room = send, threading.Semaphore(WAITING)
-        self._sent: deque[int] = deque()
+        self._paced, self._sent = paced, deque[int]()
         self.fps = self._sensor.fps or 30.0
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._play, name=f"rehearsal {path}", daemon=True)
@@ -103,7 +107,8 @@ class Rehearsal:
                 break
             if isinstance(frame, DepthFrame) and self._has_room():
                 told = frame.sequence
-                self._sent.append(frame.time_ns)
+                if self._paced:
+                    self._sent.append(frame.time_ns)
                 self._send(frame, told if told is not None and 0 <= told < _MOST_COUNTED else number)
                 number += 1
         self._ended = time.monotonic()
@@ -112,7 +117,7 @@ class Rehearsal:
     def _has_room(self) -> bool:
         """Waits until the library has room for an image; False where the rehearsal was stopped before."""
         while not self._stopped.is_set():
-            if self._room.acquire(timeout=_TURN):
+            if not self._paced or self._room.acquire(timeout=_TURN):
                 return True
         return False
 
