@@ -291,3 +291,26 @@ def test_a_recording_without_colour_is_no_rehearsal_of_colour(driver, tmp_path):
     kind = {"oak": OakSensor, "realsense": RealSenseSensor}[driver]
     with pytest.raises(InputError, match=r"no colour\. Rehearse without colour=true"):
         kind(rehearse=str(tmp_path / "grey.mcap"), colour=True)
+
+
+def test_each_depth_gets_the_colour_of_its_moment_or_none(tmp_path):
+    """On the RealSense library: colour alone is passed over, one that is ahead waits for its depth."""
+    needed("realsense")
+    recorded(tmp_path / "a.mcap", Scripted([Step()] * 8, coloured=True)).close()
+    with ReplaySensor(tmp_path / "a.mcap", speed=0.0) as replayed:
+        frames = [replayed.read() for _ in range(8)]
+    sensor = RealSenseSensor(rehearse=str(tmp_path / "a.mcap"), colour=True)
+    try:
+        hands, eye, seen = sensor._sent_colour, sensor._colour, {}
+        for colours, depth in (((0, 1, 2), 2), ((), 3), ((5,), 4), ((), 5), ((6, 7), 7)):
+            for number in colours:
+                hands.send(frames[number], number)
+            sensor._sent_colour = None
+            sensor._send(frames[depth], depth)
+            there, image = sensor._images.try_wait_for_frame(10_000)
+            assert there
+            colour = eye.over(image.as_depth_frame())
+            seen[depth] = None if colour is None else int(colour[0, 0, 2])
+    finally:
+        sensor.close()
+    assert seen == {2: 3, 3: None, 4: None, 5: 6, 7: 8}, "the shade of frame n is n + 1"
