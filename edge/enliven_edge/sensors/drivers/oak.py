@@ -15,12 +15,15 @@ from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition
 from enliven_edge.sensors.drivers.extras import library
 from enliven_edge.sensors.drivers.lens import known_or_typical
+from enliven_edge.sensors.drivers.refusals import chosen, refused
 from enliven_edge.sensors.drivers.rehearsal import Rehearsal
 
 _WAITING = 4
 """Images that may wait in the library."""
 _SEARCH_MS = "1500"
 """Milliseconds that the library looks for a camera (of itself 10 s); one that is there answers at once."""
+_NOT_THERE = ("No available devices", "Cannot find any device with given deviceInfo")
+"""What the library says when it finds no camera at all, or not the one that was asked for."""
 _FELT_HZ = 100
 """Readings of the accelerometer a second; the mean of a second is gravity."""
 _HOT = 105.0
@@ -31,13 +34,14 @@ class OakSensor:
     """An OAK with a stereo pair, or the images of a recording through the same library.
 
     Args:
-        device: its id, USB port or network address; empty: the only one, or the first.
+        device: its id, USB port or network address; empty: the only one.
         width, height: pixels of the depth image.
         fps: images a second.
         preset: "default", "accuracy", "density", "robotics", "high_detail" or "face".
         subpixel: finer steps of the depth, at the price of some speed.
         left_right_check: leave out what one of the two cameras sees alone.
         rehearse: a recording that is played through the library in place of a camera.
+        before: the id of the camera that was open last; of several it is taken again.
 
     Raises:
         InputError: for a preset or recording that cannot be used.
@@ -56,6 +60,7 @@ class OakSensor:
         subpixel: bool = True,
         left_right_check: bool = True,
         rehearse: str = "",
+        before: str = "",
     ) -> None:
         os.environ.setdefault("DEPTHAI_SEARCH_TIMEOUT", _SEARCH_MS)
         self._dai = library("depthai", "oak")
@@ -67,33 +72,39 @@ class OakSensor:
         self._matrix: Any = None
         self._calibrated = True
         self._rehearsal: Rehearsal | None = None
+        self._before = before
+        self.again: dict[str, str] = {}
         self._images: Any = None
         if rehearse:
             depth = self._rehearsed(rehearse)
         else:
             depth = self._stereo(str(device), (width, height), fps, preset, subpixel, left_right_check)
         self._images = depth.createOutputQueue(_WAITING, False)
-        self._pipeline.start()
+        try:
+            self._pipeline.start()
+        except RuntimeError as error:
+            raise refused("oak", error, self.name) from None
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
         """The next image; None when a rehearsal is over.
 
         Raises:
             TimeoutError: when none came in time.
-            ResourceError: where the camera's own program crashed.
+            InputError: for an image that is none.
+            ResourceError: where the camera was lost, or its own program crashed.
         """
         over = self._rehearsal is not None and self._rehearsal.is_over()
-        image = self._images.get(timeout=timedelta(seconds=timeout or 0.0))
+        try:
+            image = self._images.get(timeout=timedelta(seconds=timeout or 0.0))
+        except RuntimeError as error:
+            raise refused("oak", error, self.name) from None
         if image is None:
             if over:
                 return None
             if self._device is not None and self._device.hasCrashed():
                 raise ResourceError("the camera's own program crashed", where=self.name)
             raise TimeoutError(f"no image of {self.name} yet")
-        time_ns = image.getTimestamp() // timedelta(microseconds=1) * 1000
-        depth = image.getFrame()
-        camera = self._intrinsics(image.getTransformation(), depth.shape[1], depth.shape[0])
-        return DepthFrame(depth, camera, time_ns, self.name, sequence=image.getSequenceNum())
+        return self._frame(image)
 
     def condition(self) -> Condition:
         """The link, the chip's temperature, and gravity where there is an accelerometer."""
@@ -134,11 +145,15 @@ class OakSensor:
                 f"there is no preset {preset!r}", where="sensor oak", mend=f"Give {', '.join(presets)}."
             )
         self._device = self._found(device)
-        self.name, self.fps = f"oak {self._device.getDeviceId()}", fps
+        name = self._device.getDeviceId()
+        self.name, self.fps, self.again = f"oak {name}", fps, {"before": name}
         self._pipeline = dai.Pipeline(self._device)
-        stereo = self._pipeline.create(dai.node.StereoDepth).build(
-            autoCreateCameras=True, presetMode=presets[preset], size=size, fps=fps
-        )
+        try:
+            stereo = self._pipeline.create(dai.node.StereoDepth).build(
+                autoCreateCameras=True, presetMode=presets[preset], size=size, fps=fps
+            )
+        except RuntimeError as error:
+            raise refused("oak", error, self.name) from None
         stereo.setSubpixel(subpixel)
         stereo.setLeftRightCheck(check)
         if self._device.getConnectedIMU() not in ("", "NONE"):
@@ -152,18 +167,37 @@ class OakSensor:
             self._level = np.array(calibration.getImuToCameraExtrinsics(right))[:3, :3]
         return stereo.depth
 
-    def _found(self, device: str) -> Any:
-        """The camera, opened."""
+    def _found(self, wanted: str) -> Any:
+        """The camera, opened; where none is seen the library looks for one a while."""
         dai = self._dai
+        found = {info.getDeviceId(): info for info in dai.Device.getAllAvailableDevices()}
+
+        def choose() -> Any:
+            return chosen("oak", "an OAK", found, wanted, "device", self._before)
+
         try:
-            return dai.Device(dai.DeviceInfo(device)) if device else dai.Device()
+            if wanted:
+                return dai.Device(found.get(wanted) or dai.DeviceInfo(wanted))
+            return dai.Device(choose()) if found else dai.Device()
         except RuntimeError as error:
-            seen = [info.getDeviceId() for info in dai.Device.getAllAvailableDevices()]
-            if seen:
-                mend = f"Connected: {', '.join(seen)}. Close what else uses it; enliven doctor"
-            else:
-                mend = "Plug an OAK into a USB 3 port, or give --set device=ADDRESS; enliven doctor"
-            raise ResourceError(str(error).rstrip("."), where="sensor oak", mend=mend) from None
+            if str(error) in _NOT_THERE and wanted not in found:
+                choose()
+            raise refused("oak", error) from None
+
+    def _frame(self, image: Any) -> DepthFrame:
+        """An image as a frame.
+
+        Raises:
+            InputError: for one that is none.
+        """
+        try:
+            time_ns = image.getTimestamp() // timedelta(microseconds=1) * 1000
+            depth, number = image.getFrame(), image.getSequenceNum()
+            transformation = image.getTransformation()
+        except (RuntimeError, AttributeError, ValueError) as error:
+            raise InputError(f"an image of it is none ({error})", where=self.name) from None
+        camera = self._intrinsics(transformation, *depth.shape[1::-1])
+        return DepthFrame(depth, camera, time_ns, self.name, sequence=number)
 
     def _intrinsics(self, transformation: Any, width: int, height: int) -> Intrinsics:
         """The camera of an image; its depth is rectified, so that it has no distortion."""
