@@ -84,6 +84,9 @@ def edge(
         float | None, typer.Option(help="Stop after this long, by the sensor's clock.")
     ] = None,
     once: Annotated[bool, typer.Option("--once", help="End at the sensor's first fault.")] = False,
+    wait_for_sensor: Annotated[
+        bool, typer.Option("--wait-for-sensor", help="Start without the camera, and wait for it.")
+    ] = False,
 ) -> None:
     """Track people with one sensor or more, let them possess a mesh, and publish the poses.
 
@@ -118,7 +121,7 @@ def edge(
     elif chosen.space and folder is not None:
         chosen = dataclasses.replace(chosen, space=str(folder / chosen.space))
     run = (mesh, possess_at, parts, record, overwrite, wait_for_viewer, seconds)
-    serve(chosen, source, run, folder, once)
+    serve(chosen, source, run, folder, once, wait_for_sensor)
 
 
 def _one_thread_for_matrices() -> None:
@@ -136,6 +139,7 @@ def serve(
     run: tuple[str, float | None, str | None, Path | None, bool, float, float | None],
     folder: Path | None = None,
     once: bool = False,
+    wait_for_sensor: bool = False,
 ) -> None:
     """Opens everything, serves, and closes everything; heavy modules are imported only here."""
     from enliven_edge.actor import Actor
@@ -154,7 +158,7 @@ def serve(
         need_engine()
     with contextlib.ExitStack() as stack:
         controls = stack.enter_context(open_controls(chosen.controls, folder))
-        sensor = _opened(sources, chosen, stack, once)
+        sensor = _opened(sources, chosen, stack, once, wait_for_sensor)
         actor = prepared(mesh, chosen)
         live = any(source.sensor != "replay" for source in sources)
         playground = _playground(chosen.physics, [actor.character], live)
@@ -247,11 +251,13 @@ def _sources(
     return [source_of(word, sensor_options(options), replay) for word in words]
 
 
-def _opened(sources: list[Source], chosen: EdgeSettings, stack: contextlib.ExitStack, once: bool) -> Sensor:
+def _opened(
+    sources: list[Source], chosen: EdgeSettings, stack: contextlib.ExitStack, once: bool, wait: bool
+) -> Sensor:
     """The sensor; several are watched at once, and fused into one of bodies."""
     from enliven_edge.sensors.sources import opened
 
-    sensors = opened(sources, stack)
+    sensors = opened(sources, stack, wait)
     if len(sensors) == 1:
         return next(iter(sensors.values()))
     if not chosen.space:

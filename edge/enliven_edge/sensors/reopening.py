@@ -55,16 +55,21 @@ class ReopeningSensor:
     Args:
         open_device: opens the device; called here the first time, on a thread later.
         first: the device, where it is open already.
+        awaited: what to call it until it is there, where it is opened by the first read only; empty: now.
 
     Raises:
         Exception: what the first opening raises.
     """
 
-    def __init__(self, open_device: Callable[[], Sensor], first: Sensor | None = None) -> None:
+    def __init__(
+        self, open_device: Callable[[], Sensor], first: Sensor | None = None, awaited: str = ""
+    ) -> None:
         self._open = open_device
-        self._device: Sensor | None = first or open_device()
-        self.name = self._device.name
-        self.fps: float | None = getattr(self._device, "fps", None)
+        self._device: Sensor | None = None
+        self.name, self._known = awaited, False
+        self.fps: float | None = None
+        if not awaited:
+            self._use(first or open_device())
         self._errands, self._doing = self._thread(), "read"
         self._left: list[Errands] = []
         self._wait, self._due = FIRST_WAIT, 0.0
@@ -98,7 +103,9 @@ class ReopeningSensor:
                 answer = None
             if self._doing == "read":
                 return self._received(answer)
-            self._device, self._fresh = answer, True
+            if answer is not None:
+                self._use(answer)
+                self._fresh = True
         return None
 
     def condition(self) -> Condition | None:
@@ -137,6 +144,12 @@ class ReopeningSensor:
             raise TimeoutError(f"{self.name} is opened anew in {wait - timeout:.1f} s")
         time.sleep(max(0.0, wait))
         self._ask("open", self._open)
+
+    def _use(self, device: Sensor) -> None:
+        """A device that was opened; the first gives the stream its name."""
+        self._device, self.fps = device, getattr(device, "fps", None)
+        if not self._known:
+            self.name, self._known = device.name, True
 
     def _ask(self, what: Literal["read", "open", "close"], call: Callable[[], Any]) -> None:
         self._doing = what
@@ -207,8 +220,14 @@ class ReopeningSensor:
         return Errands(f"driver of {self.name}")
 
 
-def kept_open(open_sensor: Callable[[], Sensor]) -> Sensor:
-    """The sensor, opened; a live one for ever, a recording until its end."""
+def kept_open(open_sensor: Callable[[], Sensor], awaited: str = "") -> Sensor:
+    """The sensor, opened; a live one for ever, a recording until its end.
+
+    Args:
+        awaited: what to call a live one that is not there yet, and is waited for; empty: it must be there.
+    """
+    if awaited:
+        return ReopeningSensor(open_sensor, awaited=awaited)
     first = open_sensor()
     return first if getattr(first, "recorded", False) else ReopeningSensor(open_sensor, first)
 

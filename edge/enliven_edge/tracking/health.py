@@ -103,13 +103,17 @@ class HealthMonitor:
         """What is wrong now, the gravest first."""
         return self._alarms.states
 
-    def admit(self, frame: Frame) -> bool:
+    def admit(self, frame: Frame, fps: float | None = None) -> bool:
         """Looks at a frame before the tracker does.
+
+        Args:
+            fps: frames a second that the sensor promises now; None: as before.
 
         Returns:
             whether the tracker should see it: False for one that is out of order, or came before, and for
             one that cannot be used.
         """
+        self._fps = fps or self._fps
         flaw = self._check.flaw(frame)
         if flaw is not None:
             self._note_fault(*flaw)

@@ -38,7 +38,8 @@ class IsolatedOpener:
     """Opens a sensor in a helper process, a fresh one for each device.
 
     A library's own state does not outlive its device in this way. Attempts that fail after a device was lost
-    share one process.
+    share one process. Where several devices could be meant, the one that was open before is: a driver says
+    by its ``again`` with which options.
 
     Args:
         name: of the sensor, for what is said of it before it is open.
@@ -47,7 +48,8 @@ class IsolatedOpener:
     """
 
     def __init__(self, name: str, kind: Callable[..., Sensor], options: dict[str, Any]) -> None:
-        self._start = functools.partial(HelperProcess, name, kind, options)
+        self._start = functools.partial(HelperProcess, name, kind)
+        self._options = options
         self._idle: HelperProcess | None = None
         self._worked = False
 
@@ -58,16 +60,16 @@ class IsolatedOpener:
             InputError: for options that cannot be used.
             ResourceError: where the device is missing or taken, or the library crashes.
         """
-        helper, self._idle = self._idle or self._start(), None
+        helper, self._idle = self._idle or self._start(self._options), None
         try:
-            name, fps = helper.open()
+            name, fps, again = helper.open()
         except (InputError, ResourceError):
             if self._worked and helper.alive:
                 self._idle = helper
             else:
                 helper.end()
             raise
-        self._worked = True
+        self._worked, self._options = True, {**self._options, **again}
         return IsolatedSensor(helper, name, fps)
 
     def close(self) -> None:
@@ -184,8 +186,8 @@ class HelperProcess:
         """Whether the process runs."""
         return self._process.is_alive()
 
-    def open(self) -> tuple[str, float | None]:
-        """Opens the device; returns the sensor's name and frame rate.
+    def open(self) -> tuple[str, float | None, dict[str, Any]]:
+        """Opens the device; returns the sensor's name and frame rate, and with what it is opened again.
 
         Raises:
             InputError, ResourceError: what the driver said, or that its process ended.
@@ -199,7 +201,8 @@ class HelperProcess:
             )
         if message[0] == "failed":
             raise _error(message[1:], self._name, ResourceError)
-        return message[1], message[2]
+        name, fps, again = message[1:]
+        return name, fps, again
 
     def go(self) -> None:
         """Lets the frames come.
