@@ -35,6 +35,8 @@ BAD_FRAMES = 30
 """Frames in a row that cannot be used after which the device is opened anew."""
 _LONGEST: dict[str, float] = {"read": 10.0, "open": 60.0, "close": 10.0}
 """Seconds after which a call of a driver is taken to hang and left to itself; opening may load firmware."""
+_TURN = 0.25
+"""Seconds that a device may wait for a frame at once, so that it can be closed meanwhile."""
 _LEFT_TO_THEMSELVES = 4
 """Threads that may hang in a driver at once; then the sensor is waited for."""
 _CLOSING = 0.25
@@ -93,11 +95,13 @@ class ReopeningSensor:
             if not self._errands.busy:
                 self._begin(left)
             try:
-                answer = self._errands.answer(left)
+                answer = self._errands.answer(_TURN if left is None else min(left, _TURN))
             except Exception as error:
                 if isinstance(error, TimeoutError) and (self._errands.busy or self._doing == "read"):
                     self._give_up_what_hangs()
-                    raise
+                    if deadline is not None and time.monotonic() >= deadline:
+                        raise
+                    continue
                 if self._doing != "close":
                     raise self._failed(error) from error
                 answer = None
@@ -114,7 +118,10 @@ class ReopeningSensor:
         return None if device is None else condition_of(device)
 
     def close(self) -> None:
-        """Lets the device go, in the background where it hangs; a second call does nothing."""
+        """Lets the device go, in the background where it hangs; a second call does nothing.
+
+        It may be called while another thread reads, which then returns None.
+        """
         if not self._closed:
             self._closed = True
             getattr(self._open, "close", lambda: None)()
@@ -136,7 +143,8 @@ class ReopeningSensor:
             TimeoutError: where it has not come within ``timeout`` seconds.
         """
         if self._device is not None:
-            self._ask("read", functools.partial(self._device.read, timeout))
+            turn = _TURN if timeout is None else min(timeout, _TURN)
+            self._ask("read", functools.partial(self._device.read, turn))
             return
         wait = self._due - time.monotonic()
         if timeout is not None and wait > timeout:

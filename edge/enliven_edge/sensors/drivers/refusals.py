@@ -108,7 +108,7 @@ def chosen(
         ResourceError: where it is not there, or there are several and none was named.
     """
     if not found:
-        raise _absent(sensor, make)
+        raise _absent(sensor, f"{make} called {wanted}" if wanted else make)
     if wanted:
         if wanted in found:
             return found[wanted]
@@ -125,7 +125,7 @@ def chosen(
     return found.get(before) or next(iter(found.values()))
 
 
-def _absent(sensor: str, make: str) -> ResourceError:
+def _absent(sensor: str, which: str) -> ResourceError:
     """The library finds no device; the system may know more."""
     where = f"sensor {sensor}"
     for camera in attached():
@@ -137,7 +137,7 @@ def _absent(sensor: str, make: str) -> ResourceError:
             mend = f"Close what else uses it; else unplug it once and plug it in again, {_CHECK}"
             return ResourceError(what, where=where, mend=mend)
     return ResourceError(
-        f"{make} is not connected",
+        f"{which} is not connected",
         where=where,
         mend=f"Plug it into a USB 3 port and start again: enliven run --sensor {sensor}; "
         "what is plugged in says: enliven doctor",
