@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import Frame
-from enliven_edge.sensors.base import TIME_LIMIT_NS, Condition, Sensor, SensorFault, condition_of
+from enliven_edge.sensors.base import CHECK_IT, TIME_LIMIT_NS, Condition, Sensor, SensorFault, condition_of
 from enliven_edge.sensors.errands import Errands
 
 log = logging.getLogger(__name__)
@@ -72,6 +72,7 @@ class ReopeningSensor:
         self.fps: float | None = None
         if not awaited:
             self._use(first or open_device())
+        getattr(open_device, "patient", lambda: None)()
         self._errands, self._doing = self._thread(), "read"
         self._left: list[Errands] = []
         self._wait, self._due = FIRST_WAIT, 0.0
@@ -197,7 +198,7 @@ class ReopeningSensor:
         if device is not None:
             self._ask("close", device.close)
         why = error.what if isinstance(error, EnlivenError) else str(error) or type(error).__name__
-        mend = getattr(error, "mend", "") or "Check its cable and power."
+        mend = getattr(error, "mend", "") or CHECK_IT
         return SensorFault(why, where=self.name, mend=mend)
 
     def _give_up_what_hangs(self) -> None:

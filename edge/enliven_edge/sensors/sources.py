@@ -92,9 +92,7 @@ def sources_of(tables: Mapping[str, SourceSettings], folder: Path | None = None)
     return sources
 
 
-def opened(
-    sources: Sequence[Source], stack: contextlib.ExitStack, wait: bool = False
-) -> dict[str, Sensor]:
+def opened(sources: Sequence[Source], stack: contextlib.ExitStack, wait: bool = False) -> dict[str, Sensor]:
     """By identity, the sensors opened, and opened anew when they fail; ``stack`` closes them.
 
     Args:

@@ -21,7 +21,7 @@ class Wild:
 
     Args:
         folder: where each device leaves a file, so that the next knows to be well; and where a file ``gone``
-            says that the device is unplugged.
+            says that the device is unplugged, and a file ``slow`` that opening it has not ended yet.
         mishap: what happens, once.
     """
 
@@ -41,6 +41,8 @@ class Wild:
         self.folder, self.after, self.pace, self.size = Path(folder), after, pace, (width, height)
         if (self.folder / "gone").exists():
             raise ResourceError("no device", where="wild", mend="Plug it in.")
+        while (self.folder / "slow").exists():
+            time.sleep(0.01)
         if mishap == "crashes at open":
             os.abort()
         self.number = 0

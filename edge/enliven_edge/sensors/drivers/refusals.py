@@ -139,6 +139,6 @@ def _absent(sensor: str, which: str) -> ResourceError:
     return ResourceError(
         f"{which} is not connected",
         where=where,
-        mend=f"Plug it into a USB 3 port and start again: enliven run --sensor {sensor}; "
-        "what is plugged in says: enliven doctor",
+        mend=f"Plug it into a USB 3 port, see with enliven doctor that it is there, and type: "
+        f"enliven run --sensor {sensor}",
     )

@@ -16,7 +16,7 @@ from typing import Any
 from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
-from enliven_edge.sensors.base import Condition, Sensor, SensorFault
+from enliven_edge.sensors.base import CHECK_IT, Condition, Sensor, SensorFault
 from enliven_edge.sensors.isolation.helper import serve
 from enliven_edge.sensors.isolation.slots import FrameSlots
 
@@ -37,9 +37,8 @@ _MOST_WAITING = 3
 class IsolatedOpener:
     """Opens a sensor in a helper process, a fresh one for each device.
 
-    A library's own state does not outlive its device in this way. Attempts that fail after a device was lost
-    share one process. Where several devices could be meant, the one that was open before is: a driver says
-    by its ``again`` with which options.
+    A library's own state does not outlive its device in this way. Where several devices could be meant, the one
+    that was open before is: a driver says by its ``again`` with which options.
 
     Args:
         name: of the sensor, for what is said of it before it is open.
@@ -51,7 +50,11 @@ class IsolatedOpener:
         self._start = functools.partial(HelperProcess, name, kind)
         self._options = options
         self._idle: HelperProcess | None = None
-        self._worked = False
+        self._patient = False
+
+    def patient(self) -> None:
+        """From now on attempts that fail share one process, which :meth:`close` ends."""
+        self._patient = True
 
     def __call__(self) -> IsolatedSensor:
         """The sensor, opened.
@@ -64,12 +67,12 @@ class IsolatedOpener:
         try:
             name, fps, again = helper.open()
         except (InputError, ResourceError):
-            if self._worked and helper.alive:
+            if self._patient and helper.alive:
                 self._idle = helper
             else:
                 helper.end()
             raise
-        self._worked, self._options = True, {**self._options, **again}
+        self._options = {**self._options, **again}
         return IsolatedSensor(helper, name, fps)
 
     def close(self) -> None:
@@ -118,7 +121,7 @@ class IsolatedSensor:
             if message is None:
                 if time.monotonic() >= self._heard + self._patience:
                     why = f"no image for {self._patience:.0f} s"
-                    raise SensorFault(why, where=self.name, mend="Check its cable and power.")
+                    raise SensorFault(why, where=self.name, mend=CHECK_IT)
                 raise TimeoutError(f"no image of {self.name} yet")
             frame = self._understood(*message)
             if frame is not None:
