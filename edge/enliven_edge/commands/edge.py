@@ -84,9 +84,7 @@ def edge(
         float | None, typer.Option(help="Stop after this long, by the sensor's clock.")
     ] = None,
     once: Annotated[bool, typer.Option("--once", help="End at the sensor's first fault.")] = False,
-    wait_for_sensor: Annotated[
-        bool, typer.Option("--wait-for-sensor", help="Start without the camera, and wait for it.")
-    ] = False,
+    wait_for_sensor: Annotated[bool, typer.Option("--wait-for-sensor", help="Wait for a camera.")] = False,
 ) -> None:
     """Track people with one sensor or more, let them possess a mesh, and publish the poses.
 
@@ -148,6 +146,7 @@ def serve(
     from enliven_edge.controls.desk import open_controls
     from enliven_edge.outlet import Outlet
     from enliven_edge.physics.engine import need_engine
+    from enliven_edge.sensors.sources import opened
     from enliven_edge.service import Edge
     from enliven_edge.stage import Stage
     from enliven_edge.tracking.health import HealthMonitor
@@ -158,7 +157,8 @@ def serve(
         need_engine()
     with contextlib.ExitStack() as stack:
         controls = stack.enter_context(open_controls(chosen.controls, folder))
-        sensor = _opened(sources, chosen, stack, once, wait_for_sensor)
+        sensors = opened(sources, stack, wait_for_sensor)
+        sensor = stack.enter_context(_one_of(sensors, sources, chosen, once))
         actor = prepared(mesh, chosen)
         live = any(source.sensor != "replay" for source in sources)
         playground = _playground(chosen.physics, [actor.character], live)
@@ -251,13 +251,8 @@ def _sources(
     return [source_of(word, sensor_options(options), replay) for word in words]
 
 
-def _opened(
-    sources: list[Source], chosen: EdgeSettings, stack: contextlib.ExitStack, once: bool, wait: bool
-) -> Sensor:
+def _one_of(sensors: dict[str, Sensor], sources: list[Source], chosen: EdgeSettings, once: bool) -> Sensor:
     """The sensor; several are watched at once, and fused into one of bodies."""
-    from enliven_edge.sensors.sources import opened
-
-    sensors = opened(sources, stack, wait)
     if len(sensors) == 1:
         return next(iter(sensors.values()))
     if not chosen.space:
@@ -266,7 +261,7 @@ def _opened(
             where="edge",
             mend="Find it, enliven calibrate ... -o space.toml, and give --space space.toml.",
         )
-    return stack.enter_context(_fused(sources, sensors, chosen, once))
+    return _fused(sources, sensors, chosen, once)
 
 
 def _fused(

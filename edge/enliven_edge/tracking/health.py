@@ -194,12 +194,11 @@ class HealthMonitor:
 
     def _note_fault(self, kind: HealthKind | None, why: str, mend: str = "") -> None:
         """The last frame or read was of no use, or was (None)."""
-        self.fault = why
+        self.fault, do = why, mend or CHECK_IT
         for each in (HealthKind.SENSOR_LOST, HealthKind.BAD_FRAME, HealthKind.RESIZED):
             # A frame of any kind shows that the sensor is there; a lost sensor says nothing of its frames.
             wrong = None if kind is HealthKind.SENSOR_LOST and each is not kind else each is kind
-            told = {"why": why.rstrip("."), "mend": (mend or CHECK_IT).rstrip(".")}
-            self._alarms.note(each, wrong, self._now_ns, **told)
+            self._alarms.note(each, wrong, self._now_ns, why=why.rstrip("."), mend=do.rstrip("."))
         self._alarms.tell()
 
     def _judge_rhythm(self, now: int) -> None:

@@ -80,6 +80,7 @@ def test_whatever_happens_to_the_library_another_process_goes_on(tmp_path, misha
     assert len(list(tmp_path.glob("device-*"))) == 2
     times = [frame.time_ns for frame in frames]
     assert times == sorted(set(times)), "the clock goes on rising over processes"
+    assert (tmp_path / "asked-for-any").exists() and (tmp_path / "asked-for-wild").exists()
 
 
 def test_a_stream_that_ends_ends(tmp_path):

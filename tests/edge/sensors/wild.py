@@ -37,6 +37,7 @@ class Wild:
         pace: float = 0.005,
         width: int = 64,
         height: int = 48,
+        before: str = "",
     ) -> None:
         self.folder, self.after, self.pace, self.size = Path(folder), after, pace, (width, height)
         if (self.folder / "gone").exists():
@@ -45,10 +46,11 @@ class Wild:
             time.sleep(0.01)
         if mishap == "crashes at open":
             os.abort()
-        self.number = 0
-        before = len(list(self.folder.glob("device-*")))
-        (self.folder / f"device-{os.getpid()}-{before}").touch()
-        self.mishap = mishap if before == 0 or mishap.startswith("always ") else ""
+        self.number, self.again = 0, {"before": "wild"}
+        (self.folder / f"asked-for-{before or 'any'}").touch()
+        earlier = len(list(self.folder.glob("device-*")))
+        (self.folder / f"device-{os.getpid()}-{earlier}").touch()
+        self.mishap = mishap if earlier == 0 or mishap.startswith("always ") else ""
         print("a banner that a library prints")
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:

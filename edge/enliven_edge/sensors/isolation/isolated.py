@@ -37,8 +37,8 @@ _MOST_WAITING = 3
 class IsolatedOpener:
     """Opens a sensor in a helper process, a fresh one for each device.
 
-    A library's own state does not outlive its device in this way. Where several devices could be meant, the one
-    that was open before is: a driver says by its ``again`` with which options.
+    A library's own state does not outlive its device in this way. Of several devices that could be meant it
+    is the one of before: a driver says by its ``again`` with which options.
 
     Args:
         name: of the sensor, for what is said of it before it is open.
