@@ -38,6 +38,7 @@ from enliven.recording import Recorder
 from enliven_edge.sensors.base import SensorFault
 from enliven_edge.sensors.isolation import isolated
 from enliven_edge.sensors.profile import load_profile
+from enliven_edge.sensors.registry import open_sensor
 from enliven_edge.sensors.reopening import kept_open
 from enliven_edge.synthesis.studio import Studio, StudioSettings
 from enliven_edge.tracking.tracker import Tracker
@@ -204,3 +205,46 @@ def test_only_a_camera_that_was_moved_while_it_was_away_is_said_to_have_been(liv
     assert not moved("here", 60)
     assert not moved("here", 30)
     assert moved("there", 60)
+
+
+class Nobody:
+    """Finds no landmarks in an image."""
+
+    def find(self, colour, time_ns):
+        return []
+
+    def close(self):
+        pass
+
+
+def filmed(path):
+    """A film of 12 images a second, for a second."""
+    av = pytest.importorskip("av")
+    with av.open(path, "w") as container:
+        stream = container.add_stream("libx264", rate=12)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        for number in range(12):
+            grey = np.full((48, 64, 3), 20 * number, np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(grey, format="rgb24")))
+        container.mux(stream.encode())
+    return str(path)
+
+
+IN_THE_EDGE = {
+    "replay": lambda takes, folder: {"path": takes[0]},
+    "synthetic": lambda takes, folder: {"width": 64},
+    "webcam": lambda takes, folder: {"device": filmed(folder / "film.mp4"), "source": Nobody()},
+}
+"""What opens the sensors that need no process of their own."""
+
+
+@pytest.mark.parametrize("name", IN_THE_EDGE)
+def test_what_runs_in_the_edge_itself_keeps_to_its_part_of_it(name, takes, tmp_path):
+    """Times rise, waiting is no computing, and closed it has ended."""
+    with open_sensor(name, **IN_THE_EDGE[name](takes, tmp_path)) as sensor:
+        times = [next_frame(sensor).time_ns]
+        before, at = time.process_time(), time.monotonic()
+        times += [next_frame(sensor).time_ns for _ in range(8)]
+        assert time.process_time() - before < LOAD * (time.monotonic() - at)
+    assert times == sorted(set(times))
+    assert sensor.read(TURN) is None
