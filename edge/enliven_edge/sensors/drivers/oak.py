@@ -18,12 +18,15 @@ from enliven_edge.sensors.base import Condition
 from enliven_edge.sensors.drivers.extras import library
 from enliven_edge.sensors.drivers.lens import known_or_typical
 from enliven_edge.sensors.drivers.oak_colour import aligned, message, together
+from enliven_edge.sensors.drivers.refusals import chosen, refused
 from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 
 log = logging.getLogger(__name__)
 
 _SEARCH_MS = "1500"
 """Milliseconds that the library looks for a camera (of itself 10 s); one that is there answers at once."""
+_NOT_THERE = ("No available devices", "Cannot find any device with given deviceInfo")
+"""What the library says when it finds no camera at all, or not the one that was asked for."""
 _FELT_HZ = 100
 """Readings of the accelerometer a second; the mean of a second is gravity."""
 _HOT = 105.0
@@ -34,7 +37,7 @@ class OakSensor:
     """An OAK with a stereo pair, or the images of a recording through the same library.
 
     Args:
-        device: its id, USB port or network address; empty: the only one, or the first.
+        device: its id, USB port or network address; empty: the only one.
         width, height: pixels of the depth image.
         fps: images a second.
         preset: "default", "accuracy", "density", "robotics", "high_detail" or "face".
@@ -42,6 +45,7 @@ class OakSensor:
         left_right_check: leave out what one of the two cameras sees alone.
         colour: the colour camera's image too; depth is then as that camera sees it.
         rehearse: a recording that is played through the library in place of a camera.
+        before: the id of the camera that was open last; of several it is taken again.
 
     Raises:
         InputError: for a preset or recording that cannot be used.
@@ -61,6 +65,7 @@ class OakSensor:
         left_right_check: bool = True,
         colour: bool = False,
         rehearse: str = "",
+        before: str = "",
     ) -> None:
         os.environ.setdefault("DEPTHAI_SEARCH_TIMEOUT", _SEARCH_MS)
         # A crash of the camera's program is kept here, and not sent to its makers unasked.
@@ -75,6 +80,8 @@ class OakSensor:
         self._matrix: Any = None
         self._calibrated = True
         self._rehearsal: Rehearsal | None = None
+        self._before = before
+        self.again: dict[str, str] = {}
         self._images: Any = None
         if rehearse:
             depth, seen = self._rehearsed(rehearse, colour)
@@ -85,32 +92,31 @@ class OakSensor:
         self._coloured = seen is not None
         both = together(self._dai, self._pipeline, depth, seen, self.fps) if self._coloured else depth
         self._images = both.createOutputQueue(WAITING, False)
-        self._pipeline.start()
+        try:
+            self._pipeline.start()
+        except RuntimeError as error:
+            raise refused("oak", error, self.name) from None
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
         """The next image; None when a rehearsal is over.
 
         Raises:
             TimeoutError: when none came in time.
-            ResourceError: where the camera's own program crashed.
+            InputError: for an image that is none.
+            ResourceError: where the camera was lost, or its own program crashed.
         """
         over = self._rehearsal is not None and self._rehearsal.is_over()
-        image = self._images.get(timeout=timedelta(seconds=timeout or 0.0))
+        try:
+            image = self._images.get(timeout=timedelta(seconds=timeout or 0.0))
+        except RuntimeError as error:
+            raise refused("oak", error, self.name) from None
         if image is None:
             if over:
                 return None
             if self._device is not None and self._device.hasCrashed():
                 raise ResourceError("the camera's own program crashed", where=self.name)
             raise TimeoutError(f"no image of {self.name} yet")
-        colour = None
-        if self._coloured:
-            image, colour = image["depth"], image["colour"].getFrame()
-        time_ns = image.getTimestamp() // timedelta(microseconds=1) * 1000
-        if self._rehearsal is not None:
-            time_ns = self._rehearsal.taken(time_ns)
-        depth = image.getFrame()
-        camera = self._intrinsics(image.getTransformation(), depth.shape[1], depth.shape[0])
-        return DepthFrame(depth, camera, time_ns, self.name, colour, sequence=image.getSequenceNum())
+        return self._frame(image)
 
     def condition(self) -> Condition:
         """The link, the chip's temperature, and gravity where there is an accelerometer."""
@@ -162,11 +168,15 @@ class OakSensor:
             )
         self._device = self._found(device)
         keep_dump_of(self._device)
-        self.name, self.fps = f"oak {self._device.getDeviceId()}", fps
+        name = self._device.getDeviceId()
+        self.name, self.fps, self.again = f"oak {name}", fps, {"before": name}
         self._pipeline = dai.Pipeline(self._device)
-        stereo = self._pipeline.create(dai.node.StereoDepth).build(
-            autoCreateCameras=True, presetMode=presets[preset], size=size, fps=fps
-        )
+        try:
+            stereo = self._pipeline.create(dai.node.StereoDepth).build(
+                autoCreateCameras=True, presetMode=presets[preset], size=size, fps=fps
+            )
+        except RuntimeError as error:
+            raise refused("oak", error, self.name) from None
         stereo.setSubpixel(checks[0])
         stereo.setLeftRightCheck(checks[1])
         sockets = dai.CameraBoardSocket
@@ -184,18 +194,42 @@ class OakSensor:
             self._level = np.array(calibration.getImuToCameraExtrinsics(seeing))[:3, :3]
         return depth, seen
 
-    def _found(self, device: str) -> Any:
-        """The camera, opened."""
+    def _found(self, wanted: str) -> Any:
+        """The camera, opened; where none is seen the library looks for one a while."""
         dai = self._dai
+        found = {info.getDeviceId(): info for info in dai.Device.getAllAvailableDevices()}
+
+        def choose() -> Any:
+            return chosen("oak", "an OAK", found, wanted, "device", self._before)
+
         try:
-            return dai.Device(dai.DeviceInfo(device)) if device else dai.Device()
+            if wanted:
+                return dai.Device(found.get(wanted) or dai.DeviceInfo(wanted))
+            return dai.Device(choose()) if found else dai.Device()
         except RuntimeError as error:
-            seen = [info.getDeviceId() for info in dai.Device.getAllAvailableDevices()]
-            if seen:
-                mend = f"Connected: {', '.join(seen)}. Close what else uses it; enliven doctor"
-            else:
-                mend = "Plug an OAK into a USB 3 port, or give --set device=ADDRESS; enliven doctor"
-            raise ResourceError(str(error).rstrip("."), where="sensor oak", mend=mend) from None
+            if str(error) in _NOT_THERE and wanted not in found:
+                choose()
+            raise refused("oak", error) from None
+
+    def _frame(self, image: Any) -> DepthFrame:
+        """An image as a frame.
+
+        Raises:
+            InputError: for one that is none.
+        """
+        colour = None
+        try:
+            if self._coloured:
+                image, colour = image["depth"], image["colour"].getFrame()
+            time_ns = image.getTimestamp() // timedelta(microseconds=1) * 1000
+            depth, number = image.getFrame(), image.getSequenceNum()
+            transformation = image.getTransformation()
+        except (RuntimeError, AttributeError, ValueError) as error:
+            raise InputError(f"an image of it is none ({error})", where=self.name) from None
+        camera = self._intrinsics(transformation, *depth.shape[1::-1])
+        if self._rehearsal is not None:
+            time_ns = self._rehearsal.taken(time_ns)
+        return DepthFrame(depth, camera, time_ns, self.name, colour, sequence=number)
 
     def _intrinsics(self, transformation: Any, width: int, height: int) -> Intrinsics:
         """The camera of an image; its depth is rectified, so that it has no distortion."""

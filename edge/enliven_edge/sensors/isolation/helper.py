@@ -89,7 +89,8 @@ class _Helper:
             self._pipe.send(("failed", *_said(error)))
             return
         self._told, self._camera, self._reading = 0.0, None, False
-        self._pipe.send(("opened", self._device.name, getattr(self._device, "fps", None)))
+        fps, again = getattr(self._device, "fps", None), getattr(self._device, "again", {})
+        self._pipe.send(("opened", self._device.name, fps, again))
 
     def _go(self) -> None:
         """The edge is ready for frames; before that they would be old when it is."""

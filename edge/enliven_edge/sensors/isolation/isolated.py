@@ -16,7 +16,7 @@ from typing import Any
 from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
-from enliven_edge.sensors.base import Condition, Sensor, SensorFault
+from enliven_edge.sensors.base import CHECK_IT, Condition, Sensor, SensorFault
 from enliven_edge.sensors.crash_reports import keep_text
 from enliven_edge.sensors.isolation.helper import serve
 from enliven_edge.sensors.isolation.last_words import LastWords
@@ -39,8 +39,8 @@ _MOST_WAITING = 3
 class IsolatedOpener:
     """Opens a sensor in a helper process, a fresh one for each device.
 
-    A library's own state does not outlive its device in this way. Attempts that fail after a device was lost
-    share one process.
+    A library's own state does not outlive its device in this way. Of several devices that could be meant it
+    is the one of before: a driver says by its ``again`` with which options.
 
     Args:
         name: of the sensor, for what is said of it before it is open.
@@ -52,9 +52,14 @@ class IsolatedOpener:
     def __init__(
         self, name: str, kind: Callable[..., Sensor], options: dict[str, Any], every_frame: bool = False
     ) -> None:
-        self._start = functools.partial(HelperProcess, name, kind, options, every_frame)
+        self._start = functools.partial(HelperProcess, name, kind, every_frame=every_frame)
+        self._options = options
         self._idle: HelperProcess | None = None
-        self._worked = False
+        self._patient = False
+
+    def patient(self) -> None:
+        """From now on attempts that fail share one process, which :meth:`close` ends."""
+        self._patient = True
 
     def __call__(self) -> IsolatedSensor:
         """The sensor, opened.
@@ -63,16 +68,16 @@ class IsolatedOpener:
             InputError: for options that cannot be used.
             ResourceError: where the device is missing or taken, or the library crashes.
         """
-        helper, self._idle = self._idle or self._start(), None
+        helper, self._idle = self._idle or self._start(self._options), None
         try:
-            name, fps = helper.open()
+            name, fps, again = helper.open()
         except (InputError, ResourceError):
-            if self._worked and helper.alive:
+            if self._patient and helper.alive:
                 self._idle = helper
             else:
                 helper.end()
             raise
-        self._worked = True
+        self._options = {**self._options, **again}
         return IsolatedSensor(helper, name, fps)
 
     def close(self) -> None:
@@ -121,7 +126,7 @@ class IsolatedSensor:
             if message is None:
                 if time.monotonic() >= self._heard + self._patience:
                     why = f"no image for {self._patience:.0f} s"
-                    raise SensorFault(why, where=self.name, mend="Check its cable and power.")
+                    raise SensorFault(why, where=self.name, mend=CHECK_IT)
                 raise TimeoutError(f"no image of {self.name} yet")
             frame = self._understood(*message)
             if frame is not None:
@@ -192,8 +197,8 @@ class HelperProcess:
         """Whether the process runs."""
         return self._process.is_alive()
 
-    def open(self) -> tuple[str, float | None]:
-        """Opens the device; returns the sensor's name and frame rate.
+    def open(self) -> tuple[str, float | None, dict[str, Any]]:
+        """Opens the device; returns the sensor's name and frame rate, and with what it is opened again.
 
         Raises:
             InputError, ResourceError: what the driver said, or that its process ended.
@@ -207,7 +212,8 @@ class HelperProcess:
             )
         if message[0] == "failed":
             raise _error(message[1:], self._name, ResourceError)
-        return message[1], message[2]
+        name, fps, again = message[1:]
+        return name, fps, again
 
     def go(self) -> None:
         """Lets the frames come.
