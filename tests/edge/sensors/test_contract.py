@@ -123,11 +123,13 @@ def test_lost_and_back_again_and_again(live):
 def test_another_size_in_the_middle_of_the_stream(live, takes):
     """Image and lens always belong together; while its mode is changed nothing computes in its place."""
     live.play(takes[1])
-    shapes = []
+    shapes: list[tuple[int, ...]] = []
+    errors: list[Exception] = []
     while not shapes or shapes[-1] == SIZE:
         before, at = processor_seconds(helper_of(live.sensor)), time.monotonic()
-        frame = live.frame()
+        frame = live.frame(errors)
         waited = time.monotonic() - at
+        assert not errors
         spent = processor_seconds(helper_of(live.sensor)) - before
         size = frame.depth.shape[::-1]
         np.testing.assert_array_equal(frame.depth, numbered(number_of(frame.depth), size))

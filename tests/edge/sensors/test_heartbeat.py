@@ -3,7 +3,6 @@
 import contextlib
 import os
 import signal
-import statistics
 import threading
 import uuid
 
@@ -62,7 +61,8 @@ class Viewer:
 @pytest.fixture
 def edge(tmp_path, monkeypatch):
     """An edge on a thread that waits for a camera that is not there yet, and its viewer."""
-    monkeypatch.setattr(isolated, "SILENT", 10 * PATIENCE)  # So that a call that hangs goes on hanging.
+    for limit in ("SILENT", "OPENING"):  # So that a call that hangs goes on hanging.
+        monkeypatch.setattr(isolated, limit, 10 * PATIENCE)
     (tmp_path / "gone").touch()
     warm_up_tracking(TrackerSettings())
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
@@ -102,5 +102,5 @@ def test_heartbeats_go_on_while_a_camera_is_missing_opens_slowly_hangs_dies_and_
     (tmp_path / "gone").unlink()
     viewer.until(None)
     apart = [1e-9 * (b - a) for a, b in zip(viewer.beats, viewer.beats[1:], strict=False)]
-    print(f"heartbeats {statistics.median(apart):.2f} s apart, {max(apart):.2f} s at most, of {len(apart)}")
-    assert statistics.median(apart) < 1.0
+    print(f"{len(apart)} heartbeats in {sum(apart):.1f} s, {max(apart):.2f} s apart at most")
+    assert len(apart) > sum(apart), "one a second, twice as many as must be"
