@@ -161,10 +161,15 @@ class Live:
         """To the helper process: SIGSTOP is a library's call that hangs, SIGKILL one that crashes."""
         os.kill(helper_of(self.sensor), number)
 
-    def rewound(self) -> Live:
-        """Before the recording again, with enough of it left, where it was another or is nearly over."""
-        if number_of(self.last.depth) > LONG // 4 or self.last.depth.shape[::-1] != SIZE:
-            self.play(self.take)
+    def awake(self) -> Live:
+        """The sensor with enough of its recording left; opened anew where that is over, or was another."""
+        frame = next_frame(self.sensor, [])
+        if frame is None or number_of(frame.depth) > LONG // 4 or frame.depth.shape[::-1] != SIZE:
+            self.close()
+            shutil.copy(self.take, self.path)
+            self.sensor = kept_open(self.driver.opener(self.path))
+            frame = next_frame(self.sensor)
+        self.last = frame
         return self
 
     def gone(self, gone: bool = True) -> None:

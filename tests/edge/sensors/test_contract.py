@@ -63,7 +63,7 @@ def driver(request):
 
 
 @pytest.fixture(scope="module")
-def live(driver, takes, tmp_path_factory):
+def kept(driver, takes, tmp_path_factory):
     """One sensor for all clauses: what it promises is that it outlives them."""
     made = Live(driver, takes[0], tmp_path_factory.mktemp("rehearsed"))
     yield made
@@ -71,10 +71,14 @@ def live(driver, takes, tmp_path_factory):
     until(lambda: not helpers(), "an end without a helper process")
 
 
+@pytest.fixture
+def live(kept):
+    return kept.awake()
+
+
 def test_images_arrive_as_they_are_and_gaps_are_told(live):
     """By the sensor's clock and by its count: on a loaded machine some are left out, as of a camera."""
     seen = []
-    live.rewound()
     for _ in range(FRAMES):
         frame = live.frame()
         number = number_of(frame.depth)
@@ -144,7 +148,6 @@ def test_of_two_of_one_kind_one_sends_garbage_and_is_closed_while_it_is_read(liv
 
     At last its library hangs for ever: closing does not wait for it, and neither does the reader.
     """
-    live.rewound()
     other = kept_open(live.driver.opener(takes[0], live.driver.garbled))
     errors: list[Exception] = []
     numbers = []
@@ -191,7 +194,7 @@ def rooms(tmp_path_factory):
     return folder
 
 
-def test_only_a_camera_that_was_moved_while_it_was_away_is_said_to_have_been(live, rooms):
+def test_only_a_camera_that_was_moved_while_it_was_away_is_said_to_have_been(rooms, live):
     if live.driver.needs[0] and not FULL:
         pytest.skip("the tracker is the same for every driver: make test-devices asks it of each")
     tracker = Tracker()

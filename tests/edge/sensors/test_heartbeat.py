@@ -69,7 +69,7 @@ def edge(tmp_path, monkeypatch):
     opener = IsolatedOpener("wild", Wild, {"folder": str(tmp_path), "pace": 0.02})
     with kept_open(opener, awaited="the camera") as sensor, Outlet(wire, sensor.name) as outlet:
         served = Edge(sensor, Tracker(), Stage([]), outlet)
-        thread = threading.Thread(target=served.run)
+        thread = threading.Thread(target=served.run, daemon=True)
         thread.start()
         viewer = Viewer(outlet.publisher.endpoint)
         with contextlib.closing(viewer.link):
