@@ -37,7 +37,7 @@ def pytest_configure(config):
     # An edge's name is taken in this folder: other test processes, and edges of the machine, have their own.
     own = tempfile.TemporaryDirectory(prefix="enliven-tests-")
     config.add_cleanup(own.cleanup)
-    os.environ["XDG_RUNTIME_DIR"] = own.name
+    os.environ["XDG_RUNTIME_DIR"] = os.environ["XDG_STATE_HOME"] = own.name
 
 
 def pytest_addoption(parser):

@@ -6,6 +6,7 @@ from importlib import resources
 from pathlib import Path
 
 from enliven.doctor import Check
+from enliven_edge.sensors import crash_reports
 from enliven_edge.sensors.attached import attached
 from enliven_edge.sensors.profile import profile_names
 from enliven_edge.sensors.registry import sensor_names
@@ -23,6 +24,7 @@ def checks() -> list[Check]:
         ),
         _shipped_recording(),
         *_cameras(),
+        _crashes(),
     ]
 
 
@@ -31,6 +33,13 @@ def _shipped_recording() -> Check:
     path = shipped_recording()
     mend = "Make it again: enliven synthesize -o chair.mcap"
     return Check("shipped recording", path.is_file(), path.name if path.is_file() else "not found", mend)
+
+
+def _crashes() -> Check:
+    """The reports of crashes that are kept; that there are some is no lack of this machine."""
+    kept = crash_reports.reports()
+    detail = "\n".join([f"{len(kept)} kept in {crash_reports.folder()}", *map(str, kept)])
+    return Check("crash reports", True, detail if kept else "none kept")
 
 
 def shipped_recording() -> Path:

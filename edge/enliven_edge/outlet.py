@@ -123,13 +123,18 @@ class Outlet:
         for board in boards:
             self._send("matches", board_to_message(board), at)
 
-    def report(self, pace: Pace, phase: str, performers: int) -> None:
-        """How the edge is doing; goes out with the heartbeat, at once where the phase is new."""
+    def report(self, pace: Pace, phase: str, performers: int, sensor: str = "") -> None:
+        """How the edge is doing; goes out with the heartbeat, at once where the phase is new.
+
+        Args:
+            sensor: its identity, where it was not known from the start; empty: as before.
+        """
         changed = phase != self._publisher.status.phase
         if changed or time.monotonic() - self._told > 0.25:
             self._told = time.monotonic()
             self._publisher.set_status(
                 phase=phase,
+                sensor=sensor or self._publisher.status.sensor,
                 performers=performers,
                 fps=pace.fps,
                 latency_p50_ms=pace.latency_ms(50),

@@ -110,7 +110,7 @@ class Edge:
         read_ns, self._heard = time.time_ns(), time.monotonic()
         if isinstance(frame, FusedFrame):
             read_ns = frame.read_ns
-        if not self.health.admit(frame):
+        if not self.health.admit(frame, getattr(self.sensor, "fps", None)):
             self._end_at_fault()
             self.outlet.ail(self._ails())
             return
@@ -125,7 +125,7 @@ class Edge:
         self.pace.took(read_ns, time.time_ns())
         self.frames += 1
         self.outlet.ail(self._ails())
-        self.outlet.report(self.pace, "tracking" if bodies else "watching", len(bodies))
+        self.outlet.report(self.pace, "tracking" if bodies else "watching", len(bodies), self.sensor.name)
         first = frame.time_ns if self._first_ns is None else self._first_ns
         self._opening.take_hold((frame.time_ns - first) * 1e-9)
 

@@ -36,6 +36,12 @@ _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0
 _TOGETHER = "Keep the files of the model in one folder."
 
 
+def own_folder() -> Path:
+    """The user's own place for what programs remember."""
+    given = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
+    return (Path(given) if given else Path.home() / ".local" / "state") / "enliven"
+
+
 def open_file(path: Path) -> BinaryIO:
     """A regular file, opened for reading.
 

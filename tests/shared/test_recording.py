@@ -1,5 +1,6 @@
 """Recordings: exact round trips, and everything that can happen to a file."""
 
+import dataclasses
 import json
 import math
 import os
@@ -47,7 +48,8 @@ def body_frame(number: int, people: int = 1, sensor: str = "test") -> BodyFrame:
 def same_depth(a: DepthFrame, b: DepthFrame) -> bool:
     arrays = ((a.depth, b.depth), (a.colour, b.colour), (a.world_from_camera, b.world_from_camera))
     equal = all((x is None) == (y is None) and (x is None or np.array_equal(x, y)) for x, y in arrays)
-    return equal and (a.intrinsics, a.time_ns, a.sensor) == (b.intrinsics, b.time_ns, b.sensor)
+    said = [(x.intrinsics, x.time_ns, x.sensor, x.sequence) for x in (a, b)]
+    return equal and said[0] == said[1]
 
 
 def same_bodies(a: BodyFrame, b: BodyFrame) -> bool:
@@ -80,8 +82,8 @@ def test_depth_frames_come_back_exactly(tmp_path):
     rng = np.random.default_rng(0)
     frames = [
         depth_frame(0),
-        depth_frame(1, colour=rng.integers(0, 256, (48, 64, 3), np.uint8)),
-        depth_frame(2, world_from_camera=rng.normal(size=(4, 4))),
+        depth_frame(1, colour=rng.integers(0, 256, (48, 64, 3), np.uint8), sequence=0),
+        depth_frame(2, world_from_camera=rng.normal(size=(4, 4)), sequence=7),
         depth_frame(3, "kinect-ü", colour=np.zeros((1, 1, 3), np.uint8), world_from_camera=np.eye(4)),
     ]
     recording = Recording(write(tmp_path / "a.mcap", frames))
@@ -301,11 +303,28 @@ def test_foreign_messages_are_input_errors(data):
             unpack(data)
 
 
+@given(
+    sequence=st.none() | st.integers(-(2**63) + 1, 2**63 - 1), coloured=st.booleans(), placed=st.booleans()
+)
+@settings(deadline=None)
+def test_a_sequence_number_comes_back_and_older_readers_pass_it_over(sequence, coloured, placed):
+    colour = np.arange(300, dtype=np.uint16).astype(np.uint8).reshape(10, 10, 3) if coloured else None
+    frame = depth_frame(1, colour=colour, world_from_camera=np.eye(4) if placed else None, sequence=sequence)
+    data = bytearray(pack_depth(frame, 1))
+    assert same_depth(unpack_depth(bytes(data)), frame)
+    data[1] &= 3  # a reader of before looks at these two flags alone
+    assert same_depth(unpack_depth(bytes(data)), dataclasses.replace(frame, sequence=None))
+
+
+def test_a_sequence_number_that_the_layout_cannot_hold_is_left_out():
+    assert unpack_depth(pack_depth(depth_frame(1, sequence=2**63), 1)).sequence is None
+
+
 @given(place=st.integers(0, 10**6), value=st.integers(0, 255), cut=st.integers(0, 400))
 @settings(deadline=None, max_examples=150)
 def test_damaged_messages_give_a_frame_or_an_input_error(place, value, cut):
     colour = np.arange(300, dtype=np.uint16).astype(np.uint8).reshape(10, 10, 3)
-    data = bytearray(pack_depth(depth_frame(1, colour=colour, world_from_camera=np.eye(4)), 1))
+    data = bytearray(pack_depth(depth_frame(1, colour=colour, world_from_camera=np.eye(4), sequence=9), 1))
     data[place % len(data)] = value
     try:
         frame = unpack_depth(bytes(data[: len(data) - cut]))

@@ -1,5 +1,6 @@
 """A sensor that another package brings, with every fault that a camera has, before the real programs."""
 
+import contextlib
 import os
 import shutil
 import signal
@@ -8,8 +9,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from patience import until
 
 from enliven.recording import Recording
+from enliven.wire.ports import free_ports
+from enliven_edge.sensors.attached import attached
+from enliven_viewer.link import Link
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "edge" / "sensors"))
 from troubled import picture
@@ -98,3 +103,55 @@ def test_a_recording_of_such_a_sensor_goes_on(tmp_path, installed):
     frames = list(Recording(tmp_path / "a.mcap").frames())
     assert [frame.depth[0, 0] for frame in frames if frame.depth.shape == (48, 64)][-1] == picture(59)[0, 0]
     assert len(frames) == 62, "60, the one of another size, and -5 ns of a device that counts anew"
+
+
+MISSING = "an OAK is not connected"
+PLUG = f"{MISSING}. Plug it into a USB 3 port, see with enliven doctor that it is there, and type: "
+NO_LIBRARY = "depthai is not installed"
+INSTALL = f'{NO_LIBRARY}. Type: pip install "enliven-edge[oak]"'
+"""What the README's first example with a camera says without one, and where its library is missing too."""
+
+
+@pytest.fixture
+def no_camera():
+    """Nothing of the kind is beside this machine, which the doctor would say."""
+    if any(camera.kind.sensor == "oak" for camera in attached()):
+        pytest.skip("there is one")
+
+
+def test_run_without_its_camera_says_what_to_plug_in_and_what_to_type(no_camera):
+    asked = command("run", "--sensor", "oak", "--window")
+    done = subprocess.run(asked, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 4, done.stderr
+    said = " ".join(done.stderr.split())
+    assert f"{PLUG}enliven run --sensor oak" in said or INSTALL in said
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs SIGTERM")
+def test_a_kiosk_that_starts_before_its_camera_waits_and_tells_its_viewers(no_camera, tmp_path):
+    port, control = free_ports()
+    ports = ["--port", str(port), "--control-port", str(control), "--name", "kiosk"]
+    with (tmp_path / "log").open("w+") as log:
+        asked = command("edge", "--sensor", "oak", "--wait-for-sensor", *ports)
+        running = subprocess.Popen(asked, stderr=log, text=True)
+        try:
+            with contextlib.closing(Link([f"127.0.0.1:{port}:{control}"])) as link:
+
+                def told() -> bool:
+                    link.poll()
+                    assert running.poll() is None
+                    wrong = link.status.health if link.status else []
+                    return any(
+                        f"{MISSING}. {state.mend}".startswith(PLUG) or NO_LIBRARY in state.what
+                        for state in wrong
+                    )
+
+                until(told, "what is wrong")
+            running.send_signal(signal.SIGTERM)
+            assert running.wait(60.0) == 0
+        finally:
+            running.kill()
+            running.wait()
+        log.seek(0)
+        assert "Traceback" not in log.read()

@@ -84,6 +84,7 @@ def edge(
         float | None, typer.Option(help="Stop after this long, by the sensor's clock.")
     ] = None,
     once: Annotated[bool, typer.Option("--once", help="End at the sensor's first fault.")] = False,
+    wait_for_sensor: Annotated[bool, typer.Option("--wait-for-sensor", help="Wait for a camera.")] = False,
 ) -> None:
     """Track people with one sensor or more, let them possess a mesh, and publish the poses.
 
@@ -118,7 +119,7 @@ def edge(
     elif chosen.space and folder is not None:
         chosen = dataclasses.replace(chosen, space=str(folder / chosen.space))
     run = (mesh, possess_at, parts, record, overwrite, wait_for_viewer, seconds)
-    serve(chosen, source, run, folder, once)
+    serve(chosen, source, run, folder, once, wait_for_sensor)
 
 
 def _one_thread_for_matrices() -> None:
@@ -136,6 +137,7 @@ def serve(
     run: tuple[str, float | None, str | None, Path | None, bool, float, float | None],
     folder: Path | None = None,
     once: bool = False,
+    wait_for_sensor: bool = False,
 ) -> None:
     """Opens everything, serves, and closes everything; heavy modules are imported only here."""
     from enliven_edge.actor import Actor
@@ -144,6 +146,7 @@ def serve(
     from enliven_edge.controls.desk import open_controls
     from enliven_edge.outlet import Outlet, need_free
     from enliven_edge.physics.engine import need_engine
+    from enliven_edge.sensors.sources import opened
     from enliven_edge.service import Edge
     from enliven_edge.stage import Stage
     from enliven_edge.tracking.health import HealthMonitor
@@ -155,7 +158,8 @@ def serve(
     need_free(chosen.wire)
     with contextlib.ExitStack() as stack:
         controls = stack.enter_context(open_controls(chosen.controls, folder))
-        sensor = _opened(sources, chosen, stack, once)
+        sensors = opened(sources, stack, wait_for_sensor)
+        sensor = stack.enter_context(_one_of(sensors, sources, chosen, once))
         actor = prepared(mesh, chosen)
         live = any(source.sensor != "replay" for source in sources)
         playground = _playground(chosen.physics, [actor.character], live)
@@ -248,11 +252,8 @@ def _sources(
     return [source_of(word, sensor_options(options), replay) for word in words]
 
 
-def _opened(sources: list[Source], chosen: EdgeSettings, stack: contextlib.ExitStack, once: bool) -> Sensor:
+def _one_of(sensors: dict[str, Sensor], sources: list[Source], chosen: EdgeSettings, once: bool) -> Sensor:
     """The sensor; several are watched at once, and fused into one of bodies."""
-    from enliven_edge.sensors.sources import opened
-
-    sensors = opened(sources, stack)
     if len(sensors) == 1:
         return next(iter(sensors.values()))
     if not chosen.space:
@@ -261,7 +262,7 @@ def _opened(sources: list[Source], chosen: EdgeSettings, stack: contextlib.ExitS
             where="edge",
             mend="Find it, enliven calibrate ... -o space.toml, and give --space space.toml.",
         )
-    return stack.enter_context(_fused(sources, sensors, chosen, once))
+    return _fused(sources, sensors, chosen, once)
 
 
 def _fused(

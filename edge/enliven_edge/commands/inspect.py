@@ -1,25 +1,32 @@
-"""``enliven inspect``: what the tracker makes of a recording, as a film."""
+"""``enliven inspect``: what became of a recorded sensor, and what the tracker makes of it, as a film."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import Console
 from rich.progress import track
+from rich.table import Table
 
 from enliven.errors import InputError
 
 if TYPE_CHECKING:
     from enliven.arrays import UInt8
     from enliven.recording import Recording
+    from enliven_edge.inspection.inspector import Inspector
+    from enliven_edge.inspection.log import SensorLog
 
 _USUAL_RATE = 30.0
 
 
 def inspect(
     recording: Annotated[Path, typer.Argument(help="The recording.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The film to make, an .mp4 file.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The film to make, an .mp4 file.")
+    ] = None,
     sheet: Annotated[
         Path | None, typer.Option(help="Also a picture of some of its frames, a .png file.")
     ] = None,
@@ -27,36 +34,62 @@ def inspect(
     slow: Annotated[float, typer.Option(min=0.1, max=10.0, help="1 as recorded, 2 half as fast.")] = 1.0,
     frames: Annotated[int, typer.Option(min=0, help="Stop after so many frames; 0 for all.")] = 0,
 ) -> None:
-    """Film what the tracker sees and says: skeletons over depth, coloured by confidence, and its health.
+    """Say what became of a recorded sensor, or with -o film what the tracker makes of it.
+
+    It says which images are missing by the sensor's own count, its link and temperature, and its losses. The
+    film shows skeletons over depth, coloured by confidence, and what is wrong with the sensor.
 
     \b
+      enliven inspect TAKE.mcap
       enliven inspect TAKE.mcap -o take.mp4
       enliven inspect TAKE.mcap -o take.mp4 --sheet take.png --slow 4
     """
+    from enliven.recording import DEPTH_TOPIC, Recording
+    from enliven_edge.inspection.log import SensorLog
+    from enliven_edge.sensors.diary import Moments
+
+    source, log = Recording(recording), SensorLog()
+    count = source.info.topics[DEPTH_TOPIC].count if DEPTH_TOPIC in source.info.topics else 0
+    if output is None:
+        for moment in Moments(source):
+            log.add(moment)
+    elif count == 0:
+        raise InputError(
+            "there are no depth frames in it", where=str(recording), mend="Skeletons alone cannot be tracked."
+        )
+    else:
+        rate, count = _rate(source, count), min(count, frames or count)
+        _film(source, log, output, sheet, width, (rate, rate / slow), count)
+        typer.echo(f"{output}: {count} frames at {rate / slow:.3g} a second")
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    for fact in log.facts():
+        table.add_row(*fact)
+    Console().print(table)
+
+
+def _film(
+    source: Recording,
+    log: SensorLog,
+    output: Path,
+    sheet: Path | None,
+    width: int,
+    rates: tuple[float, float],
+    count: int,
+) -> None:
+    """The film, and the sheet where one is wanted; ``rates`` are those of the recording and of the film."""
     import numpy as np
     from PIL import Image
 
-    from enliven.frames import DepthFrame
-    from enliven.recording import DEPTH_TOPIC, Recording
     from enliven_edge.inspection.film import Film
     from enliven_edge.inspection.inspector import Inspector
     from enliven_edge.inspection.picture import contact_sheet
     from enliven_edge.tracking.tracker import Tracker
 
-    source = Recording(recording)
-    count = source.info.topics[DEPTH_TOPIC].count if DEPTH_TOPIC in source.info.topics else 0
-    if count == 0:
-        raise InputError(
-            "there are no depth frames in it", where=str(recording), mend="Skeletons alone cannot be tracked."
-        )
-    rate = _rate(source, count)
-    inspector = Inspector(Tracker(), width, rate)
-    count = min(count, frames or count)
+    inspector = Inspector(Tracker(), width, rates[0])
     kept: list[UInt8] = []
     picked = set(np.linspace(0, count - 1, min(12, count)).round().astype(int))
-    depth = (frame for frame in source.frames() if isinstance(frame, DepthFrame))
-    with Film(output, rate / slow) as film:
-        numbered = zip(range(count), inspector.pictures(depth), strict=False)
+    with Film(output, rates[1]) as film:
+        numbered = zip(range(count), _pictures(source, log, inspector), strict=False)
         for n, picture in track(numbered, "Filming", total=count, transient=True):
             film.add(picture)
             if n in picked:
@@ -64,7 +97,19 @@ def inspect(
     if sheet is not None:
         sheet.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(contact_sheet(kept, 4, 480)).save(sheet)
-    typer.echo(f"{output}: {count} frames at {rate / slow:.3g} a second")
+
+
+def _pictures(source: Recording, log: SensorLog, inspector: Inspector) -> Iterator[UInt8]:
+    """A picture for every depth frame."""
+    from enliven.frames import DepthFrame
+    from enliven_edge.sensors.diary import Moments
+
+    for moment in Moments(source):
+        log.add(moment)
+        if isinstance(moment.said, Exception):
+            inspector.failed(moment.said)
+        elif isinstance(moment.said, DepthFrame):
+            yield inspector.picture(moment.said, moment.condition)
 
 
 def _rate(source: Recording, count: int) -> float:

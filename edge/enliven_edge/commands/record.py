@@ -52,7 +52,7 @@ def record(
 
     console = Console()
     with (
-        kept_open(sensor_opener(sensor, **sensor_options(setting or []))) as stream,
+        kept_open(sensor_opener(sensor, every_frame=True, **sensor_options(setting or []))) as stream,
         Recorder(output, compression_level=level, overwrite=overwrite) as recorder,
         contextlib.closing(DiskSync(recorder.fileno())) as disk,
         _stop_on_interrupt() as stop,
@@ -72,12 +72,14 @@ def record_stream(
 ) -> Iterator[int]:
     """Write frames until the stream ends, ``stop`` is set, or ``seconds`` have passed; yields the count.
 
-    A sensor that fails is read on, and a frame that cannot be used is left out; both are logged.
+    What becomes of the sensor is written beside them. One that fails is read on, and a frame that cannot be
+    used is left out; both are logged.
     """
-    from enliven_edge.sensors.base import SensorFault
+    from enliven_edge.sensors.base import SensorFault, condition_of
+    from enliven_edge.sensors.diary import Diary
     from enliven_edge.tracking.frame_check import flaw_of
 
-    count, first_ns = 0, None
+    count, first_ns, diary = 0, None, Diary(recorder)
     while not stop.is_set():
         try:
             frame = stream.read(_PATIENCE)
@@ -86,17 +88,19 @@ def record_stream(
             continue
         except (SensorFault, InputError) as error:
             log.warning("%s", error)
+            diary.failed(error)
             continue
         if frame is None:
             return
         if flaw := flaw_of(frame):
             log.warning("%s: a frame is left out: %s", stream.name, flaw)
+            diary.failed(InputError(flaw, where=stream.name))
             continue
         first_ns = frame.time_ns if first_ns is None else first_ns
         if seconds is not None and frame.time_ns - first_ns >= seconds * 1e9:
             return
         try:
-            recorder.write_frame(frame)
+            diary.frame(frame, condition_of(stream))
         except InputError as error:
             log.warning("a frame is left out: %s", error)
             continue

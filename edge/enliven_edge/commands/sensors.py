@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import statistics
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,8 +16,10 @@ from rich.table import Table
 from enliven.errors import InputError, ResourceError
 
 if TYPE_CHECKING:
+    from enliven.arrays import UInt8
     from enliven.frames import DepthFrame
     from enliven_edge.sensors.base import Sensor
+    from enliven_edge.terminal import Way
 
 _PATIENCE = 15.0
 """Seconds without any frame after which a preview gives up: a camera's first may need ten."""
@@ -33,11 +36,18 @@ def sensors(
         Path | None, typer.Option("--output", "-o", help="Write a picture of its depth, a .png.")
     ] = None,
     seconds: Annotated[float, typer.Option(min=0.1, max=60.0, help="How long to look.")] = 2.0,
+    picture: Annotated[
+        str,
+        typer.Option(help="How the terminal draws: auto, none, kitty, iterm, sixel, blocks or blocks256."),
+    ] = "auto",
 ) -> None:
-    """List sensors and the cameras that are plugged in, or say what one of them sees.
+    """List sensors and the cameras that are plugged in, or say and show what one of them sees.
+
+    A terminal is shown a picture of the depth, near is bright, in its own image protocol where it has one.
 
     \b
       enliven sensors
+      enliven sensors oak
       enliven sensors synthetic -o depth.png
       enliven sensors replay --set path=TAKE.mcap
     """
@@ -51,6 +61,7 @@ def sensors(
 
     if output is not None and output.suffix != ".png":
         raise InputError(f"it ends in {output.suffix!r}", where=str(output), mend="Give a name with .png.")
+    way = _way(picture)
     with open_sensor(name, **sensor_options(setting or [])) as sensor:
         frames = _looked_at(sensor, seconds)
         facts = _facts(frames, condition_of(sensor), sensor.name)
@@ -58,6 +69,10 @@ def sensors(
     for fact in facts:
         table.add_row(*fact)
     console.print(table)
+    if way is not None:
+        from enliven_edge.terminal import shown
+
+        typer.echo(shown(_picture(frames[-1]), way, console.width), nl=False, color=True)
     if output is not None:
         _draw(frames[-1], output, [f"{what}: {value}" for what, value in facts[:4]])
         typer.echo(f"{output}: its depth, near is bright")
@@ -83,6 +98,7 @@ def _list(console: Console) -> None:
 def _looked_at(sensor: Sensor, seconds: float) -> list[DepthFrame]:
     """The depth frames of so many seconds, at least one."""
     from enliven.frames import DepthFrame
+    from enliven_edge.sensors.base import SensorFault
 
     frames: list[DepthFrame] = []
     start = time.monotonic()
@@ -91,6 +107,11 @@ def _looked_at(sensor: Sensor, seconds: float) -> list[DepthFrame]:
         try:
             frame = sensor.read(0.25)
         except TimeoutError:
+            continue
+        except (SensorFault, InputError) as error:
+            if not getattr(sensor, "recorded", False):
+                raise
+            typer.echo(f"enliven: {error}", err=True)
             continue
         if frame is None:
             break
@@ -155,11 +176,40 @@ def _condition_facts(condition, down) -> list[tuple[str, str]]:  # type: ignore[
     return facts
 
 
-def _draw(frame: DepthFrame, output: Path, lines: list[str]) -> None:
-    """A picture of a frame's depth."""
+def _way(word: str) -> Way | None:
+    """How the terminal is shown a picture; None where it is not, or where there is none.
+
+    Raises:
+        InputError: for a word that names no way.
+    """
+    from enliven_edge.terminal import WAYS, way_of
+
+    if word in ("auto", "none"):
+        return way_of(sys.stdout, sys.stdin) if word == "auto" else None
+    if word not in WAYS:
+        known = ", ".join(("auto", "none", *WAYS))
+        raise InputError(f"there is no way {word!r} to draw", where="--picture", mend=f"Give {known}.")
+    return word  # type: ignore[return-value]
+
+
+def _picture(frame: DepthFrame) -> UInt8:
+    """(H, W, 3) a frame's depth, and its colour beside it where there is one."""
+    import numpy as np
     from PIL import Image
 
-    from enliven_edge.inspection.picture import captioned, depth_picture, depth_span
+    from enliven_edge.inspection.picture import depth_picture, depth_span
 
-    picture = depth_picture(frame.depth, *depth_span(frame.depth))
-    Image.fromarray(captioned(picture, lines)).save(output)
+    drawn = depth_picture(frame.depth, *depth_span(frame.depth))
+    if frame.colour is None:
+        return drawn
+    colour = Image.fromarray(frame.colour).resize((drawn.shape[1], drawn.shape[0]))
+    return np.hstack([drawn, np.asarray(colour)])
+
+
+def _draw(frame: DepthFrame, output: Path, lines: list[str]) -> None:
+    """A picture of a frame, in a file."""
+    from PIL import Image
+
+    from enliven_edge.inspection.picture import captioned
+
+    Image.fromarray(captioned(_picture(frame), lines)).save(output)

@@ -8,6 +8,7 @@ import logging
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
 from enliven_edge.fusion.merge import in_world
 from enliven_edge.fusion.reading import PATIENCE, SensorThread
@@ -62,7 +63,7 @@ class Collector(SensorThread):
                 frame = self.sensor.read(PATIENCE)
             except TimeoutError:
                 continue
-            except SensorFault as error:
+            except (SensorFault, InputError) as error:
                 log.warning("%s", error)
                 continue
             if frame is None:

@@ -104,7 +104,7 @@ class Watcher(SensorThread):
             if frame is None:
                 return
             heard, read_ns = time.monotonic(), time.time_ns()
-            admitted = self._health.admit(frame)
+            admitted = self._health.admit(frame, getattr(self.sensor, "fps", None))
             self._end_at_fault()
             if admitted:
                 bodies = self._bodies(frame)

@@ -11,6 +11,7 @@ from enliven.arrays import UInt8
 from enliven.body import Body
 from enliven.frames import DepthFrame, Frame
 from enliven_edge.inspection.picture import captioned, depth_picture, depth_span, draw_bodies, tinted
+from enliven_edge.sensors.base import Condition
 from enliven_edge.tracking.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
 
@@ -42,11 +43,18 @@ class Inspector:
             if isinstance(frame, DepthFrame):
                 yield self.picture(frame)
 
-    def picture(self, frame: DepthFrame) -> UInt8:
-        """Track one frame and draw it."""
+    def failed(self, error: Exception) -> None:
+        """The sensor raised this in place of a frame, when it was recorded."""
+        self._health.failed(error)
+
+    def picture(self, frame: DepthFrame, condition: Condition | None = None) -> UInt8:
+        """Track one frame and draw it, with how its device fared."""
         if self._health.admit(frame):
             self.bodies = self._tracker.track(frame)
-            self._health.judge(frame, self.bodies, self._tracker.world_from_camera, self._tracker.state)
+            stand, state = self._tracker.world_from_camera, self._tracker.state
+            self._health.judge(frame, self.bodies, stand, state)
+            if stand is not None:
+                self._health.fares(condition, stand, state.floor_known)
         scale = self._width / frame.intrinsics.width
         picture = depth_picture(frame.depth, *self._settled_span(frame))
         if self._tracker.owner is not None and self.bodies:

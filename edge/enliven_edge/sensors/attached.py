@@ -12,6 +12,13 @@ DEVICES, NODES = Path("/sys/bus/usb/devices"), Path("/dev/bus/usb")
 """Where Linux lists what is on USB, and the files by which it is opened."""
 _SLOW_MBIT = 480.0
 """Megabits a second of USB 2."""
+FORBIDDEN = "your user may not open it"
+"""What is said of a camera that the system keeps from the user."""
+ALLOW = (
+    "Type: sudo cp firmware_configs/udev/60-enliven-cameras.rules /etc/udev/rules.d/ "
+    "&& sudo udevadm control --reload && sudo udevadm trigger"
+)
+"""What lets an ordinary user open the cameras."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +33,7 @@ class CameraKind:
         sensor: the driver's name in enliven; empty where there is none.
         package: its library on PyPI.
         pip: what pip installs it by, where no extra of that name can have it.
-        bad: versions of the library that do not work, a regular expression, and why.
+        bad: versions of the library that do not work, regular expressions, each with the reason.
         boots: whether it has these ids only until its firmware is loaded, on a link that is slow anyway.
     """
 
@@ -37,20 +44,21 @@ class CameraKind:
     sensor: str = ""
     package: str = ""
     pip: str = ""
-    bad: tuple[str, str] | None = None
+    bad: tuple[tuple[str, str], ...] = ()
     boots: bool = False
 
-    @property
-    def install(self) -> str:
-        """The line that installs its library."""
-        return f"pip install {self.pip}" if self.pip else f'pip install "enliven-edge[{self.sensor}]"'
 
-
-_OAK_LITE = (r"3\.(7\.[1-9]|[89]\.|10\.)", "an OAK-D Lite delivers no depth with it (luxonis/depthai#1252)")
+_OAK_BAD = (
+    (r"[0-2]\.", "its interface is another one; the driver needs depthai 3"),
+    (r"3\.(7\.[1-9]|[89]\.|10\.)", "an OAK-D Lite delivers no depth with it (luxonis/depthai#1252)"),
+)
+_REALSENSE_BAD = ((r"[01]\.|2\.([0-9]|[1-4][0-9]|5[0-5])\.", "it is too old; the driver needs 2.56"),)
 KINDS = (
-    CameraKind("OAK", "03e7", "2485", sensor="oak", package="depthai", bad=_OAK_LITE, boots=True),
-    CameraKind("OAK", "03e7", sensor="oak", package="depthai", bad=_OAK_LITE),
-    CameraKind("RealSense", "8086", title="RealSense", sensor="realsense", package="pyrealsense2"),
+    CameraKind("OAK", "03e7", "2485", sensor="oak", package="depthai", bad=_OAK_BAD, boots=True),
+    CameraKind("OAK", "03e7", sensor="oak", package="depthai", bad=_OAK_BAD),
+    CameraKind(
+        "RealSense", "8086", title="RealSense", sensor="realsense", package="pyrealsense2", bad=_REALSENSE_BAD
+    ),
     CameraKind("Orbbec", "2bc5", sensor="orbbec", package="pyorbbecsdk2", pip="--no-deps pyorbbecsdk2"),
     CameraKind("Kinect v1", "045e", "02ae|02bf"),
     CameraKind("Kinect v2", "045e", "02c4|02d8|02d9"),
@@ -85,23 +93,33 @@ class Attached:
         try:
             installed = version(kind.package)
         except PackageNotFoundError:
-            return f"{kind.package} is not installed", f"Type: {kind.install}"
-        if kind.bad and re.match(kind.bad[0], installed):
-            mend = f"Type: {kind.install}, which has a version that works."
-            return f"{kind.package} {installed}: {kind.bad[1]}", mend
-        return None
+            return f"{kind.package} is not installed", pip_line(kind.sensor, kind.pip)
+        why = unsupported(kind.package, installed)
+        return (why, pip_line(kind.sensor, kind.pip)) if why else None
 
     def _permission(self) -> tuple[str, str] | None:
-        if os.access(self.node, os.R_OK | os.W_OK):
-            return None
-        rules = "sudo cp firmware_configs/udev/60-enliven-cameras.rules /etc/udev/rules.d/"
-        mend = f"Type: {rules} && sudo udevadm control --reload && sudo udevadm trigger"
-        return "your user may not open it", mend
+        return None if os.access(self.node, os.R_OK | os.W_OK) else (FORBIDDEN, ALLOW)
 
     def _link(self) -> tuple[str, str] | None:
         if self.kind.boots or self.mbit > _SLOW_MBIT:
             return None
         return "it is on USB 2", "Use a USB 3 port and a USB 3 cable."
+
+
+def pip_line(sensor: str, pip: str = "") -> str:
+    """What installs the library of a sensor, in a version that works; ``pip`` where no extra can have it."""
+    if pip:
+        return f"Type: pip install {pip}"
+    return f'Type: pip install "enliven-edge[{sensor}]"; in a checkout: pip install "./edge[{sensor}]"'
+
+
+def unsupported(package: str, installed: str) -> str:
+    """Why a version of a camera's library is not used; empty where it is."""
+    for kind in KINDS:
+        for pattern, why in kind.bad if kind.package == package else ():
+            if re.match(pattern, installed):
+                return f"{package} {installed} is installed: {why}"
+    return ""
 
 
 def attached(devices: Path = DEVICES, nodes: Path = NODES) -> list[Attached]:

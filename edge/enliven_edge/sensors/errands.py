@@ -49,6 +49,9 @@ class Errands:
     def answer(self, timeout: float | None) -> Any:
         """What the call returned.
 
+        Returns:
+            None where the thread was ended before.
+
         Raises:
             TimeoutError: where it has not ended within ``timeout`` seconds; it is still owed then.
             Exception: what the call raised.
@@ -92,3 +95,5 @@ class Errands:
                 log.debug("%s", self._thread.name, exc_info=True)
                 answer = None, error
             self._answers.put(answer)
+        # An answer that is still waited for may have been among those left over.
+        self._answers.put((None, None))

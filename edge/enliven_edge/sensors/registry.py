@@ -48,15 +48,20 @@ def open_sensor(name: str, **options: Any) -> Sensor:
     return sensor_opener(name, **options)()
 
 
-def sensor_opener(name: str, **options: Any) -> Callable[[], Sensor]:
+def sensor_opener(name: str, *, every_frame: bool = False, **options: Any) -> Callable[[], Sensor]:
     """What opens the sensor called ``name``, again and again; in a helper process where its class says so.
+
+    Args:
+        every_frame: frames wait for a slow reader, for a recording, in place of the newest alone, for a live
+            performance; a rehearsal's always wait, as those of a replay do.
+        options: what the sensor's class takes.
 
     Raises:
         InputError: for an unknown name or option, naming the nearest known one.
     """
     kind = _checked(name, options)
     if getattr(kind, "isolated", False):
-        return IsolatedOpener(name, kind, options)
+        return IsolatedOpener(name, kind, options, every_frame or bool(options.get("rehearse")))
     return functools.partial(kind, **options)
 
 

@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import Frame
-from enliven_edge.sensors.base import TIME_LIMIT_NS, Condition, Sensor, SensorFault, condition_of
+from enliven_edge.sensors.base import CHECK_IT, TIME_LIMIT_NS, Condition, Sensor, SensorFault, condition_of
 from enliven_edge.sensors.errands import Errands
 
 log = logging.getLogger(__name__)
@@ -35,6 +35,8 @@ BAD_FRAMES = 30
 """Frames in a row that cannot be used after which the device is opened anew."""
 _LONGEST: dict[str, float] = {"read": 10.0, "open": 60.0, "close": 10.0}
 """Seconds after which a call of a driver is taken to hang and left to itself; opening may load firmware."""
+_TURN = 0.25
+"""Seconds that a device may wait for a frame at once, so that it can be closed meanwhile."""
 _LEFT_TO_THEMSELVES = 4
 """Threads that may hang in a driver at once; then the sensor is waited for."""
 _CLOSING = 0.25
@@ -55,16 +57,22 @@ class ReopeningSensor:
     Args:
         open_device: opens the device; called here the first time, on a thread later.
         first: the device, where it is open already.
+        awaited: what to call it until it is there, where it is opened by the first read only; empty: now.
 
     Raises:
         Exception: what the first opening raises.
     """
 
-    def __init__(self, open_device: Callable[[], Sensor], first: Sensor | None = None) -> None:
+    def __init__(
+        self, open_device: Callable[[], Sensor], first: Sensor | None = None, awaited: str = ""
+    ) -> None:
         self._open = open_device
-        self._device: Sensor | None = first or open_device()
-        self.name = self._device.name
-        self.fps: float | None = getattr(self._device, "fps", None)
+        self._device: Sensor | None = None
+        self.name, self._known = awaited, False
+        self.fps: float | None = None
+        if not awaited:
+            self._use(first or open_device())
+        getattr(open_device, "patient", lambda: None)()
         self._errands, self._doing = self._thread(), "read"
         self._left: list[Errands] = []
         self._wait, self._due = FIRST_WAIT, 0.0
@@ -88,17 +96,21 @@ class ReopeningSensor:
             if not self._errands.busy:
                 self._begin(left)
             try:
-                answer = self._errands.answer(left)
+                answer = self._errands.answer(_TURN if left is None else min(left, _TURN))
             except Exception as error:
                 if isinstance(error, TimeoutError) and (self._errands.busy or self._doing == "read"):
                     self._give_up_what_hangs()
-                    raise
+                    if deadline is not None and time.monotonic() >= deadline:
+                        raise
+                    continue
                 if self._doing != "close":
                     raise self._failed(error) from error
                 answer = None
             if self._doing == "read":
                 return self._received(answer)
-            self._device, self._fresh = answer, True
+            if answer is not None:
+                self._use(answer)
+                self._fresh = True
         return None
 
     def condition(self) -> Condition | None:
@@ -107,7 +119,10 @@ class ReopeningSensor:
         return None if device is None else condition_of(device)
 
     def close(self) -> None:
-        """Lets the device go, in the background where it hangs; a second call does nothing."""
+        """Lets the device go, in the background where it hangs; a second call does nothing.
+
+        It may be called while another thread reads, which then returns None.
+        """
         if not self._closed:
             self._closed = True
             getattr(self._open, "close", lambda: None)()
@@ -129,7 +144,8 @@ class ReopeningSensor:
             TimeoutError: where it has not come within ``timeout`` seconds.
         """
         if self._device is not None:
-            self._ask("read", functools.partial(self._device.read, timeout))
+            turn = _TURN if timeout is None else min(timeout, _TURN)
+            self._ask("read", functools.partial(self._device.read, turn))
             return
         wait = self._due - time.monotonic()
         if timeout is not None and wait > timeout:
@@ -137,6 +153,12 @@ class ReopeningSensor:
             raise TimeoutError(f"{self.name} is opened anew in {wait - timeout:.1f} s")
         time.sleep(max(0.0, wait))
         self._ask("open", self._open)
+
+    def _use(self, device: Sensor) -> None:
+        """A device that was opened; the first gives the stream its name."""
+        self._device, self.fps = device, getattr(device, "fps", None)
+        if not self._known:
+            self.name, self._known = device.name, True
 
     def _ask(self, what: Literal["read", "open", "close"], call: Callable[[], Any]) -> None:
         self._doing = what
@@ -176,7 +198,7 @@ class ReopeningSensor:
         if device is not None:
             self._ask("close", device.close)
         why = error.what if isinstance(error, EnlivenError) else str(error) or type(error).__name__
-        mend = getattr(error, "mend", "") or "Check its cable and power."
+        mend = getattr(error, "mend", "") or CHECK_IT
         return SensorFault(why, where=self.name, mend=mend)
 
     def _give_up_what_hangs(self) -> None:
@@ -207,8 +229,14 @@ class ReopeningSensor:
         return Errands(f"driver of {self.name}")
 
 
-def kept_open(open_sensor: Callable[[], Sensor]) -> Sensor:
-    """The sensor, opened; a live one for ever, a recording until its end."""
+def kept_open(open_sensor: Callable[[], Sensor], awaited: str = "") -> Sensor:
+    """The sensor, opened; a live one for ever, a recording until its end.
+
+    Args:
+        awaited: what to call a live one that is not there yet, and is waited for; empty: it must be there.
+    """
+    if awaited:
+        return ReopeningSensor(open_sensor, awaited=awaited)
     first = open_sensor()
     return first if getattr(first, "recorded", False) else ReopeningSensor(open_sensor, first)
 

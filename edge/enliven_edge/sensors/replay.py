@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import logging
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
@@ -17,6 +19,8 @@ from enliven.frames import Frame
 from enliven.recording import Recording
 from enliven.recording.reader import RecordingInfo
 from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC
+from enliven_edge.sensors.base import TIME_LIMIT_NS, Condition
+from enliven_edge.sensors.diary import Moment, Moments
 
 log = logging.getLogger(__name__)
 
@@ -26,6 +30,9 @@ _USUAL_STEP_NS = 33_333_333
 class ReplaySensor:
     """Delivers every frame of a recording, none dropped, at the recorded pace or another.
 
+    A recording of a live sensor is that sensor again: with its sequence numbers, the conditions of its
+    device, and its losses, each raised where it was.
+
     The pace is kept against a monotonic clock from the first frame on: who reads late gets the next frames
     at once until the pace is caught up. When looping, times go on where they ended, one usual step later.
 
@@ -33,6 +40,7 @@ class ReplaySensor:
         path: a recording of enliven.
         speed: 1 as recorded, 2 twice as fast, 0 as fast as it goes.
         loop: begin again at the end.
+        longest_pause: seconds of silence at most; longer ones are cut, and the frames' times stay.
 
     Raises:
         InputError: where the file is no recording, holds no frames, or the speed is not possible.
@@ -41,7 +49,9 @@ class ReplaySensor:
     recorded = True
     """Its frames may wait for those of another recording."""
 
-    def __init__(self, path: str | Path, speed: float = 1.0, loop: bool = False) -> None:
+    def __init__(
+        self, path: str | Path, speed: float = 1.0, loop: bool = False, longest_pause: float = math.inf
+    ) -> None:
         if not (math.isfinite(speed) and speed >= 0):
             raise InputError(
                 f"the speed is {speed}",
@@ -55,15 +65,18 @@ class ReplaySensor:
         self._speed = speed
         # Held open, so that a lack of descriptors later on cannot end a loop.
         self._file = open_file(self.recording.path)
-        frames = functools.partial(self.recording.frames, self._file)
-        self._frames = _Endless(frames) if loop else frames()
-        self._next = _first(self._frames)
-        if self._next is None:
+        moments = functools.partial(Moments, self.recording, self._file)
+        self._moments: Iterator[Moment] = _Endless(moments) if loop else moments()
+        self._ahead = _up_to_first_frame(self._moments)
+        if not self._ahead:
             self._file.close()
             raise InputError(
                 "the recording holds no frames", where=str(path), mend="Record or import something first."
             )
-        self._first_ns = self._next.time_ns
+        self._first_ns = self._now_ns = self._ahead[-1].time_ns
+        self._longest_ns = round(1e9 * min(longest_pause, 1e-9 * TIME_LIMIT_NS))
+        self._cut_ns = 0
+        self._condition: Condition | None = None
         self._started: float | None = None
 
     def read(self, timeout: float | None = None) -> Frame | None:
@@ -72,25 +85,35 @@ class ReplaySensor:
         Raises:
             TimeoutError: when it is not due within ``timeout`` seconds.
             InputError: in place of a frame that cannot be used; the one after it comes next.
+            SensorFault: where the sensor was lost when it was recorded.
         """
-        if self._next is None:
-            self._next = next(self._frames, None)
-        frame = self._next
-        if frame is None:
+        if not self._ahead:
+            self._ahead.extend(itertools.islice(self._moments, 1))
+        if not self._ahead:
             return None
-        wait = self._due(frame) - time.monotonic() if self._speed else 0.0
+        moment = self._ahead[0]
+        wait = self._due(moment) - time.monotonic() if self._speed else 0.0
         if timeout is not None and wait > timeout:
             time.sleep(max(timeout, 0.0))
             raise TimeoutError(f"the next frame of {self.name} is due in {wait - timeout:.3f} s")
         if wait > 0:
             time.sleep(wait)
-        self._next = None
-        return frame
+        self._ahead.popleft()
+        self._cut_ns += self._too_long(moment)
+        self._now_ns = max(self._now_ns, moment.time_ns)
+        self._condition = moment.condition
+        if isinstance(moment.said, Exception):
+            raise moment.said
+        return moment.said
+
+    def condition(self) -> Condition | None:
+        """How the device fared at the frame that was read last; None where that was not recorded."""
+        return self._condition
 
     def close(self) -> None:
         """End the stream."""
-        self._next = None
-        self._frames = iter(())
+        self._ahead.clear()
+        self._moments = iter(())
         self._file.close()
 
     def __enter__(self) -> ReplaySensor:
@@ -101,11 +124,16 @@ class ReplaySensor:
     ) -> None:
         self.close()
 
-    def _due(self, frame: Frame) -> float:
-        """The monotonic second at which a frame is to be delivered."""
+    def _due(self, moment: Moment) -> float:
+        """The monotonic second at which a moment has come."""
         if self._started is None:
             self._started = time.monotonic()
-        return self._started + (frame.time_ns - self._first_ns) * 1e-9 / self._speed
+        passed_ns = moment.time_ns - self._first_ns - self._cut_ns - self._too_long(moment)
+        return self._started + passed_ns * 1e-9 / self._speed
+
+    def _too_long(self, moment: Moment) -> int:
+        """Nanoseconds by which the silence before a moment is longer than it may be."""
+        return max(0, moment.time_ns - self._now_ns - self._longest_ns)
 
 
 def _rate(info: RecordingInfo) -> float | None:
@@ -115,20 +143,27 @@ def _rate(info: RecordingInfo) -> float | None:
     return (frames - 1) / info.duration if frames > 1 and info.duration > 0 else None
 
 
-def _first(frames: Iterator[Frame]) -> Frame | None:
-    """The first frame that can be used, or None."""
+def _up_to_first_frame(moments: Iterator[Moment]) -> deque[Moment]:
+    """The moments up to the first frame that can be used; empty where there is none."""
+    ahead: deque[Moment] = deque()
     while True:
         try:
-            return next(frames, None)
+            moment = next(moments, None)
         except InputError as error:
             log.warning("%s", error)
+            continue
+        if moment is None:
+            return deque()
+        ahead.append(moment)
+        if not isinstance(moment.said, Exception):
+            return ahead
 
 
 class _Endless:
-    """The frames again and again, with times that go on rising; a frame that cannot be used costs itself."""
+    """The moments again and again, with times that go on rising; a frame that cannot be used costs itself."""
 
-    def __init__(self, frames: Callable[[], Iterator[Frame]]) -> None:
-        self._again, self._frames = frames, frames()
+    def __init__(self, moments: Callable[[], Iterator[Moment]]) -> None:
+        self._again, self._moments = moments, moments()
         self._shift, self._step = 0, _USUAL_STEP_NS
         self._first: int | None = None
         self._last: int | None = None
@@ -136,17 +171,24 @@ class _Endless:
     def __iter__(self) -> _Endless:
         return self
 
-    def __next__(self) -> Frame:
-        frame = next(self._frames, None)
-        if frame is None:
+    def __next__(self) -> Moment:
+        moment = next(self._moments, None)
+        if moment is None:
             if self._first is None or self._last is None:
                 raise StopIteration
             self._shift += self._last - self._first + self._step
             self._first = self._last = None
-            self._frames = self._again()
+            self._moments = self._again()
             return next(self)
-        if self._last is not None and frame.time_ns > self._last:
-            self._step = frame.time_ns - self._last
-        self._first = frame.time_ns if self._first is None else self._first
-        self._last = frame.time_ns
-        return dataclasses.replace(frame, time_ns=frame.time_ns + self._shift) if self._shift else frame
+        if self._last is not None and moment.time_ns > self._last:
+            self._step = moment.time_ns - self._last
+        self._first = moment.time_ns if self._first is None else self._first
+        self._last = moment.time_ns
+        return _later(moment, self._shift) if self._shift else moment
+
+
+def _later(moment: Moment, shift_ns: int) -> Moment:
+    """The same moment, so much later."""
+    said, time_ns = moment.said, moment.time_ns + shift_ns
+    frame = said if isinstance(said, Exception) else dataclasses.replace(said, time_ns=time_ns)
+    return Moment(time_ns, frame, moment.condition)

@@ -92,8 +92,11 @@ def sources_of(tables: Mapping[str, SourceSettings], folder: Path | None = None)
     return sources
 
 
-def opened(sources: Sequence[Source], stack: contextlib.ExitStack) -> dict[str, Sensor]:
+def opened(sources: Sequence[Source], stack: contextlib.ExitStack, wait: bool = False) -> dict[str, Sensor]:
     """By identity, the sensors opened, and opened anew when they fail; ``stack`` closes them.
+
+    Args:
+        wait: live sensors need not be there yet, and are waited for; those without a name are called by kind.
 
     Raises:
         InputError: where two have one identity.
@@ -101,7 +104,8 @@ def opened(sources: Sequence[Source], stack: contextlib.ExitStack) -> dict[str, 
     """
     sensors: dict[str, Sensor] = {}
     for source in sources:
-        sensor = stack.enter_context(kept_open(sensor_opener(source.sensor, **source.options)))
+        awaited = (source.name or source.sensor) if wait and source.sensor != "replay" else ""
+        sensor = stack.enter_context(kept_open(sensor_opener(source.sensor, **source.options), awaited))
         name = source.name or sensor.name
         if name in sensors:
             raise InputError(

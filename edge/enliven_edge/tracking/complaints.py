@@ -37,7 +37,7 @@ COMPLAINTS: dict[HealthKind, Complaint] = {
     HealthKind.SENSOR_LOST: Complaint(
         _ERROR,
         "{sensor} failed: {why}.",
-        "Check its cable and power; it is opened again and again by itself.",
+        "{mend}.",
         0.0,
         0.0,
     ),

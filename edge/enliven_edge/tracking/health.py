@@ -11,7 +11,7 @@ from enliven.errors import EnlivenError, InputError
 from enliven.frames import DepthFrame, Frame
 from enliven.health import HealthKind, HealthState
 from enliven.settings import setting
-from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.base import CHECK_IT, Condition
 from enliven_edge.tracking.alarm import Alarms
 from enliven_edge.tracking.device_health import judge_condition
 from enliven_edge.tracking.frame_check import FrameCheck
@@ -103,13 +103,17 @@ class HealthMonitor:
         """What is wrong now, the gravest first."""
         return self._alarms.states
 
-    def admit(self, frame: Frame) -> bool:
+    def admit(self, frame: Frame, fps: float | None = None) -> bool:
         """Looks at a frame before the tracker does.
+
+        Args:
+            fps: frames a second that the sensor promises now; None: as before.
 
         Returns:
             whether the tracker should see it: False for one that is out of order, or came before, and for
             one that cannot be used.
         """
+        self._fps = fps or self._fps
         flaw = self._check.flaw(frame)
         if flaw is not None:
             self._note_fault(*flaw)
@@ -135,10 +139,11 @@ class HealthMonitor:
 
     def failed(self, error: Exception) -> None:
         """A read raised ``error`` in place of a frame."""
-        why = error.what if isinstance(error, EnlivenError) else str(error) or type(error).__name__
-        self._note_fault(
-            HealthKind.BAD_FRAME if isinstance(error, InputError) else HealthKind.SENSOR_LOST, why
-        )
+        why, mend = str(error) or type(error).__name__, ""
+        if isinstance(error, EnlivenError):
+            why, mend = error.what, error.mend
+        kind = HealthKind.BAD_FRAME if isinstance(error, InputError) else HealthKind.SENSOR_LOST
+        self._note_fault(kind, why, mend)
 
     def silent(self, seconds: float) -> None:
         """No frame has come for so long, by the wall clock."""
@@ -187,13 +192,13 @@ class HealthMonitor:
 
     # --- the sensor ----------------------------------------------------------------------------------------
 
-    def _note_fault(self, kind: HealthKind | None, why: str) -> None:
+    def _note_fault(self, kind: HealthKind | None, why: str, mend: str = "") -> None:
         """The last frame or read was of no use, or was (None)."""
-        self.fault = why
+        self.fault, do = why, mend or CHECK_IT
         for each in (HealthKind.SENSOR_LOST, HealthKind.BAD_FRAME, HealthKind.RESIZED):
             # A frame of any kind shows that the sensor is there; a lost sensor says nothing of its frames.
             wrong = None if kind is HealthKind.SENSOR_LOST and each is not kind else each is kind
-            self._alarms.note(each, wrong, self._now_ns, why=why.rstrip("."))
+            self._alarms.note(each, wrong, self._now_ns, why=why.rstrip("."), mend=do.rstrip("."))
         self._alarms.tell()
 
     def _judge_rhythm(self, now: int) -> None:

@@ -64,7 +64,8 @@ def run(
     as_film = not has_display() if film is None else film
     if as_film and film is None:
         typer.echo("enliven: there is no display here, so this makes a film; with one, a window opens")
-    if as_film and sensor is not None and seconds is None:
+    endless = sensor is not None and not any(each.startswith("rehearse=") for each in option or [])
+    if as_film and endless and seconds is None:
         seconds = _FILM_SECONDS
         typer.echo(
             f"enliven: a sensor has no end, so the film is {seconds:g} s long; --seconds says otherwise"

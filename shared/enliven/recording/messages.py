@@ -18,14 +18,20 @@ from enliven.frames import BodyFrame, DepthFrame
 
 _HEAD = struct.Struct("<BBHIq9d")
 _SIZE = struct.Struct("<II")
-_POSE, _COLOUR = 1, 2
+_SEQUENCE = struct.Struct("<q")
+_POSE, _COLOUR, _COUNTED = 1, 2, 4
+_MOST_COUNTED = 1 << 63
+"""Images that the layout can count; a sequence number beyond is left out."""
 
 
 def pack_depth(frame: DepthFrame, level: int) -> bytes:
     """The message of a depth frame; ``level`` is that of :func:`enliven.depth_codec.encode_depth`."""
     camera, sensor = frame.intrinsics, frame.sensor.encode()
     depth = encode_depth(frame.depth, level)
+    count = frame.sequence
+    counted = () if count is None or abs(count) >= _MOST_COUNTED else (_SEQUENCE.pack(count),)
     flags = _POSE * (frame.world_from_camera is not None) | _COLOUR * (frame.colour is not None)
+    flags |= _COUNTED * len(counted)
     lens = (camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion)
     parts = [_HEAD.pack(1, flags, len(sensor), len(depth), frame.time_ns, *lens), sensor]
     if frame.world_from_camera is not None:
@@ -33,7 +39,7 @@ def pack_depth(frame: DepthFrame, level: int) -> bytes:
     parts.append(depth)
     if frame.colour is not None:
         parts.append(_pack_colour(frame.colour, level))
-    return b"".join(parts)
+    return b"".join((*parts, *counted))
 
 
 def unpack_depth(data: bytes) -> DepthFrame:
@@ -47,7 +53,8 @@ def unpack_depth(data: bytes) -> DepthFrame:
     _, flags, name_size, depth_size, time_ns, *lens = _HEAD.unpack_from(data)
     at = _HEAD.size + name_size
     pose_size = 128 if flags & _POSE else 0
-    if at + pose_size + depth_size > len(data):
+    end = len(data) - (_SEQUENCE.size if flags & _COUNTED else 0)
+    if at + pose_size + depth_size > end:
         raise _damaged("it ends too early")
     try:
         sensor = data[_HEAD.size : at].decode()
@@ -58,10 +65,11 @@ def unpack_depth(data: bytes) -> DepthFrame:
         pose = np.frombuffer(data, "<f8", 16, at).reshape(4, 4).astype(np.float64)
     at += pose_size
     depth = decode_depth(data[at : at + depth_size])
-    colour = _unpack_colour(data[at + depth_size :]) if flags & _COLOUR else None
+    colour = _unpack_colour(data[at + depth_size : end]) if flags & _COLOUR else None
+    sequence = _SEQUENCE.unpack_from(data, end)[0] if flags & _COUNTED else None
     distortion = (lens[4], lens[5], lens[6], lens[7], lens[8])
     camera = Intrinsics(depth.shape[1], depth.shape[0], lens[0], lens[1], lens[2], lens[3], distortion)
-    return DepthFrame(depth, camera, time_ns, sensor, colour, pose)
+    return DepthFrame(depth, camera, time_ns, sensor, colour, pose, sequence)
 
 
 def _pack_colour(colour: UInt8, level: int) -> bytes:

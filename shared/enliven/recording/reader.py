@@ -87,17 +87,25 @@ class Recording:
 
         ``next`` raises InputError for a message that is no frame, and goes on with the one after it.
         """
-        return map(_frame, self._messages({DEPTH_TOPIC, BODIES_TOPIC}, file))
+        return map(_frame, self.in_order({DEPTH_TOPIC, BODIES_TOPIC}, file))
 
     def truth(self) -> Iterator[BodyFrame]:
         """The true bodies of a made recording, in the order of time."""
-        for _, message in self._messages({TRUTH_TOPIC}):
-            yield unpack_bodies(message.data)
+        for _, _, data in self.in_order({TRUTH_TOPIC}):
+            yield unpack_bodies(data)
 
     def messages(self, topic: str) -> Iterator[tuple[int, bytes]]:
         """(time in ns, bytes) of every message of a topic, in the order of time."""
-        for _, message in self._messages({topic}):
-            yield message.log_time, message.data
+        for _, time_ns, data in self.in_order({topic}):
+            yield time_ns, data
+
+    def in_order(self, topics: set[str], file: BinaryIO | None = None) -> Iterator[tuple[str, int, bytes]]:
+        """(topic, time in ns, bytes) of every message of some topics, in the order of time, then of the file.
+
+        ``file`` is the recording's, open.
+        """
+        for topic, message in self._messages(topics, file):
+            yield topic, message.log_time, message.data
 
     def _messages(self, topics: set[str], file: BinaryIO | None = None) -> Iterator[tuple[str, Any]]:
         """(topic, message) ordered by time; chunks may overlap, messages of equal time keep their order."""
@@ -153,10 +161,18 @@ class Recording:
         warnings.warn(problem, RecordingWarning, stacklevel=4)
 
 
-def _frame(said: tuple[str, Any]) -> Frame:
-    """The frame of a (topic, message)."""
-    topic, message = said
-    return unpack_depth(message.data) if topic == DEPTH_TOPIC else unpack_bodies(message.data)
+def frame_of(topic: str, data: bytes) -> Frame:
+    """The frame of a message.
+
+    Raises:
+        InputError: where it is none.
+    """
+    return unpack_depth(data) if topic == DEPTH_TOPIC else unpack_bodies(data)
+
+
+def _frame(said: tuple[str, int, bytes]) -> Frame:
+    """The frame of a (topic, time, bytes)."""
+    return frame_of(said[0], said[2])
 
 
 def _check_profile(container: Container) -> None:

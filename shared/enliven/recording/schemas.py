@@ -31,7 +31,7 @@ enliven depth frame, version 1 (little endian)
 
 offset size
  0     1    version = 1
- 1     1    flags: 1 = world_from_camera is present, 2 = colour is present
+ 1     1    flags: 1 = world_from_camera is present, 2 = colour is present, 4 = the sequence number is
  2     2    S, bytes of the sensor's identity
  4     4    D, bytes of the depth image
  8     8    time, int64 nanoseconds of the sensor's clock
@@ -42,6 +42,7 @@ offset size
       8     only with flag 2: height and width of the colour image, uint32
       ...   only with flag 2: one zstd frame of h*w*3 bytes sRGB, each the difference (modulo 256) to the
             same channel of the pixel to its left (0 left of the first)
+      8     only with flag 4, the last bytes: the sensor's own count of its images, int64; a gap is a loss
 
 """
     + DEPTH_CODEC_LAYOUT

@@ -10,7 +10,8 @@ from enliven.body import Body, J
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.recording import Recorder, RecordingWarning
-from enliven_edge.sensors import replay
+from enliven_edge.sensors import diary, replay
+from enliven_edge.sensors.base import SensorFault
 from enliven_edge.sensors.registry import open_sensor, sensor_names
 from enliven_edge.sensors.replay import ReplaySensor
 
@@ -108,6 +109,29 @@ def test_one_frame_loops_too(tmp_path, clock):
 def test_frames_written_out_of_order_come_in_order(tmp_path, clock):
     with ReplaySensor(write(tmp_path / "a.mcap", [30, 10, 20]), speed=0) as sensor:
         assert [frame.time_ns for frame in iter(sensor.read, None)] == [10, 20, 30]
+
+
+@pytest.mark.parametrize(("longest", "due"), [(float("inf"), [0, 0.1, 1.4, 4.1]), (0.5, [0, 0.1, 0.6, 1.1])])
+def test_a_loss_comes_when_it_came_and_long_silences_can_be_cut(tmp_path, clock, monkeypatch, longest, due):
+    monkeypatch.setattr(diary, "time", clock)
+    with Recorder(tmp_path / "a.mcap") as recorder:
+        wrote = diary.Diary(recorder)
+        wrote.frame(bodies_at(7_000_000_000), None)
+        wrote.frame(bodies_at(7_100_000_000), None)
+        clock.now += 1.3
+        wrote.failed(SensorFault("it is gone", where="kinect2"))
+        wrote.frame(bodies_at(11_100_000_000), None)
+    began = clock.now
+    with ReplaySensor(tmp_path / "a.mcap", longest_pause=longest) as sensor:
+        found = []
+        for _ in due:
+            try:
+                assert sensor.read() is not None
+            except SensorFault as error:
+                assert error.what == "it is gone" and len(found) == 2
+            found.append(round(clock.now - began, 6))
+        assert found == pytest.approx(due)
+        assert sensor.read() is None
 
 
 def test_after_closing_the_stream_has_ended(tmp_path, clock):

@@ -21,7 +21,7 @@ class Wild:
 
     Args:
         folder: where each device leaves a file, so that the next knows to be well; and where a file ``gone``
-            says that the device is unplugged.
+            says that the device is unplugged, and a file ``slow`` that opening it has not ended yet.
         mishap: what happens, once.
     """
 
@@ -37,16 +37,20 @@ class Wild:
         pace: float = 0.005,
         width: int = 64,
         height: int = 48,
+        before: str = "",
     ) -> None:
         self.folder, self.after, self.pace, self.size = Path(folder), after, pace, (width, height)
         if (self.folder / "gone").exists():
             raise ResourceError("no device", where="wild", mend="Plug it in.")
+        while (self.folder / "slow").exists():
+            time.sleep(0.01)
         if mishap == "crashes at open":
             os.abort()
-        self.number = 0
-        before = len(list(self.folder.glob("device-*")))
-        (self.folder / f"device-{os.getpid()}-{before}").touch()
-        self.mishap = mishap if before == 0 or mishap.startswith("always ") else ""
+        self.number, self.again = 0, {"before": "wild"}
+        (self.folder / f"asked-for-{before or 'any'}").touch()
+        earlier = len(list(self.folder.glob("device-*")))
+        (self.folder / f"device-{os.getpid()}-{earlier}").touch()
+        self.mishap = mishap if earlier == 0 or mishap.startswith("always ") else ""
         print("a banner that a library prints")
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
@@ -67,9 +71,6 @@ class Wild:
             if mishap == "goes silent":
                 time.sleep(timeout or 0.0)
                 raise TimeoutError
-            if mishap == "garbage":
-                self.mishap = ""
-                return DepthFrame(np.zeros((3, 3), np.uint16), camera(), 0, self.name)
             if mishap == "another size":
                 width, height = 96, 72
             if mishap == "ends":

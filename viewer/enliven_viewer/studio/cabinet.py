@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 from enliven.errors import EnlivenError
+from enliven.files import own_folder
 from enliven.formats.project_file import read_project, write_project
 from enliven.project import Project
 from enliven_viewer.studio.editor import Editor
@@ -17,12 +18,6 @@ PROJECT = ".enliven"
 _UNNAMED = "Untitled"
 _FRESH = 60.0
 """Seconds."""
-
-
-def own_folder() -> Path:
-    """The user's own place for what programs remember."""
-    given = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
-    return (Path(given) if given else Path.home() / ".local" / "state") / "enliven"
 
 
 class Cabinet:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from enliven.errors import ResourceError
+from enliven_edge.sensors.attached import pip_line, unsupported
 
 
 def library(module: str, sensor: str, pip: str = "") -> Any:
@@ -15,13 +17,19 @@ def library(module: str, sensor: str, pip: str = "") -> Any:
         pip: what pip is to install where no extra of that name can have it.
 
     Raises:
-        ResourceError: where it is not installed, or does not load on this machine.
+        ResourceError: where it is not installed, is of a version that does not work, or does not load on
+            this machine.
     """
+    where, mend = f"sensor {sensor}", pip_line(sensor, pip)
+    try:
+        why = unsupported(module, version(module))
+    except PackageNotFoundError:
+        why = ""
+    if why:
+        raise ResourceError(why, where=where, mend=mend)
     try:
         return importlib.import_module(module)
     except ImportError as error:
         missing = isinstance(error, ModuleNotFoundError) and error.name == module
         what = f"{module} is not installed" if missing else f"{module} does not load ({error})"
-        mend = f'Type: pip install "enliven-edge[{sensor}]"; in a checkout: pip install "./edge[{sensor}]"'
-        mend = f"Type: pip install {pip}" if pip else mend
-        raise ResourceError(what, where=f"sensor {sensor}", mend=mend) from None
+        raise ResourceError(what, where=where, mend=mend) from None

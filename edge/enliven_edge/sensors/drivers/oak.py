@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from datetime import timedelta
 from types import TracebackType
@@ -12,15 +13,20 @@ import numpy as np
 from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
+from enliven_edge.sensors import crash_reports
 from enliven_edge.sensors.base import Condition
 from enliven_edge.sensors.drivers.extras import library
 from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical
-from enliven_edge.sensors.drivers.rehearsal import Rehearsal
+from enliven_edge.sensors.drivers.oak_colour import aligned, message, together
+from enliven_edge.sensors.drivers.refusals import chosen, refused
+from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 
-_WAITING = 4
-"""Images that may wait in the library."""
+log = logging.getLogger(__name__)
+
 _SEARCH_MS = "1500"
 """Milliseconds that the library looks for a camera (of itself 10 s); one that is there answers at once."""
+_NOT_THERE = ("No available devices", "Cannot find any device with given deviceInfo")
+"""What the library says when it finds no camera at all, or not the one that was asked for."""
 _FELT_HZ = 100
 """Readings of the accelerometer a second; the mean of a second is gravity."""
 _KINDS = {"LITE": "oak-d-lite"}
@@ -33,13 +39,15 @@ class OakSensor:
     """An OAK with a stereo pair, or the images of a recording through the same library.
 
     Args:
-        device: its id, USB port or network address; empty: the only one, or the first.
+        device: its id, USB port or network address; empty: the only one.
         width, height: pixels of the depth image.
         fps: images a second.
         preset: "default", "accuracy", "density", "robotics", "high_detail" or "face".
         subpixel: finer steps of the depth, at the price of some speed.
         left_right_check: leave out what one of the two cameras sees alone.
+        colour: the colour camera's image too; depth is then as that camera sees it.
         rehearse: a recording that is played through the library in place of a camera.
+        before: the id of the camera that was open last; of several it is taken again.
 
     Raises:
         InputError: for a preset or recording that cannot be used.
@@ -57,9 +65,14 @@ class OakSensor:
         preset: str = "robotics",
         subpixel: bool = True,
         left_right_check: bool = True,
+        colour: bool = False,
         rehearse: str = "",
+        before: str = "",
     ) -> None:
         os.environ.setdefault("DEPTHAI_SEARCH_TIMEOUT", _SEARCH_MS)
+        # A crash of the camera's program is kept here, and not sent to its makers unasked.
+        os.environ.setdefault("DEPTHAI_CRASHDUMP", str(crash_reports.folder()))
+        os.environ.setdefault("DEPTHAI_DISABLE_CRASHDUMP_COLLECTION", "1")
         self._dai = library("depthai", "oak")
         self._device: Any = None
         self._felt: Any = None
@@ -69,38 +82,48 @@ class OakSensor:
         self._matrix: Any = None
         self._calibrated, self._kind = True, "oak-d"
         self._rehearsal: Rehearsal | None = None
+        self._before = before
+        self.again: dict[str, str] = {}
         self._images: Any = None
         if rehearse:
-            depth = self._rehearsed(rehearse)
+            depth, seen = self._rehearsed(rehearse, colour)
         else:
-            depth = self._stereo(str(device), (width, height), fps, preset, subpixel, left_right_check)
-        self._images = depth.createOutputQueue(_WAITING, False)
-        self._pipeline.start()
+            depth, seen = self._opened(
+                str(device), (width, height), fps, preset, (subpixel, left_right_check), colour
+            )
+        self._coloured = seen is not None
+        both = together(self._dai, self._pipeline, depth, seen, self.fps) if self._coloured else depth
+        self._images = both.createOutputQueue(WAITING, False)
+        try:
+            self._pipeline.start()
+        except RuntimeError as error:
+            raise refused("oak", error, self.name) from None
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
         """The next image; None when a rehearsal is over.
 
         Raises:
             TimeoutError: when none came in time.
-            ResourceError: where the camera's own program crashed.
+            InputError: for an image that is none.
+            ResourceError: where the camera was lost, or its own program crashed.
         """
         over = self._rehearsal is not None and self._rehearsal.is_over()
-        image = self._images.get(timeout=timedelta(seconds=timeout or 0.0))
+        try:
+            image = self._images.get(timeout=timedelta(seconds=timeout or 0.0))
+        except RuntimeError as error:
+            raise refused("oak", error, self.name) from None
         if image is None:
             if over:
                 return None
             if self._device is not None and self._device.hasCrashed():
                 raise ResourceError("the camera's own program crashed", where=self.name)
             raise TimeoutError(f"no image of {self.name} yet")
-        time_ns = image.getTimestamp() // timedelta(microseconds=1) * 1000
-        depth = image.getFrame()
-        camera = self._intrinsics(image.getTransformation(), depth.shape[1], depth.shape[0])
-        return DepthFrame(depth, camera, time_ns, self.name, sequence=image.getSequenceNum())
+        return self._frame(image)
 
     def condition(self) -> Condition:
         """The link, the chip's temperature, and gravity where there is an accelerometer."""
-        if self._device is None:
-            return Condition(calibrated=self._calibrated)
+        if self._rehearsal is not None:
+            return self._rehearsal.condition() or Condition(calibrated=self._calibrated)
         speed, known = self._device.getUsbSpeed(), self._dai.UsbSpeed
         slow = speed in (known.LOW, known.FULL, known.HIGH)
         link = "PoE" if speed == known.UNKNOWN else "USB 2" if slow else "USB 3"
@@ -125,10 +148,20 @@ class OakSensor:
     ) -> None:
         self.close()
 
-    def _stereo(
-        self, device: str, size: tuple[int, int], fps: float, preset: str, subpixel: bool, check: bool
-    ) -> Any:
-        """The depth of a camera's stereo pair, and its accelerometer where it has one."""
+    def _opened(
+        self,
+        device: str,
+        size: tuple[int, int],
+        fps: float,
+        preset: str,
+        checks: tuple[bool, bool],
+        colour: bool,
+    ) -> tuple[Any, Any]:
+        """The depth of a camera's stereo pair, its colour or None, and its accelerometer where it has one.
+
+        Args:
+            checks: subpixel, and whether left and right are compared.
+        """
         dai = self._dai
         presets = {name.lower(): mode for name, mode in dai.node.StereoDepth.PresetMode.__members__.items()}
         if preset not in presets:
@@ -136,37 +169,70 @@ class OakSensor:
                 f"there is no preset {preset!r}", where="sensor oak", mend=f"Give {', '.join(presets)}."
             )
         self._device = self._found(device)
-        self.name, self.fps = f"oak {self._device.getDeviceId()}", fps
+        keep_dump_of(self._device)
+        name = self._device.getDeviceId()
+        self.name, self.fps, self.again = f"oak {name}", fps, {"before": name}
         self._kind = kind_of(self._device.getProductName(), _KINDS, self._kind)
         self._pipeline = dai.Pipeline(self._device)
-        stereo = self._pipeline.create(dai.node.StereoDepth).build(
-            autoCreateCameras=True, presetMode=presets[preset], size=size, fps=fps
-        )
-        stereo.setSubpixel(subpixel)
-        stereo.setLeftRightCheck(check)
+        try:
+            stereo = self._pipeline.create(dai.node.StereoDepth).build(
+                autoCreateCameras=True, presetMode=presets[preset], size=size, fps=fps
+            )
+        except RuntimeError as error:
+            raise refused("oak", error, self.name) from None
+        stereo.setSubpixel(checks[0])
+        stereo.setLeftRightCheck(checks[1])
+        sockets = dai.CameraBoardSocket
+        depth, seen = stereo.depth, None
+        if colour:
+            depth, seen = aligned(dai, self._pipeline, stereo, size, fps)
         if self._device.getConnectedIMU() not in ("", "NONE"):
             imu = self._pipeline.create(dai.node.IMU)
             imu.enableIMUSensor(dai.IMUSensor.ACCELEROMETER_RAW, _FELT_HZ)
             imu.setBatchReportThreshold(_FELT_HZ // 10)
             imu.setMaxBatchReports(_FELT_HZ)
-            self._felt = imu.out.createOutputQueue(_WAITING, False)
+            self._felt = imu.out.createOutputQueue(WAITING, False)
             calibration = self._device.readCalibration()
-            right = dai.CameraBoardSocket.CAM_C
-            self._level = np.array(calibration.getImuToCameraExtrinsics(right))[:3, :3]
-        return stereo.depth
+            seeing = sockets.CAM_A if colour else sockets.CAM_C
+            self._level = np.array(calibration.getImuToCameraExtrinsics(seeing))[:3, :3]
+        return depth, seen
 
-    def _found(self, device: str) -> Any:
-        """The camera, opened."""
+    def _found(self, wanted: str) -> Any:
+        """The camera, opened; where none is seen the library looks for one a while."""
         dai = self._dai
+        found = {info.getDeviceId(): info for info in dai.Device.getAllAvailableDevices()}
+
+        def choose() -> Any:
+            return chosen("oak", "an OAK", found, wanted, "device", self._before)
+
         try:
-            return dai.Device(dai.DeviceInfo(device)) if device else dai.Device()
+            if wanted:
+                return dai.Device(found.get(wanted) or dai.DeviceInfo(wanted))
+            return dai.Device(choose()) if found else dai.Device()
         except RuntimeError as error:
-            seen = [info.getDeviceId() for info in dai.Device.getAllAvailableDevices()]
-            if seen:
-                mend = f"Connected: {', '.join(seen)}. Close what else uses it; enliven doctor"
-            else:
-                mend = "Plug an OAK into a USB 3 port, or give --set device=ADDRESS; enliven doctor"
-            raise ResourceError(str(error).rstrip("."), where="sensor oak", mend=mend) from None
+            if str(error) in _NOT_THERE and wanted not in found:
+                choose()
+            raise refused("oak", error) from None
+
+    def _frame(self, image: Any) -> DepthFrame:
+        """An image as a frame.
+
+        Raises:
+            InputError: for one that is none.
+        """
+        colour = None
+        try:
+            if self._coloured:
+                image, colour = image["depth"], image["colour"].getFrame()
+            time_ns = image.getTimestamp() // timedelta(microseconds=1) * 1000
+            depth, number = image.getFrame(), image.getSequenceNum()
+            transformation = image.getTransformation()
+        except (RuntimeError, AttributeError, ValueError) as error:
+            raise InputError(f"an image of it is none ({error})", where=self.name) from None
+        camera = self._intrinsics(transformation, *depth.shape[1::-1])
+        if self._rehearsal is not None:
+            time_ns = self._rehearsal.taken(time_ns)
+        return DepthFrame(depth, camera, time_ns, self.name, colour, sequence=number)
 
     def _intrinsics(self, transformation: Any, width: int, height: int) -> Intrinsics:
         """The camera of an image; its depth is rectified, so that it has no distortion."""
@@ -192,8 +258,12 @@ class OakSensor:
         x, y, z = (-self._level @ np.mean(self._gravity, axis=0)).tolist()
         return x, y, z
 
-    def _rehearsed(self, path: str) -> Any:
-        """The images of a recording, from a node on this machine in place of the camera's stereo node."""
+    def _rehearsed(self, path: str, colour: bool) -> tuple[Any, Any]:
+        """The images of a recording, from a node on this machine in place of the camera's stereo node.
+
+        Returns:
+            depth, and colour or None.
+        """
         dai = self._dai
 
         class Recorded(dai.node.ThreadedHostNode):  # type: ignore[misc, name-defined]
@@ -201,30 +271,43 @@ class OakSensor:
 
             def __init__(self) -> None:
                 super().__init__()
-                self.out = self.createOutput()
+                self.out, self.colour = self.createOutput(), self.createOutput()
 
             def run(self) -> None:
                 """Nothing to do: the rehearsal has a thread of its own."""
 
         self._pipeline = dai.Pipeline(createImplicitDevice=False)
         self._node = self._pipeline.create(Recorded)
-        self._rehearsal = Rehearsal(path, self._send)
+        self._rehearsal = Rehearsal(path, self._send, paced=True)
         if any(self._rehearsal.first.intrinsics.distortion):
             mend = "An OAK's depth always is; rehearse with another recording, or with --sensor realsense."
             raise InputError("its images are not rectified", where=path, mend=mend)
         self.name, self.fps = "oak rehearsal", self._rehearsal.fps
-        return self._node.out
+        self._last_colour = self._rehearsal.first.colour
+        if colour and self._last_colour is None:
+            raise InputError("it has no colour", where=path, mend="Rehearse without colour=true.")
+        return self._node.out, self._node.colour if colour else None
 
     def _send(self, frame: DepthFrame, number: int) -> None:
-        """An image of the recording, as a camera's stereo node would send it."""
+        """An image of the recording, as a camera's stereo node would send it, and its colour."""
         dai, camera = self._dai, frame.intrinsics
-        image = dai.ImgFrame()
-        image.setType(dai.ImgFrame.Type.RAW16)
-        image.setWidth(camera.width)
-        image.setHeight(camera.height)
-        image.setData(np.ascontiguousarray(frame.depth).view(np.uint8).ravel())
-        image.setSequenceNum(number)
-        image.setTimestamp(timedelta(microseconds=frame.time_ns / 1000))
+        self._last_colour = self._last_colour if frame.colour is None else frame.colour
+        if self._coloured and self._last_colour is not None:
+            made = message(dai, self._last_colour, dai.ImgFrame.Type.RGB888i, number, frame.time_ns)
+            self._node.colour.send(made)
+        image = message(dai, frame.depth, dai.ImgFrame.Type.RAW16, number, frame.time_ns)
         lens = [[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]]
         image.setTransformation(dai.ImgTransformation(camera.width, camera.height, lens))
         self._node.out.send(image)
+
+
+def keep_dump_of(device: Any) -> None:
+    """Keeps the dump that a camera has of a crash of its own program, and clears it there."""
+    try:
+        crash_reports.folder().mkdir(parents=True, exist_ok=True)
+        crash_reports.tidy()
+        if device.hasCrashDump():
+            dump = device.getCrashDump()
+            crash_reports.keep_dump(dump.deviceId or device.getDeviceId(), lambda path: dump.toTar(str(path)))
+    except (RuntimeError, OSError) as error:
+        log.warning("the camera's crash dump cannot be read: %s", error)

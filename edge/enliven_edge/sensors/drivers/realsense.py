@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from dataclasses import replace
 from types import TracebackType
 from typing import Any
@@ -11,15 +12,20 @@ import numpy as np
 
 from enliven.arrays import UInt16
 from enliven.camera import Intrinsics
-from enliven.errors import InputError, ResourceError
+from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition
 from enliven_edge.sensors.drivers.extras import library
 from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical
-from enliven_edge.sensors.drivers.rehearsal import Rehearsal
+from enliven_edge.sensors.drivers.realsense_colour import (
+    AlignedColour,
+    RehearsedColour,
+    colour_mode,
+    lens_of,
+)
+from enliven_edge.sensors.drivers.refusals import chosen, refused
+from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 
-_WAITING = 4
-"""Images that may wait in the library."""
 _STILL = 100
 """Readings of the accelerometer, half a second at 200 Hz, whose mean is gravity."""
 _HOT = 90.0
@@ -34,12 +40,14 @@ class RealSenseSensor:
     """A depth camera of the D400 family, or the images of a recording through the same library.
 
     Args:
-        serial: which camera; empty: the only one, or the first.
+        serial: which camera; empty: the only one.
         width, height: pixels of the depth image.
         fps: images a second.
         preset: "default", "high_accuracy", "high_density", "medium_density" or "hand".
         laser: whether the pattern projector is on.
+        colour: its colour too, laid over the depth; without depth there is none.
         rehearse: a recording that is played through the library in place of a camera.
+        before: the serial number of the camera that was open last; of several it is taken again.
 
     Raises:
         InputError: for a mode, preset or recording that cannot be used.
@@ -56,16 +64,22 @@ class RealSenseSensor:
         fps: int = 30,
         preset: str = "default",
         laser: bool = True,
+        colour: bool = False,
         rehearse: str = "",
+        before: str = "",
     ) -> None:
         self._rs = _library()
-        self._rehearsal = Rehearsal(rehearse, self._send) if rehearse else None
-        self._device = self._rehearsed() if self._rehearsal else self._found(str(serial))
+        self._colour: AlignedColour | None = None
+        self._sent_colour: RehearsedColour | None = None
+        self._rehearsal = Rehearsal(rehearse, self._send, paced=True) if rehearse else None
+        self._device = (
+            self._rehearsed(rehearse, colour) if self._rehearsal else self._found(str(serial), before)
+        )
         self._streams: list[Any] = []
-        self._images, self._felt = self._rs.frame_queue(_WAITING), self._rs.frame_queue(_STILL)
+        self._images, self._felt = self._rs.frame_queue(WAITING), self._rs.frame_queue(_STILL)
         self._gravity: list[np.ndarray] = []
         try:
-            self._start((width, height, fps), preset, laser)
+            self._start((width, height, fps), preset, laser, colour)
         except BaseException:
             self.close()
             raise
@@ -75,6 +89,7 @@ class RealSenseSensor:
 
         Raises:
             TimeoutError: when none came in time.
+            InputError: for an image that is none.
         """
         over = self._rehearsal is not None and self._rehearsal.is_over()
         there, frame = self._images.try_wait_for_frame(round(1e3 * (timeout or 0.0)))
@@ -82,21 +97,18 @@ class RealSenseSensor:
             if over:
                 return None
             raise TimeoutError(f"no image of {self.name} yet")
-        self._held = frame.as_depth_frame()
-        depth: UInt16 = np.asanyarray(self._held.get_data())
-        if self._scale != 1.0:
-            depth = np.rint(depth * self._scale).clip(0, 65535).astype(np.uint16)
-        time_ns = round(1e6 * self._held.get_timestamp())
-        return DepthFrame(depth, self._camera, time_ns, self.name, sequence=self._held.get_frame_number())
+        return self._frame(frame.as_depth_frame())
 
     def condition(self) -> Condition:
         """The link, the vision processor's temperature, and gravity where there is an accelerometer."""
+        if self._rehearsal is not None and (told := self._rehearsal.condition()):
+            return told
         rs, info = self._rs, self._rs.camera_info.usb_type_descriptor
         usb = self._device.get_info(info) if self._device.supports(info) else ""
         hot = self._depth.supports(rs.option.asic_temperature)
         celsius = self._depth.get_option(rs.option.asic_temperature) if hot else None
-        link, slow = f"USB {usb}" if usb else "", usb.startswith("2")
-        return Condition(link, slow, celsius, _HOT, self._down(), self._calibrated)
+        slow = usb.startswith("2")
+        return Condition(f"USB {usb}" if usb else "", slow, celsius, _HOT, self._down(), self._calibrated)
 
     def close(self) -> None:
         """Lets the camera go; a second call does nothing."""
@@ -115,31 +127,24 @@ class RealSenseSensor:
     ) -> None:
         self.close()
 
-    def _found(self, serial: str) -> Any:
-        """The camera of this serial number, or the first."""
+    def _found(self, serial: str, before: str) -> Any:
+        """The camera of this serial number, or the only one."""
         rs = self._rs
-        devices = list(rs.context().query_devices())
-        known = {device.get_info(rs.camera_info.serial_number): device for device in devices}
-        if not known:
-            raise ResourceError(
-                "no RealSense camera is connected",
-                where="sensor realsense",
-                mend="Plug one into a USB 3 port, then type: enliven doctor",
-            )
-        if serial and serial not in known:
-            raise ResourceError(
-                f"there is no camera with the serial number {serial}",
-                where="sensor realsense",
-                mend=f"Connected: {', '.join(known)}.",
-            )
-        return known[serial or next(iter(known))]
+        try:
+            devices = list(rs.context().query_devices())
+            known = {device.get_info(rs.camera_info.serial_number): device for device in devices}
+        except RuntimeError as error:
+            raise refused("realsense", error) from None
+        return chosen("realsense", "a RealSense camera", known, serial, "serial", before)
 
-    def _start(self, mode: tuple[int, int, int], preset: str, laser: bool) -> None:
-        """Starts the depth images, and the accelerometer where there is one."""
+    def _start(self, mode: tuple[int, int, int], preset: str, laser: bool, colour: bool) -> None:
+        """Starts the depth images, the colour where asked for, and the accelerometer where there is one."""
         rs, info = self._rs, self._rs.camera_info
         own = self._device.supports(info.serial_number)
         serial = self._device.get_info(info.serial_number) if own else "rehearsal"
-        self.name = f"realsense {serial}"
+        self.name, self.again = f"realsense {serial}", {"before": serial} if own else {}
+        called = self._device.get_info(info.name) if self._device.supports(info.name) else ""
+        self._kind = kind_of(called, _KINDS, "realsense-d435")
         self._depth = self._device.first_depth_sensor()
         self._set("visual_preset", preset, getattr(rs.rs400_visual_preset, preset, None))
         self._set("emitter_enabled", laser, float(laser))
@@ -148,10 +153,12 @@ class RealSenseSensor:
             mode = (camera.width, camera.height, round(self._rehearsal.fps))
         profile = self._profile(mode)
         self.fps = float(profile.fps())
-        called = self._device.get_info(info.name) if self._device.supports(info.name) else ""
-        kind = kind_of(called, _KINDS, "realsense-d435")
-        self._camera, self._calibrated = _intrinsics(profile.get_intrinsics(), rs, kind, self.name)
+        self._learn_lens(profile)
         self._scale = _whole(1e3 * self._depth.get_option(rs.option.depth_units))
+        if colour:
+            self._colour = AlignedColour(rs, 1e3 / self.fps)
+            sensor, stream = colour_mode(rs, self._device, mode[:2], self.fps, self.name)
+            self._open(sensor, stream, self._colour.queue)
         self._open(self._depth, profile, self._images)
         motion = [sensor for sensor in self._device.query_sensors() if sensor.is_motion_sensor()]
         rates = [p for sensor in motion[:1] for p in sensor.profiles if p.stream_type() == rs.stream.accel]
@@ -164,11 +171,7 @@ class RealSenseSensor:
             sensor.open(profile)
             sensor.start(queue)
         except RuntimeError as error:
-            raise ResourceError(
-                f"it cannot be opened ({error})",
-                where=self.name,
-                mend="Close what else uses it, and check that your user may open it: enliven doctor",
-            ) from None
+            raise refused("realsense", error, self.name) from None
         self._streams.append(sensor)
 
     def _set(self, option: str, word: Any, value: float | None) -> None:
@@ -201,6 +204,39 @@ class RealSenseSensor:
             )
         return modes[mode]
 
+    def _frame(self, image: Any) -> DepthFrame:
+        """An image as a frame; the library does not look whether it has all its bytes.
+
+        Raises:
+            InputError: for one that is none.
+        """
+        self._held, seconds = image, 1e-3 * image.get_timestamp()
+        size = width, height = image.get_width(), image.get_height()
+        there = image.get_data_size() or 2 * width * height  # A device of software does not say it.
+        if image.get_stride_in_bytes() != 2 * width or there < 2 * width * height:
+            raise InputError(f"an image of it lacks some of its {width}x{height} pixels", where=self.name)
+        if not math.isfinite(seconds):
+            raise InputError(f"the time of an image is {seconds}", where=self.name)
+        if size != (self._camera.width, self._camera.height):
+            self._learn_lens(image.get_profile().as_video_stream_profile())
+        depth: UInt16 = np.asanyarray(image.get_data())
+        if self._scale != 1.0:
+            depth = np.rint(depth * self._scale).clip(0, 65535).astype(np.uint16)
+        time_ns, number = round(1e9 * seconds), image.get_frame_number()
+        if self._rehearsal is not None:
+            time_ns = self._rehearsal.taken(time_ns)
+        colour = None if self._colour is None else self._colour.over(image)
+        return DepthFrame(depth, self._camera, time_ns, self.name, colour, sequence=number)
+
+    def _learn_lens(self, profile: Any) -> None:
+        """The camera of a stream, or the usual one where the device does not know its own."""
+        try:
+            lens = profile.get_intrinsics()
+        except RuntimeError:
+            lens = self._rs.intrinsics()
+            lens.width, lens.height = profile.width(), profile.height()
+        self._camera, self._calibrated = _intrinsics(lens, self._rs, self._kind, self.name)
+
     def _down(self) -> tuple[float, float, float] | None:
         """Gravity's direction, the mean of the last readings: at rest an accelerometer feels the opposite."""
         while (frame := self._felt.poll_for_frame()) and len(self._gravity) < 4 * _STILL:
@@ -212,34 +248,42 @@ class RealSenseSensor:
         x, y, z = (-np.mean(self._gravity, axis=0)).tolist()
         return x, y, z
 
-    def _rehearsed(self) -> Any:
+    def _rehearsed(self, path: str, colour: bool) -> Any:
         """A device of software, with the camera of the recording."""
         assert self._rehearsal is not None
         rs, camera = self._rs, self._rehearsal.first.intrinsics
         device = rs.software_device()
-        sensor = device.add_sensor("Depth")
-        stream = rs.video_stream()
+        self._sensor = device.add_sensor("Depth")
+        self._stream = self._rehearsed_stream(camera)
+        self._sensor.add_read_only_option(rs.option.depth_units, 0.001)
+        if colour:
+            first, fps = self._rehearsal.first, round(self._rehearsal.fps)
+            self._sent_colour = RehearsedColour(rs, device, self._stream, first, fps, path)
+        return device
+
+    def _rehearsed_stream(self, camera: Intrinsics) -> Any:
+        """A stream of the device of software for images of this camera."""
+        assert self._rehearsal is not None
+        rs, stream = self._rs, self._rs.video_stream()
         stream.type, stream.index, stream.uid, stream.fmt = rs.stream.depth, 0, 0, rs.format.z16
         stream.width, stream.height, stream.bpp = camera.width, camera.height, 2
         stream.fps = round(self._rehearsal.fps)
-        lens = rs.intrinsics()
-        lens.width, lens.height, lens.fx, lens.fy = camera.width, camera.height, camera.fx, camera.fy
-        lens.ppx, lens.ppy, lens.coeffs = camera.cx, camera.cy, list(camera.distortion)
-        lens.model = rs.distortion.brown_conrady if any(camera.distortion) else rs.distortion.none
-        stream.intrinsics = lens
-        self._stream = sensor.add_video_stream(stream)
-        sensor.add_read_only_option(rs.option.depth_units, 0.001)
-        self._sensor = sensor
-        return device
+        stream.intrinsics = lens_of(rs, camera, camera.width, camera.height)
+        return self._sensor.add_video_stream(stream).as_video_stream_profile()
 
     def _send(self, frame: DepthFrame, number: int) -> None:
         """An image of the recording, handed to the library as a camera would."""
+        if self._sent_colour is not None:
+            self._sent_colour.send(frame, number)
+        camera = frame.intrinsics
+        if (camera.width, camera.height) != (self._stream.width(), self._stream.height()):
+            self._stream = self._rehearsed_stream(camera)
         made = self._rs.software_video_frame()
         made.pixels, made.bpp = np.ascontiguousarray(frame.depth), 2
-        made.stride = 2 * frame.intrinsics.width
+        made.stride = 2 * camera.width
         made.timestamp, made.frame_number = 1e-6 * frame.time_ns, number
         made.domain = self._rs.timestamp_domain.hardware_clock
-        made.profile, made.depth_units = self._stream.as_video_stream_profile(), 0.001
+        made.profile, made.depth_units = self._stream, 0.001
         self._sensor.on_video_frame(made)
 
 

@@ -21,16 +21,30 @@ from enliven.camera import Intrinsics
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import BodyFrame, DepthFrame
 from enliven_edge.sensors.base import Sensor
+from enliven_edge.sensors.isolation.last_words import speak_into
 from enliven_edge.sensors.isolation.slots import FrameSlots
 
 _TURN = 0.1
 """Seconds that the driver may wait for an image before the edge is listened to again."""
+_FULL = 0.005
+"""Seconds between two looks for a free place where each image is wanted: half a fast camera's step. What the
+edge says in the meantime comes first."""
 _CONDITION_EVERY = 1.0
 """Seconds between two reports of temperature, link and gravity."""
 
 
-def serve(pipe: Connection, kind: Callable[..., Sensor], options: dict[str, Any]) -> None:
-    """Runs a sensor of the class ``kind`` until the edge lets the pipe go; the entry of the process."""
+def serve(
+    pipe: Connection,
+    kind: Callable[..., Sensor],
+    options: dict[str, Any],
+    every_frame: bool = False,
+    words: Connection | None = None,
+) -> None:
+    """Runs a sensor of the class ``kind`` until the edge lets the pipe go; the entry of the process.
+
+    What Python says of a crash goes into ``words``.
+    """
+    speak_into(words)
     # Ctrl-C reaches all processes of a terminal; the edge lets the device go and then ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # What a library prints is no answer to what the user asked.
@@ -39,14 +53,16 @@ def serve(pipe: Connection, kind: Callable[..., Sensor], options: dict[str, Any]
     told = _Pipe(pipe)
     logging.basicConfig(level=logging.INFO, handlers=[_Teller(told)], force=True)
     with contextlib.suppress(EOFError, OSError):
-        _Helper(told, kind, options).run()
+        _Helper(told, kind, options, every_frame).run()
 
 
 class _Helper:
     """What the process does between two words of the edge."""
 
-    def __init__(self, pipe: _Pipe, kind: Callable[..., Sensor], options: dict[str, Any]) -> None:
-        self._pipe, self._make = pipe, functools.partial(kind, **options)
+    def __init__(
+        self, pipe: _Pipe, kind: Callable[..., Sensor], options: dict[str, Any], every_frame: bool
+    ) -> None:
+        self._pipe, self._make, self._every = pipe, functools.partial(kind, **options), every_frame
         self._device: Sensor | None = None
         self._slots: FrameSlots | None = None
         self._camera: Intrinsics | None = None
@@ -73,7 +89,8 @@ class _Helper:
             self._pipe.send(("failed", *_said(error)))
             return
         self._told, self._camera, self._reading = 0.0, None, False
-        self._pipe.send(("opened", self._device.name, getattr(self._device, "fps", None)))
+        fps, again = getattr(self._device, "fps", None), getattr(self._device, "again", {})
+        self._pipe.send(("opened", self._device.name, fps, again))
 
     def _go(self) -> None:
         """The edge is ready for frames; before that they would be old when it is."""
@@ -86,9 +103,9 @@ class _Helper:
             device.close()
         self._pipe.send(("closed",))
 
-    def _memory(self, name: str, size: int) -> None:
-        """The edge has made room for images of so many bytes."""
-        self._slots = FrameSlots.attach(name, size)
+    def _memory(self, name: str, size: int, count: int) -> None:
+        """The edge has made room for so many images of so many bytes."""
+        self._slots = FrameSlots.attach(name, size, count)
         self._pipe.send(("attached",))
 
     def _read(self, device: Sensor) -> None:
@@ -125,9 +142,9 @@ class _Helper:
                 getattr(self, f"_{word}")(*rest)
                 if self._device is None:
                     return
-        slot = self._slots.write(frame.depth, frame.colour)
-        if slot is None:
-            return
+        while (slot := self._slots.write(frame.depth, frame.colour)) is None:
+            if not self._every or self._pipe.poll(_FULL):
+                return
         # A camera that stays the same is said once.
         camera = None if frame.intrinsics == self._camera else frame.intrinsics
         self._camera = frame.intrinsics

@@ -16,9 +16,11 @@ from typing import Any, cast
 from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame, Frame
-from enliven_edge.sensors.base import Condition, Sensor, SensorFault
+from enliven_edge.sensors.base import CHECK_IT, Condition, Sensor, SensorFault
+from enliven_edge.sensors.crash_reports import keep_text
 from enliven_edge.sensors.isolation.helper import serve
-from enliven_edge.sensors.isolation.slots import FrameSlots
+from enliven_edge.sensors.isolation.last_words import LastWords
+from enliven_edge.sensors.isolation.slots import SLOTS, FrameSlots, slots_for_all
 
 log = logging.getLogger(__name__)
 
@@ -37,19 +39,27 @@ _MOST_WAITING = 3
 class IsolatedOpener:
     """Opens a sensor in a helper process, a fresh one for each device.
 
-    A library's own state does not outlive its device in this way. Attempts that fail after a device was lost
-    share one process.
+    A library's own state does not outlive its device in this way. Of several devices that could be meant it
+    is the one of before: a driver says by its ``again`` with which options.
 
     Args:
         name: of the sensor, for what is said of it before it is open.
         kind: the sensor's class, at the top of a module that the helper process can import.
         options: what the class takes.
+        every_frame: images wait for a slow reader, as many as fit into memory; else the oldest are left out.
     """
 
-    def __init__(self, name: str, kind: Callable[..., Sensor], options: dict[str, Any]) -> None:
-        self._start = functools.partial(HelperProcess, name, kind, options)
+    def __init__(
+        self, name: str, kind: Callable[..., Sensor], options: dict[str, Any], every_frame: bool = False
+    ) -> None:
+        self._start = functools.partial(HelperProcess, name, kind, every_frame=every_frame)
+        self._options = options
         self._idle: HelperProcess | None = None
-        self._worked = False
+        self._patient = False
+
+    def patient(self) -> None:
+        """From now on attempts that fail share one process, which :meth:`close` ends."""
+        self._patient = True
 
     def __call__(self) -> IsolatedSensor:
         """The sensor, opened.
@@ -58,16 +68,16 @@ class IsolatedOpener:
             InputError: for options that cannot be used.
             ResourceError: where the device is missing or taken, or the library crashes.
         """
-        helper, self._idle = self._idle or self._start(), None
+        helper, self._idle = self._idle or self._start(self._options), None
         try:
-            name, fps = helper.open()
+            name, fps, again = helper.open()
         except (InputError, ResourceError):
-            if self._worked and helper.alive:
+            if self._patient and helper.alive:
                 self._idle = helper
             else:
                 helper.end()
             raise
-        self._worked = True
+        self._options = {**self._options, **again}
         return IsolatedSensor(helper, name, fps)
 
     def close(self) -> None:
@@ -98,7 +108,7 @@ class IsolatedSensor:
         return self._condition
 
     def read(self, timeout: float | None = None) -> Frame | None:
-        """The next frame, or the newest where several wait; None when the stream has ended.
+        """The next frame, or one of the newest where many wait; None when the stream has ended.
 
         Raises:
             TimeoutError: when none came in time.
@@ -116,7 +126,7 @@ class IsolatedSensor:
             if message is None:
                 if time.monotonic() >= self._heard + self._patience:
                     why = f"no image for {self._patience:.0f} s"
-                    raise SensorFault(why, where=self.name, mend="Check its cable and power.")
+                    raise SensorFault(why, where=self.name, mend=CHECK_IT)
                 raise TimeoutError(f"no image of {self.name} yet")
             frame = self._understood(*message)
             if frame is not None:
@@ -166,19 +176,22 @@ class HelperProcess:
         ResourceError: where it cannot be started.
     """
 
-    def __init__(self, name: str, kind: Callable[..., Sensor], options: dict[str, Any]) -> None:
+    def __init__(
+        self, name: str, kind: Callable[..., Sensor], options: dict[str, Any], every_frame: bool = False
+    ) -> None:
         context = multiprocessing.get_context("spawn")
-        self._name = name
+        self._name, self._every = name, every_frame
         self._pipe: Connection
         self._pipe, far = context.Pipe()
-        self._process = context.Process(
-            target=serve, args=(far, kind, options), name=f"sensor {name}", daemon=True
-        )
+        self._words = LastWords(context)
+        arguments = (far, kind, options, every_frame, self._words.far)
+        self._process = context.Process(target=serve, args=arguments, name=f"sensor {name}", daemon=True)
         try:
             self._process.start()
         except OSError as error:
             raise ResourceError(f"its process cannot be started ({error})", where=name) from None
         far.close()
+        self._words.started()
         self._slots: FrameSlots | None = None
         self._camera: Intrinsics | None = None
         self._waiting: list[tuple[Any, ...]] = []
@@ -188,8 +201,8 @@ class HelperProcess:
         """Whether the process runs."""
         return self._process.is_alive()
 
-    def open(self) -> tuple[str, float | None]:
-        """Opens the device; returns the sensor's name and frame rate.
+    def open(self) -> tuple[str, float | None, dict[str, Any]]:
+        """Opens the device; returns the sensor's name and frame rate, and with what it is opened again.
 
         Raises:
             InputError, ResourceError: what the driver said, or that its process ended.
@@ -203,7 +216,8 @@ class HelperProcess:
             )
         if message[0] == "failed":
             raise _error(message[1:], self._name, ResourceError)
-        return message[1], message[2]
+        name, fps, again = message[1:]
+        return name, fps, again
 
     def go(self) -> None:
         """Lets the frames come.
@@ -226,13 +240,14 @@ class HelperProcess:
             if message[0] != "frame":
                 return message
             frames -= 1
-            if frames < _MOST_WAITING:
+            if self._every or frames < _MOST_WAITING:
                 return message
             self._skip(*message[1:])
         return None
 
     def frame(
         self,
+        slots: FrameSlots,
         slot: int,
         shape: tuple[int, int],
         colour: tuple[int, ...] | None,
@@ -240,10 +255,9 @@ class HelperProcess:
         about: tuple[int, int | None, str, Any],
     ) -> DepthFrame:
         """The frame that a message tells of."""
-        assert self._slots is not None
         self._camera = camera or self._camera
         assert self._camera is not None
-        depth, seen = self._slots.read(slot, shape, colour)
+        depth, seen = slots.read(slot, shape, colour)
         time_ns, sequence, name, stand = about
         return DepthFrame(depth, self._camera, time_ns, name, seen, stand, sequence)
 
@@ -253,17 +267,19 @@ class HelperProcess:
             self._say("close")
             self._answer(_CLOSING, "closed")
         self._pipe.close()
+        self._words.close()
         self._process.join(0.05)
         for force in (self._process.terminate, self._process.kill):
             if self._process.is_alive():
                 force()
                 self._process.join(0.2)
 
-    def _skip(self, slot: int, _shape: Any, _colour: Any, camera: Intrinsics | None, _about: Any) -> None:
+    def _skip(
+        self, slots: FrameSlots, slot: int, _shape: Any, _colour: Any, camera: Intrinsics | None, _about: Any
+    ) -> None:
         """A frame that came too long ago is not used; its camera may be new."""
-        assert self._slots is not None
         self._camera = camera or self._camera
-        self._slots.release(slot)
+        slots.release(slot)
 
     def _say(self, *message: Any) -> None:
         try:
@@ -296,13 +312,17 @@ class HelperProcess:
                     self._make_room(size)
                 case ("attached",):
                     pass
+                case ("frame", *about):
+                    # Where its image lies: there may be other memory by the time that it is wanted.
+                    self._waiting.append(("frame", self._slots, *about))
                 case _:
                     self._waiting.append(message)
 
     def _make_room(self, size: int) -> None:
         """Shared memory for images of so many bytes; those of before stay until they are not used."""
-        self._slots = FrameSlots.make(size)
-        self._say("memory", self._slots.name, size)
+        count = slots_for_all(size) if self._every else SLOTS
+        self._slots = FrameSlots.make(size, count)
+        self._say("memory", self._slots.name, size, count)
         while self._pipe.poll(_CLOSING + SILENT):
             try:
                 message = self._pipe.recv()
@@ -318,6 +338,8 @@ class HelperProcess:
         self._process.join(_CLOSING)
         code = self._process.exitcode
         why = f"its driver crashed (signal {-code})" if code and code < 0 else "its driver ended"
+        if code and code < 0 and (said := self._words.read()):
+            keep_text(self._name, said, -code)
         return SensorFault(why, where=self._name, mend="It is started again by itself; see the log.")
 
 

@@ -15,33 +15,43 @@ from enliven.arrays import UInt8, UInt16
 
 SLOTS = 8
 """Images in memory at once: one that is written, two that wait, the others for who keeps some a while."""
+MOST_SLOTS = 64
+"""Images in memory at once where each is wanted: two seconds' worth, in which a disk catches up."""
+_MOST_BYTES = 32 << 20
+"""Bytes of so many, or :data:`SLOTS`: containers often have 64 MiB of shared memory for all programs."""
 SPARE = 3
 """Slots that stay free for the writer; when fewer are left the reader copies its image out."""
 _HEAD = 64
-"""Bytes before the first slot, one flag a slot: a cache line, so that images begin aligned."""
+"""Bytes before the first slot, one flag for each of :data:`MOST_SLOTS`: a cache line, where images begin."""
+
+
+def slots_for_all(size: int) -> int:
+    """How many images of so many bytes are in memory at once where each is wanted."""
+    return min(max(_MOST_BYTES // size, SLOTS), MOST_SLOTS)
 
 
 class FrameSlots:
-    """A block of shared memory for :data:`SLOTS` images, each a depth image and perhaps a colour one.
+    """A block of shared memory for some images, each a depth image and perhaps a colour one.
 
     Args:
         memory: the block, made by :meth:`make` or found by :meth:`attach`.
         size: bytes of a slot.
+        count: slots.
     """
 
-    def __init__(self, memory: SharedMemory, size: int) -> None:
-        self._memory, self.size = memory, size
-        self._taken = np.ndarray((SLOTS,), np.uint8, buffer=memory.buf)
+    def __init__(self, memory: SharedMemory, size: int, count: int) -> None:
+        self._memory, self.size, self.count = memory, size, count
+        self._taken = np.ndarray((count,), np.uint8, buffer=memory.buf)
 
     @classmethod
-    def make(cls, size: int) -> FrameSlots:
+    def make(cls, size: int, count: int = SLOTS) -> FrameSlots:
         """A block of the reader's; :meth:`forget` it as soon as the writer has found it."""
-        return cls(_Memory(create=True, size=_HEAD + SLOTS * size), size)
+        return cls(_Memory(create=True, size=_HEAD + count * size), size, count)
 
     @classmethod
-    def attach(cls, name: str, size: int) -> FrameSlots:
+    def attach(cls, name: str, size: int, count: int = SLOTS) -> FrameSlots:
         """The block of that name."""
-        return cls(_Memory(name), size)
+        return cls(_Memory(name), size, count)
 
     @property
     def name(self) -> str:
@@ -51,7 +61,7 @@ class FrameSlots:
     @property
     def free(self) -> int:
         """Slots that are not taken."""
-        return SLOTS - int(self._taken.sum())
+        return self.count - int(self._taken.sum())
 
     def forget(self) -> None:
         """Removes the name: the memory is gone with the processes that have it, however they end."""

@@ -1,0 +1,102 @@
+"""What became of a sensor while it was recorded, in sentences: images missing, its device, its losses."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from enliven.errors import InputError
+from enliven.frames import DepthFrame
+from enliven_edge.sensors.base import SensorFault
+from enliven_edge.sensors.diary import Moment
+
+_MOST_TOLD = 5
+"""Losses that are told one by one."""
+
+
+class SensorLog:
+    """Takes in the moments of a recording, one after the other."""
+
+    def __init__(self) -> None:
+        self._frames: Counter[str] = Counter()
+        self._first_ns = self._last_ns = 0
+        self._counts: dict[str, int] = {}
+        self._gaps: list[tuple[float, int]] = []
+        self._links: Counter[str] = Counter()
+        self._celsius: list[float] = []
+        self._hot: float | None = None
+        self._uncalibrated = False
+        self._losses: list[tuple[float, str]] = []
+        self._away, self._lost = 0.0, False
+        self._bad = 0
+
+    def add(self, moment: Moment) -> None:
+        """The next moment."""
+        match moment.said:
+            case SensorFault() as error:
+                # What is raised until it is back are attempts to open it.
+                if not self._lost:
+                    self._losses.append((self._seconds(self._last_ns), error.what))
+                self._lost = True
+            case InputError():
+                self._bad += 1
+            case frame:
+                if not self._frames:
+                    self._first_ns = frame.time_ns
+                if self._lost:
+                    self._away += max(0.0, 1e-9 * (frame.time_ns - self._last_ns)) if self._frames else 0.0
+                if isinstance(frame, DepthFrame) and frame.sequence is not None:
+                    self._count(frame.sensor, frame.sequence, frame.time_ns)
+                self._lost, self._last_ns = False, frame.time_ns
+                self._frames[frame.sensor] += 1
+                self._fares(moment)
+
+    def facts(self) -> list[tuple[str, str]]:
+        """What there is to say, each with its name."""
+        seconds = self._seconds(self._last_ns)
+        said = [("frames", f"{sum(self._frames.values())} in {seconds:.1f} s of {', '.join(self._frames)}")]
+        said.append(("missing", self._missing()))
+        if any(self._links):
+            said.append(("link", ", ".join(filter(None, self._links))))
+        if self._celsius:
+            limit = "" if self._hot is None else f"; it stops at {self._hot:.0f}"
+            said.append(
+                ("temperature", f"{min(self._celsius):.0f} to {max(self._celsius):.0f} degrees{limit}")
+            )
+        if self._uncalibrated:
+            said.append(("lens", "that of its kind, as the camera did not know its own"))
+        if self._losses:
+            said.append(("lost", f"{len(self._losses)} times, for {self._away:.1f} s in all"))
+            said += [("", f"at {at:.2f} s: {what}") for at, what in self._losses[:_MOST_TOLD]]
+        if self._bad:
+            said.append(("unusable", f"{self._bad} frames, left out"))
+        return said
+
+    def _missing(self) -> str:
+        """What the sensor's own count says."""
+        if not self._counts:
+            return "not known; the sensor did not count its images"
+        if not self._gaps:
+            return "none by the sensor's own count"
+        at, longest = max(self._gaps, key=lambda gap: gap[1])
+        count = sum(lost for _, lost in self._gaps)
+        return f"{count} images in {len(self._gaps)} gaps; the longest {longest} at {at:.2f} s"
+
+    def _count(self, sensor: str, sequence: int, time_ns: int) -> None:
+        """A gap in the sensor's count; one that was opened anew counts from elsewhere."""
+        before = self._counts.get(sensor)
+        if before is not None and not self._lost and sequence > before + 1:
+            self._gaps.append((self._seconds(time_ns), sequence - before - 1))
+        self._counts[sensor] = sequence
+
+    def _fares(self, moment: Moment) -> None:
+        condition = moment.condition
+        if condition is None:
+            return
+        self._links[condition.link] += 1
+        self._hot = condition.hot
+        self._uncalibrated = self._uncalibrated or not condition.calibrated
+        if condition.temperature is not None:
+            self._celsius.append(condition.temperature)
+
+    def _seconds(self, time_ns: int) -> float:
+        return max(0.0, 1e-9 * (time_ns - self._first_ns))

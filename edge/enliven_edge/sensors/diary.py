@@ -1,0 +1,167 @@
+"""What a live sensor went through, beside its frames in a recording: how it fared, when it was lost.
+
+Two topics hold it, as JSON: :data:`CONDITION_TOPIC`, before the first frame to which it applies, and
+:data:`EVENTS_TOPIC`, after the frame that came before; both at the time of that frame.
+"""
+
+from __future__ import annotations
+
+import functools
+import logging
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, BinaryIO, Literal, TypeVar
+
+import msgspec
+
+from enliven.errors import EnlivenError, InputError
+from enliven.frames import Frame
+from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recorder, Recording
+from enliven.recording.reader import frame_of
+from enliven_edge.sensors.base import Condition, SensorFault
+
+log = logging.getLogger(__name__)
+T = TypeVar("T")
+
+CONDITION_TOPIC = "/sensor/condition"
+EVENTS_TOPIC = "/sensor/events"
+_MOST_HELD = 100
+"""Events before the first frame that are kept, the newest: a camera that sends nothing fills no memory."""
+
+
+@dataclass(frozen=True)
+class SensorEvent:
+    """Something that happened in place of a frame.
+
+    Attributes:
+        kind: the sensor was lost, is back with the frame of this time, or sent a frame that cannot be used.
+        after: seconds since the frame before, by the wall clock.
+        what, where, mend: as the error said them; empty for one that is back.
+    """
+
+    kind: Literal["lost", "back", "bad frame"]
+    after: float = 0.0
+    what: str = ""
+    where: str = ""
+    mend: str = ""
+
+    @property
+    def error(self) -> SensorFault | InputError | None:
+        """What the sensor raised; None where it did not."""
+        if self.kind == "back":
+            return None
+        made = SensorFault if self.kind == "lost" else InputError
+        return made(self.what, where=self.where, mend=self.mend)
+
+
+class Diary:
+    """Writes a live sensor's frames into a recording, and what becomes of it between them."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+        self._condition: Condition | None = None
+        self._held: deque[SensorEvent] = deque(maxlen=_MOST_HELD)
+        self._last: Frame | None = None
+        self._heard = 0.0
+        self._lost = False
+
+    def frame(self, frame: Frame, condition: Condition | None) -> None:
+        """One frame, and how the device fares where that is new.
+
+        Raises:
+            InputError: for a frame that a recording cannot hold; nothing is written of it.
+            ResourceError: where it cannot be written.
+        """
+        for event in self._held:
+            self._write(EVENTS_TOPIC, event, frame)
+        self._held.clear()
+        if self._lost:
+            after = 0.0 if self._last is None else time.monotonic() - self._heard
+            self._write(EVENTS_TOPIC, SensorEvent("back", after), frame)
+        if condition is not None and condition != self._condition:
+            self._write(CONDITION_TOPIC, condition, frame)
+            self._condition = condition
+        self._recorder.write_frame(frame)
+        self._last, self._heard, self._lost = frame, time.monotonic(), False
+
+    def failed(self, error: EnlivenError) -> None:
+        """The sensor raised this in place of a frame.
+
+        Raises:
+            ResourceError: where it cannot be written.
+        """
+        bad = isinstance(error, InputError)
+        after = 0.0 if self._last is None else time.monotonic() - self._heard
+        event = SensorEvent("bad frame" if bad else "lost", after, error.what, error.where, error.mend)
+        self._lost = self._lost or not bad
+        if self._last is None:
+            self._held.append(event)
+        else:
+            self._write(EVENTS_TOPIC, event, self._last)
+
+    def _write(self, topic: str, message: Condition | SensorEvent, at: Frame) -> None:
+        kind: Any = type(message)
+        schema = (f"enliven.{kind.__name__}", _schema(kind), "jsonschema", "json")
+        self._recorder.write(topic, *schema, msgspec.json.encode(message), at.time_ns, at.sensor)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What a sensor delivered, or raised, at one moment.
+
+    Attributes:
+        time_ns: the sensor's clock; where it raised something, what the clock would have been.
+        said: the frame, or the error.
+        condition: how the device fared; None where it never said.
+    """
+
+    time_ns: int
+    said: Frame | SensorFault | InputError
+    condition: Condition | None
+
+
+class Moments:
+    """The moments of a recording, in their order; of an older one, its frames.
+
+    ``next`` raises InputError for a message that is no frame, and goes on with the one after it.
+
+    Args:
+        file: the recording's, open; None opens it.
+    """
+
+    def __init__(self, recording: Recording, file: BinaryIO | None = None) -> None:
+        topics = {DEPTH_TOPIC, BODIES_TOPIC, CONDITION_TOPIC, EVENTS_TOPIC}
+        self._messages = recording.in_order(topics, file)
+        self._condition: Condition | None = None
+
+    def __iter__(self) -> Iterator[Moment]:
+        return self
+
+    def __next__(self) -> Moment:
+        for topic, time_ns, data in self._messages:
+            if topic == CONDITION_TOPIC:
+                self._condition = _understood(Condition, data) or self._condition
+            elif topic == EVENTS_TOPIC:
+                event = _understood(SensorEvent, data)
+                if event is not None and (error := event.error) is not None:
+                    return Moment(time_ns + round(1e9 * max(event.after, 0.0)), error, self._condition)
+            else:
+                return Moment(time_ns, frame_of(topic, data), self._condition)
+        raise StopIteration
+
+
+def _understood(kind: type[T], data: bytes) -> T | None:
+    """The message, or None where it is damaged: what is said beside the frames never costs a frame."""
+    try:
+        return msgspec.json.decode(data, type=kind)
+    except (msgspec.MsgspecError, RecursionError) as error:
+        log.warning("what a recording says of its sensor cannot be read: %s", error)
+        return None
+
+
+@functools.cache
+def _schema(kind: Any) -> str:
+    """The JSON schema of a kind of message."""
+    return msgspec.json.encode(msgspec.json.schema(kind)).decode()

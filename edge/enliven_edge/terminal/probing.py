@@ -1,0 +1,104 @@
+"""Which pictures a terminal draws: by its name in the environment, or by its answer when it is asked."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import select
+import time
+from collections.abc import Iterator, Mapping
+from typing import TextIO
+
+from enliven_edge.terminal.showing import Way
+
+PATIENCE = 1.0
+"""Seconds in which a terminal answers, one behind a slow network line too; nearly all do at once."""
+_QUESTION = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c"
+"""Does it take kitty's graphics? And what is it (DA1)? Every terminal answers the second, in this order."""
+_ERASE = b"\r\x1b[K"
+"""What an old terminal printed of the question goes away."""
+_PRINTS_QUESTIONS = ("linux", "Apple_Terminal")
+"""Terminals that would print the first question, and draw no pictures."""
+_ATTRIBUTES = re.compile(rb"\x1b\[\?([\d;]*)c")
+_SIXEL = b"4"
+"""The attribute of a terminal that draws sixels."""
+_MOST_BYTES = 4096
+"""Bytes of an answer: a user who types meanwhile is not waited for."""
+
+
+def way_of(
+    out: TextIO, keys: TextIO, environment: Mapping[str, str] = os.environ, patience: float = PATIENCE
+) -> Way | None:
+    """How to draw a picture on ``out``; None where it is no terminal, or one that draws nothing.
+
+    Args:
+        keys: where the terminal's answers come in.
+        patience: seconds in which it answers; 0: it is not asked.
+    """
+    if not out.isatty() or environment.get("TERM", "dumb") == "dumb":
+        return None
+    if named := _named(environment):
+        return named
+    named_so = {environment.get("TERM"), environment.get("TERM_PROGRAM")}
+    able = patience > 0 and keys.isatty() and not named_so.intersection(_PRINTS_QUESTIONS)
+    if able and (answer := _asked(out.fileno(), keys.fileno(), patience)):
+        if b"_Gi=31;OK" in answer:
+            return "kitty"
+        found = _ATTRIBUTES.search(answer)
+        if found and _SIXEL in found[1].split(b";"):
+            return "sixel"
+    if "utf" not in (out.encoding or "").lower():
+        return None
+    return "blocks" if environment.get("COLORTERM") in ("truecolor", "24bit") else "blocks256"
+
+
+def _named(environment: Mapping[str, str]) -> Way | None:
+    """The way of a terminal that the environment names; none in a multiplexer, which may not pass it on."""
+    if environment.get("TMUX") or environment.get("TERM", "").startswith(("screen", "tmux")):
+        return None
+    program = environment.get("TERM_PROGRAM") or environment.get("LC_TERMINAL", "")
+    if environment.get("KITTY_WINDOW_ID") or environment.get("TERM") in ("xterm-kitty", "xterm-ghostty"):
+        return "kitty"
+    return "iterm" if program in ("iTerm.app", "iTerm2", "WezTerm") else None
+
+
+def _asked(out: int, keys: int, patience: float) -> bytes:
+    """What the terminal answers in time; empty where it cannot be asked."""
+    with _unechoed(keys) as able:
+        if not able:
+            return b""
+        os.write(out, _QUESTION)
+        answer, until = b"", time.monotonic() + patience
+        while not _ATTRIBUTES.search(answer) and len(answer) < _MOST_BYTES:
+            if not select.select([keys], [], [], max(0.0, until - time.monotonic()))[0]:
+                break
+            if not (more := os.read(keys, _MOST_BYTES)):
+                break
+            answer += more
+        os.write(out, _ERASE)
+        return answer
+
+
+@contextlib.contextmanager
+def _unechoed(keys: int) -> Iterator[bool]:
+    """Neither echoes nor waits for whole lines in the meantime; False where that cannot be had."""
+    try:
+        import termios
+        import tty
+
+        before = termios.tcgetattr(keys)
+        # A program in the background would be stopped by the system for asking.
+        able = os.tcgetpgrp(keys) == os.getpgrp()
+    except (ImportError, OSError, termios.error):
+        yield False
+        return
+    if not able:
+        yield False
+        return
+    tty.setcbreak(keys, termios.TCSANOW)
+    try:
+        yield True
+    finally:
+        # What is left of a late answer is thrown away, and not typed at the user's prompt.
+        termios.tcsetattr(keys, termios.TCSAFLUSH, before)

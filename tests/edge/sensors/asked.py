@@ -1,0 +1,75 @@
+"""A process that asks the cameras' real libraries for what they cannot give, and says what the drivers say.
+
+It is a process of its own because the libraries set signal handlers and leave threads behind. The first word
+of its command line is a folder with recordings and made-up USB trees; its answer is JSON.
+"""
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from enliven.errors import EnlivenError
+from enliven_edge.sensors.attached import attached
+from enliven_edge.sensors.drivers import refusals
+from enliven_edge.sensors.drivers.oak import OakSensor
+from enliven_edge.sensors.drivers.realsense import RealSenseSensor
+
+
+def say(ask: Callable[[], object]) -> list[str]:
+    """What comes of it: the error's class, its words and its exit code, or what was returned."""
+    try:
+        return ["", str(ask()), "0"]
+    except EnlivenError as error:
+        return [type(error).__name__, str(error), str(error.exit_code)]
+
+
+def on_usb(folder: Path, name: str) -> None:
+    """The system shows the cameras of this tree."""
+    refusals.attached = lambda: attached(folder / name / "devices", folder / name / "nodes")
+
+
+def opened_twice() -> object:
+    """librealsense's own error for a stream that is open already."""
+    with RealSenseSensor(rehearse=str(folder / "lensless-realsense.mcap")) as sensor:
+        return sensor._open(sensor._depth, sensor._profile((320, 180, 30)), sensor._images)
+
+
+def on_usb_2() -> object:
+    """A device of software that says of itself what one on a USB 2 cable says."""
+    with RealSenseSensor(rehearse=str(folder / "lensless-realsense.mcap")) as sensor:
+        sensor._device.register_info(sensor._rs.camera_info.usb_type_descriptor, "2.1")
+        found = sensor.condition()
+        return [found.link, found.slow_link]
+
+
+def lensless(kind: type, name: str) -> object:
+    """The lens of an image of a device that does not know its own, and whether it says so."""
+    with kind(rehearse=str(folder / f"lensless-{name}.mcap")) as sensor:
+        while True:
+            try:
+                camera = sensor.read(0.2).intrinsics
+            except TimeoutError:
+                continue
+            return [camera.width, camera.fx, sensor.condition().calibrated]
+
+
+KINDS: dict[str, tuple[type, str, str]] = {
+    "oak": (OakSensor, "device", "14442C10D13EABCE00"),
+    "realsense": (RealSenseSensor, "serial", "012345678901"),
+}
+
+if __name__ == "__main__":
+    folder, sensor = Path(sys.argv[1]), sys.argv[2]
+    kind, option, name = KINDS[sensor]
+    said = {}
+    for tree in ("nothing", "forbidden", "hidden"):
+        on_usb(folder, tree)
+        said[tree] = say(kind)
+    on_usb(folder, "nothing")
+    said["another"] = say(lambda: kind(**{option: name}))
+    said["lensless"] = say(lambda: lensless(kind, sensor))
+    if sensor == "realsense":
+        said["open already"] = say(opened_twice)
+        said["USB 2"] = say(on_usb_2)
+    print(json.dumps(said))

@@ -1,0 +1,218 @@
+"""What every live sensor promises, and the sensors that are held to it: adding one is one line of DRIVERS."""
+
+from __future__ import annotations
+
+import importlib.util
+import multiprocessing
+import os
+import shutil
+import signal
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from garbled import GarbledOak, GarbledPlain, GarbledRealSense
+from patience import PATIENCE
+from troubled import camera, picture
+
+from enliven.errors import InputError
+from enliven.frames import DepthFrame
+from enliven.recording import Recorder
+from enliven_edge.sensors.base import Sensor, SensorFault
+from enliven_edge.sensors.isolation import IsolatedOpener
+from enliven_edge.sensors.reopening import kept_open
+
+FULL = os.environ.get("ENLIVEN_CONTRACT") == "full"
+"""make test-devices holds every driver to all of it, make test to a shorter version."""
+FRAMES = 300 if FULL else 60
+STEP = 11_111_111
+"""Nanoseconds between two images, 90 a second: the fastest mode of the cameras."""
+CLOCK = 1_000
+"""Nanoseconds by which a library's clock may round."""
+SIZE, OTHER = (96, 64), (128, 72)
+"""Pixels of the images, and of those after the mode was changed."""
+LONG = 1_200
+"""Images of a rehearsal, 13 s: longer than any clause needs."""
+PAUSE = 40
+"""Images' time, 0.44 s, for which a device sends nothing while its mode is changed: less than a loss."""
+
+
+@dataclass(frozen=True)
+class Driver:
+    """One driver under the contract.
+
+    Attributes:
+        kind: its class; run in a helper process, with ``rehearse=`` for a device.
+        garbled: the same one, with a library that delivers garbage at times (None: it cannot be made to).
+        needs: the library that must be installed, and the extra of enliven-edge that brings it.
+    """
+
+    name: str
+    kind: str
+    garbled: type | None = None
+    needs: tuple[str, str] = ("", "")
+
+    @property
+    def rounds(self) -> int:
+        """How often it is lost and comes back."""
+        return 5 if FULL else 1 if self.needs[0] else 2
+
+    def opener(self, take: Path, kind: type | None = None) -> IsolatedOpener:
+        """Opens it as the registry does, before a recording."""
+        module, _, name = self.kind.partition(":")
+        kind = kind or getattr(importlib.import_module(module), name)
+        return IsolatedOpener(self.name, kind, {"rehearse": str(take)})
+
+
+DRIVERS = (
+    Driver("plain", "garbled:Plain", GarbledPlain),
+    Driver("oak", "enliven_edge.sensors.drivers.oak:OakSensor", GarbledOak, ("depthai", "oak")),
+    Driver(
+        "realsense",
+        "enliven_edge.sensors.drivers.realsense:RealSenseSensor",
+        GarbledRealSense,
+        ("pyrealsense2", "realsense"),
+    ),
+    Driver("orbbec", "enliven_edge.sensors.drivers.orbbec:OrbbecSensor", needs=("pyorbbecsdk", "orbbec")),
+    Driver("tof", "enliven_edge.sensors.drivers.tof:TofSensor"),
+)
+"""The drivers; "plain" is one of an engineer's own, without any library."""
+
+
+def usable(driver: Driver) -> Driver:
+    """The driver; the test is skipped, with the reason, where its library is missing."""
+    library, extra = driver.needs
+    if library and importlib.util.find_spec(library) is None:
+        pytest.skip(f'{library} is not installed: pip install "./edge[{extra}]"')
+    return driver
+
+
+def numbered(number: int, size: tuple[int, int] = SIZE) -> np.ndarray:
+    """(height, width) uint16 millimetres of an image that says its number."""
+    depth = picture(number % 7, *size)
+    depth[0, :2] = number % 1000, number // 1000
+    return depth
+
+
+def number_of(depth: np.ndarray) -> int:
+    """The number that an image says."""
+    return int(depth[0, 0]) + 1000 * int(depth[0, 1])
+
+
+def lens(size: tuple[int, int]):
+    return camera(*size, 80.25 * size[0] / SIZE[0])
+
+
+def recorded(path: Path, frames: int, change_at: int | None = None) -> Path:
+    """A recording of numbered images; after a pause at ``change_at`` they are of another size."""
+    with Recorder(path) as recorder:
+        for number in range(frames):
+            changed = change_at is not None and number >= change_at
+            size, at = (OTHER, number + PAUSE) if changed else (SIZE, number)
+            recorder.write_frame(DepthFrame(numbered(number, size), lens(size), at * STEP, "test"))
+    return path
+
+
+def helpers() -> list:
+    """The helper processes of this process."""
+    return [p for p in multiprocessing.active_children() if p.name.startswith("sensor")]
+
+
+def helper_of(sensor: Sensor) -> int:
+    """The helper process of a sensor that is kept open."""
+    return sensor._device._helper._process.pid
+
+
+def next_frame(sensor: Sensor, errors: list[Exception] | None = None, most: float = PATIENCE):
+    """The next frame, over silence and faults, which are noted."""
+    deadline = time.monotonic() + most
+    while time.monotonic() < deadline:
+        try:
+            return sensor.read(0.1)
+        except TimeoutError:
+            continue
+        except (SensorFault, InputError) as error:
+            if errors is not None:
+                errors.append(error)
+    raise AssertionError("no frame came")
+
+
+class Live:
+    """A sensor that is kept open before a recording, which may be exchanged, taken away and given back."""
+
+    def __init__(self, driver: Driver, take: Path, folder: Path) -> None:
+        self.driver, self.take, self.path = driver, take, folder / "rehearsal.mcap"
+        self._aside = folder / "aside.mcap"
+        shutil.copy(take, self.path)
+        self.sensor = kept_open(driver.opener(self.path))
+        self.last = next_frame(self.sensor)
+
+    def frame(self, errors: list[Exception] | None = None) -> DepthFrame:
+        """The next frame; later than the one before by the sensor's clock, whatever came between."""
+        frame = next_frame(self.sensor, errors)
+        assert frame is not None, "a live sensor never ends"
+        assert frame.time_ns > self.last.time_ns
+        self.last = frame
+        return frame
+
+    def signal(self, number: int) -> None:
+        """To the helper process: SIGSTOP is a library's call that hangs, SIGKILL one that crashes."""
+        os.kill(helper_of(self.sensor), number)
+
+    def awake(self) -> Live:
+        """The sensor with enough of its recording left; opened anew where that is over, or was another."""
+        frame = next_frame(self.sensor, [])
+        if frame is None or number_of(frame.depth) > LONG // 4 or frame.depth.shape[::-1] != SIZE:
+            self.close()
+            shutil.copy(self.take, self.path)
+            self.sensor = kept_open(self.driver.opener(self.path))
+            frame = next_frame(self.sensor)
+        self.last = frame
+        return self
+
+    def gone(self, gone: bool = True) -> None:
+        """The device is unplugged, or back."""
+        here, there = (self.path, self._aside) if gone else (self._aside, self.path)
+        here.rename(there)
+
+    def lose(self) -> Exception:
+        """The helper is killed; what is said of that, once the edge has noticed."""
+        self.signal(signal.SIGKILL)
+        errors: list[Exception] = []
+        self.until(lambda: errors, errors)
+        return errors[0]
+
+    def play(self, take: Path) -> None:
+        """Another recording from now on, as of a camera that was changed while it was away."""
+        self.gone()
+        self.lose()
+        shutil.copy(take, self._aside)
+        self.gone(False)
+        self.frame()
+
+    def until(self, done: Callable[[], object], errors: list[Exception]) -> None:
+        """Reads until something holds."""
+        deadline = time.monotonic() + PATIENCE
+        while not done():
+            assert time.monotonic() < deadline, f"it never came to that: {errors}"
+            try:
+                self.last = self.sensor.read(0.1)
+            except TimeoutError:
+                continue
+            except (SensorFault, InputError) as error:
+                errors.append(error)
+
+    def close(self) -> None:
+        self.sensor.close()
+
+
+def processor_seconds(pid: int) -> float:
+    """Seconds of processor time of another process; 0 where the system does not say."""
+    if not sys.platform.startswith("linux"):
+        return 0.0
+    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

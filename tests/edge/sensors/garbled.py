@@ -1,0 +1,112 @@
+"""Drivers to whose real library an image of garbage is handed now and then, in the way that images are."""
+
+from __future__ import annotations
+
+import math
+from datetime import timedelta
+
+import numpy as np
+
+from enliven.camera import Intrinsics
+from enliven.frames import DepthFrame
+from enliven_edge.sensors.drivers.oak import OakSensor
+from enliven_edge.sensors.drivers.realsense import RealSenseSensor
+from enliven_edge.sensors.replay import ReplaySensor
+
+EVERY = 10
+"""Every how many images one is garbage."""
+
+
+def is_garbage(number: int) -> bool:
+    return number % EVERY == EVERY - 1
+
+
+class Plain:
+    """A driver of an engineer's own, in a helper process: it opens, reads and closes a recording."""
+
+    isolated = True
+
+    def __init__(self, rehearse: str) -> None:
+        self._file = ReplaySensor(rehearse)
+        self.name, self.fps, self._count = "plain rehearsal", self._file.fps, 0
+
+    def read(self, timeout: float | None = None) -> DepthFrame | None:
+        frame = self._file.read(timeout)
+        if frame is None:
+            return None
+        number, self._count = self._count, self._count + 1
+        return self._made(frame, number)
+
+    def _made(self, frame: DepthFrame, number: int) -> DepthFrame:
+        return DepthFrame(frame.depth, frame.intrinsics, frame.time_ns, self.name, sequence=number)
+
+    def close(self) -> None:
+        self._file.close()
+
+
+class GarbledPlain(Plain):
+    """An image of another type, and one of another size than its camera's."""
+
+    def _made(self, frame: DepthFrame, number: int) -> DepthFrame:
+        camera, depth = frame.intrinsics, frame.depth
+        if is_garbage(number):
+            depth = (depth.astype(np.float32) * math.nan, depth[:-1])[number // EVERY % 2]
+        return DepthFrame(depth, camera, frame.time_ns, self.name, sequence=number)
+
+
+class GarbledOak(OakSensor):
+    """Too few bytes, none, another type, no size, a lens of no numbers, and something that is no image."""
+
+    def _send(self, frame: DepthFrame, number: int) -> None:
+        if not is_garbage(number):
+            return super()._send(frame, number)
+        dai, types = self._dai, self._dai.ImgFrame.Type
+        width, height = frame.intrinsics.width, frame.intrinsics.height
+        kinds = (
+            (types.RAW16, 100, width, height, 80.0),
+            (types.RAW16, 0, width, height, 80.0),
+            (types.GRAY8, width * height, width, height, 80.0),
+            (types.BGR888i, 3 * width * height, width, height, 80.0),
+            (types.RAW16, 2 * width * height, 0, 0, 80.0),
+            (types.RAW16, 2 * width * height, width, height, math.nan),
+        )
+        turn = number // EVERY % (len(kinds) + 1)
+        if turn == len(kinds):
+            self._node.out.send(dai.Buffer())
+            return None
+        kind, size, across, down, focal = kinds[turn]
+        image = dai.ImgFrame()
+        image.setType(kind)
+        image.setWidth(across)
+        image.setHeight(down)
+        image.setData(np.zeros(size, np.uint8))
+        image.setSequenceNum(number)
+        image.setTimestamp(timedelta(microseconds=frame.time_ns / 1000))
+        lens = [[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]]
+        image.setTransformation(dai.ImgTransformation(width, height, lens))
+        self._node.out.send(image)
+        return None
+
+
+class GarbledRealSense(RealSenseSensor):
+    """Another type, half a row, and times that are none; of a lack of rows such a device tells nothing."""
+
+    def _send(self, frame: DepthFrame, number: int) -> None:
+        if not is_garbage(number):
+            return super()._send(frame, number)
+        camera: Intrinsics = frame.intrinsics
+        time_ms = 1e-6 * frame.time_ns
+        kinds = (
+            (np.uint8, 1, camera.width, time_ms),
+            (np.uint16, 2, camera.width, time_ms),
+            (np.uint16, 2, 2 * camera.width, math.nan),
+            (np.uint16, 2, 2 * camera.width, -math.inf),
+        )
+        kind, size, stride, time_of_it = kinds[number // EVERY % len(kinds)]
+        made = self._rs.software_video_frame()
+        made.pixels = np.zeros((camera.height, camera.width), kind)
+        made.bpp, made.stride, made.timestamp, made.frame_number = size, stride, time_of_it, number
+        made.domain = self._rs.timestamp_domain.hardware_clock
+        made.profile, made.depth_units = self._stream, 0.001
+        self._sensor.on_video_frame(made)
+        return None

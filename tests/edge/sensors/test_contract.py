@@ -1,0 +1,255 @@
+"""One contract for every live sensor, on its real library where there is one, a recording for a device."""
+
+import itertools
+import os
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+from contract import (
+    CLOCK,
+    DRIVERS,
+    FRAMES,
+    FULL,
+    LONG,
+    OTHER,
+    PATIENCE,
+    PAUSE,
+    SIZE,
+    STEP,
+    Live,
+    helper_of,
+    helpers,
+    lens,
+    next_frame,
+    number_of,
+    numbered,
+    processor_seconds,
+    recorded,
+    usable,
+)
+from garbled import is_garbage
+from patience import until
+
+from enliven.errors import InputError
+from enliven.recording import Recorder
+from enliven_edge.sensors.base import SensorFault
+from enliven_edge.sensors.isolation import isolated
+from enliven_edge.sensors.profile import load_profile
+from enliven_edge.sensors.registry import open_sensor
+from enliven_edge.sensors.reopening import kept_open
+from enliven_edge.synthesis.studio import Studio, StudioSettings
+from enliven_edge.tracking.tracker import Tracker
+
+LOAD = 0.5
+"""Share of the time of waiting that may be spent computing: busy waiting takes all of it, and a helper's own
+threads, the decoding of a recording and the reading of 90 images a second less than a tenth."""
+TURN = 0.1
+"""Seconds that the edge waits for a frame at a time."""
+
+
+@pytest.fixture(scope="module")
+def takes(tmp_path_factory):
+    """A long recording, and one whose images change their size after 120."""
+    folder = tmp_path_factory.mktemp("takes")
+    return recorded(folder / "long.mcap", LONG), recorded(folder / "changing.mcap", LONG // 2, change_at=120)
+
+
+@pytest.fixture(scope="module", params=DRIVERS, ids=lambda driver: driver.name)
+def driver(request):
+    return usable(request.param)
+
+
+@pytest.fixture(scope="module")
+def kept(driver, takes, tmp_path_factory):
+    """One sensor for all clauses: what it promises is that it outlives them."""
+    made = Live(driver, takes[0], tmp_path_factory.mktemp("rehearsed"))
+    yield made
+    made.close()
+    until(lambda: not helpers(), "an end without a helper process")
+
+
+@pytest.fixture
+def live(kept):
+    return kept.awake()
+
+
+def test_images_arrive_as_they_are_and_gaps_are_told(live):
+    """By the sensor's clock and by its count: on a loaded machine some are left out, as of a camera."""
+    seen = []
+    for _ in range(FRAMES):
+        frame = live.frame()
+        number = number_of(frame.depth)
+        np.testing.assert_array_equal(frame.depth, numbered(number))
+        seen.append((number, frame.sequence, frame.time_ns))
+        assert frame.sensor == live.sensor.name and frame.sensor.startswith(live.driver.name)
+        given, camera = frame.intrinsics, lens(SIZE)
+        assert (given.width, given.height) == SIZE and not any(given.distortion)
+        wanted = (camera.fx, camera.fy, camera.cx, camera.cy)
+        np.testing.assert_allclose((given.fx, given.fy, given.cx, given.cy), wanted, rtol=1e-6)
+    for (a, count, at), (b, next_count, next_at) in itertools.pairwise(seen):
+        assert b > a and next_count - count == b - a
+        assert abs(next_at - at - (b - a) * STEP) <= 2 * CLOCK
+    assert live.sensor.fps == pytest.approx(1e9 / STEP, rel=0.02)
+
+
+def test_a_call_that_hangs_is_noticed_by_the_edge_s_own_timer(live):
+    """By the number of waits, each no shorter than it says; and while it waits the edge does nothing else."""
+    before, at = time.process_time(), time.monotonic()
+    live.signal(signal.SIGSTOP)
+    waits, last = 0, live.last.time_ns
+    with pytest.raises(SensorFault, match="no image for 1 s"):
+        while True:
+            try:
+                live.last, waits = live.sensor.read(TURN), 0
+                before, at, last = time.process_time(), time.monotonic(), live.last.time_ns
+            except TimeoutError:
+                waits += 1
+    assert waits <= isolated.SILENT / TURN + 1
+    assert time.process_time() - before < LOAD * (time.monotonic() - at)
+    assert live.frame().time_ns - last > 0.5e9, "the sensor's clock knows of the silence"
+
+
+def test_lost_and_back_again_and_again(live):
+    """Its process killed, the device gone for two attempts, and there again: each time a fresh process."""
+    for _ in range(live.driver.rounds):
+        live.gone()
+        assert "signal 9" in str(live.lose())
+        errors: list[Exception] = []
+        live.until(lambda: len(errors) >= 2, errors)  # noqa: B023
+        assert len(helpers()) <= 2, "one for all vain attempts; that of the lost device may still end"
+        live.gone(False)
+        live.frame()
+
+
+def test_another_size_in_the_middle_of_the_stream(live, takes):
+    """Image and lens always belong together; while its mode is changed nothing computes in its place."""
+    live.play(takes[1])
+    shapes: list[tuple[int, ...]] = []
+    errors: list[Exception] = []
+    while not shapes or shapes[-1] == SIZE:
+        before, at = processor_seconds(helper_of(live.sensor)), time.monotonic()
+        frame = live.frame(errors)
+        waited = time.monotonic() - at
+        assert not errors
+        spent = processor_seconds(helper_of(live.sensor)) - before
+        size = frame.depth.shape[::-1]
+        np.testing.assert_array_equal(frame.depth, numbered(number_of(frame.depth), size))
+        np.testing.assert_allclose(frame.intrinsics.fx, lens(size).fx, rtol=1e-6)
+        shapes.append(size)
+    assert shapes[0] == SIZE and shapes[-1] == OTHER
+    assert spent < LOAD * max(waited, PAUSE * STEP * 1e-9)
+
+
+def test_of_two_of_one_kind_one_sends_garbage_and_is_closed_while_it_is_read(live, takes, monkeypatch):
+    """What is no image is said to be none and costs itself; the other one does not notice.
+
+    At last its library hangs for ever: closing does not wait for it, and neither does the reader.
+    """
+    other = kept_open(live.driver.opener(takes[0], live.driver.garbled))
+    errors: list[Exception] = []
+    numbers = []
+    while len(errors) < 8:
+        live.frame()
+        depth = next_frame(other, errors).depth
+        np.testing.assert_array_equal(depth, numbered(number_of(depth)))
+        numbers.append(number_of(depth))
+    assert all(type(error) is InputError for error in errors), errors
+    assert not any(is_garbage(number) for number in numbers)
+    assert numbers == sorted(set(numbers)), "it is the same device"
+    monkeypatch.setattr(isolated, "SILENT", 1e6)
+    next_frame(other)
+    os.kill(helper_of(other), signal.SIGSTOP)
+    reader = threading.Thread(target=read_to_the_end, args=(other,), daemon=True)
+    reader.start()
+    until(lambda: other._errands.busy)
+    other.close()
+    reader.join(PATIENCE)
+    assert not reader.is_alive() and other.read(TURN) is None
+    live.frame()
+
+
+def read_to_the_end(sensor):
+    """Reads for ever, as long as each frame takes."""
+    while True:
+        try:
+            if sensor.read() is None:
+                return
+        except InputError:
+            continue
+
+
+@pytest.fixture(scope="module")
+def rooms(tmp_path_factory):
+    """An empty room seen by a camera at its place, and by one that was turned and put higher."""
+    folder = tmp_path_factory.mktemp("rooms")
+    for name, tilt, height in (("here", 6.0, 1.2), ("there", 20.0, 1.6)):
+        more = {"choreography": "idle", "width": 160, "camera_height": height, "camera_tilt": tilt}
+        studio = Studio(load_profile("kinect1"), StudioSettings(**more))
+        with Recorder(folder / f"{name}.mcap") as recorder:
+            for index in range(150):
+                recorder.write_frame(studio.frame(index))
+    return folder
+
+
+def test_only_a_camera_that_was_moved_while_it_was_away_is_said_to_have_been(rooms, live):
+    if live.driver.needs[0] and not FULL:
+        pytest.skip("the tracker is the same for every driver: make test-devices asks it of each")
+    tracker = Tracker()
+
+    def moved(name: str, frames: int) -> bool:
+        live.play(rooms / f"{name}.mcap")
+        seen = False
+        for _ in range(frames):
+            tracker.track(live.frame())
+            seen |= tracker.state.moved
+        return seen
+
+    assert not moved("here", 60)
+    assert not moved("here", 30)
+    assert moved("there", 60)
+
+
+class Nobody:
+    """Finds no landmarks in an image."""
+
+    def find(self, colour, time_ns):
+        return []
+
+    def close(self):
+        pass
+
+
+def filmed(path):
+    """A film of 12 images a second, for a second."""
+    av = pytest.importorskip("av")
+    with av.open(path, "w") as container:
+        stream = container.add_stream("libx264", rate=12)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        for number in range(12):
+            grey = np.full((48, 64, 3), 20 * number, np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(grey, format="rgb24")))
+        container.mux(stream.encode())
+    return str(path)
+
+
+IN_THE_EDGE = {
+    "replay": lambda takes, folder: {"path": takes[0]},
+    "synthetic": lambda takes, folder: {"width": 64},
+    "webcam": lambda takes, folder: {"device": filmed(folder / "film.mp4"), "source": Nobody()},
+}
+"""What opens the sensors that need no process of their own."""
+
+
+@pytest.mark.parametrize("name", IN_THE_EDGE)
+def test_what_runs_in_the_edge_itself_keeps_to_its_part_of_it(name, takes, tmp_path):
+    """Times rise, waiting is no computing, and closed it has ended."""
+    with open_sensor(name, **IN_THE_EDGE[name](takes, tmp_path)) as sensor:
+        times = [next_frame(sensor).time_ns]
+        before, at = time.process_time(), time.monotonic()
+        times += [next_frame(sensor).time_ns for _ in range(8)]
+        assert time.process_time() - before < LOAD * (time.monotonic() - at)
+    assert times == sorted(set(times))
+    assert sensor.read(TURN) is None

@@ -1,0 +1,92 @@
+"""Crashes of a camera's program and of its library leave a report that the doctor names, within limits."""
+
+import importlib.util
+import re
+
+import pytest
+from test_isolation import next_frame, none_left, opener  # noqa: F401 (a fixture)
+
+from enliven_edge import doctor
+from enliven_edge.sensors import crash_reports
+from enliven_edge.sensors.base import SensorFault
+from enliven_edge.sensors.drivers.oak import keep_dump_of
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path, monkeypatch):
+    """The user's state folder."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state" / "enliven" / "crashes"
+
+
+def crashed(folder) -> None:
+    """A library that crashes at its second image."""
+    folder.mkdir()
+    with opener(folder, mishap="crashes", after=2)() as sensor:
+        next_frame(sensor)
+        with pytest.raises(SensorFault, match="crashed"):
+            while True:
+                sensor.read(1.0)
+
+
+def test_a_library_that_crashes_says_where_and_the_same_crash_is_counted(tmp_path):
+    assert doctor._crashes().detail == "none kept"
+    for name in ("first", "second"):
+        crashed(tmp_path / name)
+    (report,) = crash_reports.reports()
+    text = report.path.read_text()
+    assert "Segmentation fault" in text and re.search(r'wild\.py", line \d+ in read', text)
+    assert "sensor wild, signal 11" in text and "seen 2 times" in text
+
+
+def test_the_dump_of_an_oak_is_kept_as_its_library_writes_it(state):
+    """The library's own dump; only the device that hands it out is none."""
+    if importlib.util.find_spec("depthai") is None:
+        pytest.skip('depthai is not installed: pip install "./edge[oak]"')
+    import depthai as dai
+
+    class Device:
+        dumps = 1
+
+        def hasCrashDump(self):
+            return self.dumps > 0
+
+        def getCrashDump(self):
+            self.dumps -= 1
+            made = dai.CrashDumpRVC2()
+            made.deviceId = "18443010/../x"
+            return made
+
+    device = Device()
+    assert all(
+        callable(getattr(dai.Device, name)) for name in ("hasCrashDump", "getCrashDump", "getDeviceId")
+    )
+    for _ in range(2):
+        keep_dump_of(device)
+    (report,) = crash_reports.reports()
+    assert report.path.parent == state
+    assert dai.CrashDump.load(str(report.path)).deviceId == "18443010/../x"
+    assert re.search(
+        r"oak-firmware-18443010_.._x-.*gz, \d{4}-\d\d-\d\d \d\d:\d\d: .* https://discuss\.luxonis\.com",
+        doctor._crashes().detail,
+    )
+    assert doctor._crashes().ok, "a report is no lack of the machine"
+
+
+def test_the_newest_are_kept_within_a_number_and_a_size(monkeypatch, state):
+    for number in range(crash_reports.MOST_KEPT + 5):
+        crash_reports.keep_dump(f"{number:03}", lambda path: path.write_bytes(b"x" * 1000))
+    names = [report.path.name for report in crash_reports.reports()]
+    assert len(names) == crash_reports.MOST_KEPT and names[0].startswith("oak-firmware-024")
+    monkeypatch.setattr(crash_reports, "MOST_BYTES", 5000)
+    (state / "of_the_library").mkdir()
+    (state / "of_the_library" / "crash_dump_7.tar.gz").write_bytes(b"y" * 4500)
+    crash_reports.tidy()
+    assert [report.path.name for report in crash_reports.reports()] == ["crash_dump_7.tar.gz"]
+
+
+def test_a_disk_that_refuses_stops_nothing(state, caplog):
+    state.parent.mkdir(parents=True)
+    state.write_text("a file in its place")
+    crash_reports.keep_text("oak", "Fatal Python error: Aborted", 6)
+    assert "cannot be kept" in caplog.text and crash_reports.reports() == []
