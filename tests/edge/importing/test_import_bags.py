@@ -113,7 +113,7 @@ def test_a_bag_of_an_older_librealsense():
 
 @pytest.fixture(scope="module")
 def orbbec(tmp_path_factory) -> Path:
-    """A recording as Orbbec's library writes it, which reads it in tests/edge/sensors/test_drivers.py."""
+    """A recording as Orbbec's library writes it, which reads it in tests/edge/sensors/test_contract.py."""
     folder = tmp_path_factory.mktemp("orbbec")
     with Recorder(folder / "take.mcap") as recorder:
         for number in range(IMAGES):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_drivers import LIBRARIES, needs
+from libraries import LIBRARIES, needs
 from troubled import camera, picture
 
 from enliven.errors import InputError

@@ -143,15 +143,19 @@ def test_another_size_in_the_middle_of_the_stream(live, takes):
     assert spent < LOAD * max(waited, PAUSE * STEP * 1e-9)
 
 
-def test_of_two_of_one_kind_one_sends_garbage_and_is_closed_while_it_is_read(live, takes, monkeypatch):
+def test_of_two_of_one_kind_one_sends_garbage_and_is_closed_while_it_is_read(
+    live, takes, monkeypatch, request
+):
     """What is no image is said to be none and costs itself; the other one does not notice.
 
     At last its library hangs for ever: closing does not wait for it, and neither does the reader.
     """
     other = kept_open(live.driver.opener(takes[0], live.driver.garbled))
+    request.addfinalizer(other.close)
     errors: list[Exception] = []
     numbers = []
-    while len(errors) < 8:
+    garbage = 8 if live.driver.garbled else 0
+    while len(errors) < garbage or not numbers:
         live.frame()
         depth = next_frame(other, errors).depth
         np.testing.assert_array_equal(depth, numbered(number_of(depth)))

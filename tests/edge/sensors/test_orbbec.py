@@ -4,8 +4,9 @@ import struct
 
 import numpy as np
 import pytest
-from test_drivers import needs
-from test_isolation import next_frame, none_left  # noqa: F401 (a fixture)
+from contract import next_frame
+from libraries import needs
+from test_isolation import none_left  # noqa: F401 (a fixture)
 from troubled import camera, picture
 
 from enliven.camera import Intrinsics

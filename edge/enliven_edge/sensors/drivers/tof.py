@@ -54,6 +54,7 @@ class _Measured:
     confidence_data: Float32
     time_ns: int
     number: int
+    lens: Intrinsics
 
 
 class TofSensor:
@@ -92,7 +93,7 @@ class TofSensor:
         self._rehearsal: Rehearsal | None = None
         if rehearse:
             self._played: queue.Queue[_Measured] = queue.Queue(_WAITING)
-            self._rehearsal = Rehearsal(rehearse, self._send)
+            self._rehearsal = Rehearsal(rehearse, self._send, paced=True)
             self._lens, self._calibrated = self._rehearsal.first.intrinsics, True
             self.name, self.fps = "tof rehearsal", self._rehearsal.fps
         else:
@@ -111,19 +112,22 @@ class TofSensor:
             if over:
                 return None
             raise TimeoutError(f"no image of {self.name} yet")
+        # The library does not say in which unit or of which clock its times are.
+        time_ns, number = time.monotonic_ns(), self._number
+        if self._rehearsal is not None:
+            self._lens, number = frame.lens, frame.number
+            time_ns = self._rehearsal.taken(frame.time_ns)
         try:
             depth = self._trusted(frame.depth_data, frame.confidence_data)
         finally:
             self._release(frame)
-        # The library does not say in which unit or of which clock its times are.
-        played = isinstance(frame, _Measured)
-        time_ns = frame.time_ns if played else time.monotonic_ns()
-        number = frame.number if played else self._number
         self._number = number + 1
         return DepthFrame(self._within(depth), self._lens, time_ns, self.name, sequence=number)
 
     def condition(self) -> Condition:
         """That it is at a camera port, and whether it knows its lens: it tells nothing more."""
+        if self._rehearsal is not None and (told := self._rehearsal.condition()):
+            return told
         return Condition("CSI" if self._camera is not None else "", calibrated=self._calibrated)
 
     def close(self) -> None:
@@ -205,6 +209,6 @@ class TofSensor:
         depth = frame.depth.astype(np.float32)
         sure = np.where(frame.depth > 0, np.float32(255.0), np.float32(0.0))
         try:
-            self._played.put(_Measured(depth, sure, frame.time_ns, number), timeout=1.0)
+            self._played.put(_Measured(depth, sure, frame.time_ns, number, frame.intrinsics), timeout=1.0)
         except queue.Full:
             return

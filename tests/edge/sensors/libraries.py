@@ -1,0 +1,18 @@
+"""The libraries of the drivers whose rehearsals need them, and what skips a test without one."""
+
+import importlib.util
+
+import pytest
+
+LIBRARIES = {
+    "oak": "depthai",
+    "orbbec": "pyorbbecsdk",
+    "realsense": "pyrealsense2",
+    "tof": "ArducamDepthCamera",
+}
+
+
+def needs(driver: str) -> None:
+    """Skips a test where the driver's library is missing."""
+    if importlib.util.find_spec(LIBRARIES[driver]) is None:
+        pytest.skip(f"{LIBRARIES[driver]} is not installed: docs/sensors.md")
