@@ -27,7 +27,11 @@ Wheels = dict[tuple[str, str], dict[str, frozenset[Tag]]]
 """By name and version: the tags of each wheel, by its SHA-256."""
 HOUSE = Path(__file__).parents[1]
 PACKAGES = ("shared", "edge", "viewer")
-EXTRAS = {"shared": ("test",), "edge": ("physics", "controls", "voice", "oak", "realsense"), "viewer": ()}
+EXTRAS = {
+    "shared": ("test",),
+    "edge": ("physics", "controls", "voice", "oak", "realsense", "libcamera"),
+    "viewer": (),
+}
 """What `make setup-dev` installs beyond what `make run` needs."""
 BUILD = ("hatchling", "editables", "pip", "setuptools")
 """What installs the three packages themselves."""

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 
 from enliven.arrays import Float, UInt8
 from enliven.body import Body, Joint
-from enliven.camera import Intrinsics
+from enliven.camera import Intrinsics, world_from_level_camera
+from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.landmarks.joining import join_people
 from enliven_edge.landmarks.lifting import Lifter, LiftSettings
+from enliven_edge.landmarks.mediapipe_source import MediaPipeSettings, MediaPipeSource
 from enliven_edge.landmarks.source import LandmarkSource
 
 _STEP = 0.6
@@ -65,3 +68,51 @@ class ColourEye:
                 numbers[k], self._next = self._next, self._next + 1
             self._known[numbers[k]] = (place, time_ns)
         return [dataclasses.replace(body, id=numbers[k]) for k, body in enumerate(bodies)]
+
+
+class LevelEye:
+    """The bodies of a plain camera that stands level, whose view is known roughly and no depth at all.
+
+    Args:
+        view: degrees that the camera sees from left to right.
+        height: metres of the camera above the floor.
+        tilt: degrees that it looks down.
+        body_height: metres of the performers; a smaller one seems farther away.
+        python, model: of :class:`~enliven_edge.landmarks.mediapipe_source.MediaPipeSettings`.
+        source: finds the landmarks, in place of MediaPipe; closed with this.
+
+    Raises:
+        InputError: for a view that no lens has, or a model file that does not exist.
+        ResourceError: where MediaPipe cannot be started.
+    """
+
+    def __init__(
+        self,
+        view: float = 65.0,
+        height: float = 1.2,
+        tilt: float = 0.0,
+        body_height: float = 1.72,
+        python: str = "",
+        model: str = "",
+        source: LandmarkSource | None = None,
+    ) -> None:
+        if not 10.0 <= view <= 170.0:
+            raise InputError(f"the view is {view} degrees", where="camera", mend="Give 10 to 170.")
+        self._view, self._mount = math.radians(view), world_from_level_camera(height, math.radians(tilt))
+        self._source = source or MediaPipeSource(MediaPipeSettings(python=python, model=model))
+        self._eye = ColourEye(self._source, LiftSettings(body_height=body_height))
+
+    def bodies(self, colour: UInt8, time_ns: int) -> list[Body]:
+        """The bodies in an (h, w, 3) uint8 sRGB image."""
+        camera = pinhole(colour.shape[1], colour.shape[0], self._view)
+        return self._eye.bodies(colour, camera, self._mount, time_ns)
+
+    def close(self) -> None:
+        """Lets the source go; a second call does nothing."""
+        self._source.close()
+
+
+def pinhole(width: int, height: int, view: float) -> Intrinsics:
+    """A camera that sees ``view`` radians from left to right."""
+    focal = 0.5 * width / math.tan(0.5 * view)
+    return Intrinsics(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))

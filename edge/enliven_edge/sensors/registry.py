@@ -18,6 +18,7 @@ ENTRY_POINTS = "enliven.sensors"
 """Other packages add sensors through this group: an entry point names a class that makes a Sensor."""
 
 _BUILT_IN = {
+    "libcamera": "enliven_edge.sensors.drivers.libcamera:LibcameraSensor",
     "oak": "enliven_edge.sensors.drivers.oak:OakSensor",
     "realsense": "enliven_edge.sensors.drivers.realsense:RealSenseSensor",
     "replay": "enliven_edge.sensors.replay:ReplaySensor",

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import sys
 import time
 from types import TracebackType
 from typing import Any
 
-from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
-from enliven_edge.landmarks.eye import ColourEye
-from enliven_edge.landmarks.lifting import LiftSettings
-from enliven_edge.landmarks.mediapipe_source import MediaPipeSettings, MediaPipeSource
+from enliven_edge.landmarks.eye import LevelEye
 from enliven_edge.landmarks.source import LandmarkSource
 
 _FORMATS = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
@@ -50,18 +46,14 @@ class WebcamSensor:
         body_height: float = 1.72,
         source: LandmarkSource | None = None,
     ) -> None:
-        if not 10.0 <= view <= 170.0:
-            raise InputError(f"the view is {view} degrees", where="webcam", mend="Give 10 to 170.")
         self.name = f"webcam {device}"
         self._live = device.startswith("/dev/") or "=" in device
         self._container = _opened(device, self._live)
-        self._view, self._mount = math.radians(view), world_from_level_camera(height, math.radians(tilt))
         try:
-            self._source = source or MediaPipeSource(MediaPipeSettings(python=python, model=model))
+            self._eye = LevelEye(view, height, tilt, body_height, python, model, source)
         except BaseException:
             self._container.close()
             raise
-        self._eye = ColourEye(self._source, LiftSettings(body_height=body_height))
         self._images = self._container.decode(video=0)
         self._first: tuple[float, float] | None = None
         self._waiting: Any = None
@@ -84,15 +76,14 @@ class WebcamSensor:
             time.sleep(wait)
         time_ns = time.monotonic_ns() if self._live else round(float(image.time or 0.0) * 1e9)
         colour = image.to_ndarray(format="rgb24")
-        camera = _camera(colour.shape[1], colour.shape[0], self._view)
-        return BodyFrame(self._eye.bodies(colour, camera, self._mount, time_ns), time_ns, self.name)
+        return BodyFrame(self._eye.bodies(colour, time_ns), time_ns, self.name)
 
     def close(self) -> None:
         """Lets the camera and the source go."""
         if not self._closed:
             self._closed = True
             self._container.close()
-            self._source.close()
+            self._eye.close()
 
     def __enter__(self) -> WebcamSensor:
         return self
@@ -144,9 +135,3 @@ def _opened(device: str, live: bool) -> Any:
         container.close()
         raise InputError("it has no video", where=device)
     return container
-
-
-def _camera(width: int, height: int, view: float) -> Intrinsics:
-    """A pinhole camera that sees ``view`` radians from left to right."""
-    focal = 0.5 * width / math.tan(0.5 * view)
-    return Intrinsics(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))

@@ -10,10 +10,11 @@ from enliven.body import Body, Joint
 from enliven.camera import world_from_level_camera
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
+from enliven_edge.landmarks.eye import pinhole
 from enliven_edge.landmarks.source import NAMES, Landmarks
 from enliven_edge.sensors.registry import open_sensor
 from enliven_edge.sensors.synthetic import SyntheticSensor
-from enliven_edge.sensors.webcam import WebcamSensor, _camera
+from enliven_edge.sensors.webcam import WebcamSensor
 
 av = pytest.importorskip("av")
 MOUNT = world_from_level_camera(1.2)
@@ -32,7 +33,7 @@ class Truth:
 
     def find(self, colour: np.ndarray, time_ns: int) -> list[Landmarks]:
         self.images.append((colour.shape, int(colour.mean())))
-        camera = _camera(colour.shape[1], colour.shape[0], math.radians(65))
+        camera = pinhole(colour.shape[1], colour.shape[0], math.radians(65))
         local = (self.joints(time_ns) - MOUNT[:3, 3]) @ MOUNT[:3, :3]
         places = np.tile(local[Joint.HEAD], (len(NAMES), 1))
         for landmark, joint in zip(

@@ -19,7 +19,7 @@ from typing import Any
 
 from enliven.camera import Intrinsics
 from enliven.errors import EnlivenError, InputError
-from enliven.frames import DepthFrame
+from enliven.frames import BodyFrame, DepthFrame
 from enliven_edge.sensors.base import Sensor
 from enliven_edge.sensors.isolation.slots import FrameSlots
 
@@ -102,6 +102,8 @@ class _Helper:
             return
         if isinstance(frame, DepthFrame):
             self._hand_on(frame)
+        elif isinstance(frame, BodyFrame):
+            self._pipe.send(("bodies", frame))
         elif frame is None:
             self._pipe.send(("end",))
             self._device = None

@@ -11,11 +11,11 @@ import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from types import TracebackType
-from typing import Any
+from typing import Any, cast
 
 from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
-from enliven.frames import DepthFrame
+from enliven.frames import DepthFrame, Frame
 from enliven_edge.sensors.base import Condition, Sensor, SensorFault
 from enliven_edge.sensors.isolation.helper import serve
 from enliven_edge.sensors.isolation.slots import FrameSlots
@@ -97,7 +97,7 @@ class IsolatedSensor:
         """How the device fared when it was last asked."""
         return self._condition
 
-    def read(self, timeout: float | None = None) -> DepthFrame | None:
+    def read(self, timeout: float | None = None) -> Frame | None:
         """The next frame, or the newest where several wait; None when the stream has ended.
 
         Raises:
@@ -137,12 +137,16 @@ class IsolatedSensor:
     ) -> None:
         self.close()
 
-    def _understood(self, word: str, *rest: Any) -> DepthFrame | None:
+    def _understood(self, word: str, *rest: Any) -> Frame | None:
         """The frame of a message, or None for other messages."""
         match word:
             case "frame":
                 self._heard, self._patience = time.monotonic(), SILENT
                 return self._helper.frame(*rest)
+            case "bodies":
+                self._heard, self._patience = time.monotonic(), SILENT
+                (bodies,) = rest
+                return cast(Frame, bodies)
             case "condition":
                 (self._condition,) = rest
             case "bad":

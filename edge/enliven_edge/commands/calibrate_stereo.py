@@ -1,0 +1,194 @@
+"""enliven calibrate-stereo: two cameras as a depth sensor, from a printed board that both see."""
+
+from __future__ import annotations
+
+import datetime
+import re
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from enliven.errors import InputError, ResourceError
+
+if TYPE_CHECKING:
+    from enliven_edge.sensors.stereo.board import Board
+    from enliven_edge.sensors.stereo.judging import Judgement
+    from enliven_edge.sensors.stereo.solving import Sighting
+
+_LOOK = 0.3
+"""Seconds between two looks at live cameras: a hand needs longer to move a board."""
+_APART_MS = 20.0
+"""Milliseconds by which live images of a pair may differ: the board is held still."""
+_PATIENCE = 10.0
+"""Seconds without a pair after which live cameras are given up."""
+
+
+def calibrate_stereo(
+    folder: Annotated[
+        Path | None,
+        typer.Argument(help="Image pairs, left-01.png and right-01.png; with --live they are kept here."),
+    ] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The calibration.")] = Path("stereo.toml"),
+    print_to: Annotated[
+        Path | None, typer.Option("--print", help="Write the board as a .pdf to print, and do nothing else.")
+    ] = None,
+    squares: Annotated[str, typer.Option(help="Squares of the board, across and down.")] = "7x5",
+    square: Annotated[float, typer.Option(help="Millimetres of a square's side, measured on paper.")] = 38.0,
+    live: Annotated[bool, typer.Option(help="Take the pairs now, with two cameras of libcamera.")] = False,
+    left: Annotated[str, typer.Option(help="The left camera, seen from behind; libcamera's number.")] = "0",
+    right: Annotated[str, typer.Option(help="The right camera.")] = "1",
+    size: Annotated[str, typer.Option(help="Pixels of the live images, as they will be used.")] = "640x400",
+    pairs: Annotated[int, typer.Option(min=8, max=200, help="How many live pairs to keep.")] = 24,
+    accept_doubt: Annotated[
+        bool, typer.Option(help="Write what was found though it is not good enough, as a comment says then.")
+    ] = False,
+) -> None:
+    """Make two cameras a depth sensor: find their lenses and how they stand, from a printed board.
+
+    Print the board at 100 %, glue it flat, measure a square. Take some 24 pairs: near and far, in every
+    corner of both images, tilted to all sides, held still.
+
+    \b
+      enliven calibrate-stereo --print board.pdf
+      enliven calibrate-stereo PAIRS --square 37.9 -o stereo.toml
+      enliven calibrate-stereo --live PAIRS --square 37.9 -o stereo.toml
+      enliven run --sensor libcamera --set calibration=stereo.toml
+    """
+    from enliven_edge.sensors.stereo.board import Board
+
+    board = Board(*_size(squares, "--squares"), 1e-3 * square)
+    if print_to is not None:
+        _print(board, print_to)
+        return
+    if folder is None:
+        raise InputError(
+            "there are no image pairs",
+            where="calibrate-stereo",
+            mend="Give their folder, or --live and a folder to keep them in.",
+        )
+    if live:
+        _take(board, folder, (left, right), _size(size, "--size"), pairs)
+    _calibrate(board, folder, output, accept_doubt)
+
+
+def _print(board: Board, path: Path) -> None:
+    """Writes the sheet."""
+    if path.suffix.lower() != ".pdf":
+        raise InputError(f"it ends in {path.suffix!r}", where=str(path), mend="Give a name with .pdf.")
+    try:
+        path.write_bytes(board.pdf())
+    except OSError as error:
+        raise ResourceError(f"it cannot be written ({error.strerror or error})", where=str(path)) from None
+    typer.echo(
+        f"{path}: print it at 100 %, glue it to something flat, measure a square and give it as --square"
+    )
+
+
+def _calibrate(board: Board, folder: Path, output: Path, accept_doubt: bool) -> None:
+    """Solves, tells, and writes where it is good enough."""
+    from enliven_edge.sensors.stereo.calibration import save_calibration
+    from enliven_edge.sensors.stereo.judging import judge
+    from enliven_edge.sensors.stereo.solving import solve
+
+    sightings, size = _seen(board, folder)
+    solution = solve(board, sightings, size)
+    judgement = judge(board, solution)
+    _tell(judgement)
+    found = solution.calibration
+    if found is None or not (judgement.usable or accept_doubt):
+        kept = f"; {output} is as it was" if output.exists() else ""
+        raise InputError(
+            f"the calibration is not good enough{kept}",
+            where=str(folder),
+            mend=" ".join(judgement.advice)
+            + (" Or, to try it all the same: --accept-doubt" if found else ""),
+        )
+    facts = [f"{what}: {value}" for what, value in judgement.facts]
+    today = datetime.date.today().isoformat()
+    head = [f"Two cameras: enliven calibrate-stereo, {today}; {judgement.verdict}.", *judgement.advice]
+    save_calibration(output, found, [*head, *facts])
+    typer.echo(f"{output} is written: enliven run --sensor libcamera --set calibration={output}")
+
+
+def _seen(board: Board, folder: Path) -> tuple[list[Sighting], tuple[int, int]]:
+    """The sightings of a folder's pairs, and the (width, height) of the images."""
+    from enliven_edge.sensors.stereo import image_pairs, read_grey
+    from enliven_edge.sensors.stereo.solving import Sighting
+
+    sightings, size = [], (0, 0)
+    for files in image_pairs(folder):
+        images = [read_grey(file) for file in files]
+        for file, image in zip(files, images, strict=True):
+            size = size if any(size) else (image.shape[1], image.shape[0])
+            if image.shape != size[::-1]:
+                of, first = (f"{each[0]} x {each[1]}" for each in (image.shape[::-1], size))
+                what = f"it has {of} pixels, the first image {first}"
+                raise InputError(what, where=str(file), mend="Take all in one size.")
+        sightings.append(Sighting(files[0].name, *map(board.find, images)))
+    return sightings, size
+
+
+def _take(board: Board, folder: Path, names: tuple[str, str], size: tuple[int, int], pairs: int) -> None:
+    """Keeps pairs of live cameras in a folder."""
+    from PIL import Image
+
+    from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
+    from enliven_edge.sensors.stereo import Pairing
+    from enliven_edge.sensors.stereo.collecting import Keeper
+
+    images = LibcameraImages(list(names), size)
+    try:
+        pairing, keeper = Pairing(images.name, round(1e6 * _APART_MS)), Keeper(board)
+        folder.mkdir(parents=True, exist_ok=True)
+        said, looked, heard = "", 0.0, time.monotonic()
+        while len(keeper.kept) < pairs:
+            if time.monotonic() - heard > _PATIENCE:
+                raise ResourceError("no pair of images came", where=images.name, mend="Check both cameras.")
+            try:
+                picture = images.read(1.0)
+            except TimeoutError:
+                continue
+            pair = pairing.add(picture) if picture is not None else None
+            if pair is None:
+                continue
+            heard = time.monotonic()
+            if heard - looked < _LOOK:
+                continue
+            looked = heard
+            lacks = keeper.offer(pair[0].image, pair[1].image)
+            if not lacks:
+                for side, each in zip(("left", "right"), pair, strict=True):
+                    Image.fromarray(each.image).save(folder / f"{side}-{len(keeper.kept):03}.png")
+            word = lacks or f"{len(keeper.kept)} of {pairs} kept"
+            if word != said:
+                typer.echo(word)
+            said = word
+    finally:
+        images.close()
+
+
+def _tell(judgement: Judgement) -> None:
+    """What was found, on the terminal."""
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    table.add_row("calibration", judgement.verdict)
+    for fact in judgement.facts:
+        table.add_row(*fact)
+    for sentence in judgement.advice:
+        table.add_row("to do", sentence)
+    Console().print(table)
+
+
+def _size(words: str, where: str) -> tuple[int, int]:
+    """The two numbers of 640x400.
+
+    Raises:
+        InputError: where it is none.
+    """
+    match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", words)
+    if not match:
+        raise InputError(f"{words!r} is not ACROSSxDOWN", where=where, mend="For example: 7x5")
+    return int(match[1]), int(match[2])

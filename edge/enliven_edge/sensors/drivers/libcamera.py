@@ -1,0 +1,169 @@
+"""Cameras of a Raspberry Pi, and others that libcamera knows: one for bodies from colour, two for depth."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from types import TracebackType
+
+from enliven.errors import InputError
+from enliven.frames import BodyFrame, DepthFrame
+from enliven_edge.landmarks.eye import LevelEye
+from enliven_edge.landmarks.source import LandmarkSource
+from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
+from enliven_edge.sensors.stereo import (
+    Pairing,
+    Picture,
+    RecordedPairs,
+    Rectification,
+    StereoMatcher,
+    load_calibration,
+)
+from enliven_edge.sensors.stereo.opencv import opencv
+
+_HOT = 75.0
+"""Degrees Celsius of the image sensor up to which the IMX296 of the Global Shutter Camera is specified."""
+
+
+class LibcameraSensor:
+    """One camera that sees bodies by their colour, or with a calibration two that measure depth.
+
+    Args:
+        calibration: the file that ``enliven calibrate-stereo`` wrote; without it the left camera works alone.
+        left, right: cameras, as seen from behind: numbers as libcamera counts them, or parts of their ids.
+        width, height: pixels of one camera's images; those of two are the calibration's.
+        fps: images a second.
+        near, far: metres between which depth is told.
+        apart_ms: milliseconds by which the times of a pair may differ: a hand at 1 m/s goes 1 mm in one,
+            which is 2 cm of its depth at 2 m where the cameras are 10 cm apart.
+        exposure_us: microseconds of exposure; 0: as the cameras find best.
+        gain: of the image sensor, where the exposure is given.
+        tuning: a tuning file for the Raspberry Pi's image processor.
+        rehearse: a folder of image pairs that are taken in place of the cameras'.
+        view: degrees that the one camera sees from left to right.
+        stand: metres of the one camera above the floor.
+        tilt: degrees that it looks down.
+        body_height: metres of the performers that it sees.
+        python, model: where MediaPipe is, as for the webcam.
+        source: finds the landmarks, in place of MediaPipe.
+
+    Raises:
+        InputError: for a calibration, folder or option that cannot be used.
+        ResourceError: where a library or camera is missing, or a camera is in use.
+    """
+
+    isolated = True
+
+    def __init__(
+        self,
+        calibration: str = "",
+        left: str | int = 0,
+        right: str | int = 1,
+        width: int = 640,
+        height: int = 400,
+        fps: float = 30.0,
+        near: float = 0.7,
+        far: float = 8.0,
+        apart_ms: float = 1.0,
+        exposure_us: int = 0,
+        gain: float = 1.0,
+        tuning: str = "",
+        rehearse: str = "",
+        view: float = 65.0,
+        stand: float = 1.2,
+        tilt: float = 0.0,
+        body_height: float = 1.72,
+        python: str = "",
+        model: str = "",
+        source: LandmarkSource | None = None,
+    ) -> None:
+        if not 1.0 <= fps <= 240.0:
+            raise InputError(f"the rate is {fps}", where="sensor libcamera", mend="Give fps=1 to 240.")
+        self.fps = fps
+        self._matcher: StereoMatcher | None = None
+        self._eye: LevelEye | None = None
+        size, cameras = (width, height), [str(left)]
+        if calibration:
+            known = load_calibration(Path(calibration))
+            opencv().setNumThreads(1)
+            self._rectification = Rectification(known)
+            self._matcher = StereoMatcher(self._rectification, near, far)
+            size, cameras = (known.width, known.height), [str(left), str(right)]
+        elif rehearse:
+            mend = "Give --set calibration=FILE, which enliven calibrate-stereo writes."
+            raise InputError("image pairs need the cameras' calibration", where=rehearse, mend=mend)
+        self._images: RecordedPairs | LibcameraImages
+        if rehearse:
+            self._images = RecordedPairs(Path(rehearse), fps)
+        else:
+            colour = not calibration
+            self._images = LibcameraImages(cameras, size, fps, colour, exposure_us, gain, tuning)
+        self.name = self._images.name
+        self._pairing = Pairing(self.name, round(1e6 * apart_ms))
+        try:
+            if self._matcher is None:
+                self._eye = LevelEye(view, stand, tilt, body_height, python, model, source)
+            elif isinstance(self._images, LibcameraImages):
+                self._check_sizes(self._images.sizes, size)
+        except BaseException:
+            self._images.close()
+            raise
+
+    def read(self, timeout: float | None = None) -> DepthFrame | BodyFrame | None:
+        """The next depth image, or the bodies of the next image; None when a rehearsal is over.
+
+        Raises:
+            TimeoutError: when none came in time.
+            InputError: for an image that cannot be used.
+            ResourceError: where a camera was lost, or two are not in step.
+        """
+        deadline = None if timeout is None else time.monotonic() + timeout
+        while True:
+            left = None if deadline is None else max(deadline - time.monotonic(), 0.0)
+            picture = self._images.read(left)
+            if picture is None:
+                return None
+            if self._eye is not None:
+                bodies = self._eye.bodies(picture.image, picture.time_ns)
+                return BodyFrame(bodies, picture.time_ns, self.name)
+            pair = self._pairing.add(picture)
+            if pair is not None:
+                return self._depth(*pair)
+
+    def condition(self) -> Condition:
+        """How far apart the two cameras' last images were, and the image sensor's temperature."""
+        apart = self._pairing.apart_ns
+        link = "" if apart is None else f"CSI, two cameras {1e-6 * abs(apart):.2f} ms apart"
+        return Condition(link, temperature=self._images.temperature(), hot=_HOT)
+
+    def close(self) -> None:
+        """Lets the cameras and the source of landmarks go; a second call does nothing."""
+        self._images.close()
+        if self._eye is not None:
+            self._eye.close()
+
+    def __enter__(self) -> LibcameraSensor:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _depth(self, left: Picture, right: Picture) -> DepthFrame:
+        """The depth of a pair, in the rectified left camera."""
+        assert self._matcher is not None
+        depth = self._matcher.depth(left.image, right.image)
+        camera = self._rectification.intrinsics
+        return DepthFrame(depth, camera, left.time_ns, self.name, sequence=left.sequence)
+
+    def _check_sizes(self, sizes: list[tuple[int, int]], wanted: tuple[int, int]) -> None:
+        """Refuses cameras whose images are not of the calibrated size."""
+        for size in sizes:
+            if size != wanted:
+                raise InputError(
+                    f"a camera gives {size[0]} x {size[1]}, the calibration is of {wanted[0]} x {wanted[1]}",
+                    where=self.name,
+                    mend="Calibrate in a size that the cameras have: enliven calibrate-stereo --size.",
+                )

@@ -1,0 +1,339 @@
+"""Images of cameras that libcamera knows, by its own Python binding.
+
+It is used rather than Picamera2, which stands on it: it runs wherever libcamera does, on the kernel's virtual
+camera too, and needs nothing else. There is no wheel of it; the system's package manager installs it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import mmap
+import os
+import select
+import sys
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from enliven.arrays import UInt8
+from enliven.errors import InputError, ResourceError
+from enliven_edge.sensors.stereo.pairing import Picture
+
+_BUFFERS = 4
+"""Images that a camera may have under way: one is filled, one is read, two are between."""
+
+
+class Layout(NamedTuple):
+    """How an image lies in its first plane: bytes a pixel, and which of them are grey, or red, green and blue."""
+
+    bytes: int
+    channels: tuple[int, ...]
+
+
+GREY = {
+    "R8": Layout(1, (0,)),
+    "YUV420": Layout(1, (0,)),
+    "NV12": Layout(1, (0,)),
+    "YUYV": Layout(2, (0,)),
+    "BGR888": Layout(3, (1,)),
+    "RGB888": Layout(3, (1,)),
+    "XBGR8888": Layout(4, (1,)),
+    "XRGB8888": Layout(4, (1,)),
+}
+"""Formats that grey is read from, the best first; of red, green and blue the green: it has most of the light."""
+COLOUR = {
+    "BGR888": Layout(3, (0, 1, 2)),
+    "RGB888": Layout(3, (2, 1, 0)),
+    "XBGR8888": Layout(4, (0, 1, 2)),
+    "XRGB8888": Layout(4, (2, 1, 0)),
+}
+"""Formats that colour is read from; libcamera names them from the highest byte down."""
+_SERVER, _CLIENT = 1, 2
+"""Values of the Raspberry Pi's control SyncMode: the first camera sets the beat, the others follow."""
+_SYSTEM = Path("/usr/lib")
+"""Where Debian and Raspberry Pi OS have Python modules; Debian 12 alone has them below its architecture."""
+_INSTALL = (
+    "Type: sudo apt install python3-libcamera; and use the system's Python: "
+    "python3 -m venv --system-site-packages .venv"
+)
+
+
+class LibcameraImages:
+    """One or two cameras, running.
+
+    Args:
+        cameras: for each a number, counted from 0 as libcamera lists them, or a part of its id.
+        size: (width, height) of the images.
+        fps: images a second, where the camera can be told.
+        colour: deliver colour rather than grey.
+        exposure_us: microseconds of exposure; 0: as the camera finds best.
+        gain: of the sensor, where the exposure is given.
+        tuning: a tuning file for the Raspberry Pi's image processor; empty: the sensor's own.
+
+    Attributes:
+        name: the cameras' ids.
+        sizes: (width, height) of each camera's images, which may differ from what was asked for.
+
+    Raises:
+        InputError: for a camera or tuning file that cannot be used.
+        ResourceError: where the library or a camera is missing, or a camera is in use.
+    """
+
+    def __init__(
+        self,
+        cameras: list[str],
+        size: tuple[int, int],
+        fps: float = 30.0,
+        colour: bool = False,
+        exposure_us: int = 0,
+        gain: float = 1.0,
+        tuning: str = "",
+    ) -> None:
+        self._lib = _library(tuning)
+        self._manager = self._lib.CameraManager.singleton()
+        self._formats = COLOUR if colour else GREY
+        self._eyes: list[_Eye] = []
+        self._ready: list[Any] = []
+        self._celsius: float | None = None
+        found = self._found(cameras)
+        self.name = f"libcamera {', '.join(_short(camera.id) for camera in found)}"
+        try:
+            for camera in found:
+                self._eyes.append(_Eye(self._lib, camera, len(self._eyes), size, self._formats))
+            wishes = _wishes(fps, exposure_us, gain)
+            # Followers wait for the beat, so they are started before it begins.
+            for eye in reversed(self._eyes):
+                beat = {} if len(found) == 1 else {"SyncMode": _CLIENT if eye.number else _SERVER}
+                eye.start({**wishes, **beat})
+        except BaseException:
+            self.close()
+            raise
+        self.sizes = [eye.size for eye in self._eyes]
+
+    def read(self, timeout: float | None = None) -> Picture | None:
+        """The next picture of any of the cameras, copied out of the camera's memory.
+
+        Raises:
+            TimeoutError: when none came in time.
+            InputError: for an image that the camera calls damaged.
+            ResourceError: where a camera was lost.
+        """
+        deadline = time.monotonic() + (timeout or 0.0)
+        while not self._ready:
+            wait = None if timeout is None else max(deadline - time.monotonic(), 0.0)
+            if not select.select([self._manager.event_fd], [], [], wait)[0]:
+                raise TimeoutError(f"no image of {self.name} yet")
+            self._ready += self._manager.get_ready_requests()
+        request = self._ready.pop(0)
+        eye = self._eyes[request.cookie // _MOST_BUFFERS]
+        picture = eye.picture(request)
+        self._celsius = eye.celsius if eye.celsius is not None else self._celsius
+        return picture
+
+    def temperature(self) -> float | None:
+        """Degrees Celsius of the image sensor, where it says."""
+        return self._celsius
+
+    def close(self) -> None:
+        """Lets the cameras go; a second call does nothing."""
+        eyes, self._eyes = self._eyes, []
+        for eye in eyes:
+            eye.close()
+        self._ready = []
+
+    def _found(self, wanted: list[str]) -> list[Any]:
+        """The cameras that are meant.
+
+        Raises:
+            ResourceError: where one is not there.
+            InputError: where two are the same.
+        """
+        there = list(self._manager.cameras)
+        if not there:
+            mend = "Check the ribbon cable with the power off; list cameras with: rpicam-hello --list-cameras"
+            raise ResourceError("libcamera finds no camera", where="sensor libcamera", mend=mend)
+        listed = ", ".join(f"{number} {camera.id}" for number, camera in enumerate(there))
+        found = []
+        for word in wanted:
+            fitting = [c for n, c in enumerate(there) if word in (str(n), c.id)]
+            fitting = fitting or [c for c in there if not word.isdigit() and word in c.id]
+            if not fitting:
+                raise ResourceError(
+                    f"there is no camera {word!r}", where="sensor libcamera", mend=f"Connected: {listed}."
+                )
+            found.append(fitting[0])
+        if len({camera.id for camera in found}) < len(found):
+            mend = f"Give the left and the right one; connected: {listed}."
+            raise InputError("the two cameras are one", where="sensor libcamera", mend=mend)
+        return found
+
+
+_MOST_BUFFERS = 64
+"""Buffers of a camera, at most; a request's number is that of the camera times this, plus the buffer's."""
+
+
+class _Eye:
+    """One camera, its buffers and its requests."""
+
+    def __init__(
+        self, lib: Any, camera: Any, number: int, size: tuple[int, int], formats: dict[str, Layout]
+    ) -> None:
+        self._lib, self._camera, self.number = lib, camera, number
+        self.celsius: float | None = None
+        self._running = False
+        self._maps: list[mmap.mmap] = []
+        try:
+            camera.acquire()
+        except (RuntimeError, OSError) as error:
+            raise ResourceError(
+                f"it cannot be opened ({error})", where=camera.id, mend="Close what else uses the camera."
+            ) from None
+        try:
+            self._configure(size, formats)
+            self._make_requests()
+        except BaseException:
+            self.close()
+            raise
+
+    def start(self, wishes: dict[str, Any]) -> None:
+        """Lets images come; wishes that the camera does not know are left out."""
+        known = {control.name: control for control in self._camera.controls}
+        self._camera.start({known[name]: value for name, value in wishes.items() if name in known})
+        self._running = True
+        for request in self._requests:
+            self._camera.queue_request(request)
+
+    def picture(self, request: Any) -> Picture:
+        """What a request that is done brought; the request goes to the camera again."""
+        if request.status != self._lib.Request.Status.Complete:
+            raise ResourceError("the camera was lost", where=self._camera.id, mend="Check its cable.")
+        number = request.cookie % _MOST_BUFFERS
+        about = self._buffers[number].metadata
+        told = {control.name: value for control, value in request.metadata.items()}
+        self.celsius = told.get("SensorTemperature", self.celsius)
+        time_ns, sequence = int(told.get("SensorTimestamp", about.timestamp)), int(about.sequence)
+        sound = about.status == self._lib.FrameMetadata.Status.Success
+        image = image_of(self._views[number], self.size, self._stride, self._layout) if sound else None
+        request.reuse()
+        self._camera.queue_request(request)
+        if image is None:
+            raise InputError("the camera calls an image damaged", where=self._camera.id)
+        return Picture(self.number, image, time_ns, sequence)
+
+    def close(self) -> None:
+        """Lets the camera go."""
+        if self._running:
+            self._running = False
+            with contextlib.suppress(RuntimeError, OSError):
+                self._camera.stop()
+        self._views: list[UInt8] = []
+        self._requests: list[Any] = []
+        for each in self._maps:
+            with contextlib.suppress(BufferError):
+                each.close()
+        self._maps = []
+        with contextlib.suppress(RuntimeError, OSError):
+            self._camera.release()
+
+    def _configure(self, size: tuple[int, int], formats: dict[str, Layout]) -> None:
+        """Chooses the format and the size.
+
+        Raises:
+            InputError: where the camera has neither.
+        """
+        config = self._camera.generate_configuration([self._lib.StreamRole.VideoRecording])
+        stream = config.at(0)
+        offered = [str(each) for each in stream.formats.pixel_formats]
+        chosen = next((each for each in formats if each in offered), None)
+        if chosen is None:
+            what = f"it has none of the formats {', '.join(formats)}, only {', '.join(offered)}"
+            raise InputError(what, where=self._camera.id, mend="Use another camera.")
+        stream.pixel_format = self._lib.PixelFormat(chosen)
+        stream.size = self._lib.Size(*size)
+        stream.buffer_count = _BUFFERS
+        if config.validate() == self._lib.CameraConfiguration.Status.Invalid:
+            raise InputError(f"it has no images of {size[0]} x {size[1]}", where=self._camera.id)
+        self._camera.configure(config)
+        if str(stream.pixel_format) not in formats:
+            raise InputError(f"it gives only {stream.pixel_format}", where=self._camera.id)
+        self._layout = formats[str(stream.pixel_format)]
+        self.size = (stream.size.width, stream.size.height)
+        self._stride, self._stream = stream.stride, stream.stream
+        self._config = config
+
+    def _make_requests(self) -> None:
+        """A request for each buffer, and each buffer's first plane as an array."""
+        self._allocator = self._lib.FrameBufferAllocator(self._camera)
+        self._allocator.allocate(self._stream)
+        self._buffers = self._allocator.buffers(self._stream)[:_MOST_BUFFERS]
+        self._views, self._requests = [], []
+        for number, buffer in enumerate(self._buffers):
+            plane = buffer.planes[0]
+            end = plane.offset + plane.length
+            mapped = mmap.mmap(plane.fd, end, mmap.MAP_SHARED, mmap.PROT_READ)
+            self._maps.append(mapped)
+            self._views.append(np.frombuffer(mapped, np.uint8)[plane.offset : end])
+            request = self._camera.create_request(self.number * _MOST_BUFFERS + number)
+            request.add_buffer(self._stream, buffer)
+            self._requests.append(request)
+
+
+def image_of(plane: UInt8, size: tuple[int, int], stride: int, layout: Layout) -> UInt8 | None:
+    """(H, W) or (H, W, 3) a copy of the image in a plane's bytes; None where they are too few.
+
+    Args:
+        size: (width, height) of the image.
+        stride: bytes from one row to the next.
+    """
+    width, height = size
+    if len(plane) < height * stride or stride < width * layout.bytes:
+        return None
+    rows = plane[: height * stride].reshape(height, stride)[:, : width * layout.bytes]
+    pixels = rows.reshape(height, width, layout.bytes)
+    if len(layout.channels) == 1:
+        return np.ascontiguousarray(pixels[..., layout.channels[0]])
+    return np.ascontiguousarray(pixels[..., :3] if layout.channels[0] == 0 else pixels[..., 2::-1])
+
+
+def _wishes(fps: float, exposure_us: int, gain: float) -> dict[str, Any]:
+    """What the cameras are told when they start, by libcamera's names of its controls."""
+    step = round(1e6 / fps)
+    wishes: dict[str, Any] = {"FrameDurationLimits": (step, step)}
+    if exposure_us > 0:
+        wishes |= {"AeEnable": False, "ExposureTime": exposure_us, "AnalogueGain": float(gain)}
+    return wishes
+
+
+def _short(camera: str) -> str:
+    """The part of an id that tells cameras apart: the bus and the sensor."""
+    return "/".join(camera.split("/")[-2:]) or camera
+
+
+def _library(tuning: str) -> Any:
+    """The binding, also where the system has it outside of what this Python looks through.
+
+    Raises:
+        InputError: where there is no such tuning file.
+        ResourceError: where it is not installed for this Python.
+    """
+    if tuning:
+        if not Path(tuning).is_file():
+            mend = "Those that ship are in firmware_configs/libcamera."
+            raise InputError("there is no such tuning file", where=tuning, mend=mend)
+        os.environ["LIBCAMERA_RPI_TUNING_FILE"] = tuning
+    os.environ.setdefault("LIBCAMERA_LOG_LEVELS", "*:WARN")
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    places = [*_SYSTEM.glob(f"*/python{version}/site-packages"), _SYSTEM / "python3" / "dist-packages"]
+    known = list(sys.path)
+    sys.path += [str(place) for place in places if (place / "libcamera").is_dir()]
+    try:
+        return importlib.import_module("libcamera")
+    except ImportError as error:
+        missing = isinstance(error, ModuleNotFoundError) and error.name == "libcamera"
+        what = "libcamera is not installed" if missing else f"libcamera does not load ({error})"
+        raise ResourceError(what, where="sensor libcamera", mend=_INSTALL) from None
+    finally:
+        sys.path[:] = known

@@ -1,0 +1,141 @@
+"""The printed board that cameras are calibrated with: a chessboard with numbered markers in its squares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import Float, UInt8
+from enliven.errors import InputError
+from enliven_edge.sensors.stereo.opencv import opencv
+
+_MARKER = 0.75
+"""Side of a marker over that of its square: OpenCV needs some white around it."""
+_CELLS = 6
+"""Cells along a marker's side, its black border included, of the dictionary 4x4."""
+_MOST_MARKERS = 50
+"""Markers of that dictionary."""
+_MM = 72 / 25.4
+"""PDF's units in a millimetre."""
+_PAPERS = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "A2": (594.0, 420.0)}
+"""Millimetres of sheets that lie on their long side, the smallest first."""
+_EDGE = 8.0
+"""Millimetres along a sheet's edge that a printer may leave white."""
+
+
+@dataclass(frozen=True)
+class Board:
+    """A ChArUco board of ``columns`` x ``rows`` squares.
+
+    Attributes:
+        square: metres of a square's side.
+    """
+
+    columns: int = 7
+    rows: int = 5
+    square: float = 0.038
+
+    def __post_init__(self) -> None:
+        if min(self.columns, self.rows) < 3 or self.columns * self.rows > 2 * _MOST_MARKERS:
+            raise InputError(
+                f"a board of {self.columns} x {self.rows} squares cannot be made",
+                where="board",
+                mend=f"Give 3 x 3 squares or more, {2 * _MOST_MARKERS} in all at most.",
+            )
+        if not 0.005 <= self.square <= 1.0:
+            raise InputError(
+                f"its squares are {1e3 * self.square:g} mm wide", where="board", mend="Give 5 to 1000 mm."
+            )
+
+    def find(self, image: UInt8) -> dict[int, Float]:
+        """The inner corners that a (H, W) grey image shows, pixels by number; empty where there are none."""
+        corners, numbers, *_ = self._detector.detectBoard(image)
+        if numbers is None or corners is None:
+            return {}
+        found = zip(np.ravel(numbers), np.reshape(corners, (-1, 2)), strict=True)
+        return {int(number): np.asarray(point, np.float64) for number, point in found}
+
+    @cached_property
+    def points(self) -> Float:
+        """(N, 3) the inner corners in the board's frame, metres, by number."""
+        return np.reshape(self.drawing.getChessboardCorners(), (-1, 3)).astype(np.float64)
+
+    @cached_property
+    def drawing(self) -> Any:
+        """OpenCV's board."""
+        cv = opencv()
+        markers = cv.aruco.getPredefinedDictionary(cv.aruco.DICT_4X4_50)
+        size = (self.columns, self.rows)
+        return cv.aruco.CharucoBoard(size, self.square, _MARKER * self.square, markers)
+
+    @cached_property
+    def _detector(self) -> Any:
+        cv = opencv()
+        settings = cv.aruco.DetectorParameters()
+        settings.cornerRefinementMethod = cv.aruco.CORNER_REFINE_SUBPIX
+        return cv.aruco.CharucoDetector(self.drawing, cv.aruco.CharucoParameters(), settings)
+
+    def rectangles(self) -> Float:
+        """(N, 4) left, top, width, height of all that is black, metres from the board's upper left corner."""
+        cv, side = opencv(), self.square
+        black = [
+            (column * side, row * side, side, side)
+            for row in range(self.rows)
+            for column in range(self.columns)
+            if (row + column) % 2 == 0
+        ]
+        cell = _MARKER * side / _CELLS
+        for number, corners in zip(self.drawing.getIds().ravel(), self.drawing.getObjPoints(), strict=True):
+            picture = cv.aruco.generateImageMarker(self.drawing.getDictionary(), int(number), _CELLS)
+            x, y, _ = np.reshape(corners, (-1, 3)).min(0)
+            black += [(x + j * cell, y + i * cell, cell, cell) for i, j in np.argwhere(picture == 0)]
+        return np.array(black, np.float64)
+
+    def pdf(self) -> bytes:
+        """A sheet with the board in its exact size, and its measure in words.
+
+        Raises:
+            InputError: where no sheet is large enough.
+        """
+        wide, high = 1e3 * self.square * self.columns, 1e3 * self.square * self.rows
+        fitting = [
+            name for name, (w, h) in _PAPERS.items() if wide + 2 * _EDGE <= w and high + 2 * _EDGE <= h
+        ]
+        if not fitting:
+            what = f"a board of {wide:.0f} x {high:.0f} mm fits on no sheet up to A2"
+            raise InputError(what, where="board", mend="Give smaller squares: --square 38")
+        paper = fitting[0]
+        across, down = _PAPERS[paper]
+        left, top = (across - wide) / 2, (down - high) / 2
+        lines = [
+            f"{_MM * (left + 1e3 * x):.4f} {_MM * (down - top - 1e3 * (y + h)):.4f} "
+            f"{_MM * 1e3 * w:.4f} {_MM * 1e3 * h:.4f} re"
+            for x, y, w, h in self.rectangles()
+        ]
+        words = f"{paper}: {self.columns} x {self.rows} squares of {1e3 * self.square:g} mm; print at 100 %"
+        text = f"BT /F 8 Tf {_MM * left:.2f} {_MM * (top / 3):.2f} Td ({words}) Tj ET"
+        return _pdf("\n".join([*lines, "f", text]), _MM * across, _MM * down)
+
+
+def _pdf(drawing: str, width: float, height: float) -> bytes:
+    """A PDF of one page."""
+    stream = drawing.encode("ascii")
+    font = "<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>"
+    objects = [
+        b"<< /Type /Catalog /Pages 2 0 R >>",
+        b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
+        f"<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {width:.4f} {height:.4f}] /Contents 4 0 R "
+        f"/Resources << /Font << /F {font} >> >> >>".encode(),
+        b"<< /Length %d >>\nstream\n%s\nendstream" % (len(stream), stream),
+    ]
+    made, places = b"%PDF-1.4\n", []
+    for number, each in enumerate(objects, 1):
+        places.append(len(made))
+        made += b"%d 0 obj\n%s\nendobj\n" % (number, each)
+    table = "".join(f"{place:010} 00000 n \n" for place in places)
+    head = f"xref\n0 {len(objects) + 1}\n0000000000 65535 f \n{table}"
+    tail = f"trailer << /Size {len(objects) + 1} /Root 1 0 R >>\nstartxref\n{len(made)}\n%%EOF\n"
+    return made + head.encode() + tail.encode()

@@ -1,0 +1,135 @@
+"""The calibration of two cameras, on disk: a TOML file that can be read and mended by hand."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError, ResourceError
+from enliven.settings import load_settings, setting
+
+VERSION = 1
+"""Of the file; another is refused."""
+_LENGTH = 1e-3
+"""Metres by which the baseline may differ from the translation's length: a slip of the hand is more."""
+_CROOKED = 1e-3
+"""By which a rotation's rows may differ from unit vectors at right angles."""
+
+_Row = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class StereoLens:
+    """One camera of the pair."""
+
+    fx: float = setting(doc="Focal length across.", unit="px", low=10, high=20000)
+    fy: float = setting(doc="Focal length down.", unit="px", low=10, high=20000)
+    cx: float = setting(doc="Principal point from the left column's centre.", unit="px", low=0, high=16384)
+    cy: float = setting(doc="Principal point from the top row's centre.", unit="px", low=0, high=16384)
+    distortion: tuple[float, float, float, float, float] = setting(doc="Brown-Conrady k1, k2, p1, p2, k3.")
+
+    def matrix(self) -> Float:
+        """(3, 3) the camera matrix."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True)
+class StereoCalibration:
+    """Two lenses, and how the right camera stands to the left one."""
+
+    width: int = setting(doc="Width of both images.", unit="px", low=32, high=16384)
+    height: int = setting(doc="Height of both images.", unit="px", low=32, high=16384)
+    left: StereoLens = setting(doc="The left camera's lens, as seen from behind the cameras.")
+    right: StereoLens = setting(doc="The right camera's lens.")
+    right_from_left: tuple[_Row, _Row, _Row] = setting(doc="(3, 3) rotation into the right camera's frame.")
+    translation: _Row = setting(
+        doc="The left camera in the right one's frame; x is minus the baseline.", unit="m"
+    )
+    baseline: float = setting(doc="Between the two cameras.", unit="m", low=0.005, high=5.0)
+    reprojection: float = setting(
+        doc="Root mean square distance of the board's corners.", unit="px", low=0, high=100
+    )
+    epipolar: float = setting(
+        doc="Root mean square difference of rows when rectified.", unit="px", low=0, high=100
+    )
+    version: int = setting(VERSION, "Of this file.")
+
+
+def load_calibration(path: Path) -> StereoCalibration:
+    """The calibration of a file that :func:`save_calibration` wrote.
+
+    Raises:
+        InputError: for an unreadable file, a wrong or missing key, or figures that contradict each other.
+    """
+    if not path.exists():
+        raise InputError(
+            "there is no such file", where=str(path), mend="Make it: enliven calibrate-stereo; docs/stereo.md"
+        )
+    calibration = load_settings(StereoCalibration, path)
+    wrong = _wrong(calibration)
+    if wrong:
+        raise InputError(wrong, where=str(path), mend="Make it again: enliven calibrate-stereo.")
+    return calibration
+
+
+def save_calibration(path: Path, calibration: StereoCalibration, remarks: list[str]) -> None:
+    """Writes the file whole or not at all.
+
+    Raises:
+        ResourceError: where it cannot be written; then what was there is untouched.
+    """
+    fresh = path.with_name(path.name + ".new")
+    try:
+        with fresh.open("w", encoding="utf-8") as file:
+            file.write(_text(calibration, remarks))
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(fresh, path)
+    except OSError as error:
+        raise ResourceError(
+            f"it cannot be written ({error.strerror or error})",
+            where=str(path),
+            mend="Check the folder's permissions and the space on the disk.",
+        ) from None
+
+
+def _wrong(c: StereoCalibration) -> str:
+    """What contradicts itself in a calibration; empty where nothing does."""
+    turn, shift = np.array(c.right_from_left), np.array(c.translation)
+    if c.version != VERSION:
+        return f"it is of version {c.version}, and {VERSION} is known"
+    if np.abs(turn @ turn.T - np.eye(3)).max() > _CROOKED or np.linalg.det(turn) < 0:
+        return "right_from_left is no rotation"
+    if abs(float(np.linalg.norm(shift)) - c.baseline) > _LENGTH:
+        return f"the baseline is {c.baseline} m, the translation {np.linalg.norm(shift):.4f} m long"
+    across = -float((turn.T @ shift)[0])
+    if across > 0 and across < c.baseline * math.cos(math.radians(45)):
+        return "the cameras do not stand side by side"
+    if across < 0:
+        return "the left and the right camera are exchanged"
+    for name, lens in (("left", c.left), ("right", c.right)):
+        if not (lens.cx < c.width and lens.cy < c.height):
+            return f"the {name} principal point ({lens.cx}, {lens.cy}) is outside the image"
+    return ""
+
+
+def _text(c: StereoCalibration, remarks: list[str]) -> str:
+    """The file's text: remarks as comments, then the figures."""
+    lines = [f"# {' '.join(remark.split())}" for remark in remarks]
+    names = ("version", "width", "height", "baseline", "reprojection", "epipolar")
+    lines += ["", *(f"{name} = {getattr(c, name)!r}" for name in names)]
+    lines += [f"translation = {_row(c.translation)}", "right_from_left = ["]
+    lines += [*(f"  {_row(row)}," for row in c.right_from_left), "]"]
+    for name, lens in (("left", c.left), ("right", c.right)):
+        lines += ["", f"[{name}]", *(f"{key} = {getattr(lens, key)!r}" for key in ("fx", "fy", "cx", "cy"))]
+        lines += [f"distortion = {_row(lens.distortion)}"]
+    return "\n".join(lines) + "\n"
+
+
+def _row(values: tuple[float, ...]) -> str:
+    return f"[{', '.join(repr(value) for value in values)}]"

@@ -1,0 +1,128 @@
+"""How good a stereo calibration is, in words, and what to do where it is not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven_edge.sensors.stereo.board import Board
+from enliven_edge.sensors.stereo.calibration import StereoCalibration
+from enliven_edge.sensors.stereo.solving import LEAST_PAIRS, Solution
+
+_GOOD_REPROJECTION, _WORST_REPROJECTION = 0.35, 1.0
+"""Pixels: corners are found to 0.1 to 0.3 px in a sharp image; above one the model does not fit."""
+_GOOD_EPIPOLAR, _WORST_EPIPOLAR = 0.3, 0.6
+"""Pixels between the rows: the matcher looks along one row, and half a pixel beside it loses fine texture."""
+_FAR = 2.0
+"""Metres at which the expected error is told."""
+_GOOD_ERROR, _WORST_ERROR = 0.01, 0.03
+"""Parts of that distance."""
+_MATCHER = 0.12
+"""Pixels of disparity by which the matcher errs at the median on rendered people: sensors.stereo_error_mm."""
+_LEAST_COVERED = 0.6
+"""Part of the image's fields that corners must lie in: a lens is guessed where there was none."""
+_LEAST_TILT = 20.0
+"""Degrees between two boards: parallel ones do not tell the focal length from the distance."""
+_ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "centre left", "centre right", "right")
+"""Fields of an image."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What is told of a calibration.
+
+    Attributes:
+        verdict: "good", "fair" or "not good enough".
+        facts: lines of name and value.
+        advice: what to do, a sentence each; empty where it is good.
+    """
+
+    verdict: str
+    facts: list[tuple[str, str]]
+    advice: list[str]
+
+    @property
+    def usable(self) -> bool:
+        """Whether it may be written without doubt."""
+        return self.verdict != "not good enough"
+
+
+def judge(board: Board, solution: Solution) -> Judgement:
+    """How good a solution is."""
+    facts = [("pairs", f"{len(solution.used)} used, {len(solution.left_out)} left out")]
+    facts += [("left out", f"{name}: {why}") for name, why in solution.left_out.items()]
+    c = solution.calibration
+    if c is None:
+        lacking = f"Take {LEAST_PAIRS} pairs or more in which both cameras see most of the board, held still."
+        return Judgement("not good enough", facts, [lacking])
+    error = expected_error(c, solution.disparity_error, _FAR)
+    covered = {side: _covered(c, solution, side) for side in ("left", "right")}
+    facts += [
+        ("baseline", f"{1e3 * c.baseline:.1f} mm"),
+        ("lenses", ", ".join(f"{side} {_view(c, side):.0f} degrees wide" for side in ("left", "right"))),
+        ("corners", f"{c.reprojection:.2f} px off (good below {_GOOD_REPROJECTION})"),
+        ("rows", f"{c.epipolar:.2f} px apart when rectified (good below {_GOOD_EPIPOLAR})"),
+        ("depth at 2 m", f"expected within {1e3 * error:.0f} mm (good below {1e3 * _GOOD_ERROR * _FAR:.0f})"),
+        (
+            "seen",
+            ", ".join(f"{side} {100 * seen.mean():.0f} % of the image" for side, seen in covered.items()),
+        ),
+    ]
+    advice, bad = _advice(c, solution, error, covered)
+    return Judgement("not good enough" if bad else "fair" if advice else "good", facts, advice)
+
+
+def expected_error(calibration: StereoCalibration, disparity_error: float, distance: float) -> float:
+    """Metres by which depth is expected to be off at so many metres."""
+    off = float(np.hypot(disparity_error, _MATCHER))
+    return distance**2 * off / (calibration.left.fx * calibration.baseline)
+
+
+def _advice(
+    c: StereoCalibration, solution: Solution, error: float, covered: dict[str, Float]
+) -> tuple[list[str], bool]:
+    """What to do, and whether the calibration cannot be used without."""
+    advice, bad = [], False
+    if c.translation[0] > 0:
+        advice.append("The left and the right camera are exchanged: swap them, seen from behind the cameras.")
+        bad = True
+    if c.reprojection > _GOOD_REPROJECTION:
+        advice.append(
+            "Corners are off: glue the board to glass or a flat panel, hold it still, light it well."
+        )
+        bad |= c.reprojection > _WORST_REPROJECTION
+    if c.epipolar > _GOOD_EPIPOLAR:
+        advice.append(
+            "Rows do not agree: screw both cameras to one stiff bar, and take the pairs at one moment."
+        )
+        bad |= c.epipolar > _WORST_EPIPOLAR
+    if error > _GOOD_ERROR * _FAR:
+        advice.append("Depth will be coarse: take pairs farther away too, use a longer bar or more pixels.")
+        bad |= error > _WORST_ERROR * _FAR
+    if solution.tilt < _LEAST_TILT:
+        advice.append("Tilt the board: some pairs by 30 degrees to each side, some up and down.")
+        bad = True
+    for side, seen in covered.items():
+        if seen.mean() < _LEAST_COVERED:
+            empty = ", ".join(f"{_ROWS[i]} {_COLUMNS[j]}" for i, j in np.argwhere(seen == 0)[:4])
+            advice.append(f"The {side} camera has not seen the board at the {empty}: hold it there too.")
+            bad = True
+    return advice, bad
+
+
+def _covered(c: StereoCalibration, solution: Solution, side: str) -> Float:
+    """(3, 4) 1 for each field of an image that corners lie in."""
+    rows, columns = len(_ROWS), len(_COLUMNS)
+    seen = np.zeros((rows, columns))
+    for each in solution.used:
+        for x, y in getattr(each, side).values():
+            row, column = int(y * rows / c.height), int(x * columns / c.width)
+            seen[min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)] = 1
+    return seen
+
+
+def _view(c: StereoCalibration, side: str) -> float:
+    """Degrees that a camera sees from left to right, by its focal length."""
+    return float(2 * np.degrees(np.arctan(0.5 * c.width / getattr(c, side).fx)))

@@ -1,0 +1,104 @@
+"""Depth from two cameras: rectify, match, check from both sides, leave out specks."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import UInt8, UInt16
+from enliven.errors import InputError
+from enliven_edge.sensors.stereo.opencv import opencv
+from enliven_edge.sensors.stereo.rectifying import Rectification
+
+STEPS = 16
+"""Steps of a disparity that the matcher tells within a pixel."""
+_BLOCK = 5
+"""Pixels of the side of the window that is compared."""
+_SMALL, _LARGE = 6, 20
+"""Price of a step of one pixel between neighbours, and of a jump, for each pixel of the window: with OpenCV's
+advice of 8 and 32 half as many pixels again beside a person take the person's depth."""
+_CLIP = 63
+"""Slope of the grey values beyond which more does not count, the highest that OpenCV takes."""
+_UNIQUE = 10
+"""Percent by which the best disparity must be better than the next but one."""
+_BOTH_SIDES = 1
+"""Pixels by which the match from the right may differ from that from the left."""
+_SPECK = 150
+"""Pixels: smaller islands of one depth are false; a hand at 3 m has 400 in an image of 640 x 400."""
+_SPECK_STEP = 1
+"""Pixels of disparity between neighbours of one island."""
+_MOST_DISPARITIES = 256
+"""Pixels: a matcher for more takes longer than a frame."""
+
+
+class StereoMatcher:
+    """Turns pairs of images into depth images, on one core.
+
+    Args:
+        rectification: of the pair.
+        near, far: metres between which depth is told; near costs time.
+
+    Raises:
+        InputError: for a range that cannot be seen.
+        ResourceError: where OpenCV is missing.
+    """
+
+    def __init__(self, rectification: Rectification, near: float = 0.7, far: float = 8.0) -> None:
+        if not 0.05 <= near < far <= 65.0:
+            raise InputError(
+                f"the range is {near} to {far} m", where="stereo", mend="Give near < far, 0.05 to 65 m."
+            )
+        self._cv: Any = opencv()
+        self._rectification = rectification
+        focal_baseline = rectification.intrinsics.fx * rectification.baseline
+        self._lowest = math.floor(focal_baseline / far)
+        self._count = 16 * math.ceil((focal_baseline / near + 1 - self._lowest) / 16)
+        if self._count > _MOST_DISPARITIES:
+            nearest = focal_baseline / (_MOST_DISPARITIES + self._lowest)
+            raise InputError(
+                f"to see from {near} m on, {self._count} disparities must be tried",
+                where="stereo",
+                mend=f"Give near={math.ceil(100 * nearest) / 100} or more, or images of fewer pixels.",
+            )
+        self._matcher = self._cv.StereoSGBM_create(
+            minDisparity=self._lowest,
+            numDisparities=self._count,
+            blockSize=_BLOCK,
+            P1=_SMALL * _BLOCK**2,
+            P2=_LARGE * _BLOCK**2,
+            disp12MaxDiff=_BOTH_SIDES,
+            preFilterCap=_CLIP,
+            uniquenessRatio=_UNIQUE,
+            speckleWindowSize=_SPECK,
+            speckleRange=_SPECK_STEP,
+            mode=self._cv.STEREO_SGBM_MODE_SGBM_3WAY,
+        )
+        self._margin = self._lowest + self._count
+        self._millimetres = depth_table(focal_baseline, near, far, self._margin)
+
+    def depth(self, left: UInt8, right: UInt8) -> UInt16:
+        """(H, W) uint16 millimetres along the rectified left camera's axis, 0 where nothing is known.
+
+        Args:
+            left, right: (H, W) grey images as the cameras took them.
+        """
+        cv = self._cv
+        pair = self._rectification.rectified(left, right)
+        # The matcher tells nothing of as many columns on the left as it tries disparities: add so many.
+        wide = [cv.copyMakeBorder(each, 0, 0, self._margin, 0, cv.BORDER_REPLICATE) for each in pair]
+        disparity = self._matcher.compute(*wide)[:, self._margin :]
+        return self._millimetres[np.maximum(disparity, 0)]
+
+
+def depth_table(focal_baseline: float, near: float, far: float, disparities: int) -> UInt16:
+    """(disparities * 16 + 1,) uint16 millimetres of each disparity in steps of 1/16 px; 0 outside the range.
+
+    Args:
+        focal_baseline: pixels times metres.
+    """
+    steps = np.arange(disparities * STEPS + 1)
+    with np.errstate(divide="ignore"):
+        metres = focal_baseline * STEPS / steps
+    return np.where((metres >= near) & (metres <= far), np.rint(1e3 * metres), 0).astype(np.uint16)

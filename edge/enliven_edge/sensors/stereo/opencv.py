@@ -1,0 +1,16 @@
+"""OpenCV, an optional library."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from enliven_edge.sensors.drivers.extras import library
+
+
+def opencv() -> Any:
+    """The module cv2.
+
+    Raises:
+        ResourceError: where it is not installed.
+    """
+    return library("cv2", "libcamera")

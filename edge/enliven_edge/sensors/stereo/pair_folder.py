@@ -1,0 +1,107 @@
+"""A folder of image pairs, NAMEleft.png and NAMEright.png or the like."""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+
+from enliven.arrays import UInt8
+from enliven.errors import InputError
+from enliven_edge.sensors.stereo.pairing import Picture
+
+_SUFFIXES = (".png", ".jpg", ".jpeg")
+_MOST_PAIRS = 10_000
+"""Pairs of a folder: five minutes at 30 a second."""
+_MOST_PIXELS = 1 << 26
+"""Of one image, 8192 x 8192: a few kilobytes can state as many as they like."""
+
+
+def image_pairs(folder: Path) -> list[tuple[Path, Path]]:
+    """The (left, right) files of a folder, or of its folders ``left`` and ``right``, sorted by name.
+
+    Raises:
+        InputError: where there is no such folder, it holds no pair, or a file has no partner.
+    """
+    where = str(folder)
+    if not folder.is_dir():
+        raise InputError("there is no such folder", where=where, mend="Give a folder of image pairs.")
+    files = [file for file in sorted(folder.rglob("*")) if file.suffix.lower() in _SUFFIXES]
+    sides: dict[str, dict[str, Path]] = {"left": {}, "right": {}}
+    for file in files[: 2 * _MOST_PAIRS + 1]:
+        name = str(file.relative_to(folder))
+        side = re.search("left|right", name, re.IGNORECASE)
+        if side:
+            sides[side[0].lower()][re.sub("left|right", "*", name, flags=re.IGNORECASE)] = file
+    left, right = sides["left"], sides["right"]
+    if not left or not right or len(files) > 2 * _MOST_PAIRS:
+        wrong = "it holds no image pairs" if len(files) <= 2 * _MOST_PAIRS else "it holds too many images"
+        raise InputError(wrong, where=where, mend="Name them left-01.png and right-01.png, and so on.")
+    for name in left.keys() ^ right.keys():
+        lonely = left.get(name) or right[name]
+        raise InputError("the other camera's image is missing", where=str(lonely), mend="Remove it.")
+    return [(left[name], right[name]) for name in sorted(left)]
+
+
+def read_grey(path: Path) -> UInt8:
+    """(H, W) uint8 of an image file.
+
+    Raises:
+        InputError: where it is damaged or too large.
+    """
+    try:
+        with Image.open(path, formats=("PNG", "JPEG")) as image:
+            if image.width * image.height > _MOST_PIXELS:
+                raise ValueError(f"it states {image.width} x {image.height} pixels")
+            return np.asarray(image.convert("L"))
+    except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError) as error:
+        raise InputError(
+            f"the image is damaged ({error})", where=str(path), mend="Remove the pair."
+        ) from None
+
+
+class RecordedPairs:
+    """The pairs of a folder at a camera's pace, in place of two cameras.
+
+    Args:
+        folder: where they are.
+        fps: pairs a second.
+
+    Raises:
+        InputError: where the folder holds no pairs.
+    """
+
+    def __init__(self, folder: Path, fps: float) -> None:
+        self._pairs = image_pairs(folder)
+        self.name, self._step_ns = "libcamera rehearsal", round(1e9 / fps)
+        self._next, self._start_ns = 0, 0
+
+    def read(self, timeout: float | None = None) -> Picture | None:
+        """The next picture, left and right in turn; None after the last.
+
+        Raises:
+            TimeoutError: when it is not due in time.
+            InputError: for an image that cannot be read; the next is read then.
+        """
+        number, eye = divmod(self._next, 2)
+        if number >= len(self._pairs):
+            return None
+        if self._next == 0:
+            self._start_ns = time.monotonic_ns()
+        wait = 1e-9 * (self._start_ns + number * self._step_ns - time.monotonic_ns())
+        if timeout is not None and wait > timeout:
+            time.sleep(max(timeout, 0.0))
+            raise TimeoutError(f"no image of {self.name} yet")
+        time.sleep(max(wait, 0.0))
+        self._next += 1
+        return Picture(eye, read_grey(self._pairs[number][eye]), number * self._step_ns, number)
+
+    def temperature(self) -> float | None:
+        """Files are of no temperature."""
+        return None
+
+    def close(self) -> None:
+        """Nothing to do."""

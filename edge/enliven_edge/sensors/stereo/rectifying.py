@@ -1,0 +1,64 @@
+"""Two images as two cameras of one focal length, side by side and in line, would have taken them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import UInt8
+from enliven.camera import Intrinsics
+from enliven.errors import InputError
+from enliven_edge.sensors.stereo.calibration import StereoCalibration
+from enliven_edge.sensors.stereo.opencv import opencv
+
+
+class Rectification:
+    """Where each pixel of the rectified images is found in those of the cameras; computed once.
+
+    Args:
+        calibration: of the pair.
+
+    Attributes:
+        intrinsics: of the rectified left camera; the right one's are the same.
+        baseline: metres between the two.
+        rotations: (3, 3) each, rectified from camera, of left and right.
+
+    Raises:
+        ResourceError: where OpenCV is missing.
+    """
+
+    def __init__(self, calibration: StereoCalibration) -> None:
+        cv = self._cv = opencv()
+        size = (calibration.width, calibration.height)
+        lenses = [
+            (each.matrix(), np.array(each.distortion)) for each in (calibration.left, calibration.right)
+        ]
+        turn, shift = np.array(calibration.right_from_left), np.array(calibration.translation)
+        *rotations, left, right = cv.stereoRectify(
+            *lenses[0], *lenses[1], size, turn, shift[:, None], flags=cv.CALIB_ZERO_DISPARITY, alpha=0
+        )[:4]
+        self.rotations = (rotations[0], rotations[1])
+        self.intrinsics = Intrinsics(*size, left[0, 0], left[1, 1], left[0, 2], left[1, 2])
+        self.baseline = float(-right[0, 3] / right[0, 0])
+        self._maps = [
+            cv.initUndistortRectifyMap(*lens, rotation, projection[:3, :3], size, cv.CV_16SC2)
+            for lens, rotation, projection in zip(lenses, rotations, (left, right), strict=True)
+        ]
+
+    def rectified(self, left: UInt8, right: UInt8) -> tuple[UInt8, UInt8]:
+        """The (H, W) images of a pair, rectified.
+
+        Raises:
+            InputError: for images of another shape than was calibrated.
+        """
+        shape = (self.intrinsics.height, self.intrinsics.width)
+        for image in (left, right):
+            if image.shape[:2] != shape:
+                of, wanted = (f"{size[1]} x {size[0]}" for size in (image.shape, shape))
+                raise InputError(
+                    f"an image has {of} pixels, the calibration {wanted}",
+                    where="stereo",
+                    mend="Calibrate in the size that is used: enliven calibrate-stereo.",
+                )
+        remap, linear = self._cv.remap, self._cv.INTER_LINEAR
+        one, two = (remap(i, *m, linear) for i, m in zip((left, right), self._maps, strict=True))
+        return one, two

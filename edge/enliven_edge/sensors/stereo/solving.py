@@ -1,0 +1,188 @@
+"""Two lenses, and how their cameras stand to each other, from sightings of a board."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven_edge.sensors.stereo.board import Board
+from enliven_edge.sensors.stereo.calibration import StereoCalibration, StereoLens
+from enliven_edge.sensors.stereo.opencv import opencv
+from enliven_edge.sensors.stereo.rectifying import Rectification
+
+_LEAST_CORNERS = 8
+"""Corners that both cameras must see of a board: six fix its pose, the others tell of errors."""
+LEAST_PAIRS = 8
+"""Pairs of images: two lenses and a pose have 24 unknowns, and a pose more for each pair."""
+_WORSE = 3.0
+"""Times the median error of the pairs, above which one is left out: its board moved, or was bent."""
+_FINE = 0.3
+"""Pixels of error below which none is left out."""
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """One pair of images: the board's corners in each, pixels by number."""
+
+    name: str
+    left: dict[int, Float]
+    right: dict[int, Float]
+
+    def common(self, board: Board) -> tuple[Float, Float, Float]:
+        """(N, 3) points of the board, (N, 2) and (N, 2) where both cameras see them."""
+        numbers = sorted(self.left.keys() & self.right.keys())
+        left, right = ([side[n] for n in numbers] for side in (self.left, self.right))
+        return board.points[numbers], np.reshape(left, (-1, 2)), np.reshape(right, (-1, 2))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What the sightings told.
+
+    Attributes:
+        calibration: None where there were too few.
+        used: the sightings that it is from.
+        left_out: names of pairs, and why they were not used.
+        disparity_error: pixels by which disparities of boards differ from what their distance makes them,
+            where one half of the pairs was judged by a calibration from the other.
+        tilt: degrees between the two boards that were turned against each other most.
+    """
+
+    calibration: StereoCalibration | None
+    used: list[Sighting]
+    left_out: dict[str, str] = field(default_factory=dict)
+    disparity_error: float = 0.0
+    tilt: float = 0.0
+
+
+def solve(board: Board, sightings: list[Sighting], size: tuple[int, int]) -> Solution:
+    """The calibration that fits sightings best; pairs that do not fit are left out.
+
+    Args:
+        size: (width, height) of the images.
+    """
+    left_out: dict[str, str] = {}
+    used = []
+    for each in sightings:
+        lacking = _lacking(each)
+        if lacking:
+            left_out[each.name] = lacking
+        else:
+            used.append(each)
+    while len(used) >= LEAST_PAIRS:
+        calibration, errors = _fitted(board, used, size)
+        worst = int(np.argmax(errors))
+        if errors[worst] <= max(_WORSE * float(np.median(errors)), _FINE):
+            tilt = _widest_tilt(board, used, calibration)
+            return Solution(calibration, used, left_out, _held_out(board, used, size), tilt)
+        left_out[used[worst].name] = f"its corners are {errors[worst]:.1f} px off: moved, blurred or bent"
+        used = [each for each in used if each is not used[worst]]
+    return Solution(None, used, left_out)
+
+
+def disparity_offset(
+    board: Board, sighting: Sighting, rectification: Rectification, calibration: StereoCalibration
+) -> float:
+    """Pixels by which a board's disparity differs from what its distance makes it.
+
+    The distance is from the left image alone: the board's size in it.
+    """
+    cv, lens = opencv(), calibration.left
+    points, left, right = sighting.common(board)
+    columns = [each[:, 0] for each in _flat(rectification, calibration, left, right)]
+    _, turn, shift = cv.solvePnP(points, left, lens.matrix(), np.array(lens.distortion))
+    depth = ((points @ cv.Rodrigues(turn)[0].T + shift.T) @ rectification.rotations[0].T)[:, 2]
+    expected = rectification.intrinsics.fx * rectification.baseline / depth
+    return float(np.mean(columns[0] - columns[1] - expected))
+
+
+def _lacking(sighting: Sighting) -> str:
+    """Why a pair cannot be used; empty where it can."""
+    for side in ("left", "right"):
+        if not getattr(sighting, side):
+            return f"the {side} camera does not see the board"
+    common = len(sighting.left.keys() & sighting.right.keys())
+    return "" if common >= _LEAST_CORNERS else f"the cameras see only {common} corners both"
+
+
+def _fitted(board: Board, used: list[Sighting], size: tuple[int, int]) -> tuple[StereoCalibration, Float]:
+    """The calibration from all these, and (N,) pixels of error of each."""
+    cv = opencv()
+    lenses = []
+    for side in ("left", "right"):
+        seen = [getattr(each, side) for each in used]
+        points = [board.points[sorted(corners)].astype(np.float32) for corners in seen]
+        pixels = [np.array([c[n] for n in sorted(c)], np.float32)[:, None] for c in seen]
+        _, matrix, distortion, *_ = cv.calibrateCamera(points, pixels, size, None, None)
+        lenses += [matrix, np.ravel(distortion)[:5]]
+    common = [[part.astype(np.float32)[:, None] for part in each.common(board)] for each in used]
+    error, *lenses, turn, shift, _, _, _, _, errors = cv.stereoCalibrateExtended(
+        *zip(*common, strict=True),
+        *lenses,
+        size,
+        np.eye(3),
+        np.zeros((3, 1)),
+        flags=cv.CALIB_USE_INTRINSIC_GUESS,
+    )
+    found = StereoCalibration(
+        width=size[0],
+        height=size[1],
+        left=_lens(lenses[0], lenses[1]),
+        right=_lens(lenses[2], lenses[3]),
+        right_from_left=tuple(tuple(float(v) for v in row) for row in turn),  # type: ignore[arg-type]
+        translation=tuple(float(v) for v in np.ravel(shift)),  # type: ignore[arg-type]
+        baseline=float(np.linalg.norm(shift)),
+        reprojection=float(error),
+        epipolar=0.0,
+    )
+    rectification = Rectification(found)
+    flat = [_flat(rectification, found, *each.common(board)[1:]) for each in used]
+    off = np.concatenate([left[:, 1] - right[:, 1] for left, right in flat])
+    epipolar = float(np.sqrt(np.mean(off**2)))
+    return replace(found, epipolar=epipolar), np.asarray(errors).reshape(len(used), -1).max(1)
+
+
+def _lens(matrix: Float, distortion: Float) -> StereoLens:
+    k1, k2, p1, p2, k3 = (float(v) for v in np.ravel(distortion)[:5])
+    fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    return StereoLens(fx, fy, cx, cy, (k1, k2, p1, p2, k3))
+
+
+def _flat(
+    rectification: Rectification, calibration: StereoCalibration, left: Float, right: Float
+) -> tuple[Float, Float]:
+    """(N, 2) and (N, 2) where the rectified cameras see what the cameras see at these pixels."""
+    camera = rectification.intrinsics
+    matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
+    sides = zip((left, right), (calibration.left, calibration.right), rectification.rotations, strict=True)
+    undistort = opencv().undistortPoints
+    one, two = (
+        undistort(seen[:, None], lens.matrix(), np.array(lens.distortion), R=turn, P=matrix)[:, 0]
+        for seen, lens, turn in sides
+    )
+    return one, two
+
+
+def _held_out(board: Board, used: list[Sighting], size: tuple[int, int]) -> float:
+    """Root mean square pixels of disparity, each half of the pairs judged by the other."""
+    off = []
+    for half in (0, 1):
+        calibration, _ = _fitted(board, used[half::2], size)
+        rectification = Rectification(calibration)
+        off += [disparity_offset(board, each, rectification, calibration) for each in used[1 - half :: 2]]
+    return float(np.sqrt(np.mean(np.square(off))))
+
+
+def _widest_tilt(board: Board, used: list[Sighting], calibration: StereoCalibration) -> float:
+    """Degrees between the normals of the two boards that differ most."""
+    cv = opencv()
+    lens = calibration.left
+    normals = []
+    for each in used:
+        points, left, _ = each.common(board)
+        _, turn, _ = cv.solvePnP(points, left, lens.matrix(), np.array(lens.distortion))
+        normals.append(cv.Rodrigues(turn)[0][:, 2])
+    least = float(np.min(np.array(normals) @ np.array(normals).T))
+    return float(np.degrees(np.arccos(np.clip(least, -1, 1))))

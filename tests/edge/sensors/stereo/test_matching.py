@@ -1,0 +1,142 @@
+"""Depth of two rendered cameras against the truth; the rendering shares nothing with the matcher."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+pytest.importorskip("cv2", reason='OpenCV is not installed: pip install "./edge[libcamera]"')
+from stereo_rig import calibration_of, rectified_left, rig
+from stereo_scene import Photographer, Plane, person, room
+
+from enliven.errors import InputError
+from enliven_edge.sensors.stereo import Rectification, StereoMatcher
+from enliven_edge.sensors.stereo.matching import depth_table
+
+WIDTH, HEIGHT = 320, 200
+CAMERAS = rig(WIDTH, HEIGHT)
+RECTIFIED = Rectification(calibration_of(*CAMERAS))
+TRUE = rectified_left(RECTIFIED)
+FOCAL_BASELINE = RECTIFIED.intrinsics.fx * RECTIFIED.baseline
+
+
+def pair(things, seed=0, gains=(1.0, 1.1)):
+    """(left, right) photographs with noise, vignetting and two exposures, and the true depth in metres."""
+    photographer = Photographer(things, seed)
+    images = [
+        photographer.picture(lens, gain=gain, vignette=0.3, noise=2.0)
+        for lens, gain in zip(CAMERAS, gains, strict=True)
+    ]
+    return *images, photographer.depth(TRUE)
+
+
+def disparity_error(depth, truth):
+    """Pixels by which known depths are off, as disparities."""
+    known = depth > 0
+    return FOCAL_BASELINE * np.abs(1e3 / depth[known] - 1 / truth[known])
+
+
+@settings(max_examples=4)
+@given(st.floats(1.0, 2.5), st.floats(-0.5, 0.5), st.floats(-0.4, 0.4), st.integers(0, 99))
+def test_a_slanted_plane_is_where_it_is(distance, across, down, seed):
+    left, right, truth = pair([Plane((0, 0, distance), (across, down, -1))], seed)
+    depth = StereoMatcher(RECTIFIED, 0.5, 8.0).depth(left, right)
+    assert depth.dtype == np.uint16 and depth.shape == (HEIGHT, WIDTH)
+    within = (truth > 0.55) & (truth < 7.5)
+    # The first columns may see what the right camera does not.
+    within[:, : int(FOCAL_BASELINE / truth[within].min()) + 8] = False
+    assert (depth[within] > 0).mean() > 0.9
+    off = disparity_error(np.where(within, depth, 0), truth)
+    assert np.median(off) < 0.2 and (off < 1.0).mean() > 0.97
+
+
+def test_a_person_is_where_they_are_for_two_exposures():
+    left, right, truth = pair(room(wall=3.5) + person(0, 2.0), gains=(1.0, 1.25))
+    depth = StereoMatcher(RECTIFIED).depth(left, right)
+    body = (truth > 1.6) & (truth < 2.2)
+    assert (depth[body] > 0).mean() > 0.9
+    off = disparity_error(np.where(body, depth, 0), truth)
+    assert np.median(off) < 0.25 and (off < 1.0).mean() > 0.93
+
+
+def test_what_the_right_camera_does_not_see_is_not_told():
+    things = [*room(wall=3.0), *person(0.1, 1.0)]
+    left, right, truth = pair(things)
+    photographer = Photographer(things)
+    eye, looks = TRUE.rays(*(each.ravel().astype(float) for each in np.meshgrid(range(WIDTH), range(HEIGHT))))
+    points = eye + looks * truth.reshape(-1, 1)
+    other = -CAMERAS[1].turn.T @ CAMERAS[1].shift
+    reached, _ = photographer._hit(other, points - other)
+    hidden = (reached < 0.95).reshape(HEIGHT, WIDTH) & (truth > 2.0)
+    # Its edges belong to the window that is compared.
+    hidden[:, 1:-1] &= hidden[:, :-2] & hidden[:, 2:]
+    depth = StereoMatcher(RECTIFIED, 0.6, 8.0).depth(left, right)
+    wrong = np.abs(1e-3 * depth - truth) > 0.1 * truth
+    assert hidden.sum() > 1000
+    assert ((depth > 0) & hidden).sum() < 0.3 * hidden.sum()
+    assert ((depth > 0) & wrong).sum() < 0.02 * depth.size
+
+
+def test_the_left_edge_is_seen_as_far_as_both_cameras_see_it():
+    left, right, truth = pair([Plane((0, 0, 2.5), (0, 0, -1))])
+    depth = StereoMatcher(RECTIFIED, 0.5, 8.0).depth(left, right)
+    own = int(FOCAL_BASELINE / 2.5)
+    edge = depth[20:-20, own + 4 : own + 30]
+    assert (edge > 0).mean() > 0.8
+    assert np.median(disparity_error(edge, truth[20:-20, own + 4 : own + 30])) < 0.3
+
+
+def test_two_images_of_nothing_in_common_tell_nothing():
+    left, right = (np.random.default_rng(seed).integers(0, 255, (HEIGHT, WIDTH)).astype(np.uint8) for seed in (0, 1))
+    assert (StereoMatcher(RECTIFIED).depth(left, right) > 0).mean() < 0.02
+
+
+@given(st.floats(20, 200), st.floats(0.3, 1.0), st.floats(2.0, 20.0))
+def test_the_table_is_the_formula(focal_baseline, near, far):
+    table = depth_table(focal_baseline, near, far, 64)
+    assert table[0] == 0 and table.dtype == np.uint16 and len(table) == 64 * 16 + 1
+    for step in range(1, len(table)):
+        metres = focal_baseline / (step / 16)
+        told = table[step]
+        assert told == 0 if not near <= metres <= far else abs(told - 1e3 * metres) <= 0.5 + 1e-6
+
+
+def test_nothing_is_told_outside_the_range():
+    left, right, _ = pair([Plane((0, 0, 1.0), (0, 0, -1))])
+    assert not StereoMatcher(RECTIFIED, 1.2, 8.0).depth(left, right)[20:-20, 40:-20].any()
+    near = StereoMatcher(RECTIFIED, 0.7, 8.0).depth(left, right)
+    assert 0 < near[near > 0].min() >= 700 and near.max() <= 8000
+
+
+@pytest.mark.parametrize(
+    ("near", "far", "what"), [(0.0, 5.0, "range"), (3.0, 2.0, "range"), (0.06, 5.0, "near=0.0")]
+)
+def test_a_range_that_cannot_be_seen_is_refused(near, far, what):
+    with pytest.raises(InputError, match=what):
+        StereoMatcher(RECTIFIED, near, far)
+
+
+def test_images_of_another_size_are_refused():
+    wrong = np.zeros((100, 320), np.uint8)
+    with pytest.raises(InputError, match="320 x 100 pixels, the calibration 320 x 200"):
+        StereoMatcher(RECTIFIED).depth(wrong, wrong)
+
+
+@settings(max_examples=20)
+@given(st.floats(-3, 3), st.floats(0.0, 1.5), st.floats(0.04, 0.4), st.integers(0, 99))
+def test_rectified_cameras_see_every_point_in_one_row(crooked, bent, baseline, seed):
+    """And the difference of its columns is what its depth makes it; over random rigs and points."""
+    from enliven_edge.sensors.stereo.solving import _flat
+
+    lenses = rig(baseline=baseline, crooked=crooked, bent=bent)
+    calibration = calibration_of(*lenses)
+    rectification = Rectification(calibration)
+    random = np.random.default_rng(seed)
+    depth = random.uniform(0.5, 6.0, 200)
+    points = np.stack([random.uniform(-0.5, 0.5, 200) * depth, random.uniform(-0.3, 0.3, 200) * depth, depth], -1)
+    left, right = _flat(rectification, calibration, *(lens.pixels(points) for lens in lenses))
+    assert np.abs(left[:, 1] - right[:, 1]).max() < 0.02
+    camera = rectification.intrinsics
+    true = camera.fx * rectification.baseline / (points @ rectification.rotations[0].T)[:, 2]
+    np.testing.assert_allclose(left[:, 0] - right[:, 0], true, atol=0.02)
+    assert rectification.baseline == pytest.approx(baseline, rel=1e-3)

@@ -1,0 +1,199 @@
+"""Photographs and true depth of a made-up room with people, for tests of stereo cameras.
+
+Rays are cast in numpy through lenses that are written down here once more, so that nothing is shared with
+what is tested. All points are in the left camera's frame (OpenCV's), metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+UNDISTORTING = 20
+"""Steps of the fixed-point iteration; the lenses of the tests are exact to 1e-6 px after ten."""
+GRAIN = (0.006, 0.02, 0.07, 0.25)
+"""Metres of the details of a surface: cloth, folds, prints, panels."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A camera of the pair; ``turn`` and ``shift`` take a point of the left camera's frame into its own."""
+
+    width: int
+    height: int
+    focal: tuple[float, float]
+    centre: tuple[float, float]
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    turn: np.ndarray = field(default_factory=lambda: np.eye(3))
+    shift: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    def distorted(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Brown and Conrady's lens on normalised coordinates."""
+        k1, k2, p1, p2, k3 = self.distortion
+        r = x * x + y * y
+        radial = 1 + k1 * r + k2 * r**2 + k3 * r**3
+        return (
+            x * radial + 2 * p1 * x * y + p2 * (r + 2 * x * x),
+            y * radial + p1 * (r + 2 * y * y) + 2 * p2 * x * y,
+        )
+
+    def pixels(self, points: np.ndarray) -> np.ndarray:
+        """(..., 2) where (..., 3) points of the left camera's frame appear."""
+        own = points @ self.turn.T + self.shift
+        x, y = self.distorted(own[..., 0] / own[..., 2], own[..., 1] / own[..., 2])
+        return np.stack([x * self.focal[0] + self.centre[0], y * self.focal[1] + self.centre[1]], -1)
+
+    def rays(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(3,) where the camera stands, and (N, 3) where its pixels look, in the left camera's frame."""
+        goal = (u - self.centre[0]) / self.focal[0], (v - self.centre[1]) / self.focal[1]
+        x, y = goal
+        for _ in range(UNDISTORTING if any(self.distortion) else 0):
+            bent = self.distorted(x, y)
+            x, y = x + goal[0] - bent[0], y + goal[1] - bent[1]
+        looks = np.stack([x, y, np.ones_like(x)], -1)
+        return -self.turn.T @ self.shift, looks @ self.turn
+
+
+@dataclass(frozen=True)
+class Plane:
+    """An endless plane."""
+
+    point: tuple[float, float, float]
+    normal: tuple[float, float, float]
+
+    def hit(self, eye: np.ndarray, looks: np.ndarray) -> np.ndarray:
+        """(N,) lengths along rays, infinite where they miss."""
+        slope = looks @ np.array(self.normal)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            length = (np.array(self.point) - eye) @ np.array(self.normal) / slope
+        return np.where(length > 1e-6, length, np.inf)
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """A limb: all points within ``radius`` of the line from ``start`` to ``end``."""
+
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+    radius: float
+
+    def hit(self, eye: np.ndarray, looks: np.ndarray) -> np.ndarray:
+        """(N,) lengths along rays, infinite where they miss."""
+        a, b = np.array(self.start), np.array(self.end)
+        axis = b - a
+        length = np.linalg.norm(axis)
+        axis = axis / length
+        across = looks - np.outer(looks @ axis, axis)
+        offset = (eye - a) - (eye - a) @ axis * axis
+        found = _nearest((across**2).sum(-1), across @ offset, offset @ offset - self.radius**2)
+        along = (eye - a) @ axis + found * (looks @ axis)
+        found = np.where((along >= 0) & (along <= length), found, np.inf)
+        for end in (a, b):
+            middle = eye - end
+            ball = _nearest((looks**2).sum(-1), looks @ middle, middle @ middle - self.radius**2)
+            found = np.minimum(found, ball)
+        return found
+
+
+def _nearest(a: np.ndarray, half_b: np.ndarray, c: float) -> np.ndarray:
+    """The smaller root of a t^2 + 2 half_b t + c, infinite where there is none ahead."""
+    inside = half_b**2 - a * c
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = (-half_b - np.sqrt(np.maximum(inside, 0))) / a
+    return np.where((inside > 0) & (root > 1e-6), root, np.inf)
+
+
+def person(x: float, z: float, floor: float = 1.2) -> list[Capsule]:
+    """Someone of 1.7 m who stands on a floor so many metres below the camera, arms half raised."""
+    y = floor - 1.7
+    limbs = [((0, 1.42, 0), (0, 1.60, 0), 0.10), ((0, 0.98, 0), (0, 1.32, 0), 0.16)]
+    for s in (-1, 1):
+        limbs += [
+            ((0.19 * s, 1.38, 0), (0.42 * s, 1.22, 0.02), 0.05),
+            ((0.42 * s, 1.22, 0.02), (0.60 * s, 1.40, -0.10), 0.04),
+            ((0.10 * s, 0.95, 0), (0.14 * s, 0.50, -0.02), 0.08),
+            ((0.14 * s, 0.50, -0.02), (0.16 * s, 0.08, 0.02), 0.06),
+        ]
+    place = lambda p: (x + p[0], y + 1.7 - p[1], z + p[2])  # noqa: E731
+    return [Capsule(place(a), place(b), r) for a, b, r in limbs]
+
+
+def room(floor: float = 1.2, wall: float = 4.0) -> list[Plane]:
+    """A floor, and a wall at the back."""
+    return [Plane((0, floor, 0), (0, -1, 0)), Plane((0, 0, wall), (0, 0, -1))]
+
+
+class Photographer:
+    """Takes pictures of surfaces that bear a random texture each, the same from every side.
+
+    Args:
+        things: planes and capsules.
+        seed: of the textures and of the cameras' noise.
+        contrast: grey values, standard deviation of the texture.
+    """
+
+    def __init__(self, things: list, seed: int = 0, contrast: float = 30.0) -> None:
+        self._things, self._contrast = things, contrast
+        self._random = np.random.default_rng(seed)
+        self._cells = self._random.standard_normal((64, 64, 64)).astype(np.float32)
+
+    def picture(
+        self, lens: Lens, samples: int = 2, gain: float = 1.0, vignette: float = 0.0, noise: float = 0.0
+    ) -> np.ndarray:
+        """(H, W) uint8 what a camera sees.
+
+        Args:
+            samples: rays a pixel along each side.
+            gain: of the exposure.
+            vignette: part of the light that is lost in a corner.
+            noise: grey values, standard deviation.
+        """
+        steps = (np.arange(samples) + 0.5) / samples - 0.5
+        u = (np.arange(lens.width)[:, None] + steps).ravel()
+        v = (np.arange(lens.height)[:, None] + steps).ravel()
+        uu, vv = np.meshgrid(u, v)
+        eye, looks = lens.rays(uu.ravel(), vv.ravel())
+        length, which = self._hit(eye, looks)
+        light = self._light(eye + looks * length[:, None], which)
+        light = light.reshape(lens.height, samples, lens.width, samples).mean((1, 3))
+        uu, vv = np.meshgrid(np.arange(lens.width), np.arange(lens.height))
+        corner = ((uu - lens.centre[0]) ** 2 + (vv - lens.centre[1]) ** 2) / (
+            lens.centre[0] ** 2 + lens.centre[1] ** 2
+        )
+        light = light * gain * (1 - vignette * corner)
+        light = light + noise * self._random.standard_normal(light.shape)
+        return np.clip(np.rint(light), 0, 255).astype(np.uint8)
+
+    def depth(self, lens: Lens) -> np.ndarray:
+        """(H, W) metres along the lens's axis, of a lens that stands where the left camera does."""
+        uu, vv = np.meshgrid(np.arange(lens.width), np.arange(lens.height))
+        eye, looks = lens.rays(uu.ravel().astype(float), vv.ravel().astype(float))
+        length, _ = self._hit(eye, looks)
+        points = (eye + looks * length[:, None]) @ lens.turn.T + lens.shift
+        return points[:, 2].reshape(lens.height, lens.width)
+
+    def _hit(self, eye: np.ndarray, looks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(N,) length along each ray to what is nearest, and (N,) which it is."""
+        lengths = np.stack([thing.hit(eye, looks) for thing in self._things])
+        which = lengths.argmin(0)
+        return lengths[which, np.arange(len(which))], which
+
+    def _light(self, points: np.ndarray, which: np.ndarray) -> np.ndarray:
+        """(N,) grey values of points of surfaces."""
+        light = np.full(len(points), 110.0)
+        known = np.isfinite(points).all(-1)
+        place = points[known] + 1.37 * which[known, None]
+        for grain in GRAIN:
+            turned = place @ _TURN.T / grain
+            light[known] += (
+                self._contrast
+                / np.sqrt(len(GRAIN))
+                * map_coordinates(self._cells, turned.T, order=1, mode="grid-wrap")
+            )
+        return light
+
+
+_TURN = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
+"""Turns the texture's cells against the surfaces, so that no line of the cells lies in one."""
