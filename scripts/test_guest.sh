@@ -18,25 +18,42 @@ wheels() {
     .venv/bin/python scripts/lock.py lines dev x86_64 3.13 | grep -vE "^($(paste -sd '|' scripts/guest/without.txt))=="
 }
 
+in_root() {
+    # in_root FOLDER: runs the commands of standard input in the root, which sees the checkout, and FOLDER as /mnt.
+    unshare --mount --pid --fork --kill-child sh -eu -c '
+        mount -t proc proc "$1/proc"
+        mount --bind "$2" "$1/mnt"
+        mount --bind -o ro . "$1/opt/enliven"
+        exec env -i HOME=/root PIP_CACHE_DIR=/mnt PATH=/usr/sbin:/usr/bin:/sbin:/bin chroot "$1" sh -eu
+    ' sh "$root" "$1" >"$roots/guest-packages.log" 2>&1
+}
+
+make_vimc() {
+    # Debian's kernel has no vimc, the camera that libcamera drives: its module is built from Debian's own sources.
+    [ -f "$roots/$base-vimc/vimc.ko" ] && return
+    say "building the kernel's virtual camera vimc (a minute or two, once)"
+    fresh_root "$base"
+    mkdir -p "$root/opt/enliven" "$roots/$base-vimc"
+    in_root "$roots/$base-vimc" <scripts/guest/build-vimc ||
+        say "vimc cannot be built: $(tail -n 1 "$roots/guest-packages.log"); what needs it is skipped"
+}
+
 make_disk() {
     # A disk of the bare root, the wheels, three users and the service that runs the tests; made again when any changes.
     lines=$(wheels)
     stamp=$(printf '%s' "$lines $packages" | cat - scripts/guest/* edge/pyproject.toml | cksum)
     [ "$(cat "$disk.ready" 2>/dev/null)" = "$stamp" ] && return
     base_root "$base" --include="$packages" "$suite"
+    make_vimc
     fresh_root "$base"
     say "making the guest's disk (two minutes, once)"
     mkdir -p "$root/opt/enliven" "$roots/pip"
     printf '%s\n' "$lines" >"$root/opt/wheels.txt"
     cp scripts/guest/*.service "$root/etc/systemd/system/"
     cp scripts/guest/run-tests "$root/usr/local/sbin/" && chmod 755 "$root/usr/local/sbin/run-tests"
-    unshare --mount --pid --fork --kill-child sh -eu -c '
-        mount -t proc proc "$1/proc"
-        mount --bind "$2" "$1/mnt"
-        mount --bind -o ro . "$1/opt/enliven"
-        exec env -i HOME=/root PIP_CACHE_DIR=/mnt PATH=/usr/sbin:/usr/bin:/sbin:/bin chroot "$1" sh -eu
-    ' sh "$root" "$roots/pip" <scripts/guest/make-ready >"$roots/guest-packages.log" 2>&1 ||
+    in_root "$roots/pip" <scripts/guest/make-ready ||
         fail "the guest cannot be made: $(tail -n 1 "$roots/guest-packages.log") (all of it: $roots/guest-packages.log)"
+    [ ! -f "$roots/$base-vimc/vimc.ko" ] || cp "$roots/$base-vimc/vimc.ko" "$root/opt/"
     cp "$root/vmlinuz" "$roots/guest.kernel"
     cp "$root/initrd.img" "$roots/guest.initrd"
     rm -f "$disk"

@@ -88,8 +88,18 @@ class Listener:
     def log(self) -> str:
         return Path(self._log.name).read_text()
 
-    def close(self) -> None:
-        """Ends it."""
+    def count(self) -> tuple[int, int]:
+        """How many open files and threads it has from now on."""
+        for _ in range(2):
+            before = self.holds
+            self.until(lambda: self.holds != before, "a new count")  # noqa: B023
+        return self.holds[0], self.holds[1]
+
+    def __enter__(self) -> Listener:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Ends it; it has to end by itself."""
         self._wanted.unlink()
         try:
             assert self._process.wait(SLOW) == 0, self.log[-2000:]

@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 from enliven_edge.controls.desk import open_controls
+from enliven_edge.controls.lamps import Lamps
 from enliven_edge.controls.settings import ControlSettings
 
 
@@ -32,6 +33,7 @@ def main() -> None:
             for name in sorted(now ^ missing):
                 say("gone" if name in now else "there", name)
             missing = now
+            controls.show(Lamps(possess="steady"))
             for control in controls._controls:
                 for word in control.poll():
                     say("word", control.name, word)

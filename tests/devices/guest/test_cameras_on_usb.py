@@ -126,6 +126,7 @@ def test_attached_cameras_are_named_with_their_speed_and_what_they_lack():
     name, mbit, troubles = found["Movidius MyriadX 03e72485"]
     assert (name, mbit) == ("OAK", 480.0) and "it is on USB 2" not in troubles, "it has no firmware yet"
     assert "depthai is not installed" in troubles
+    assert found["Xbox NUI Camera A0"][2] == ["no driver ships for it"], "a Kinect v1 has no other link than USB 2"
     assert all("your user may not open it" not in troubles for _, _, troubles in found.values())
 
 
@@ -135,5 +136,5 @@ def test_the_command_lists_what_is_plugged_in():
     assert done.returncode == 0, done.stderr
     said = " ".join(done.stdout.split())
     assert "Movidius MyriadX 03e72485" in said and "depthai is not installed" in said
-    assert "98765: " in said and "it is on USB 2" in said
+    assert "98765: " in said and "it is on USB 2" in said and '"enliven-edge[oak]"' in said
     print(done.stdout)
