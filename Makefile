@@ -26,9 +26,10 @@ test-bare:       ## both commands in bare Debians 12 and 13 (as root): make test
 test-arm: setup-dev ## the numeric core's tests as an aarch64 processor would run them (as root; slow)
 	@sh scripts/test_arm.sh $(ONLY)
 
-test-devices:    ## the firmware of the button panel in a simulator (part of make test where its tools are installed)
+test-devices:    ## the panel's firmware in a simulator, then HID, USB, cameras and udev in a guest (as root): ONLY=panel, ONLY=guest
 	@sh scripts/setup.sh devices
-	@.venv/bin/python -m pytest tests/devices $(ARGS)
+	@[ "$(ONLY)" = guest ] || .venv/bin/python -m pytest tests/devices $(ARGS)
+	@[ "$(ONLY)" = panel ] || sh scripts/test_guest.sh $(if $(filter guest,$(ONLY)),$(ARGS))
 
 panel:           ## build the firmware of the button panel, and write it to a board: make panel PORT=/dev/ttyUSB0
 	@$(MAKE) -s -C firmware_configs/panel $(if $(PORT),flash)

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Boots a Debian 13 with its own kernel in QEMU, and runs tests/devices/guest in it: real HID, USB, cameras and udev.
 # Usage, as root: test_guest.sh [PYTEST ARGUMENT ...]      ends as the tests in the guest did; 4 where it cannot run
-#   ENLIVEN_BARE  the folder of the guest's disk (out/bare), made once;  PATIENCE  seconds the guest may take (900)
+#   ENLIVEN_BARE  the folder of the guest's disk (out/bare), made once;  PATIENCE  seconds the guest may take (1800)
 #   ACCEL         what QEMU computes with (tcg, which every machine has; kvm is faster where it works)
 # The guest has no network and writes to a copy of its disk that goes with it. Its log is out/devices/guest.log.
 set -eu
@@ -67,7 +67,7 @@ boot() {
     git ls-files -coz --exclude-standard | tar --null --ignore-failed-read -T - -cf "$work/checkout.tar" 2>/dev/null
     printf '%s\n' "$@" >"$work/arguments" && tar -C "$work" -rf "$work/checkout.tar" arguments
     truncate -s %512 "$work/checkout.tar"
-    timeout -k 5 "${PATIENCE:-900}" qemu-system-x86_64 -machine q35 -accel "${ACCEL:-tcg}" -cpu Nehalem -smp 2 -m 2048 \
+    timeout -k 5 "${PATIENCE:-1800}" qemu-system-x86_64 -machine q35 -accel "${ACCEL:-tcg}" -cpu Nehalem -smp 2 -m 2048 \
         -nodefaults -no-reboot -display none -vga std -kernel "$roots/guest.kernel" -initrd "$roots/guest.initrd" \
         -append "root=/dev/vda rw console=ttyS0 panic=-1 systemd.show_status=0 quiet" \
         -drive "if=virtio,format=raw,snapshot=on,file=$disk" \
@@ -88,7 +88,7 @@ boot "$@" || code=$?
 said=$(tr -d '\r' <"$logs/guest.log" 2>/dev/null | sed -n 's/^the guest ends with //p' | tail -n 1)
 if [ -z "$said" ]; then
     tail -n 20 "$logs/guest-console.log" 2>/dev/null || true
-    [ "$code" != 124 ] || say "the guest was ended after ${PATIENCE:-900} s"
+    [ "$code" != 124 ] || say "the guest was ended after ${PATIENCE:-1800} s"
     fail "the guest did not come to its end (QEMU: $code); its console: $logs/guest-console.log"
 fi
 say "in the guest: exit $said after $(($(date +%s) - began)) s; $logs/guest.log"

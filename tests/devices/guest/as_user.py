@@ -15,7 +15,7 @@ from typing import Any
 
 SEATED, HELPER, STRANGER = "performer", "helper", "stranger"
 """The user of the first screen's session, one of the group plugdev, and one who is neither."""
-SLOW = 60.0
+SLOW = 180.0
 """Seconds to wait for what an emulated processor does."""
 
 
