@@ -61,8 +61,8 @@ class Edges:
     Args:
         report: what they hold.
         skip: bytes before that, after the report's number.
-        number: the first byte of the reports that count; others, such as a clicker's mouse, are no keys. 0: all
-            count, and have no number.
+        number: the first byte of the reports that count; others, such as a clicker's mouse, are no keys. 0:
+            all count, and have no number.
     """
 
     def __init__(self, report: Literal["keyboard", "buttons"], skip: int = 0, number: int = 0) -> None:

@@ -26,7 +26,9 @@ def command(user: str, *words: str) -> list[str]:
 
 def answer(user: str, script: str) -> Any:
     """What a Python script of a user prints, read as JSON."""
-    done = subprocess.run(command(user, sys.executable, "-c", script), capture_output=True, text=True, timeout=SLOW)
+    done = subprocess.run(
+        command(user, sys.executable, "-c", script), capture_output=True, text=True, timeout=SLOW
+    )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
@@ -59,7 +61,9 @@ class Listener:
         self.take()
         while not done():
             assert self._process.poll() is None, self.log[-2000:]
-            assert time.monotonic() < deadline, f"{what} did not come to be in {seconds} s; {self.log[-2000:]}"
+            assert time.monotonic() < deadline, (
+                f"{what} did not come to be in {seconds} s; {self.log[-2000:]}"
+            )
             time.sleep(0.01)
             self.take()
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from as_user import SLOW
 
+from enliven.errors import InputError
 from enliven_edge.sensors.base import Sensor, SensorFault
 
 
@@ -17,6 +18,8 @@ def read(sensor: Sensor, count: int) -> list:
         assert time.monotonic() < deadline, f"{len(frames)} of {count} frames in {SLOW} s"
         try:
             frames.append(sensor.read(1.0))
+        except InputError as damaged:
+            print(damaged)
         except (TimeoutError, SensorFault):
             continue
     return frames

@@ -1,4 +1,4 @@
-"""An edge's controls in a process of their own, as an ordinary user; each line says what happened and when."""
+"""An edge's controls in a process of an ordinary user; each line says what happened and when."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A finder of landmarks that finds nobody, and writes down what it was shown; MediaPipe is not in the guest."""
+"""A finder of landmarks that finds none, and writes down what it was shown; MediaPipe is not in the guest."""
 
 from __future__ import annotations
 

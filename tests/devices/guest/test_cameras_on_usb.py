@@ -1,4 +1,4 @@
-"""Depth cameras' numbers on the kernel's virtual USB: the real udev with our rules, real sysfs, three kinds of user."""
+"""Depth cameras' numbers on the kernel's virtual USB: the system's udev with our rules, real sysfs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ OTHERS = {
     "an Intel device that is no camera": Kind(0x8086, 0x0189, "Bluetooth", "Intel", "", HIGH),
     "a mouse": Kind(0x045E, 0x0040, "Wheel Mouse Optical", "Microsoft", "", HIGH),
 }
-MAY_OPEN = "import json, os; print(json.dumps(os.access({path!r}, os.R_OK | os.W_OK) and os.open({path!r}, os.O_RDWR) > 0))"
+MAY_OPEN = """
+import json, os
+print(json.dumps(os.access({path!r}, os.R_OK | os.W_OK) and os.open({path!r}, os.O_RDWR) > 0))
+"""
 ATTACHED = """
 import json
 from enliven_edge.sensors.attached import attached
@@ -43,7 +46,10 @@ def settle() -> None:
 def node_of(kind: Kind) -> Path:
     """The file by which a device is opened, as sysfs says."""
     for device in Path("/sys/bus/usb/devices").glob("*"):
-        said = {part: read(device / part) for part in ("idVendor", "idProduct", "serial", "busnum", "devnum", "product")}
+        said = {
+            part: read(device / part)
+            for part in ("idVendor", "idProduct", "serial", "busnum", "devnum", "product")
+        }
         if (said["idVendor"], said["idProduct"]) == (f"{kind.vendor:04x}", f"{kind.product:04x}") and (
             said["product"] == kind.title and said["serial"] == kind.serial
         ):
@@ -103,7 +109,7 @@ def test_what_the_doctor_says_to_type_gives_access_to_cameras_and_to_nothing_els
         assert allowed == [True, True, False], name
     for name, node in nodes_of(OTHERS).items():
         assert not answer(SEATED, MAY_OPEN.format(path=str(node))), name
-    print(f"{len(CAMERAS)} cameras opened by the seated user and by plugdev, by no stranger; {len(OTHERS)} others closed")
+    print(f"{len(CAMERAS)} cameras are open to two users, closed to a stranger; {len(OTHERS)} others are closed")
 
 
 def test_a_camera_plugged_in_later_is_open_at_once(plugged_in):
@@ -118,7 +124,10 @@ def test_a_camera_plugged_in_later_is_open_at_once(plugged_in):
 
 
 def test_attached_cameras_are_named_with_their_speed_and_what_they_lack():
-    found = {title: (name, mbit, [what for what, _ in troubles]) for name, title, mbit, _, troubles in answer(SEATED, ATTACHED)}
+    found = {
+        title: (name, mbit, [what for what, _ in troubles])
+        for name, title, mbit, _, troubles in answer(SEATED, ATTACHED)
+    }
     print(json.dumps(found, indent=1))
     assert found[f"{REALSENSE} 012345678901"][:2] == ("RealSense", 5000.0)
     assert "it is on USB 2" not in found[f"{REALSENSE} 012345678901"][2]
@@ -126,7 +135,9 @@ def test_attached_cameras_are_named_with_their_speed_and_what_they_lack():
     name, mbit, troubles = found["Movidius MyriadX 03e72485"]
     assert (name, mbit) == ("OAK", 480.0) and "it is on USB 2" not in troubles, "it has no firmware yet"
     assert "depthai is not installed" in troubles
-    assert found["Xbox NUI Camera A0"][2] == ["no driver ships for it"], "a Kinect v1 has no other link than USB 2"
+    assert found["Xbox NUI Camera A0"][2] == ["no driver ships for it"], (
+        "a Kinect v1 has no other link than USB 2"
+    )
     assert all("your user may not open it" not in troubles for _, _, troubles in found.values())
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import statistics
 import subprocess
@@ -36,7 +37,9 @@ def appeared(there: bool) -> None:
 @pytest.fixture(scope="module", autouse=True)
 def vivid():
     # One device with one input, the webcam; without multiplanar formats, as webcams are.
-    subprocess.run(["modprobe", "vivid", "n_devs=1", "node_types=0x1", "num_inputs=1", "input_types=0x0"], check=True)
+    subprocess.run(
+        ["modprobe", "vivid", "n_devs=1", "node_types=0x1", "num_inputs=1", "input_types=0x0"], check=True
+    )
     appeared(True)
     yield
     subprocess.run(["modprobe", "-r", "vivid"], check=True)
@@ -56,9 +59,9 @@ def test_sixty_images_of_the_cameras_size_and_rate(seen):
         frames = read(sensor, 60)
     shapes = {tuple(shape) for shape, *_ in seen.images()}
     times = [frame.time_ns for frame in frames]
-    step = statistics.median(b - a for a, b in zip(times, times[1:], strict=False)) * 1e-9
+    step = statistics.median(b - a for a, b in itertools.pairwise(times)) * 1e-9
     print(f"60 images of {shapes}, one each {1e3 * step:.1f} ms")
-    assert len(shapes) == 1 and all(b > a for a, b in zip(times, times[1:], strict=False))
+    assert len(shapes) == 1 and all(b > a for a, b in itertools.pairwise(times))
     (shape,) = shapes
     assert shape[2] == 3 and shape[0] * 16 == shape[1] * 9, "vivid's webcam is 16:9"
 

@@ -1,7 +1,7 @@
-"""USB devices made by the kernel's vhci_hcd: programs answer for the device, the kernel takes it for a real one.
+"""USB devices made by the kernel's vhci_hcd: a program answers for the device, the kernel takes it for real.
 
-The protocol is USB/IP's, as Linux has it in Documentation/usb/usbip_protocol.rst; descriptors are those of USB 2.0
-chapter 9 and, for a device on USB 3, of USB 3.2 chapter 9.
+The protocol is USB/IP's, as Linux has it in Documentation/usb/usbip_protocol.rst; descriptors are those of
+USB 2.0 chapter 9 and, for a device on USB 3, of USB 3.2 chapter 9.
 """
 
 from __future__ import annotations
@@ -92,11 +92,18 @@ class UsbDevice:
                 data = b"" if inward else self._take(size)
                 self._transfer(number, bool(inward), endpoint, size, setup, data)
 
-    def _transfer(self, number: int, inward: bool, endpoint: int, size: int, setup: bytes, data: bytes) -> None:
+    def _transfer(
+        self, number: int, inward: bool, endpoint: int, size: int, setup: bytes, data: bytes
+    ) -> None:
         with self._lock:
             if endpoint == 0:
                 answer = self._control(setup)
-                self._reply(number, (answer or b"")[:size] if inward else b"", _STALL if answer is None else 0, len(data))
+                self._reply(
+                    number,
+                    (answer or b"")[:size] if inward else b"",
+                    _STALL if answer is None else 0,
+                    len(data),
+                )
             elif not inward:
                 self._reply(number, b"", 0, len(data))
             elif self._to_say.get(endpoint):
@@ -122,7 +129,21 @@ class UsbDevice:
             version, packet = (0x320, 9) if fast else (0x200, 64)
             has_serial = 3 if kind.serial else 0
             return struct.pack(
-                "<BBHBBBBHHHBBBB", 18, 1, version, 0, 0, 0, packet, kind.vendor, kind.product, 0x100, 1, 2, has_serial, 1
+                "<BBHBBBBHHHBBBB",
+                18,
+                1,
+                version,
+                0,
+                0,
+                0,
+                packet,
+                kind.vendor,
+                kind.product,
+                0x100,
+                1,
+                2,
+                has_serial,
+                1,
             )
         if which == 2:
             body = b"".join(kind.interfaces)

@@ -28,7 +28,7 @@ def test_what_is_plugged_in_is_listed_with_all_that_is_to_be_typed(capsys, monke
     camera = attached.Attached(replace(kind, package="no-such-package"), "[OAK] 1", 5000.0, Path("/"))
     monkeypatch.setattr(attached, "attached", lambda: [camera])
     _, out, _ = said(capsys)
-    assert '[OAK] 1' in out and '"enliven-edge[oak]"' in " ".join(out.split())
+    assert "[OAK] 1" in out and '"enliven-edge[oak]"' in " ".join(out.split())
 
 
 def test_what_one_sees_is_told_and_drawn(capsys, tmp_path):
