@@ -109,7 +109,7 @@ def test_what_the_doctor_says_to_type_gives_access_to_cameras_and_to_nothing_els
         assert allowed == [True, True, False], name
     for name, node in nodes_of(OTHERS).items():
         assert not answer(SEATED, MAY_OPEN.format(path=str(node))), name
-    print(f"{len(CAMERAS)} cameras are open to two users, closed to a stranger; {len(OTHERS)} others are closed")
+    print(f"{len(CAMERAS)} cameras are open to two users of three; {len(OTHERS)} others to none")
 
 
 def test_a_camera_plugged_in_later_is_open_at_once(plugged_in):

@@ -126,7 +126,7 @@ def test_each_press_is_heard_once_however_often_the_devices_are_plugged_in(liste
             assert [word for _, control, word in listener.words if control == name] == words
         held.append(listener.count())
     middle = sorted(waits)[TIMES // 2]
-    print(f"{len(PEDALS)} devices, {TIMES} times: heard {middle:.2f} s after udev, at most {max(waits):.2f} s")
+    print(f"{len(PEDALS)} devices, {TIMES} times: heard after {middle:.2f} s, at most {max(waits):.2f} s")
     assert max(waits) < BACK
     assert held[-1] == held[1], "files and threads are as many as after the second time"
     print(f"then {held[-1][0]} files and {held[-1][1]} threads, as after the second time")
