@@ -15,7 +15,7 @@ from enliven.cli import HELP, application
 from enliven_edge.sensors.registry import sensor_names
 
 GROUP = application()
-MADE = ("-o", "--output", "--record", "--film", "--sheet", "--write-map")
+MADE = ("-o", "--output", "--record", "--film", "--sheet", "--write-map", "--print")
 """Options that name a file to be written."""
 FILE = re.compile(r"(?:\w+=)?([\w/*.-]+\.[a-z]\w+)(?:#\w+)?")
 

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_the_known_cameras_are_there() -> None:
-    expected = {"kinect1", "kinect2", "tof", "oak-d", "oak-d-lite", "realsense-d415"}
+    expected = {"kinect1", "kinect2", "tof", "oak-d", "oak-d-lite", "realsense-d415", "pi-stereo"}
     assert expected <= set(profile_names())
 
 

@@ -15,9 +15,7 @@ from rich.table import Table
 from enliven.errors import InputError, ResourceError
 
 if TYPE_CHECKING:
-    from enliven_edge.sensors.stereo.board import Board
-    from enliven_edge.sensors.stereo.judging import Judgement
-    from enliven_edge.sensors.stereo.solving import Sighting
+    from enliven_edge.sensors.stereo import Board, Judgement, Sighting
 
 _LOOK = 0.3
 """Seconds between two looks at live cameras: a hand needs longer to move a board."""
@@ -58,7 +56,7 @@ def calibrate_stereo(
       enliven calibrate-stereo --live PAIRS --square 37.9 -o stereo.toml
       enliven run --sensor libcamera --set calibration=stereo.toml
     """
-    from enliven_edge.sensors.stereo.board import Board
+    from enliven_edge.sensors.stereo import Board
 
     board = Board(*_size(squares, "--squares"), 1e-3 * square)
     if print_to is not None:
@@ -90,9 +88,7 @@ def _print(board: Board, path: Path) -> None:
 
 def _calibrate(board: Board, folder: Path, output: Path, accept_doubt: bool) -> None:
     """Solves, tells, and writes where it is good enough."""
-    from enliven_edge.sensors.stereo.calibration import save_calibration
-    from enliven_edge.sensors.stereo.judging import judge
-    from enliven_edge.sensors.stereo.solving import solve
+    from enliven_edge.sensors.stereo import judge, save_calibration, solve
 
     sightings, size = _seen(board, folder)
     solution = solve(board, sightings, size)
@@ -116,8 +112,7 @@ def _calibrate(board: Board, folder: Path, output: Path, accept_doubt: bool) -> 
 
 def _seen(board: Board, folder: Path) -> tuple[list[Sighting], tuple[int, int]]:
     """The sightings of a folder's pairs, and the (width, height) of the images."""
-    from enliven_edge.sensors.stereo import image_pairs, read_grey
-    from enliven_edge.sensors.stereo.solving import Sighting
+    from enliven_edge.sensors.stereo import Sighting, image_pairs, read_grey
 
     sightings, size = [], (0, 0)
     for files in image_pairs(folder):
@@ -137,8 +132,7 @@ def _take(board: Board, folder: Path, names: tuple[str, str], size: tuple[int, i
     from PIL import Image
 
     from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
-    from enliven_edge.sensors.stereo import Pairing
-    from enliven_edge.sensors.stereo.collecting import Keeper
+    from enliven_edge.sensors.stereo import Keeper, Pairing
 
     images = LibcameraImages(list(names), size)
     try:

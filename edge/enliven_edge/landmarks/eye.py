@@ -96,8 +96,7 @@ class LevelEye:
         model: str = "",
         source: LandmarkSource | None = None,
     ) -> None:
-        if not 10.0 <= view <= 170.0:
-            raise InputError(f"the view is {view} degrees", where="camera", mend="Give 10 to 170.")
+        check_view(view)
         self._view, self._mount = math.radians(view), world_from_level_camera(height, math.radians(tilt))
         self._source = source or MediaPipeSource(MediaPipeSettings(python=python, model=model))
         self._eye = ColourEye(self._source, LiftSettings(body_height=body_height))
@@ -110,6 +109,16 @@ class LevelEye:
     def close(self) -> None:
         """Lets the source go; a second call does nothing."""
         self._source.close()
+
+
+def check_view(view: float) -> None:
+    """Refuses degrees from left to right that no lens sees.
+
+    Raises:
+        InputError: where they are such.
+    """
+    if not 10.0 <= view <= 170.0:
+        raise InputError(f"the view is {view} degrees", where="camera", mend="Give 10 to 170.")
 
 
 def pinhole(width: int, height: int, view: float) -> Intrinsics:

@@ -9,7 +9,7 @@ from typing import Any
 
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
-from enliven_edge.landmarks.eye import LevelEye
+from enliven_edge.landmarks.eye import LevelEye, check_view
 from enliven_edge.landmarks.source import LandmarkSource
 
 _FORMATS = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
@@ -46,6 +46,7 @@ class WebcamSensor:
         body_height: float = 1.72,
         source: LandmarkSource | None = None,
     ) -> None:
+        check_view(view)
         self.name = f"webcam {device}"
         self._live = device.startswith("/dev/") or "=" in device
         self._container = _opened(device, self._live)

@@ -8,7 +8,7 @@ from types import TracebackType
 
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
-from enliven_edge.landmarks.eye import LevelEye
+from enliven_edge.landmarks.eye import LevelEye, check_view
 from enliven_edge.landmarks.source import LandmarkSource
 from enliven_edge.sensors.base import Condition
 from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
@@ -19,8 +19,8 @@ from enliven_edge.sensors.stereo import (
     Rectification,
     StereoMatcher,
     load_calibration,
+    opencv,
 )
-from enliven_edge.sensors.stereo.opencv import opencv
 
 _HOT = 75.0
 """Degrees Celsius of the image sensor up to which the IMX296 of the Global Shutter Camera is specified."""
@@ -80,6 +80,7 @@ class LibcameraSensor:
     ) -> None:
         if not 1.0 <= fps <= 240.0:
             raise InputError(f"the rate is {fps}", where="sensor libcamera", mend="Give fps=1 to 240.")
+        check_view(view)
         self.fps = fps
         self._matcher: StereoMatcher | None = None
         self._eye: LevelEye | None = None

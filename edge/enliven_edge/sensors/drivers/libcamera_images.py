@@ -20,14 +20,14 @@ import numpy as np
 
 from enliven.arrays import UInt8
 from enliven.errors import InputError, ResourceError
-from enliven_edge.sensors.stereo.pairing import Picture
+from enliven_edge.sensors.stereo import Picture
 
 _BUFFERS = 4
 """Images that a camera may have under way: one is filled, one is read, two are between."""
 
 
 class Layout(NamedTuple):
-    """How an image lies in its first plane: bytes a pixel, and which of them are grey, or red, green and blue."""
+    """How an image lies in its first plane: bytes a pixel, and which are grey, or red, green and blue."""
 
     bytes: int
     channels: tuple[int, ...]
@@ -43,7 +43,7 @@ GREY = {
     "XBGR8888": Layout(4, (1,)),
     "XRGB8888": Layout(4, (1,)),
 }
-"""Formats that grey is read from, the best first; of red, green and blue the green: it has most of the light."""
+"""Formats that grey is read from, the best first; of red, green and blue the green: most light is there."""
 COLOUR = {
     "BGR888": Layout(3, (0, 1, 2)),
     "RGB888": Layout(3, (2, 1, 0)),
@@ -294,8 +294,8 @@ def image_of(plane: UInt8, size: tuple[int, int], stride: int, layout: Layout) -
     rows = plane[: height * stride].reshape(height, stride)[:, : width * layout.bytes]
     pixels = rows.reshape(height, width, layout.bytes)
     if len(layout.channels) == 1:
-        return np.ascontiguousarray(pixels[..., layout.channels[0]])
-    return np.ascontiguousarray(pixels[..., :3] if layout.channels[0] == 0 else pixels[..., 2::-1])
+        return pixels[..., layout.channels[0]].copy()
+    return np.array(pixels[..., :3] if layout.channels[0] == 0 else pixels[..., 2::-1], order="C")
 
 
 def _wishes(fps: float, exposure_us: int, gain: float) -> dict[str, Any]:

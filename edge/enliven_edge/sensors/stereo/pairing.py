@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from enliven.arrays import UInt8
 from enliven.errors import ResourceError
 
-_MOST_ODD = 45
-"""Images in a row without a partner, three quarters of a second of two cameras at 30, after which they are
-called out of step: until cameras that are synchronised have found each other, some are odd."""
+_FINDING_NS = 5_000_000_000
+"""Nanoseconds in which two cameras must have found their step: the Raspberry Pi sends a message about it each
+thirty images, and the second camera may need two."""
+_LOST_NS = 750_000_000
+"""Nanoseconds without a pair after which it is lost; the edge takes a second of silence for a loss."""
 _WAITING = 4
 """Images of one camera that wait for the other's; the library gives each camera four."""
 
@@ -50,8 +52,8 @@ class Pairing:
             deque(maxlen=_WAITING),
             deque(maxlen=_WAITING),
         )
-        self._odd_now = 0
-        self._least_ns = 0
+        self._since_ns: int | None = None
+        self._least_ns: int | None = None
         self.apart_ns: int | None = None
         self.odd = 0
 
@@ -62,6 +64,7 @@ class Pairing:
             ResourceError: where the cameras have been out of step for long.
         """
         line = self._waiting[picture.eye]
+        self._since_ns = picture.time_ns if self._since_ns is None else self._since_ns
         if len(line) == _WAITING:
             self._leave_out(line.popleft())
         line.append(picture)
@@ -69,28 +72,27 @@ class Pairing:
         while left and right:
             apart = left[0].time_ns - right[0].time_ns
             if abs(apart) <= self._tolerance:
-                self.apart_ns, self._odd_now = apart, 0
+                self.apart_ns, self._since_ns, self._least_ns = apart, left[0].time_ns, None
                 return left.popleft(), right.popleft()
-            if self._odd_now == 0 or abs(apart) < abs(self._least_ns):
-                self._least_ns = apart
+            self._least_ns = min(abs(apart), self._least_ns or abs(apart))
             self._leave_out((left if apart < 0 else right).popleft())
         return None
 
     def _leave_out(self, picture: Picture) -> None:
         """Counts a picture that has no partner."""
         self.odd += 1
-        self._odd_now += 1
-        if self._odd_now < _MOST_ODD:
+        assert self._since_ns is not None
+        patience = _FINDING_NS if self.apart_ns is None else _LOST_NS
+        if picture.time_ns - self._since_ns < patience:
             return
-        self._odd_now = 0
-        other = self._waiting[1 - picture.eye]
-        if not other and self.apart_ns is None and self._least_ns == 0:
+        self._since_ns = picture.time_ns
+        if self._least_ns is None:
             which = "left" if picture.eye else "right"
             raise ResourceError(
                 f"the {which} camera sends no images", where=self._name, mend="Check its ribbon cable."
             )
         raise ResourceError(
-            f"the two cameras are not in step: {1e-6 * abs(self._least_ns):.1f} ms apart",
+            f"the two cameras are not in step: {1e-6 * self._least_ns:.1f} ms apart",
             where=self._name,
             mend="Join their sync pins or use a tuning file with rpi.sync (docs/stereo.md).",
         )

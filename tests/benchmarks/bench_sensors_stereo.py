@@ -1,0 +1,109 @@
+"""Two cameras as a depth sensor on rendered pairs whose depth is known, beside plain OpenCV on the same.
+
+The peer is what OpenCV's own example of stereo matching does, in its fastest mode: the same maps, the same
+number of disparities, its advice for the penalties, no check of specks or uniqueness, depth by its formula.
+Speed is processor time on one core; both are measured in turn, and the least of several rounds counts.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+from figure import Figure
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
+from stereo_rig import calibration_of, rectified_left, rig
+from stereo_scene import Photographer, person, room
+
+from enliven_edge.sensors.stereo import Rectification, StereoMatcher
+
+WIDTH, HEIGHT = 640, 400
+DISTANCES = (1, 2, 3)
+"""Metres of the person from the cameras."""
+SEEDS = 3
+"""Rooms a distance, with other textures and another noise."""
+ROUNDS, FRAMES = 7, 10
+WRONG = 0.05
+"""Part of its distance by which a pixel must be off to be called wrong rather than noisy."""
+PEER = "plain cv2 StereoSGBM, 3WAY"
+
+
+class Plain:
+    """OpenCV's example of stereo matching, in its fastest mode."""
+
+    def __init__(self, rectification: Rectification, disparities: int) -> None:
+        self._rectification = rectification
+        self._matcher = cv2.StereoSGBM_create(
+            0, disparities, 5, 8 * 25, 32 * 25, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY
+        )
+
+    def depth(self, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """(H, W) millimetres, 0 where nothing is known."""
+        disparity = self._matcher.compute(*self._rectification.rectified(left, right)).astype(np.float32) / 16
+        scale = 1e3 * self._rectification.intrinsics.fx * self._rectification.baseline
+        with np.errstate(divide="ignore"):
+            return np.where(disparity > 0, scale / disparity, 0)
+
+
+def figures() -> Iterator[Figure]:
+    """Images a second, errors on a person at three distances, and what of the person is known."""
+    cv2.setNumThreads(1)
+    lenses = rig(WIDTH, HEIGHT)
+    rectification = Rectification(calibration_of(*lenses))
+    ours = StereoMatcher(rectification)
+    peer = Plain(rectification, 64)
+    scenes = {z: [_scene(lenses, rectification, z, seed) for seed in range(SEEDS)] for z in DISTANCES}
+    left, right, *_ = scenes[2][0]
+    fast, plain = _fps([lambda: ours.depth(left, right), lambda: peer.depth(left, right)])
+    yield Figure("sensors.stereo_fps", fast, "images a second on one core", PEER, fast / plain)
+    for z in DISTANCES:
+        error, known, wrong = _judged(ours.depth, scenes[z])
+        others, _, others_wrong = _judged(peer.depth, scenes[z])
+        name = "" if z == 2 else f".{z}m"
+        yield Figure(f"sensors.stereo_error_mm{name}", error, f"mm at {z} m", PEER, others / error)
+        yield Figure(f"sensors.stereo_known{name}", 100 * known, "% of the person")
+        yield Figure(f"sensors.stereo_wrong{name}", 100 * wrong, "% of that", PEER, others_wrong / wrong)
+
+
+def _scene(lenses, rectification: Rectification, distance: float, seed: int) -> tuple[np.ndarray, ...]:
+    """(left, right, true depth in metres, where the person is)."""
+    walls = room(wall=distance + 1.5)
+    photographer = Photographer(walls + person(0.1 * seed, distance), seed)
+    images = [
+        photographer.picture(lens, gain=gain, vignette=0.3, noise=2.0)
+        for lens, gain in zip(lenses, (1.0, 1.08), strict=True)
+    ]
+    truth, which = photographer.seen(rectified_left(rectification))
+    return *images, truth, which >= len(walls)
+
+
+def _judged(
+    depth: Callable[..., np.ndarray], scenes: list[tuple[np.ndarray, ...]]
+) -> tuple[float, float, float]:
+    """(median millimetres off, part of the person that is known, part of that which is wrong)."""
+    off, known, all_off = [], [], []
+    for left, right, truth, body in scenes:
+        found = 1e-3 * depth(left, right)
+        there = body & (found > 0)
+        off.append(np.abs(found - truth)[there])
+        all_off.append(off[-1] / truth[there])
+        known.append(there.sum() / body.sum())
+    median = 1e3 * float(np.median(np.concatenate(off)))
+    return median, float(np.mean(known)), float((np.concatenate(all_off) > WRONG).mean())
+
+
+def _fps(works: list[Callable[[], object]]) -> list[float]:
+    """Calls a second of processor time, each in turn."""
+    least = [np.inf] * len(works)
+    for _ in range(ROUNDS):
+        for number, work in enumerate(works):
+            start = time.process_time()
+            for _ in range(FRAMES):
+                work()
+            least[number] = min(least[number], (time.process_time() - start) / FRAMES)
+    return [1 / each for each in least]

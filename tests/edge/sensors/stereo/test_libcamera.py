@@ -1,0 +1,162 @@
+"""The driver of cameras that libcamera knows: on recorded pairs in its own process, and without a camera."""
+
+import os
+import re
+import signal
+
+import numpy as np
+import pytest
+import telling
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+from telling import Telling
+from test_isolation import helpers, next_frame, none_left  # noqa: F401 (a fixture)
+
+pytest.importorskip("cv2", reason='OpenCV is not installed: pip install "./edge[libcamera]"')
+from stereo_rig import calibration_of, rectified_left, rig
+from stereo_scene import Photographer, Plane
+
+from enliven import cli
+from enliven.errors import EnlivenError, InputError, ResourceError
+from enliven.frames import BodyFrame
+from enliven_edge.sensors.drivers.libcamera import LibcameraSensor
+from enliven_edge.sensors.drivers.libcamera_images import COLOUR, GREY, image_of
+from enliven_edge.sensors.isolation import IsolatedOpener
+from enliven_edge.sensors.registry import open_sensor, sensor_opener
+from enliven_edge.sensors.reopening import kept_open
+from enliven_edge.sensors.stereo import Rectification, save_calibration
+
+FRAMES = 12
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """(options of the driver, true depth): pairs of a wall that stands askew, and the calibration."""
+    folder = tmp_path_factory.mktemp("recorded")
+    lenses = rig(192, 120)
+    calibration = calibration_of(*lenses)
+    photographer = Photographer([Plane((0, 0, 1.2), (0.3, 0.1, -1))])
+    for name, lens in zip(("left", "right"), lenses, strict=True):
+        (folder / name).mkdir()
+        image = Image.fromarray(photographer.picture(lens, noise=1.0))
+        for number in range(FRAMES):
+            image.save(folder / name / f"{number:03}.png")
+    save_calibration(folder / "stereo.toml", calibration, [])
+    truth = photographer.depth(rectified_left(Rectification(calibration)))
+    return {"calibration": str(folder / "stereo.toml"), "rehearse": str(folder)}, truth
+
+
+def test_recorded_pairs_become_depth_images_in_its_own_process(recorded, none_left):  # noqa: F811
+    options, truth = recorded
+    with open_sensor("libcamera", fps=60.0, **options) as sensor:
+        assert sensor.fps == 60.0 and sensor.name == "libcamera rehearsal"
+        frames = []
+        while (frame := next_frame(sensor)) is not None:
+            known = frame.depth > 0
+            assert known[:, 60:-8].mean() > 0.85
+            assert np.median(np.abs(1e-3 * frame.depth - truth)[known] / truth[known]) < 0.02
+            frames.append((frame.sequence, frame.time_ns, frame.intrinsics))
+        assert "ms apart" in sensor.condition().link
+    numbers, times, cameras = zip(*frames, strict=True)
+    assert list(numbers) == sorted(set(numbers)) and numbers[-1] == FRAMES - 1
+    assert times == tuple(n * round(1e9 / 60) for n in numbers)
+    assert len(set(cameras)) == 1 and (cameras[0].width, cameras[0].height) == (192, 120)
+    assert cameras[0].fx == cameras[0].fy and not any(cameras[0].distortion)
+
+
+def test_a_process_that_crashes_is_started_again(recorded, none_left):  # noqa: F811
+    with kept_open(sensor_opener("libcamera", **recorded[0])) as sensor:
+        errors: list[Exception] = []
+        last = next_frame(sensor, errors).time_ns
+        (process,) = helpers()
+        os.kill(process.pid, signal.SIGSEGV)
+        while not errors:
+            last = next_frame(sensor, errors).time_ns
+        assert "crashed" in str(errors[0])
+        assert next_frame(sensor, errors).time_ns > last
+
+
+def test_a_damaged_image_costs_its_pair_only(recorded, tmp_path):
+    for name in ("left", "right"):
+        image = Image.open(f"{recorded[0]['rehearse']}/{name}/000.png")
+        for number in range(3):
+            image.save(tmp_path / f"{name}-{number}.png")
+    (tmp_path / "right-1.png").write_bytes(b"\x89PNG\r\n\x1a\nno image")
+    options = {**recorded[0], "rehearse": str(tmp_path)}
+    with LibcameraSensor(fps=240.0, **options) as sensor:
+        assert sensor.read(1.0).sequence == 0
+        with pytest.raises(InputError, match=r"right-1\.png: the image is damaged"):
+            sensor.read(1.0)
+        assert sensor.read(1.0).sequence == 2
+        assert sensor.read(1.0) is None
+
+
+def test_bodies_cross_from_the_process_as_they_are(none_left):  # noqa: F811
+    """As those of one camera do, whose landmarks become bodies in the driver."""
+    with IsolatedOpener("telling", Telling, {})() as sensor:
+        for number in range(telling.FRAMES):
+            frame = next_frame(sensor)
+            assert isinstance(frame, BodyFrame) and frame.sensor == "telling"
+            assert frame.time_ns == number * telling.STEP
+            for told, true in zip(frame.bodies, telling.bodies(number), strict=True):
+                assert (told.id, told.stature) == (true.id, true.stature)
+                np.testing.assert_array_equal(told.joints, true.joints)
+                np.testing.assert_array_equal(told.confidence, true.confidence)
+        assert next_frame(sensor) is None
+
+
+@pytest.mark.parametrize(
+    ("options", "what"),
+    [
+        ({"calibration": "missing.toml"}, "enliven calibrate-stereo"),
+        ({"rehearse": "."}, "calibration"),
+        ({"fps": 0.0}, "rate is 0.0"),
+        ({"view": 500.0}, "view is 500.0 degrees"),
+    ],
+)
+def test_what_cannot_be_used_is_said(options, what):
+    with pytest.raises(InputError, match=re.escape(what)):
+        LibcameraSensor(**options)
+
+
+def test_without_a_camera_it_says_what_to_do(capsys, tmp_path):
+    try:
+        LibcameraSensor().close()
+    except ResourceError as error:
+        said = str(error)
+    except EnlivenError as error:
+        pytest.skip(f"there is a camera: {error}")
+    else:
+        pytest.skip("there is a camera")
+    assert "apt install python3-libcamera" in said or "ribbon cable" in said
+    assert cli.run(["calibrate-stereo", "--live", str(tmp_path)]) == 4
+    assert said.partition(".")[0] in capsys.readouterr().err
+
+
+@settings(max_examples=40)
+@given(
+    st.sampled_from([(table, name) for table in (GREY, COLOUR) for name in table]),
+    st.integers(2, 9),
+    st.integers(1, 5),
+    st.integers(0, 7),
+)
+def test_an_image_is_read_out_of_its_buffer(which, width, height, spare):
+    """Against the formats as libcamera names them, pixel by pixel: the first letter is the highest byte."""
+    table, name = which
+    layout = table[name]
+    stride = width * layout.bytes + spare
+    plane = np.random.default_rng(width).integers(0, 256, height * stride + 3).astype(np.uint8)
+    image = image_of(plane, (width, height), stride, layout)
+    assert image.flags.c_contiguous and not np.shares_memory(image, plane)
+    for row in range(height):
+        for column in range(width):
+            at = row * stride + column * layout.bytes
+            letters = name.rstrip("0123456789")[::-1]
+            if table is COLOUR:
+                expected = [plane[at + letters.index(letter)] for letter in "RGB"]
+                assert image[row, column].tolist() == expected
+            else:
+                offset = letters.index("G") if "G" in letters else 0
+                assert image[row, column] == plane[at + offset]
+    assert image_of(plane[: height * stride - 1], (width, height), stride, layout) is None

@@ -1,0 +1,37 @@
+"""A driver whose device tells bodies by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.body import Body
+from enliven.frames import BodyFrame
+
+FRAMES = 5
+STEP = 40_000_000
+"""Nanoseconds between two frames."""
+
+
+def bodies(number: int) -> list[Body]:
+    """As many as the number of the frame says, none of them twice the same."""
+    random = np.random.default_rng(number)
+    return [Body(i, random.normal(size=(20, 3)), random.uniform(size=20), stature=1.7) for i in range(number)]
+
+
+class Telling:
+    """Frames with ever more bodies."""
+
+    isolated = True
+    name = "telling"
+    fps = 25.0
+
+    def __init__(self) -> None:
+        self._next = 0
+
+    def read(self, timeout: float | None = None) -> BodyFrame | None:
+        """The next."""
+        number, self._next = self._next, self._next + 1
+        return BodyFrame(bodies(number), number * STEP, self.name) if number < FRAMES else None
+
+    def close(self) -> None:
+        """Nothing to do."""
