@@ -215,7 +215,8 @@ class _Eye:
         told = {control.name: value for control, value in request.metadata.items()}
         self.celsius = told.get("SensorTemperature", self.celsius)
         time_ns, sequence = int(told.get("SensorTimestamp", about.timestamp)), int(about.sequence)
-        sound = about.status == self._lib.FrameMetadata.Status.Success
+        # Libcamera 0.4's virtual cameras leave the status of sound images as it was in memory.
+        sound = about.status != self._lib.FrameMetadata.Status.Error
         image = image_of(self._views[number], self.size, self._stride, self._layout) if sound else None
         request.reuse()
         self._camera.queue_request(request)
