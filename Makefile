@@ -26,9 +26,11 @@ test-bare:       ## both commands in bare Debians 12 and 13 (as root): make test
 test-arm: setup-dev ## the numeric core's tests as an aarch64 processor would run them (as root; slow)
 	@sh scripts/test_arm.sh $(ONLY)
 
-test-devices:    ## the panel's firmware in a simulator, every camera driver by all of its contract (in part of make test)
+test-devices:    ## the panel's firmware, all of the camera drivers' contract, then devices in a guest (as root): ONLY=guest
 	@sh scripts/setup.sh devices
-	@ENLIVEN_CONTRACT=full .venv/bin/python -m pytest tests/devices tests/edge/sensors/test_contract.py $(ARGS)
+	@[ -n "$(filter-out panel,$(ONLY))" ] || .venv/bin/python -m pytest tests/devices $(ARGS)
+	@[ -n "$(filter-out contract,$(ONLY))" ] || ENLIVEN_CONTRACT=full .venv/bin/python -m pytest tests/edge/sensors/test_contract.py $(ARGS)
+	@[ -n "$(filter-out guest,$(ONLY))" ] || sh scripts/test_guest.sh $(if $(filter guest,$(ONLY)),$(ARGS))
 
 panel:           ## build the firmware of the button panel, and write it to a board: make panel PORT=/dev/ttyUSB0
 	@$(MAKE) -s -C firmware_configs/panel $(if $(PORT),flash)

@@ -91,7 +91,10 @@ device_tests() {
     # The panel's firmware is compiled by the one and run by the other; without them make test skips its tests.
     [ -e /usr/lib/avr/include/avr/io.h ] && command -v avr-gcc >/dev/null 2>&1 || printf 'gcc-avr avr-libc '
     [ -e /usr/include/simavr/sim_avr.h ] || printf 'libsimavr-dev '
-    command -v cc >/dev/null 2>&1 || printf 'gcc libc6-dev'
+    command -v cc >/dev/null 2>&1 || printf 'gcc libc6-dev '
+    # And the guest of scripts/test_guest.sh.
+    command -v qemu-system-x86_64 >/dev/null 2>&1 || printf 'qemu-system-x86 '
+    command -v debootstrap >/dev/null 2>&1 || printf 'debootstrap'
 }
 
 stamp=".venv/.ready-$kind"

@@ -57,6 +57,14 @@ def test_a_missing_recording_is_said():
     assert unset.returncode == 3 and "nowhere.toml: there is no such file of settings" in unset.stderr
 
 
+def test_what_the_doctor_says_to_type_is_whole(monkeypatch, capsys):
+    lacking = Check("[OAK]", False, "it lacks [one thing]", 'Type: pip install "enliven-edge[oak]"')
+    monkeypatch.setattr("enliven.commands.doctor.all_checks", lambda: [lacking])
+    cli.run(["doctor"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.endswith('[OAK] it lacks [one thing] Type: pip install "enliven-edge[oak]"')
+
+
 def test_doctor_as_json():
     found = enliven("doctor", "--json")
     checks = json.loads(found.stdout)

@@ -51,7 +51,8 @@ def sensors(
       enliven sensors synthetic -o depth.png
       enliven sensors replay --set path=TAKE.mcap
     """
-    console = Console()
+    # A pip line has an extra in brackets, which would be taken for a style.
+    console = Console(markup=False)
     if name is None:
         _list(console)
         return

@@ -24,9 +24,6 @@ _WAITING = 32
 _STRANGERS = 16
 """Unknown keys that are said in the log, one by one, for whoever writes the map."""
 
-_LONGEST = 8.0
-"""Times the first wait between two tries to open a device: no longer than that."""
-
 
 class Control(Protocol):
     """Something that says words now and then."""
@@ -113,7 +110,7 @@ class Reader:
         name: what the user calls it.
         words: from its keys to what they mean.
         debounce: seconds for which a key must be still to count anew.
-        retry: seconds between the first tries to open it; they grow while it is away.
+        retry: seconds between two tries to open it.
     """
 
     def __init__(
@@ -152,7 +149,7 @@ class Reader:
 
     def _run(self) -> None:
         """Opens, reads until it is gone, waits, and again; says each change once."""
-        wait, told = self._retry, False
+        told = False
         while not self._stopped.is_set():
             try:
                 self._device.open()
@@ -161,17 +158,14 @@ class Reader:
                 log.info("control %s has ended", self.name)
                 return
             except Exception as error:  # not only OSError: termios and PortAudio have errors of their own
-                if self._there:
-                    wait, told = self._retry, False
-                if not told:
+                if self._there or not told:
                     log.warning("control %s is not there (%s); it is looked for", self.name, error)
                 log.debug("control %s", self.name, exc_info=True)
                 told = True
             finally:
                 self._there = False
                 self._device.close()
-            self._stopped.wait(wait)
-            wait = min(2.0 * wait, _LONGEST * self._retry)
+            self._stopped.wait(self._retry)
 
     def _read(self) -> None:
         """Until it is gone or :meth:`close`."""

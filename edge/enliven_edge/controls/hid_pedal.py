@@ -36,7 +36,7 @@ class HidPedal(Device):
             raise InputError("a HID control needs its vendor and product", where=where, mend=mend)
         need("hid", "controls", where)
         self._settings = settings
-        self._edges = Edges(settings.report, settings.skip)
+        self._edges = Edges(settings.report, settings.skip, settings.number)
         self._device: Any = None
 
     def open(self) -> None:

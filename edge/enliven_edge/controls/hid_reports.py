@@ -60,16 +60,20 @@ class Edges:
 
     Args:
         report: what they hold.
-        skip: bytes before that, such as the report's number.
+        skip: bytes before that, after the report's number.
+        number: the first byte of the reports that count; others, such as a clicker's mouse, are no keys. 0:
+            all count, and have no number.
     """
 
-    def __init__(self, report: Literal["keyboard", "buttons"], skip: int = 0) -> None:
-        self._report, self._skip = report, skip
+    def __init__(self, report: Literal["keyboard", "buttons"], skip: int = 0, number: int = 0) -> None:
+        self._report, self._skip, self._number = report, skip, number
         self._down: frozenset[str] = frozenset()
 
     def feed(self, report: bytes) -> list[str]:
         """The keys that went down with this report, by name; a broken one changes nothing."""
-        rest = report[self._skip :]
+        if self._number and report[:1] != bytes([self._number]):
+            return []
+        rest = report[self._skip + (self._number > 0) :]
         now = keys_down(rest) if self._report == "keyboard" else buttons_down(rest)
         if now is None:
             return []

@@ -22,7 +22,7 @@ class ControlSettings:
         0.08, "A key counts anew after it was still for so long.", unit="s", low=0.0, high=5.0
     )
     retry: float = setting(
-        1.0, "Wait before an unplugged device is looked for; grows eightfold.", unit="s", low=0.01, high=60.0
+        0.5, "Wait between two looks for an unplugged device.", unit="s", low=0.01, high=60.0
     )
     port: str = setting("", "serial: the port, such as /dev/serial/by-id/...")
     baud: int = setting(9600, "serial: the speed.", unit="bits/s", low=50, high=4_000_000)
@@ -35,8 +35,11 @@ class ControlSettings:
     report: Literal["keyboard", "buttons"] = setting(
         "keyboard", "hid: what a report holds: keys as keyboards send them, or a bit a button."
     )
+    number: int = setting(
+        0, "hid: which reports count, by their first byte; 0: reports have no number.", low=0, high=255
+    )
     skip: int = setting(
-        0, "hid: bytes before that in a report, such as the report's number.", unit="bytes", low=0, high=63
+        0, "hid: bytes before that in a report, after its number.", unit="bytes", low=0, high=63
     )
     microphone: str = setting("", "voice: part of the microphone's name; empty: the system's own.")
     wav: str = setting("", "voice: a 16 kHz mono WAV instead, for rehearsals; beside this file.")
@@ -44,7 +47,7 @@ class ControlSettings:
 
 _KINDS = {
     "serial": ("port", "baud", "sends"),
-    "hid": ("vendor", "product", "interface", "report", "skip"),
+    "hid": ("vendor", "product", "interface", "report", "number", "skip"),
     "voice": ("microphone", "wav"),
 }
 

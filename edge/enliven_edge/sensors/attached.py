@@ -101,7 +101,7 @@ class Attached:
         return None if os.access(self.node, os.R_OK | os.W_OK) else (FORBIDDEN, ALLOW)
 
     def _link(self) -> tuple[str, str] | None:
-        if self.kind.boots or self.mbit > _SLOW_MBIT:
+        if self.kind.boots or not self.kind.sensor or self.mbit > _SLOW_MBIT:
             return None
         return "it is on USB 2", "Use a USB 3 port and a USB 3 cable."
 

@@ -6,6 +6,7 @@ import json
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from enliven.doctor import Check, all_checks
@@ -38,6 +39,7 @@ def _table(found: list[Check]) -> Table:
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for check in found:
         mark = "[green]ok[/]" if check.ok else "[red]missing[/]"
-        detail = check.detail if check.ok else f"{check.detail}\n[yellow]{check.mend}[/]"
-        table.add_row(mark, check.name, detail)
+        # A pip line has an extra in brackets, which would be taken for a style.
+        detail = escape(check.detail) + ("" if check.ok else f"\n[yellow]{escape(check.mend)}[/]")
+        table.add_row(mark, escape(check.name), detail)
     return table

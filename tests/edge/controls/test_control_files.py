@@ -18,6 +18,15 @@ def test_there_is_one_of_each_kind():
     assert kinds == {"serial", "hid", "voice"}
 
 
+def test_the_shipped_udev_rules_open_the_shipped_hid_controls():
+    rules = (FILES[0].parents[1] / "udev" / "60-enliven-controls.rules").read_text()
+    lines = [line for line in rules.splitlines() if line.startswith("KERNELS")]
+    assert all('MODE="0660"' in line and 'TAG+="uaccess"' in line for line in lines)
+    opened = " ".join(lines)
+    hid = [c for f in FILES for c in load_settings(EdgeSettings, f).controls.values() if c.kind == "hid"]
+    assert hid and all(f'KERNELS=="*:{c.vendor:04X}:{c.product:04X}.*"' in opened for c in hid)
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_a_shipped_file_makes_its_controls(path):
     controls = load_settings(EdgeSettings, path).controls

@@ -47,6 +47,15 @@ def test_a_key_goes_down_once_however_the_reports_order_them(held, random, skip)
         before = keys
 
 
+@given(KEYS, st.lists(st.binary(max_size=9).filter(lambda other: other[:1] != b"\1"), min_size=1))
+def test_reports_of_another_number_change_nothing(held, others):
+    edges, before = Edges("keyboard", number=1), set()
+    for turn, keys in enumerate(held):
+        assert edges.feed(others[turn % len(others)]) == []
+        assert edges.feed(b"\1" + boot(sorted(keys))) == sorted(keys - before)
+        before = keys
+
+
 @given(st.lists(st.binary(max_size=8), max_size=12))
 def test_a_button_goes_down_where_its_bit_does(reports):
     edges, before = Edges("buttons"), 0

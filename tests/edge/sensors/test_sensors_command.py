@@ -1,11 +1,15 @@
 """``enliven sensors``: lists what there is, and says what one sensor sees."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from PIL import Image
 
 from enliven import cli
 from enliven_edge.doctor import shipped_recording
+from enliven_edge.sensors import attached
 
 
 def said(capsys, *words: str) -> tuple[int, str, str]:
@@ -17,6 +21,14 @@ def said(capsys, *words: str) -> tuple[int, str, str]:
 def test_all_are_listed(capsys):
     code, out, _ = said(capsys)
     assert code == 0 and "oak, orbbec, realsense, replay, synthetic, tof, webcam" in out
+
+
+def test_what_is_plugged_in_is_listed_with_all_that_is_to_be_typed(capsys, monkeypatch):
+    kind = next(kind for kind in attached.KINDS if kind.sensor == "oak")
+    camera = attached.Attached(replace(kind, package="no-such-package"), "[OAK] 1", 5000.0, Path("/"))
+    monkeypatch.setattr(attached, "attached", lambda: [camera])
+    _, out, _ = said(capsys)
+    assert "[OAK] 1" in out and '"enliven-edge[oak]"' in " ".join(out.split())
 
 
 def test_what_one_sees_is_told_and_drawn(capsys, tmp_path):

@@ -1,0 +1,151 @@
+"""Depth cameras' numbers on the kernel's virtual USB: the system's udev with our rules, real sysfs."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from as_user import HELPER, SEATED, SLOW, STRANGER, answer, command
+from usb_device import HIGH, SUPER, Kind, UsbDevice
+
+RULES = sorted((Path(__file__).parents[3] / "firmware_configs" / "udev").glob("*.rules"))
+OURS = Path("/etc/udev/rules.d/60-enliven-cameras.rules")
+REALSENSE = "Intel(R) RealSense(TM) Depth Camera 435"
+CAMERAS = {
+    "OAK": Kind(0x03E7, 0x2485, "Movidius MyriadX", "Movidius Ltd.", "03e72485", HIGH),
+    "RealSense": Kind(0x8086, 0x0B07, REALSENSE, "Intel(R) RealSense(TM)", "012345678901", SUPER),
+    "RealSense by a cable of USB 2": Kind(0x8086, 0x0B07, REALSENSE, "Intel(R) RealSense(TM)", "98765", HIGH),
+    "Orbbec": Kind(0x2BC5, 0x0670, "Orbbec Gemini 335", "Orbbec", "CP1", SUPER),
+    "Kinect v1": Kind(0x045E, 0x02AE, "Xbox NUI Camera", "Microsoft", "A0", HIGH),
+}
+OTHERS = {
+    "an Intel device that is no camera": Kind(0x8086, 0x0189, "Bluetooth", "Intel", "", HIGH),
+    "a mouse": Kind(0x045E, 0x0040, "Wheel Mouse Optical", "Microsoft", "", HIGH),
+}
+MAY_OPEN = """
+import json, os
+print(json.dumps(os.access({path!r}, os.R_OK | os.W_OK) and os.open({path!r}, os.O_RDWR) > 0))
+"""
+ATTACHED = """
+import json
+from enliven_edge.sensors.attached import attached
+print(json.dumps([[c.kind.name, c.title, c.mbit, str(c.node), c.troubles()] for c in attached()]))
+"""
+
+
+def settle() -> None:
+    subprocess.run(["udevadm", "settle", "--timeout=30"], check=True)
+
+
+def node_of(kind: Kind) -> Path:
+    """The file by which a device is opened, as sysfs says."""
+    for device in Path("/sys/bus/usb/devices").glob("*"):
+        said = {
+            part: read(device / part)
+            for part in ("idVendor", "idProduct", "serial", "busnum", "devnum", "product")
+        }
+        if (said["idVendor"], said["idProduct"]) == (f"{kind.vendor:04x}", f"{kind.product:04x}") and (
+            said["product"] == kind.title and said["serial"] == kind.serial
+        ):
+            return Path(f"/dev/bus/usb/{int(said['busnum']):03d}/{int(said['devnum']):03d}")
+    raise LookupError(kind.title)
+
+
+def read(path: Path) -> str:
+    return path.read_text().strip() if path.exists() else ""
+
+
+def nodes_of(kinds: dict[str, Kind]) -> dict[str, Path]:
+    deadline = time.monotonic() + SLOW
+    while True:
+        settle()
+        try:
+            return {name: node_of(kind) for name, kind in kinds.items()}
+        except LookupError:
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.1)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def plugged_in():
+    """All of them, plugged in before there are rules."""
+    subprocess.run(["modprobe", "vhci_hcd"], check=True)
+    OURS.unlink(missing_ok=True)
+    subprocess.run(["udevadm", "control", "--reload"], check=True)
+    devices = [UsbDevice(kind, port) for port, kind in enumerate((CAMERAS | OTHERS).values())]
+    nodes_of(CAMERAS | OTHERS)
+    yield devices
+    for device in devices:
+        device.unplug()
+
+
+def test_udev_finds_nothing_to_say_about_our_rules():
+    done = subprocess.run(["udevadm", "verify", *map(str, RULES)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    print(done.stdout.strip().splitlines()[-1])
+
+
+def test_what_the_doctor_says_to_type_gives_access_to_cameras_and_to_nothing_else():
+    found = answer(SEATED, ATTACHED)
+    assert sorted(name for name, *_ in found) == ["Kinect v1", "OAK", "Orbbec", "RealSense", "RealSense"]
+    mends = {mend for *_, troubles in found for what, mend in troubles if what == "your user may not open it"}
+    assert len(mends) == 1, "each of them is closed to an ordinary user, for one reason"
+    line = mends.pop().removeprefix("Type: ").replace("sudo ", "")
+    subprocess.run(["sh", "-euc", line], check=True, cwd=Path(__file__).parents[3])
+    settle()
+    for name, node in nodes_of(CAMERAS).items():
+        stat = node.stat()
+        acl = subprocess.run(["getfacl", "-cp", str(node)], capture_output=True, text=True, check=True).stdout
+        assert stat.st_mode & 0o777 == 0o660 and node.group() == "plugdev", name
+        assert f"user:{SEATED}:rw-" in acl, f"{name}: {acl}"
+        allowed = [answer(user, MAY_OPEN.format(path=str(node))) for user in (SEATED, HELPER, STRANGER)]
+        assert allowed == [True, True, False], name
+    for name, node in nodes_of(OTHERS).items():
+        assert not answer(SEATED, MAY_OPEN.format(path=str(node))), name
+    print(f"{len(CAMERAS)} cameras are open to two users of three; {len(OTHERS)} others to none")
+
+
+def test_a_camera_plugged_in_later_is_open_at_once(plugged_in):
+    kind, device = CAMERAS["OAK"], plugged_in[0]
+    for _ in range(5):
+        device.unplug()
+        settle()
+        assert "OAK" not in [name for name, *_ in answer(SEATED, ATTACHED)]
+        device = plugged_in[0] = UsbDevice(kind, 0)
+        (node,) = nodes_of({"OAK": kind}).values()
+        assert answer(SEATED, MAY_OPEN.format(path=str(node)))
+
+
+def test_attached_cameras_are_named_with_their_speed_and_what_they_lack():
+    found = {
+        title: (name, mbit, [what for what, _ in troubles])
+        for name, title, mbit, _, troubles in answer(SEATED, ATTACHED)
+    }
+    print(json.dumps(found, indent=1))
+    assert found[f"{REALSENSE} 012345678901"][:2] == ("RealSense", 5000.0)
+    assert "it is on USB 2" not in found[f"{REALSENSE} 012345678901"][2]
+    assert found[f"{REALSENSE} 98765"][1] == 480.0 and "it is on USB 2" in found[f"{REALSENSE} 98765"][2]
+    name, mbit, troubles = found["Movidius MyriadX 03e72485"]
+    assert (name, mbit) == ("OAK", 480.0) and "it is on USB 2" not in troubles, "it has no firmware yet"
+    assert "depthai is not installed" in troubles
+    assert found["Xbox NUI Camera A0"][2] == ["no driver ships for it"], (
+        "a Kinect v1 has no other link than USB 2"
+    )
+    assert all("your user may not open it" not in troubles for _, _, troubles in found.values())
+
+
+def test_the_command_lists_what_is_plugged_in():
+    words = command(SEATED, str(Path(sys.executable).with_name("enliven")), "sensors")
+    done = subprocess.run(words, capture_output=True, text=True, timeout=SLOW)
+    assert done.returncode == 0, done.stderr
+    said = " ".join(done.stdout.split())
+    assert "Movidius MyriadX 03e72485" in said and "depthai is not installed" in said
+    assert "98765: " in said and "it is on USB 2" in said and '"enliven-edge[oak]"' in said
+    print(done.stdout)

@@ -1,0 +1,143 @@
+"""The libcamera driver on libcamera itself: a camera of the kernel's vimc, two virtual ones of libcamera."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from frames import bind, lost, read
+from seen import Seen
+
+from enliven_edge.sensors.registry import open_sensor, sensor_opener
+from enliven_edge.sensors.reopening import kept_open
+
+MODULE = Path("/opt/vimc.ko")
+VIRTUAL = Path("/usr/share/libcamera/pipeline/virtual/virtual.yaml")
+"""Where libcamera looks for the description of its virtual cameras."""
+TIMES = 5
+BASELINE = 0.1
+"""Metres between the two virtual cameras."""
+HALF_A_PIXEL = 0.5
+"""Pixels of disparity: what a small image that went through JPEG is matched to at least."""
+LIST = (
+    "import libcamera, json; print(json.dumps([c.id for c in libcamera.CameraManager.singleton().cameras]))"
+)
+
+
+def cameras() -> list[str]:
+    """What libcamera lists, in a process of its own: its list is made once a process."""
+    done = subprocess.run([sys.executable, "-c", LIST], capture_output=True, text=True, check=True)
+    print(done.stderr)
+    return __import__("json").loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def vimc():
+    if not MODULE.exists():
+        pytest.skip("vimc.ko could not be built: what test_guest.sh said at its beginning")
+    for needed in (
+        "v4l2-tpg",
+        "videobuf2-vmalloc",
+        "videobuf2-dma-contig",
+        "videobuf2-v4l2",
+        "mc",
+        "videodev",
+    ):
+        subprocess.run(["modprobe", needed], check=True)
+    subprocess.run(["insmod", str(MODULE)], check=True)
+    subprocess.run(["udevadm", "settle", "--timeout=30"], check=True)
+    yield cameras()
+    subprocess.run(["rmmod", "vimc"], check=False)
+
+
+@pytest.fixture
+def seen(tmp_path):
+    return Seen(str(tmp_path / "seen"))
+
+
+def test_libcamera_lists_the_kernels_camera(vimc):
+    print(vimc)
+    assert any("vimc" in name.lower() or "sensor" in name.lower() for name in vimc)
+
+
+def test_colour_comes_through_the_helper_process_however_often_it_is_opened(vimc, seen):
+    helpers = set()
+    for _ in range(TIMES):
+        with open_sensor("libcamera", left=vimc[0], width=640, height=480, source=seen) as sensor:
+            frames = read(sensor, 12)
+        times = [frame.time_ns for frame in frames]
+        assert all(b > a for a, b in itertools.pairwise(times))
+        images = seen.images()
+        assert {tuple(shape) for shape, *_ in images} == {(480, 640, 3)}
+        helpers |= {process for *_, process in images}
+    print(f"{sensor.name}: means of red, green and blue {images[-1][1]}")
+    assert len(helpers) == TIMES and os.getpid() not in helpers, "each opening has a process of its own"
+
+
+def test_a_camera_that_is_taken_away_is_lost_and_comes_back(vimc, seen):
+    with kept_open(sensor_opener("libcamera", left=vimc[0], width=640, height=480, source=seen)) as sensor:
+        last = read(sensor, 5)[-1]
+        bind("vimc", "vimc.0", there=False)
+        seconds, said = lost(sensor)
+        bind("vimc", "vimc.0", there=True)
+        back = time.monotonic()
+        frame = read(sensor, 1)[0]
+        print(f"lost after {seconds:.2f} s ({said}), back after {time.monotonic() - back:.2f} s")
+        assert frame.time_ns > last.time_ns
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory):
+    """The calibration of two virtual cameras that show a made-up room, and its depth as it is."""
+    pytest.importorskip("cv2", reason="OpenCV is not in the guest: the lock does not have it")
+    from PIL import Image
+    from stereo_rig import calibration_of, rectified_left, rig
+    from stereo_scene import Photographer, person, room
+
+    from enliven_edge.sensors.stereo import Rectification, save_calibration
+
+    folder = tmp_path_factory.mktemp("pair")
+    left, right = rig(320, 200, BASELINE)
+    photographer = Photographer([*room(), *person(0.1, 2.2)])
+    VIRTUAL.parent.mkdir(parents=True, exist_ok=True)
+    lines = []
+    for number, lens in enumerate((left, right)):
+        picture = folder / f"{number}.jpg"
+        Image.fromarray(photographer.picture(lens, samples=2)).convert("RGB").save(picture, quality=95)
+        lines.append(
+            f'"Virtual{number}":\n  supported_formats:\n  - width: 320\n    height: 200\n    frame_rates:\n'
+            f'    - 10\n    - 10\n  frames:\n    path: "{picture}"\n  model: "Virtual{number}"\n'
+        )
+    VIRTUAL.write_text("".join(lines))
+    calibration = calibration_of(left, right)
+    save_calibration(folder / "pair.toml", calibration, [])
+    yield folder / "pair.toml", photographer.depth(rectified_left(Rectification(calibration)))
+    VIRTUAL.unlink()
+
+
+def test_two_cameras_of_libcamera_measure_depth(pair):
+    calibration, truth = pair
+    print(cameras())
+    # Virtual cameras keep no common beat; the room does not move.
+    options = {
+        "calibration": str(calibration),
+        "left": "Virtual0",
+        "right": "Virtual1",
+        "fps": 10,
+        "apart_ms": 100.0,
+    }
+    for _ in range(TIMES):
+        with open_sensor("libcamera", **options) as sensor:
+            frame = read(sensor, 3)[-1]
+    known = (frame.depth > 0) & np.isfinite(truth)
+    apart = BASELINE * frame.intrinsics.fx * np.abs(1e3 / frame.depth[known] - 1 / truth[known])
+    print(f"{sensor.name}: known in {100 * known.mean():.0f} %, median error {np.median(apart):.2f} px")
+    assert known.mean() > 0.5 and np.median(apart) < HALF_A_PIXEL
