@@ -11,7 +11,7 @@ run: setup       ## watch a chair move with a recorded person (a window, or a fi
 test: setup-dev  ## linters, types, every test, and one run of the main job
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
-	@.venv/bin/pyrefly check --summary=none & types=$$!; .venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(ARGS); tests=$$?; \
+	@.venv/bin/pyrefly check --summary=none & types=$$!; .venv/bin/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(ARGS); tests=$$?; \
 	wait $$types || { echo "pyrefly found what is written above"; exit 1; }; exit $$tests
 
 test-more: setup-dev ## search at random for what breaks a law: make test-more MINUTES=10 ARGS=tests/edge

@@ -53,7 +53,9 @@ def named(pages: list[Path]):
 
 def test_every_block_is_run_or_says_why_not():
     assert [str(b) for b in BLOCKS if b.kind not in ("shell", "python", "toml") and not b.reason] == []
-    assert sum(not block.reason for block in BLOCKS) > 0.65 * len(BLOCKS), "pages on hardware are few"
+    assert sum(not block.reason for block in BLOCKS) > 0.6 * len(BLOCKS), (
+        "only what needs hardware is left out"
+    )
 
 
 @pytest.fixture(scope="module")

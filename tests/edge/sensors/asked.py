@@ -32,7 +32,7 @@ def on_usb(folder: Path, name: str) -> None:
 def opened_twice() -> object:
     """librealsense's own error for a stream that is open already."""
     with RealSenseSensor(rehearse=str(folder / "lensless-realsense.mcap")) as sensor:
-        return sensor._open(sensor._depth, sensor._profile((320, 180, 30)), sensor._images)
+        return sensor._open(sensor._depth, sensor._profile((320, 240, 30)), sensor._images)
 
 
 def on_usb_2() -> object:

@@ -59,7 +59,7 @@ class Driver:
     @property
     def rounds(self) -> int:
         """How often it is lost and comes back."""
-        return 5 if FULL else 1 if self.needs[0] else 2
+        return 5 if FULL else 2 if self.name == "plain" else 1
 
     def opener(self, take: Path, kind: type | None = None) -> IsolatedOpener:
         """Opens it as the registry does, before a recording."""

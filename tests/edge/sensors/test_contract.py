@@ -198,9 +198,8 @@ def rooms(tmp_path_factory):
     return folder
 
 
+@pytest.mark.skipif(not FULL, reason="15 s of tracking: make test-devices")
 def test_only_a_camera_that_was_moved_while_it_was_away_is_said_to_have_been(rooms, live):
-    if live.driver.needs[0] and not FULL:
-        pytest.skip("the tracker is the same for every driver: make test-devices asks it of each")
     tracker = Tracker()
 
     def moved(name: str, frames: int) -> bool:
