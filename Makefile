@@ -7,7 +7,7 @@ help:            ## what can be made
 run: setup       ## watch a chair move with a recorded person (a window, or a film where there is no display)
 	@.venv/bin/enliven run $(ARGS)
 
-# Files of tests are shared between two processes; types are checked while those wait for what they started.
+# Three processes for two cores, since tests of cameras and of processes wait much of their time; types meanwhile.
 test: setup-dev  ## linters, types, every test, and one run of the main job
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .

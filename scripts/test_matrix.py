@@ -19,7 +19,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 TWO = ("-n", "2", "--dist", "loadfile", "--no-loadscope-reorder")
-"""As `make test` has it: two processes that share the files, in the order in which they are collected."""
+"""Two processes that share the files, in the order in which they are collected."""
 SEED = "20251123"
 """Of the shuffled order: any number, the same each time."""
 PLAIN_NUMPY = "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"
