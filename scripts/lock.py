@@ -26,15 +26,16 @@ from packaging.utils import InvalidWheelFilename, canonicalize_name, parse_wheel
 Wheels = dict[tuple[str, str], dict[str, frozenset[Tag]]]
 """By name and version: the tags of each wheel, by its SHA-256."""
 HOUSE = Path(__file__).parents[1]
-PACKAGES = ("shared", "edge", "viewer")
+PACKAGES = ("shared", "edge", "viewer", "synthesis")
 EXTRAS = {
     "shared": ("test",),
     "edge": ("physics", "controls", "voice", "oak", "realsense", "libcamera"),
     "viewer": (),
+    "synthesis": (),
 }
 """What `make setup-dev` installs beyond what `make run` needs."""
 BUILD = ("hatchling", "editables", "pip", "setuptools")
-"""What installs the three packages themselves."""
+"""What installs the packages themselves."""
 PEERS = HOUSE / "tests" / "benchmarks" / "requirements.txt"
 PYTHONS = (11, 12, 13, 14)
 """Minor versions of Python 3 that scripts/setup.sh takes."""

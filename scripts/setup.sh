@@ -38,7 +38,7 @@ make_venv() {
 
 install_python() {
     # Every wheel is checked against its hash in locks/; pip's own first, because an old pip takes twice as long for
-    # the others. The three packages have no hash, being folders: pip takes them in a step of their own, which asks
+    # the others. The four packages have no hash, being folders: pip takes them in a step of their own, which asks
     # no index. Byte code is made last, by all cores and not one, and not of what is hardly ever imported.
     export PIP_DISABLE_PIP_VERSION_CHECK=1
     awk '/^[^ #]/ { of_pip = /^pip==/ } of_pip' "locks/$kind.txt" >.venv/pip.txt
@@ -46,7 +46,7 @@ install_python() {
         .venv/bin/python -m pip install -q --require-hashes --no-deps --no-compile --only-binary ':all:' -r "$lock" ||
             fail "the packages could not be installed; what pip said is above. Is there a network?"
     done
-    .venv/bin/python -m pip install -q --no-deps --no-build-isolation --no-index -e ./shared -e ./edge -e ./viewer
+    .venv/bin/python -m pip install -q --no-deps --no-build-isolation --no-index -e ./shared -e ./edge -e ./viewer -e ./synthesis
     .venv/bin/python -m compileall -qq -j 0 -x '/(tests?|pip|setuptools|pygments)/' .venv/lib || true
 }
 
@@ -98,7 +98,7 @@ device_tests() {
 }
 
 stamp=".venv/.ready-$kind"
-wanted=$(cat "locks/$kind.txt" shared/pyproject.toml edge/pyproject.toml viewer/pyproject.toml scripts/setup.sh | cksum)
+wanted=$(cat "locks/$kind.txt" shared/pyproject.toml edge/pyproject.toml viewer/pyproject.toml synthesis/pyproject.toml scripts/setup.sh | cksum)
 make_venv
 if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
     missing=$(missing_system | tr -s ' \n' '\n' | sort -u | tr '\n' ' ')
@@ -122,4 +122,4 @@ if [ "$devices" ]; then
 fi
 # The checkout's own byte code too: where Python is told to write none (PYTHONDONTWRITEBYTECODE, in many images),
 # every start would compile 400 files. 0.1 s where nothing has changed.
-.venv/bin/python -m compileall -q shared/enliven edge/enliven_edge viewer/enliven_viewer || true
+.venv/bin/python -m compileall -q shared/enliven edge/enliven_edge viewer/enliven_viewer synthesis/enliven_synthesis || true

@@ -60,7 +60,7 @@ mkdir -p "$roots/arm-tmp" "$roots/arm-numba"
 green=0 red=
 for file; do
     began=$(date +%s) code=0
-    env PYTHONPATH="$packages:$PWD/shared:$PWD/edge" PYTHONPYCACHEPREFIX="$roots/arm-pyc" \
+    env PYTHONPATH="$packages:$PWD/shared:$PWD/edge:$PWD/synthesis" PYTHONPYCACHEPREFIX="$roots/arm-pyc" \
         PYTHONDONTWRITEBYTECODE= TMPDIR="$roots/arm-tmp" \
         NUMBA_CACHE_DIR="$roots/arm-numba" OPENBLAS_NUM_THREADS=1 timeout -k 10 "${LIMIT:-900}" \
         qemu-aarch64-static -L "$root" "$root/usr/bin/python3.11" -m pytest -p no:xdist "$file" \

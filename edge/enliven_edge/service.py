@@ -9,25 +9,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from enliven.body import Body
-from enliven.character import Pose
 from enliven.commands.processes import parent_is_gone
+from enliven.document.character import Pose
+from enliven.document.props import Props
 from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.health import HealthState, Severity, worst_first
 from enliven.matching.views import View
-from enliven.props import Props
+from enliven.person.body import Body
 from enliven.wire.messages import Look, Possess
-from enliven_edge.controls.desk import Controls
+from enliven_edge.controls.control_set import Controls
 from enliven_edge.controls.lamps import Lamps, lamps_of
-from enliven_edge.fusion.fused_sensor import FusedFrame, FusedSensors
-from enliven_edge.opening import Opening
-from enliven_edge.outlet import Outlet
-from enliven_edge.pace import Pace
+from enliven_edge.fusion.live.fused_sensor import FusedFrame, FusedSensors
+from enliven_edge.network.frame_rate import Pace
+from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.base import Sensor, SensorFault, condition_of
-from enliven_edge.stage import Stage
-from enliven_edge.tracking.health import HealthMonitor
-from enliven_edge.tracking.output import Output
+from enliven_edge.stage.opening import Opening
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.health.health import HealthMonitor
+from enliven_edge.tracking.output.output import Output
 from enliven_edge.tracking.tracker import Tracker
 
 if TYPE_CHECKING:

@@ -8,17 +8,17 @@ from functools import cache
 
 import numpy as np
 
-from enliven.body import Body
-from enliven.deformation.observed import Seen
+from enliven.deformation.constraints.observed import Seen
 from enliven.frames import DepthFrame
+from enliven.person.body import Body
 from enliven.recording import Recording
-from enliven_edge.actor import Actor
 from enliven_edge.doctor import shipped_recording
-from enliven_edge.stage import Stage
-from enliven_edge.tracking.floor import corrected, world_from_floor
-from enliven_edge.tracking.model import lengths_for_height
-from enliven_edge.tracking.posture import Posture
-from enliven_edge.tracking.ranges import standing
+from enliven_edge.stage.embedded_actor import Actor
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.scene.floor import corrected, world_from_floor
 from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, UInt8, UInt16
-from enliven.body import Body
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
+from enliven.person.body import Body
 
 
 @dataclass(frozen=True)

@@ -20,10 +20,11 @@ from figure import Figure
 from plain_arap import bean
 
 from enliven.arrays import Float, Int
-from enliven.deformation.arap import ArapSettings, ArapSolver, Handle
-from enliven.deformation.puppet_surface import PuppetSurface
-from enliven.mesh import Mesh
-from enliven.mesh_files import load_mesh
+from enliven.deformation.arap.control_point_surface import PuppetSurface
+from enliven.deformation.arap.solver import ArapSolver, Handle
+from enliven.document.surface_settings import ArapSettings
+from enliven.meshes.files import load_mesh
+from enliven.meshes.mesh import Mesh
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data")) / "meshes"
 MESHES = {

@@ -18,12 +18,12 @@ from scipy.optimize import nnls
 from scipy.sparse.linalg import splu
 
 from enliven.arrays import Float, Int, Int32
-from enliven.examples.bake import bake_surface
-from enliven.examples.bake_maps import Maps, skinned
-from enliven.examples.bake_nodes import Net, Seeds
-from enliven.examples.bake_settings import BakeSettings
-from enliven.examples.bake_weights import fit_weights
-from enliven.mesh import Mesh
+from enliven.examples.baking.bake import bake_surface
+from enliven.examples.baking.maps import Maps, skinned
+from enliven.examples.baking.nodes import Net, Seeds
+from enliven.examples.baking.settings import BakeSettings
+from enliven.examples.baking.weights import fit_weights
+from enliven.meshes.mesh import Mesh
 from enliven.rotation import from_rotation_vector, rotate
 
 VERTICES, FRAMES, NODES, FITTED = 10_000, 300, 48, 100

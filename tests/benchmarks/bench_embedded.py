@@ -21,7 +21,7 @@ from figure import Figure
 from plain_gauss_newton import PlainGaussNewton
 
 from enliven.arrays import Float
-from enliven.deformation.embedded import EmbeddedSolver
+from enliven.deformation.embedded.solver import EmbeddedSolver
 
 SIZES = (128, 256, 512, 1024)
 COMPARED = {128: 16, 256: 8, 512: 4, 1024: 2}

@@ -20,14 +20,14 @@ from figure import Figure
 from scipy.sparse.linalg import spsolve
 
 from enliven.arrays import Float
+from enliven.document.example_settings import ExampleSettings
 from enliven.examples.live import LiveExamples
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import performed
 from enliven.examples.poses import Examples
-from enliven.examples.settings import ExampleSettings
 from enliven.examples.suggest import SuggestSettings, suggest_poses
-from enliven.formats.expmap import read_expmap
-from enliven.motion.capture_clip import clip_of_capture
+from enliven.formats.motion.expmap import read_expmap
+from enliven.motion.takes.capture_clip import clip_of_capture
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 TRAFFIC = DATA / "cmu_expmap" / "train_directing_traffic_4.txt"

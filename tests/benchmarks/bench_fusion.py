@@ -15,16 +15,16 @@ from pathlib import Path
 import numpy as np
 from figure import Figure
 
-from enliven.body import Body
 from enliven.frames import BodyFrame
-from enliven_edge.fusion.calibration import calibrate
-from enliven_edge.fusion.collecting import Collector
-from enliven_edge.fusion.fuser import Fuser
-from enliven_edge.fusion.measures import agreement, jitter_mm
-from enliven_edge.fusion.merge import eyes, fused, in_world, untouched
-from enliven_edge.fusion.rigid import angle_between, inverse, moved
-from enliven_edge.fusion.space import Space
-from enliven_edge.fusion.tracks import stream_of
+from enliven.person.body import Body
+from enliven_edge.fusion.calibration.calibration import calibrate
+from enliven_edge.fusion.calibration.collecting import Collector
+from enliven_edge.fusion.calibration.tracks import stream_of
+from enliven_edge.fusion.live.fuser import Fuser
+from enliven_edge.fusion.live.measures import agreement, jitter_mm
+from enliven_edge.fusion.live.merge import eyes, fused, in_world, untouched
+from enliven_edge.fusion.placement.rigid import angle_between, inverse, moved
+from enliven_edge.fusion.placement.space import Space
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.multitrack import MultiTrackReader
 from enliven_edge.tracking.settings import TrackerSettings

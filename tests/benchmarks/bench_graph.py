@@ -10,7 +10,7 @@ from pathlib import Path
 import graph_figures
 from figure import Figure
 
-from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.graph.graph import DeformationGraph
 
 TESTS = Path(__file__).parents[1]
 sys.path.insert(0, str(TESTS / "real"))

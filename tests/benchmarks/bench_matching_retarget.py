@@ -14,14 +14,14 @@ import numpy as np
 import plain_constraints
 from figure import Figure
 
-from enliven.body import PARENTS
-from enliven.motion.clip import Clip
-from enliven.motion.evaluate import Player
-from enliven.motion.retarget import bind_chain, set_travel
-from enliven.project import Project
+from enliven.document.clip import Clip
+from enliven.document.project import Project
+from enliven.document.rigged import still_shape
+from enliven.document.skeleton import Skeleton
+from enliven.motion.layers.evaluate import Player
+from enliven.motion.layers.retarget import bind_chain, set_travel
+from enliven.person.body import PARENTS
 from enliven.rotation import from_rotation_vector, multiply
-from enliven.shape import still_shape
-from enliven.skeleton import Skeleton
 
 FRAMES, STEP = 300, 1.0 / 30.0
 MOMENTS = 600

@@ -26,14 +26,14 @@ from scipy.sparse.linalg import splu
 from threadpoolctl import threadpool_limits
 
 from enliven.arrays import Float
-from enliven.character import SkinWeights
-from enliven.mesh import Mesh
-from enliven.modeling.bone_heat import bone_heat, segments_of
-from enliven.modeling.mesh_cut import cut_across_bone
-from enliven.modeling.mesh_union import united
-from enliven.modeling.sketch import shape_from_stroke
-from enliven.modeling.strokes import tentacle
-from enliven.skeleton import Skeleton
+from enliven.document.character import SkinWeights
+from enliven.document.skeleton import Skeleton
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.mesh.mesh_cut import cut_across_bone
+from enliven.modeling.mesh.mesh_union import united
+from enliven.modeling.sketching.sketch import shape_from_stroke
+from enliven.modeling.sketching.strokes import tentacle
+from enliven.modeling.skinning.bone_heat import bone_heat, segments_of
 
 BONES = 30
 

@@ -14,10 +14,10 @@ import mujoco
 import numpy as np
 from figure import Figure
 
-from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.spheres import pack_spheres
-from enliven.props import BOX
-from enliven.shapes import make_chair
+from enliven.document.props import BOX
+from enliven.samples.chair import make_chair
 from enliven_edge.physics.settings import EngineSettings
 from enliven_edge.physics.world import PropSpecs, World
 

@@ -17,19 +17,19 @@ from bench_examples import STEP, plain_solution
 from figure import Figure
 
 from enliven.arrays import Float
-from enliven.body import Body
-from enliven.cactus_puppet import cactus_project
-from enliven.character import Pose
+from enliven.document.character import Pose
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.puppet_motion import examples_of
+from enliven.person.body import Body
+from enliven.samples.cactus_puppet import cactus_project
 from enliven.wire.convert import pose_to_message
 from enliven.wire.envelope import pack_stream
 from enliven.wire.posecode import PoseCodec
-from enliven_edge.puppets.actor import PuppetActor
-from enliven_edge.tracking import model
-from enliven_edge.tracking.posture import Posture, rotation
-from enliven_edge.tracking.ranges import standing
-from enliven_viewer.puppets import Surfaces
+from enliven_edge.stage.puppet.puppet_actor import PuppetActor
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.posture import Posture, rotation
+from enliven_viewer.playback.solved_surfaces import Surfaces
 from enliven_viewer.render.normals import placed
 from enliven_viewer.render.surface import split_creases
 

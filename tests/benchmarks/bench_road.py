@@ -17,14 +17,14 @@ from figure import Figure
 
 from enliven.frames import DepthFrame
 from enliven.wire.messages import PoseMessage
-from enliven_edge.casting import cast
-from enliven_edge.outlet import Outlet
-from enliven_edge.sensors.synthetic import SyntheticSensor
+from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
+from enliven_edge.stage.casting import cast
+from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.warmup import warm_up_stage, warm_up_tracking
+from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 FRAMES, WARM = 270, 45
 NODES = 128

@@ -18,9 +18,9 @@ from graph_figures import folded_sphere
 from threadpoolctl import threadpool_limits
 
 from enliven import rotation
-from enliven.character import Character, Pose
-from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_normals, skin_vertices
+from enliven.document.character import Character, Pose
 
 NODES, SIZES, MOST = 128, (10_000, 100_000, 1_000_000), 100_000
 

@@ -20,10 +20,10 @@ from figure import Figure
 
 from enliven.wire.ports import free_ports
 from enliven.wire.sockets import Endpoint
-from enliven_viewer.document import Document
-from enliven_viewer.edge_feed import EdgeFeed
-from enliven_viewer.link import Link
-from enliven_viewer.timeline import Timeline
+from enliven_viewer.link.edge_feed import EdgeFeed
+from enliven_viewer.link.edges import Link
+from enliven_viewer.playback.document import Document
+from enliven_viewer.playback.timeline import Timeline
 
 ROOT = Path(__file__).parents[2]
 ASKED_FOR_TESTS = "ENLIVEN_BENCH_TESTS"

@@ -15,9 +15,9 @@ from scipy.optimize import minimize
 from tracking_cache import Moment, delivered
 from tracking_set import TUNING, Sequence, sequences
 
-from enliven_edge.tracking.confidence import ALONE, GROUP_OF_JOINT, GROUPS, WITH_NETWORK
-from enliven_edge.tracking.evidence import NAMES
-from enliven_edge.tracking.person import Person
+from enliven_edge.tracking.people.confidence import ALONE, GROUP_OF_JOINT, GROUPS, WITH_NETWORK
+from enliven_edge.tracking.people.evidence import NAMES
+from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 

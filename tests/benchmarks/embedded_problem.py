@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.attachment import Attachment, AttachmentSettings, attach
-from enliven.deformation.graph import DeformationGraph
-from enliven.formats.expmap import read_expmap
-from enliven.shapes import make_chair
-from enliven_edge.synthesis.mocap import Captured
-from enliven_edge.synthesis.performer import Performer
+from enliven.deformation.graph.graph import DeformationGraph
+from enliven.deformation.possession.attachment import Attachment, AttachmentSettings, attach
+from enliven.formats.motion.expmap import read_expmap
+from enliven.samples.chair import make_chair
+from enliven_synthesis.body.performer import Performer
+from enliven_synthesis.motion.mocap import Captured
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data")) / "cmu_expmap"
 MOTIONS = ("test_walking_1.txt", "train_jumping_1.txt")

@@ -16,17 +16,17 @@ from example_posing import Direction, Figure, Limb
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Float
-from enliven.deformation.arap import ArapSettings
-from enliven.examples.locomotion import LocomotionSettings
-from enliven.examples.settings import ExampleSettings
-from enliven.formats.example_session import Session, fitted, read_session
-from enliven.formats.session_tables import MeshTable, TakeTable
-from enliven.formats.session_text import session_text
-from enliven.formats.takes import read_take
-from enliven.mesh import Axis, Mesh, refine
-from enliven.mesh_files import load_mesh
-from enliven.project import Project
-from enliven.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer
+from enliven.document.example_settings import ExampleSettings
+from enliven.document.project import Project
+from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer
+from enliven.document.surface_settings import ArapSettings
+from enliven.examples.spacetime.locomotion import LocomotionSettings
+from enliven.formats.session.session import Session, fitted, read_session
+from enliven.formats.session.tables import MeshTable, TakeTable
+from enliven.formats.session.text import session_text
+from enliven.meshes.files import load_mesh
+from enliven.meshes.mesh import Axis, Mesh, refine
+from enliven.motion.takes.files import read_take
 
 DATA = Path(os.environ.setdefault("ENLIVEN_DATA", str(Path(__file__).parents[3] / "shared" / "data")))
 SESSIONS = Path(__file__).parent / "example_sessions"

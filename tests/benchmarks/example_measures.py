@@ -9,12 +9,12 @@ import numpy as np
 from example_play import Shot
 
 from enliven.arrays import Float
-from enliven.deformation.self_intersection import SelfIntersection
+from enliven.deformation.arap.self_intersection import SelfIntersection
+from enliven.document.project import Project
+from enliven.document.puppet import Puppet
 from enliven.examples.performer import performed
 from enliven.examples.puppet_motion import PuppetMotion, motion_of
-from enliven.mesh import Mesh, weld
-from enliven.project import Project
-from enliven.puppet import Puppet
+from enliven.meshes.mesh import Mesh, weld
 
 _EVERY = 10
 """Pictures from one in which volume and crossing faces are looked at to the next."""

@@ -12,18 +12,18 @@ from example_cast import DATA, Act, Shown
 from scipy.ndimage import gaussian_filter1d
 
 from enliven.arrays import Float, Float32
-from enliven.body import Body, J
-from enliven.character import Character, Pose
-from enliven.deformation.puppet_surface import PuppetSurface
+from enliven.deformation.arap.control_point_surface import PuppetSurface
+from enliven.document.character import Character, Pose
+from enliven.document.project import Project
+from enliven.document.puppet import Puppet, character_of_puppet
 from enliven.examples.performer import yaw_of
 from enliven.examples.puppet_motion import in_world, pose_of_state, state_of
-from enliven.formats.bvh import read_bvh
-from enliven.formats.expmap import read_expmap
-from enliven.project import Project
-from enliven.puppet import Puppet, character_of_puppet
+from enliven.formats.motion.bvh import read_bvh
+from enliven.formats.motion.expmap import read_expmap
+from enliven.motion.takes.capture_roles import find_roles
+from enliven.person.body import Body, J
 from enliven.rotation import from_rotation_vector, multiply, rotate
 from enliven_edge.importing.motion_capture import bodies_of
-from enliven_edge.synthesis.capture_roles import find_roles
 
 _STEADY = 0.6
 """Seconds over which the camera's way is smoothed."""

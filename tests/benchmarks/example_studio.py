@@ -11,14 +11,14 @@ from example_play import Play, Shot
 from PIL import Image
 
 from enliven.arrays import Float, UInt8
-from enliven_viewer.camera import OrbitCamera, View
-from enliven_viewer.encoder import FilmWriter
-from enliven_viewer.hud import clock
-from enliven_viewer.render.canvas import Canvas
-from enliven_viewer.render.context import offscreen_context
+from enliven_viewer.film.encoder import FilmWriter
+from enliven_viewer.film.sheet import Tile, write_sheet
+from enliven_viewer.live.hud import clock
+from enliven_viewer.render.camera import OrbitCamera, View
+from enliven_viewer.render.gl.context import offscreen_context
+from enliven_viewer.render.overlay.canvas import Canvas
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Actor, Look, Scene
-from enliven_viewer.sheet import Tile, write_sheet
 
 SIZE, RATE, BIT_RATE = (1280, 720), 30.0, 6.0
 _TILES, _TILE_WIDTH = 24, 480

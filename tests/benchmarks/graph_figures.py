@@ -21,8 +21,8 @@ import trimesh
 from figure import Figure
 from scipy.spatial import cKDTree
 
-from enliven.deformation.graph import DeformationGraph, character_from
-from enliven.mesh import Mesh
+from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.meshes.mesh import Mesh
 
 NODES, RUNS = 128, 5
 

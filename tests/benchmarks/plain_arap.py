@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from enliven.mesh import Mesh
+from enliven.meshes.mesh import Mesh
 
 
 def bean(count: int, tall: float = 1.7) -> Mesh:

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from enliven.motion.travel import travel_scale
-from enliven.project import Project
+from enliven.document.project import Project
+from enliven.motion.layers.travel import travel_scale
 
 
 def evaluated(project: Project, shape_id: str, times: np.ndarray) -> np.ndarray:

@@ -10,19 +10,19 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.body import PARENTS, Body, Joint
-from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.frames import BodyFrame
-from enliven.mesh import Mesh, fit_height, refine
-from enliven.mesh_files import load_mesh
+from enliven.meshes.files import load_mesh
+from enliven.meshes.mesh import Mesh, fit_height, refine
+from enliven.person.body import PARENTS, Body, Joint
 from enliven.rotation import rotate, swing
-from enliven_edge.actor import Actor, ActorSettings
 from enliven_edge.importing.body_scanner import level_from_tilted
-from enliven_edge.placement import turn_about_y
-from enliven_edge.standing import best_stand
-from enliven_edge.synthesis.choreography import choreography
-from enliven_edge.synthesis.exercises import exercise, exercise_names
-from enliven_edge.synthesis.performer import Performer
+from enliven_edge.stage.embedded_actor import Actor, ActorSettings
+from enliven_edge.stage.placement import turn_about_y
+from enliven_edge.stage.standing import best_stand
+from enliven_synthesis.body.performer import Performer
+from enliven_synthesis.motion.choreography import choreography
+from enliven_synthesis.motion.exercises import exercise, exercise_names
 
 _SCALES = (0.7, 0.8, 0.9, 1.0, 1.1)
 _STEP_NS = 33_333_333

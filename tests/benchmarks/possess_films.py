@@ -24,13 +24,13 @@ from possess_measures import measure
 from possess_studio import Studio
 from possess_take import Act, perform
 
-from enliven.deformation.floor_contact import FloorSettings
+from enliven.deformation.constraints.floor_contact import FloorSettings
 from enliven.frames import BodyFrame
-from enliven.mesh import Mesh
-from enliven_edge.actor import Actor, ActorSettings
-from enliven_edge.casting import cast
+from enliven.meshes.mesh import Mesh
 from enliven_edge.importing.mirror import mirrored
 from enliven_edge.importing.registry import find_files, find_reader
+from enliven_edge.stage.casting import cast
+from enliven_edge.stage.embedded_actor import Actor, ActorSettings
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 OUT = Path(__file__).parents[2] / "out" / "possess"

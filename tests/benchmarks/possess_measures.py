@@ -9,10 +9,10 @@ from possess_take import Take
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Int
-from enliven.character import Character
 from enliven.deformation.skinning import skin_normals, skin_vertices
-from enliven.mesh import Mesh, weld
-from enliven.mesh_kernels import shells
+from enliven.document.character import Character
+from enliven.meshes.kernels import shells
+from enliven.meshes.mesh import Mesh, weld
 
 _TOUCHING = 0.02
 """Metres, as modelled at 1.75 m: shells nearer than this are taken to hang together."""

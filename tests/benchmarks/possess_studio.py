@@ -10,16 +10,16 @@ import numpy as np
 from possess_take import Shot, Take
 
 from enliven.arrays import UInt8
-from enliven.body import Body
-from enliven_viewer.camera import FilmCamera
-from enliven_viewer.encoder import FilmWriter
-from enliven_viewer.hud import clock
-from enliven_viewer.render.canvas import Canvas
-from enliven_viewer.render.context import offscreen_context
+from enliven.person.body import Body
+from enliven_viewer.film.encoder import FilmWriter
+from enliven_viewer.film.sheet import Tile, write_sheet
+from enliven_viewer.live.hud import clock
+from enliven_viewer.playback.timeline import Cues
+from enliven_viewer.render.camera import FilmCamera
+from enliven_viewer.render.gl.context import offscreen_context
+from enliven_viewer.render.overlay.canvas import Canvas
 from enliven_viewer.render.renderer import EMPTY_BOX, Renderer
 from enliven_viewer.render.scene import Actor, Look, Scene
-from enliven_viewer.sheet import Tile, write_sheet
-from enliven_viewer.timeline import Cues
 
 SIZE, RATE, BIT_RATE = (1280, 720), 30.0, 5.0
 _TEXT = 18

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from enliven.body import Body
-from enliven.character import Character, Pose
+from enliven.document.character import Character, Pose
 from enliven.frames import BodyFrame
-from enliven_edge.actor import Actor, Cues
-from enliven_edge.stage import Stage
-from enliven_edge.tracking.output import Output
+from enliven.person.body import Body
+from enliven_edge.stage.embedded_actor import Actor, Cues
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.output.output import Output
 from enliven_edge.tracking.settings import TrackerSettings
 
 

@@ -12,13 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.body import PARENTS, Body, Joint
-from enliven.cactus import make_cactus
+from enliven.document.clip import Clip
 from enliven.frames import BodyFrame
-from enliven.mesh_files import save_mesh
-from enliven.motion.clip import Clip
+from enliven.meshes.files import save_mesh
+from enliven.person.body import PARENTS, Body, Joint
 from enliven.recording import Recorder
-from enliven_viewer.studio.desk import Desk
+from enliven.samples.cactus import make_cactus
 from enliven_viewer.studio.session import (
     Action,
     Click,
@@ -35,6 +34,7 @@ from enliven_viewer.studio.session import (
     Wait,
     Widget,
 )
+from enliven_viewer.studio.workspace.workspace import Desk
 
 Actions = Iterator[Action]
 Way = tuple[float, float, float]

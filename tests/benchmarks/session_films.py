@@ -21,9 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.modeling.strokes import limb
-from enliven_viewer.studio.desk import Desk
-from enliven_viewer.studio.editor import Editor
+from enliven.modeling.sketching.strokes import limb
 from enliven_viewer.studio.session import (
     Action,
     Click,
@@ -46,6 +44,8 @@ from enliven_viewer.studio.session import (
     play,
 )
 from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.workspace.workspace import Desk
 
 OUT = Path(__file__).parents[2] / "out" / "sessions"
 Actions = Iterator[Action]

@@ -13,10 +13,10 @@ from possess_cast import as_if_by, cut, danced, held_still
 from possess_measures import Measures, measure
 from possess_take import Act, Shot, Take, perform
 
-from enliven.body import PARENTS, Joint
-from enliven.character import Character, Pose, SkinWeights
-from enliven_edge.casting import cast
-from enliven_edge.cues import Cues
+from enliven.document.character import Character, Pose, SkinWeights
+from enliven.person.body import PARENTS, Joint
+from enliven_edge.stage.casting import cast
+from enliven_edge.stage.highlights import Cues
 
 NOBODY = Cues("possessed", np.empty(0, np.int64), np.empty(0), -1)
 SECOND = 1_000_000_000

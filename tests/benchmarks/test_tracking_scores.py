@@ -12,10 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.body import Body, Joint
+from enliven.person.body import Body, Joint
+from enliven.person.limbs import Limb
 from enliven.rotation import from_matrix, from_rotation_vector, multiply
-from enliven_edge.synthesis.exercises import exercise
-from enliven_edge.synthesis.performer import Limb, Performer
+from enliven_synthesis.body.performer import Performer
+from enliven_synthesis.motion.exercises import exercise
 
 sys.path.insert(0, str(Path(__file__).parent))
 from tracking_cache import Moment

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 from tracking_set import Sequence
 
-import enliven_edge.synthesis
-from enliven.body import Body
+import enliven_synthesis
 from enliven.frames import BodyFrame, DepthFrame
+from enliven.person.body import Body
 from enliven.recording import Recorder, Recording
-from enliven_edge.synthesis import trouble
-from enliven_edge.synthesis.choreography import HOME_Z
-from enliven_edge.synthesis.ensemble import Appearance
+from enliven_synthesis.motion.dance import HOME_Z
+from enliven_synthesis.sensor import stream_faults
+from enliven_synthesis.sensor.ensemble import Appearance
 
 CACHE = Path(__file__).parents[2] / "out" / "tracking" / "cache"
 
@@ -69,16 +69,16 @@ def delivered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
     frames = rendered(sequence)
     match sequence.trouble:
         case "dropped":
-            frames = trouble.dropped(frames)
+            frames = stream_faults.dropped(frames)
         case "slowed":
-            frames = trouble.slowed(frames, 5.0)
+            frames = stream_faults.slowed(frames, 5.0)
         case "out_of_order":
-            frames = trouble.out_of_order(frames)
+            frames = stream_faults.out_of_order(frames)
         case "frozen":
-            frames = trouble.frozen(frames, 1.3, 2.4)
+            frames = stream_faults.frozen(frames, 1.3, 2.4)
         case "holed":
-            frames = trouble.holed(frames, 0.4)
-    return trouble.covered(frames, *sequence.covered) if sequence.covered else frames
+            frames = stream_faults.holed(frames, 0.4)
+    return stream_faults.covered(frames, *sequence.covered) if sequence.covered else frames
 
 
 def _render(sequence: Sequence, path: Path) -> None:
@@ -121,7 +121,7 @@ def _key(sequence: Sequence) -> str:
 @cache
 def _source() -> str:
     """The text of what makes the pictures; not of what only chooses motions, delays or loses them."""
-    folder = Path(enliven_edge.synthesis.__file__).parent
+    folder = Path(enliven_synthesis.__file__).parent
     others = ("studio.py", "trouble.py", "wander.py", "choreography.py")
     texts = [p.read_text() for p in sorted(folder.glob("*.py")) if p.name not in others]
     return repr(HOME_Z) + "".join(texts)

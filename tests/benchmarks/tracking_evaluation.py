@@ -31,7 +31,7 @@ from tracking_scores import BINS, Scores, Take, joint_label, score
 from tracking_set import HELD_OUT, TUNING, Sequence, sequences
 
 from enliven_edge.sensors.profile import load_profile
-from enliven_edge.tracking.health import HealthMonitor
+from enliven_edge.tracking.health.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
 
 HEAD = (

@@ -36,9 +36,9 @@ from tracking_marks import MARKS
 from tracking_scores import NEAR, Scores, Take, joint_label, score
 from tracking_set import DATA
 
-from enliven.body import ANKLE_ABOVE_SOLE, Body, Joint
 from enliven.camera import Intrinsics, project, world_from_level_camera
 from enliven.frames import DepthFrame
+from enliven.person.body import ANKLE_ABOVE_SOLE, Body, Joint
 from enliven_edge.importing import flow_room
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from tracking_cache import Moment
 
-from enliven.body import Body, Joint
+from enliven.person.body import Body, Joint
+from enliven.person.limbs import Limb
 from enliven.rotation import swing, to_matrix
-from enliven_edge.synthesis.performer import Limb
 
 NEAR = 0.10
 """Metres within which a joint counts as found."""

@@ -13,16 +13,16 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from enliven.formats.bvh import read_bvh
-from enliven.formats.capture import Capture
-from enliven.formats.expmap import read_expmap
+from enliven.formats.motion.bvh import read_bvh
+from enliven.formats.motion.capture import Capture
+from enliven.formats.motion.expmap import read_expmap
 from enliven_edge.sensors.profile import load_profile
-from enliven_edge.synthesis.ensemble import Appearance, Ensemble
-from enliven_edge.synthesis.exercises import exercise
-from enliven_edge.synthesis.mocap import Captured
-from enliven_edge.synthesis.motion import Chained, Danced, Held, Leg, Motion
-from enliven_edge.synthesis.performer import Performer, Proportions
-from enliven_edge.synthesis.scene import ROOM, Box
+from enliven_synthesis.body.performer import Performer, Proportions
+from enliven_synthesis.motion.exercises import exercise
+from enliven_synthesis.motion.mocap import Captured
+from enliven_synthesis.motion.motion import Chained, Danced, Held, Leg, Motion
+from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
+from enliven_synthesis.sensor.scene import ROOM, Box
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 TUNING, HELD_OUT = "tuning", "held-out"

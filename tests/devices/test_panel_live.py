@@ -12,7 +12,7 @@ import pytest
 from patience import until
 
 from enliven_edge.controls import serial_panel
-from enliven_edge.controls.desk import Controls, open_controls
+from enliven_edge.controls.control_set import Controls, open_controls
 from enliven_edge.controls.lamps import Lamps
 from enliven_edge.controls.settings import ControlSettings
 

@@ -11,17 +11,17 @@ from made_bvh import danced, write_bvh
 from PIL import Image
 from test_import_skeletons import labanotation_row
 
-from enliven.cactus import make_cactus
-from enliven.cactus_puppet import cactus_project
-from enliven.formats.gltf_write import performance_of, write_gltf
-from enliven.formats.project_file import write_project
-from enliven.formats.rig import playing
-from enliven.formats.session_text import write_session
+from enliven.document.project import Project
+from enliven.formats.gltf.write import performance_of, write_gltf
+from enliven.formats.project.file import write_project
+from enliven.formats.rig.rig import playing
+from enliven.formats.session.text import write_session
 from enliven.frames import DepthFrame
-from enliven.mesh_files import save_mesh
-from enliven.project import Project
+from enliven.meshes.files import save_mesh
 from enliven.recording import Recorder, Recording
-from enliven.shapes import make_chair
+from enliven.samples.cactus import make_cactus
+from enliven.samples.cactus_puppet import cactus_project
+from enliven.samples.chair import make_chair
 from enliven_edge.doctor import shipped_recording
 
 FRAMES = 45

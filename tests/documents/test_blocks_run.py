@@ -17,9 +17,9 @@ from enliven import cli
 from enliven.mapping.plan_file import read_plan
 from enliven.settings import load_settings
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.tracking.model import lengths_for_height
-from enliven_edge.tracking.posture import Posture
-from enliven_edge.tracking.ranges import standing
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.body_model.posture import Posture
 from enliven_viewer.settings import ViewerSettings
 from enliven_viewer.studio.settings import StudioSettings
 

@@ -11,7 +11,7 @@ import pytest
 from enliven.arrays import Float
 from enliven.camera import Intrinsics, rays
 from enliven_edge.sensors.profile import SensorProfile, load_profile
-from enliven_edge.synthesis.noise import DepthNoise
+from enliven_synthesis.sensor.noise import DepthNoise
 
 CAMERA = Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
 

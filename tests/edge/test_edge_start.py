@@ -16,9 +16,9 @@ UNASKED = {
     "scipy.ndimage": "is the lessons'",
     "rich.progress": "draws on a terminal",
     "PIL.Image": "reads pictures",
-    "enliven_edge.matching.rig_actor": "is a rigged model's",
-    "enliven_edge.puppets.actor": "is a puppet's",
-    "enliven.project": "is the studio's",
+    "enliven_edge.stage.rig.rig_actor": "is a rigged model's",
+    "enliven_edge.stage.puppet.puppet_actor": "is a puppet's",
+    "enliven.document.project": "is the studio's",
 }
 """Modules that a start with the chair does without, and what each is for."""
 

@@ -19,9 +19,9 @@ import zmq
 from enliven.errors import InputError, ResourceError
 from enliven.wire import messages, topics
 from enliven.wire.envelope import pack_control, unpack_control
-from enliven_edge.name_lock import NameLock
-from enliven_edge.outlet import Outlet
-from enliven_edge.publisher import Publisher
+from enliven_edge.network.name_lock import NameLock
+from enliven_edge.network.outlet import Outlet
+from enliven_edge.network.publisher import Publisher
 from enliven_edge.settings import WireSettings
 
 PATIENCE = 60.0

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from slow_performer import SlowPerformer
 
-from enliven.body import BONES, Joint
 from enliven.errors import InputError
-from enliven_edge.synthesis.choreography import choreography, choreography_names
-from enliven_edge.synthesis.performer import Performer, Proportions
-from enliven_edge.synthesis.posture import Arm, Foot, Posture
-from enliven_edge.synthesis.rotations import GRID
-from enliven_edge.synthesis.tracks import Track, ease, pulse
+from enliven.person.body import BONES, Joint
+from enliven_synthesis.body.performer import Performer, Proportions
+from enliven_synthesis.body.posture import Arm, Foot, Posture
+from enliven_synthesis.body.rotations import GRID
+from enliven_synthesis.motion.choreography import choreography, choreography_names
+from enliven_synthesis.motion.tracks import Track, ease, pulse
 
 RATE = 30.0
 STEPS = 2 * GRID

@@ -9,20 +9,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.body import PARENTS, Body, Joint
-from enliven.deformation.graph import DeformationGraph, character_from
-from enliven.deformation.likeness import likeness
+from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.possession.body_in_mesh import likeness
 from enliven.errors import InputError
-from enliven.mesh import Mesh
-from enliven.shapes import make_chair
-from enliven_edge.actor import Actor, ActorSettings
-from enliven_edge.carrying import Mapped
-from enliven_edge.casting import cast
-from enliven_edge.placement import turn_about_y
-from enliven_edge.stage import Stage
-from enliven_edge.tracking import model
-from enliven_edge.tracking.posture import Posture, rotation
-from enliven_edge.tracking.ranges import standing
+from enliven.meshes.mesh import Mesh
+from enliven.person.body import PARENTS, Body, Joint
+from enliven.samples.chair import make_chair
+from enliven_edge.stage.carrying import Mapped
+from enliven_edge.stage.casting import cast
+from enliven_edge.stage.embedded_actor import Actor, ActorSettings
+from enliven_edge.stage.placement import turn_about_y
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 FRAME = 33_333_333
 

@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 import zmq
 
-from enliven.character import Character, Pose, SkinWeights
+from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError, ResourceError
 from enliven.wire import messages, topics
 from enliven.wire.envelope import pack_control, unpack_control, unpack_stream
-from enliven_edge.name_lock import NameLock
-from enliven_edge.publisher import Publisher
+from enliven_edge.network.name_lock import NameLock
+from enliven_edge.network.publisher import Publisher
 
 ROUNDS = 12_000
 """Looks of 5 ms, a minute in all: a loaded machine may take as long."""
@@ -320,7 +320,7 @@ def test_any_name_makes_a_lock_of_its_own(name: str) -> None:
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="there is no kill -9 here")
 def test_a_killed_edge_does_not_keep_its_name() -> None:
     name = unique()
-    code = f"import time; from enliven_edge.name_lock import NameLock; k = NameLock({name!r})"
+    code = f"import time; from enliven_edge.network.name_lock import NameLock; k = NameLock({name!r})"
     holder = subprocess.Popen(
         [sys.executable, "-c", code + "; print('held', flush=True); time.sleep(60)"], stdout=subprocess.PIPE
     )

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.body import BONES, Joint
 from enliven.camera import Intrinsics, project, rays, world_from_level_camera
-from enliven_edge.synthesis.choreography import choreography
-from enliven_edge.synthesis.flesh import BETWEEN, BLEND, DARK, PIECES, TAPER, Anatomy, Flesh
-from enliven_edge.synthesis.performer import Performer, Proportions
-from enliven_edge.synthesis.render import Renderer
-from enliven_edge.synthesis.scene import MIRROR, Box, cast_room
+from enliven.person.body import BONES, Joint
+from enliven_synthesis.body.body_sdf import BETWEEN, BLEND, DARK, PIECES, TAPER, Anatomy, Flesh
+from enliven_synthesis.body.performer import Performer, Proportions
+from enliven_synthesis.motion.choreography import choreography
+from enliven_synthesis.sensor.render import Renderer
+from enliven_synthesis.sensor.scene import MIRROR, Box, cast_room
 
 CAMERA = Intrinsics(162, 122, 145.0, 145.0, 80.0, 60.0)  # no multiple of the tiles
 WORLD_FROM_CAMERA = world_from_level_camera(1.15, np.radians(5.0))

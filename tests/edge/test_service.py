@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 from patience import PATIENCE
 
-from enliven.body import Body, Joint
 from enliven.frames import BodyFrame, Frame
 from enliven.health import HealthKind
+from enliven.person.body import Body, Joint
 from enliven.recording import Recording
 from enliven.wire.convert import message_to_bodies
 from enliven.wire.messages import BodiesMessage, Done
-from enliven_edge.outlet import Outlet
-from enliven_edge.sensors.synthetic import SyntheticSensor
+from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
-from enliven_edge.tracking.health import HealthMonitor, HealthSettings
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.health.health import HealthMonitor, HealthSettings
 from enliven_edge.tracking.settings import OutputSettings, SmoothingSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
-from enliven_viewer.link import Link
+from enliven_synthesis.sensor.synthetic import SyntheticSensor
+from enliven_viewer.link.edges import Link
 
 STEP = 33_333_333
 

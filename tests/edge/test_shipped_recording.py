@@ -8,9 +8,9 @@ import numpy as np
 
 from enliven.recording import Recording
 from enliven_edge.assets import CHAIR
-from enliven_edge.commands.synthesize import synthesize
 from enliven_edge.sensors.profile import load_profile
-from enliven_edge.synthesis.studio import Studio, StudioSettings
+from enliven_synthesis.commands.synthesize import synthesize
+from enliven_synthesis.sensor.studio import Studio, StudioSettings
 
 AGAIN = "make it again:  enliven synthesize -o edge/enliven_edge/assets/chair.mcap --overwrite"
 

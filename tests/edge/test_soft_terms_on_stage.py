@@ -7,29 +7,29 @@ import dataclasses
 import numpy as np
 import pytest
 
-from enliven.body import PARTS, Body
 from enliven.camera import Intrinsics
-from enliven.deformation.embedded import EmbeddedSettings, EmbeddedSolver
-from enliven.deformation.floor_contact import FloorSettings
-from enliven.deformation.graph import DeformationGraph, character_from
-from enliven.deformation.observed import ObservedSurface, Seen
-from enliven.deformation.self_contact import SelfContact, SelfContactSettings
+from enliven.deformation.constraints.floor_contact import FloorSettings
+from enliven.deformation.constraints.observed import ObservedSurface, Seen
+from enliven.deformation.constraints.self_contact import SelfContact, SelfContactSettings
+from enliven.deformation.constraints.soft import Points
+from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
+from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_vertices
-from enliven.deformation.soft import Points
-from enliven.isosurface import surface_of
-from enliven.mesh import Mesh
-from enliven.shapes import make_chair
-from enliven_edge.actor import Actor, ActorSettings
-from enliven_edge.sensors.synthetic import SyntheticSensor
-from enliven_edge.stage import Stage
-from enliven_edge.synthesis.flesh import TAPER, Flesh
-from enliven_edge.synthesis.render import Renderer
-from enliven_edge.tracking.model import lengths_for_height
-from enliven_edge.tracking.observation import surface_samples, world_points
-from enliven_edge.tracking.posture import Posture
-from enliven_edge.tracking.ranges import standing
-from enliven_edge.tracking.surfaces import inner_pixels
+from enliven.meshes.isosurface import surface_of
+from enliven.meshes.mesh import Mesh
+from enliven.person.body import PARTS, Body
+from enliven.samples.chair import make_chair
+from enliven_edge.stage.embedded_actor import Actor, ActorSettings
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.frame.observation import surface_samples, world_points
+from enliven_edge.tracking.output.surfaces import inner_pixels
 from enliven_edge.tracking.tracker import Tracker
+from enliven_synthesis.body.body_sdf import TAPER, Flesh
+from enliven_synthesis.sensor.render import Renderer
+from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 FRAME = 33_333_333
 UPPER = sorted(PARTS["upper body"])

@@ -5,16 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.body import Body, Joint
-from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.errors import InputError
-from enliven.shapes import make_chair
-from enliven_edge.actor import Actor, ActorSettings
-from enliven_edge.placement import Placement, facing, meeting
-from enliven_edge.stage import Stage
-from enliven_edge.tracking import model
-from enliven_edge.tracking.posture import Posture, rotation
-from enliven_edge.tracking.ranges import standing
+from enliven.person.body import Body, Joint
+from enliven.samples.chair import make_chair
+from enliven_edge.stage.embedded_actor import Actor, ActorSettings
+from enliven_edge.stage.placement import Placement, facing, meeting
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 FRAME = 33_333_333
 

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.body import PARENTS, Joint
-from enliven.mesh import Mesh
-from enliven.shapes import make_chair
-from enliven_edge.placement import turn_about_y
-from enliven_edge.standing import _Nearness, best_stand, standing_figure, stood_in
+from enliven.meshes.mesh import Mesh
+from enliven.person.body import PARENTS, Joint
+from enliven.samples.chair import make_chair
+from enliven_edge.stage.placement import turn_about_y
+from enliven_edge.stage.standing import _Nearness, best_stand, standing_figure, stood_in
 
 FRONT = np.array([0.0, 0.0, 1.0])
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from enliven.body import Body
 from enliven.camera import unproject
 from enliven.errors import InputError
+from enliven.person.body import Body
 from enliven_edge.sensors.registry import open_sensor
-from enliven_edge.sensors.synthetic import SyntheticSensor
-from enliven_edge.synthesis.scene import cast_room
+from enliven_synthesis.sensor.scene import cast_room
+from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 
 def nearest_to(body: Body, points: np.ndarray) -> np.ndarray:

@@ -13,12 +13,12 @@ from enliven.frames import BodyFrame
 from enliven.health import HealthKind, Severity
 from enliven.recording import Recording, RecordingWarning
 from enliven.wire.messages import CharacterMessage
-from enliven_edge.casting import cast
-from enliven_edge.disk_sync import DiskSync
-from enliven_edge.outlet import Outlet
+from enliven_edge.network.outlet import Outlet
+from enliven_edge.recording.disk_sync import DiskSync
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
+from enliven_edge.stage.casting import cast
+from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 
 STEP = 33_333_333
@@ -77,12 +77,12 @@ FULL = """
     import resource, signal, sys, uuid
     from pathlib import Path
     import numpy as np
-    from enliven.body import Body
+    from enliven.person.body import Body
     from enliven.frames import BodyFrame
-    from enliven_edge.outlet import Outlet
+    from enliven_edge.network.outlet import Outlet
     from enliven_edge.service import Edge
     from enliven_edge.settings import WireSettings
-    from enliven_edge.stage import Stage
+    from enliven_edge.stage.stage import Stage
     from enliven_edge.tracking.tracker import Tracker
 
     if sys.argv[2] != "as it is":

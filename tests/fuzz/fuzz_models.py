@@ -18,11 +18,11 @@ from fuzz_seeds import character, json_anew, poses, recording
 from made_gltf import random_rig
 from surgery_worlds import random_project
 
-from enliven.character import SkinWeights
-from enliven.formats.project_file import project_bytes
-from enliven.graph_shape import graph_shape_of
-from enliven.mesh import Mesh
-from enliven.mesh_files import save_mesh
+from enliven.document.character import SkinWeights
+from enliven.document.possessed import graph_shape_of
+from enliven.formats.project.file import project_bytes
+from enliven.meshes.files import save_mesh
+from enliven.meshes.mesh import Mesh
 from enliven_edge.sensors.drivers.playback import write_playback
 
 

@@ -13,18 +13,18 @@ import msgspec
 import numpy as np
 from fuzz_law import Target
 
-from enliven.depth_codec import decode_depth
+from enliven.document.example_settings import ExampleSettings
 from enliven.errors import EnlivenError
-from enliven.examples.settings import ExampleSettings
-from enliven.formats.bvh import parse_bvh
-from enliven.formats.example_session import read_session
-from enliven.formats.expmap import read_expmap
-from enliven.formats.gltf import read_gltf
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.motion.bvh import parse_bvh
+from enliven.formats.motion.expmap import read_expmap
 from enliven.formats.possessed import read_possessed
-from enliven.formats.project_file import project_of
+from enliven.formats.project.file import project_of
+from enliven.formats.session.session import read_session
 from enliven.mapping.plan_file import read_plan
-from enliven.mesh_files import load_mesh
+from enliven.meshes.files import load_mesh
 from enliven.recording import Recording
+from enliven.recording.depth_codec import decode_depth
 from enliven.recording.messages import pack_bodies, pack_depth, unpack_bodies, unpack_depth
 from enliven.settings import load_settings
 from enliven.wire import convert, envelope, messages, topics
@@ -32,8 +32,8 @@ from enliven.wire.envelope import Malformed
 from enliven.wire.matches import message_to_board
 from enliven.wire.posecode import PoseCodec
 from enliven_edge.importing.bags.reader import BagReader
-from enliven_viewer.document import Document
-from enliven_viewer.takes import Take
+from enliven_viewer.link.take_feed import Take
+from enliven_viewer.playback.document import Document
 
 
 def _stream(data: bytes, folder: Path) -> None:

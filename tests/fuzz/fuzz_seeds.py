@@ -25,12 +25,12 @@ from mcap.data_stream import ReadDataStream
 from mcap.records import Chunk
 from mcap.writer import CompressionType, Writer
 
-from enliven.body import Body, J
 from enliven.camera import Intrinsics
-from enliven.character import Character, Pose, SkinWeights
-from enliven.depth_codec import encode_depth
+from enliven.document.character import Character, Pose, SkinWeights
 from enliven.frames import BodyFrame, DepthFrame
+from enliven.person.body import Body, J
 from enliven.recording import Recorder
+from enliven.recording.depth_codec import encode_depth
 from enliven.wire import messages
 from enliven.wire.convert import bodies_to_message, character_to_message, cues_to_message, pose_to_message
 from enliven.wire.posecode import PoseCodec

@@ -7,11 +7,12 @@ import math
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.body import Joint
-from enliven_edge.synthesis.kinematics import FOLDED, STRAIGHTEST
-from enliven_edge.synthesis.performer import Figure, Limb, Performer
-from enliven_edge.synthesis.posture import Arm, Foot, Posture
-from enliven_edge.synthesis.rotations import about_x, about_y, about_z, on_grid
+from enliven.person.body import Joint
+from enliven.person.limbs import Limb
+from enliven_synthesis.body.kinematics import FOLDED, STRAIGHTEST
+from enliven_synthesis.body.performer import Figure, Performer
+from enliven_synthesis.body.posture import Arm, Foot, Posture
+from enliven_synthesis.body.rotations import about_x, about_y, about_z, on_grid
 
 
 class SlowPerformer(Performer):

@@ -19,10 +19,10 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-from enliven.character import SkinWeights
-from enliven.deformation.sampling import scatter
-from enliven.mesh import Mesh, fit_height, refine, weld
-from enliven.mesh_files import load_mesh
+from enliven.deformation.graph.sampling import scatter
+from enliven.document.character import SkinWeights
+from enliven.meshes.files import load_mesh
+from enliven.meshes.mesh import Mesh, fit_height, refine, weld
 
 
 class Case(NamedTuple):

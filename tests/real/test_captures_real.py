@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.body import Joint
-from enliven.formats.bvh import read_bvh
-from enliven.formats.capture import guess_unit
-from enliven.formats.expmap import read_expmap
-from enliven_edge.synthesis.capture_roles import find_roles
-from enliven_edge.synthesis.mocap import Captured
-from enliven_edge.synthesis.performer import Performer
+from enliven.formats.motion.bvh import read_bvh
+from enliven.formats.motion.capture import guess_unit
+from enliven.formats.motion.expmap import read_expmap
+from enliven.motion.takes.capture_roles import find_roles
+from enliven.person.body import Joint
+from enliven_synthesis.body.performer import Performer
+from enliven_synthesis.motion.mocap import Captured
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 pytestmark = [

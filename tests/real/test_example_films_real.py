@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from enliven.examples.puppet_motion import examples_of, motion_of
-from enliven.modeling.mirror_plane import plane_of_symmetry
+from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 acts = importlib.import_module("example_acts")

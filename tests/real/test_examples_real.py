@@ -6,16 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.examples.constraints import Coupling
+from enliven.document.constraints import Coupling
+from enliven.document.example_settings import ExampleSettings
 from enliven.examples.live import LiveExamples
-from enliven.examples.locomotion import find_switches, locate
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import performed
 from enliven.examples.poses import Examples
-from enliven.examples.settings import ExampleSettings
+from enliven.examples.spacetime.locomotion import find_switches, locate
 from enliven.examples.suggest import SuggestSettings, suggest_poses
-from enliven.formats.expmap import read_expmap
-from enliven.motion.capture_clip import clip_of_capture
+from enliven.formats.motion.expmap import read_expmap
+from enliven.motion.takes.capture_clip import clip_of_capture
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data")) / "cmu_expmap"
 pytestmark = [

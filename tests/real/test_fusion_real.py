@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from enliven.frames import BodyFrame
-from enliven_edge.fusion.calibration import calibrate
-from enliven_edge.fusion.fuser import Fuser
-from enliven_edge.fusion.measures import agreement, jitter_mm
-from enliven_edge.fusion.merge import eyes, fused, in_world
-from enliven_edge.fusion.quality import Verdict
-from enliven_edge.fusion.rigid import angle_between, inverse, rigid, turn
+from enliven_edge.fusion.calibration.calibration import calibrate
+from enliven_edge.fusion.calibration.quality import Verdict
+from enliven_edge.fusion.calibration.tracks import stream_of
+from enliven_edge.fusion.live.fuser import Fuser
+from enliven_edge.fusion.live.measures import agreement, jitter_mm
+from enliven_edge.fusion.live.merge import eyes, fused, in_world
+from enliven_edge.fusion.placement.rigid import angle_between, inverse, rigid, turn
 from enliven_edge.fusion.settings import CalibrationSettings
-from enliven_edge.fusion.tracks import stream_of
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.multitrack import MultiTrackReader
 

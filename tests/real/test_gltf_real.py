@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from enliven.deformation.skinning import skin_vertices
-from enliven.formats.gltf import read_gltf
-from enliven.formats.gltf_file import GltfFile
-from enliven.formats.gltf_motion import frame_times
-from enliven.formats.gltf_write import glb_of, performance_of
-from enliven.formats.rig import playing, welded
-from enliven.motion.evaluate import Player
-from enliven.project import Project
-from enliven.shape import character_of
+from enliven.document.project import Project
+from enliven.document.rigged import character_of
+from enliven.formats.gltf.file import GltfFile
+from enliven.formats.gltf.motion import frame_times
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.gltf.write import glb_of, performance_of
+from enliven.formats.rig.rig import playing, welded
+from enliven.motion.layers.evaluate import Player
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "shared" / "formats"))
 from slow_gltf import SlowGltf

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from enliven.body import BONES, Joint
-from enliven.depth_codec import decode_depth, encode_depth
+from enliven.person.body import BONES, Joint
 from enliven.recording import Recorder, Recording
+from enliven.recording.depth_codec import decode_depth, encode_depth
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader
 

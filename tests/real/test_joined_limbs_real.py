@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.graph.graph import DeformationGraph
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.body import Body
+from enliven.document.clip import Clip
 from enliven.examples.performer import joint_places
 from enliven.examples.puppet_motion import motion_of
-from enliven.formats.example_session import read_session
-from enliven.motion.clip import Clip
-from enliven_edge.puppets.actor import PuppetActor
-from enliven_edge.puppets.settings import PuppetSettings
+from enliven.formats.session.session import read_session
+from enliven.person.body import Body
+from enliven_edge.stage.puppet.puppet_actor import PuppetActor
+from enliven_edge.stage.puppet.settings import PuppetSettings
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 SESSIONS = Path(__file__).parents[1] / "benchmarks" / "example_sessions"

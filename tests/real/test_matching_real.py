@@ -8,25 +8,25 @@ import msgspec
 import numpy as np
 import pytest
 
-from enliven.body import Joint
 from enliven.matching.picking import PickingSettings
 from enliven.matching.views import View
-from enliven.motion.positions import turns_of
+from enliven.motion.takes.positions import turns_of
+from enliven.person.body import Joint
 from enliven.recording import Recording
 from enliven.rotation import conjugate, multiply, to_rotation_vector
 from enliven.wire.matches import message_to_board
 from enliven.wire.messages import MatchesMessage, PoseMessage
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader
-from enliven_edge.matching.casting import cast_rig
-from enliven_edge.matching.settings import MatchingSettings
-from enliven_edge.outlet import Outlet
+from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
+from enliven_edge.stage.rig.casting import cast_rig
+from enliven_edge.stage.rig.settings import MatchingSettings
+from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
-from enliven_viewer.document import Document
-from enliven_viewer.takes import Take
+from enliven_viewer.link.take_feed import Take
+from enliven_viewer.playback.document import Document
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 SPIDER = DATA / "gltf" / "quaternius" / "Spider.glb"

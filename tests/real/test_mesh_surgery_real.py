@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from enliven.errors import InputError
-from enliven.formats.gltf import read_gltf
-from enliven.mesh import weld
-from enliven.modeling.bone_heat import bone_heat, segments_of
-from enliven.modeling.mesh_cut import cut_across_bone
-from enliven.modeling.mesh_union import united
-from enliven.modeling.skin_values import dense
+from enliven.formats.gltf.read import read_gltf
+from enliven.meshes.mesh import weld
+from enliven.modeling.mesh.mesh_cut import cut_across_bone
+from enliven.modeling.mesh.mesh_union import united
+from enliven.modeling.skinning.bone_heat import bone_heat, segments_of
+from enliven.modeling.skinning.skin_values import dense
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
 FILES = sorted(p for p in (DATA / "gltf" / "quaternius").glob("*") if p.suffix in (".glb", ".gltf"))

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from enliven import rotation
-from enliven.character import Pose
-from enliven.deformation.connectivity import components
-from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.deformation.graph.connectivity import components
+from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.surface import between_nodes, net_of, territories
 from enliven.deformation.skinning import skin_vertices
-from enliven.deformation.surface import between_nodes, net_of, territories
-from enliven.mesh import fit_height
-from enliven.mesh_files import READABLE, load_mesh
+from enliven.document.character import Pose
+from enliven.meshes.files import READABLE, load_mesh
+from enliven.meshes.mesh import fit_height
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
 FILES = sorted(p for kind in ("meshes", "gltf") for p in DATA.glob(f"{kind}/**/*") if p.suffix in READABLE)

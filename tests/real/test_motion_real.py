@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.body import Joint
-from enliven.formats.bvh import read_bvh
-from enliven.formats.expmap import read_expmap
-from enliven.motion.capture_clip import BODY_NAMES, between_times, clip_of_bodies, clip_of_capture
-from enliven.motion.clip import Clip
-from enliven.motion.evaluate import Player
-from enliven.motion.pin import pin_feet
-from enliven.motion.retarget import bind_chain, extended, set_travel
-from enliven.project import Project
+from enliven.document.clip import Clip
+from enliven.document.project import Project
+from enliven.document.rigged import still_shape
+from enliven.document.skeleton import Skeleton
+from enliven.formats.motion.bvh import read_bvh
+from enliven.formats.motion.expmap import read_expmap
+from enliven.motion.contact.pin import pin_feet
+from enliven.motion.layers.evaluate import Player
+from enliven.motion.layers.retarget import bind_chain, extended, set_travel
+from enliven.motion.takes.capture_clip import BODY_NAMES, between_times, clip_of_bodies, clip_of_capture
+from enliven.person.body import Joint
 from enliven.rotation import IDENTITY, conjugate, multiply, rotate
-from enliven.shape import still_shape
-from enliven.skeleton import Skeleton
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader
 

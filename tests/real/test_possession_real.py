@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.body import Body, Joint
-from enliven.deformation.likeness import likeness
-from enliven_edge.actor import ActorSettings
-from enliven_edge.casting import cast
-from enliven_edge.stage import Stage
-from enliven_edge.tracking import model
-from enliven_edge.tracking.posture import Posture, rotation
-from enliven_edge.tracking.ranges import standing
+from enliven.deformation.possession.body_in_mesh import likeness
+from enliven.person.body import Body, Joint
+from enliven_edge.stage.casting import cast
+from enliven_edge.stage.embedded_actor import ActorSettings
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
 BEASTS = ("libigl/horse_quad.obj", "common3d/cow.obj", "libigl/camel_b.obj")

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from enliven.character import Character, SkinWeights
 from enliven.deformation.spheres import SphereSettings, pack_spheres, surface_samples
-from enliven.mesh import fit_height
-from enliven.mesh_files import load_mesh
+from enliven.document.character import Character, SkinWeights
+from enliven.meshes.files import load_mesh
+from enliven.meshes.mesh import fit_height
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data")) / "meshes"
 MESHES = sorted(DATA.glob("*/*.o[bf][jf]")) if DATA.is_dir() else []

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from enliven.examples.puppet_motion import missing, state_of
-from enliven.modeling.puppets import change_key_pose
-from enliven_viewer.studio.desk import Desk
-from enliven_viewer.studio.editor import Editor
+from enliven.modeling.puppet.edits import change_key_pose
 from enliven_viewer.studio.examples.edits import guessed, stood, with_points
-from enliven_viewer.studio.examples.going import begin_pose
+from enliven_viewer.studio.examples.go_to import begin_pose
+from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.workspace.workspace import Desk
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 CACTUS = DATA / "meshes" / "cinolib" / "cactus.off"

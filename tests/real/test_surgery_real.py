@@ -6,16 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from enliven.document.project import Project
 from enliven.errors import InputError
-from enliven.formats.gltf import read_gltf
-from enliven.formats.rig import playing, resized, welded
-from enliven.modeling.cut import cut_bone
-from enliven.modeling.merge import merge
-from enliven.modeling.nodes import insert_node, remove_node
-from enliven.modeling.posed import posed
-from enliven.modeling.posing import drag_joint
-from enliven.motion.evaluate import pose_of
-from enliven.project import Project
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.rig.rig import playing, resized, welded
+from enliven.modeling.rigged.cut import cut_bone
+from enliven.modeling.rigged.merge import merge
+from enliven.modeling.rigged.nodes import insert_node, remove_node
+from enliven.modeling.rigged.posed import posed
+from enliven.modeling.rigged.posing import drag_joint
+from enliven.motion.layers.evaluate import pose_of
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
 CHOSEN = ("Fox", "Monster", "CesiumMan", "Horse", "Spider", "Snake", "Wasp")

@@ -14,9 +14,9 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
-from enliven.body import Joint
 from enliven.camera import Intrinsics, project
 from enliven.frames import DepthFrame
+from enliven.person.body import Joint
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader
 from enliven_edge.tracking.settings import SearchSettings, TrackerSettings
@@ -132,8 +132,8 @@ def test_a_person_who_turns_is_followed_all_the_way():
 
 def test_driven_through_to_poses():
     """The real recording moves the chair: finite poses, and the chair follows the head."""
-    from enliven_edge.casting import cast
-    from enliven_edge.stage import Stage
+    from enliven_edge.stage.casting import cast
+    from enliven_edge.stage.stage import Stage
 
     tracker, stage = Tracker(), Stage([cast("chair", nodes=64)])
     heads, tops = [], []

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from enliven.mesh import Mesh
-from enliven.motion.clip import Clip
-from enliven.project import Project
-from enliven.puppet import ControlPoint, KeyPose, Puppet, PuppetLayer
+from enliven.document.clip import Clip
+from enliven.document.project import Project
+from enliven.document.puppet import ControlPoint, KeyPose, Puppet, PuppetLayer
+from enliven.document.skeleton import Skeleton
+from enliven.meshes.mesh import Mesh
 from enliven.rotation import from_rotation_vector
-from enliven.skeleton import Skeleton
 
 NAMES = ("hips", "head", "left", "right")
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from enliven.body import MIRROR, PARTS, Body, Joint, parts_named
 from enliven.errors import InputError
+from enliven.person.body import MIRROR, PARTS, Body, Joint, parts_named
 
 
 def test_a_body_needs_no_more_than_joints_and_confidence():

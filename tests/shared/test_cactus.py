@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from enliven.cactus import make_cactus
-from enliven.cactus_puppet import cactus_project
-from enliven.deformation.puppet_surface import PuppetSurface
+from enliven.deformation.arap.control_point_surface import PuppetSurface
+from enliven.document.project import same
 from enliven.examples.puppet_motion import examples_of, missing
-from enliven.mesh import Mesh
-from enliven.project import same
+from enliven.meshes.mesh import Mesh
+from enliven.samples.cactus import make_cactus
+from enliven.samples.cactus_puppet import cactus_project
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.depth_codec import LAYOUT, decode_depth, encode_depth
-from enliven.depth_kernels import predict_image, predict_level
 from enliven.errors import InputError
+from enliven.recording.depth_codec import LAYOUT, decode_depth, encode_depth
+from enliven.recording.depth_kernels import predict_image, predict_level
 
 LEVELS = (1, 19)
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from enliven.body import BONES, PARENTS, PARTS, Body, J, Joint
-from enliven.character import Character, SkinWeights
+from enliven.document.character import Character, SkinWeights
 from enliven.errors import InputError
+from enliven.person.body import BONES, PARENTS, PARTS, Body, J, Joint
 
 
 def test_the_skeleton_is_a_tree_with_parents_first():

@@ -13,8 +13,8 @@ from PIL import Image
 
 from enliven.errors import InputError
 from enliven.files import Beside, read_file
-from enliven.formats.gltf import read_gltf
-from enliven.mesh_files import load_mesh
+from enliven.formats.gltf.read import read_gltf
+from enliven.meshes.files import load_mesh
 
 DATA = struct.pack("<9f3H2x", 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 2)
 TRIANGLE = {

@@ -12,12 +12,12 @@ import pytest
 import zstandard
 from bounded import bounded
 
-from enliven.body import Body, J
+from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.formats.npy import array_of
-from enliven.formats.project_file import project_bytes, project_of, read_project
+from enliven.formats.project.file import project_bytes, project_of, read_project
 from enliven.frames import BodyFrame
-from enliven.project import Project
+from enliven.person.body import Body, J
 from enliven.recording import Recorder, Recording
 from enliven.recording.messages import unpack_bodies
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from bounded import bounded
 
+from enliven.document.example_settings import ExampleSettings
 from enliven.errors import InputError
-from enliven.examples.settings import ExampleSettings
-from enliven.formats.bvh import parse_bvh
-from enliven.formats.example_session import read_session
+from enliven.formats.motion.bvh import parse_bvh
+from enliven.formats.session.session import read_session
 from enliven.mapping.plan_file import read_plan
-from enliven.mesh_files import load_mesh
+from enliven.meshes.files import load_mesh
 from enliven.settings import load_settings
 
 PLY = b"ply\nformat ascii 1.0\n"

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from enliven.deformation.connectivity import weak_edges
-from enliven.deformation.graph import DeformationGraph
-from enliven.lamp import make_lamp
-from enliven.mesh_kernels import shells
-from enliven.mesh_repair import repair
+from enliven.deformation.graph.connectivity import weak_edges
+from enliven.deformation.graph.graph import DeformationGraph
+from enliven.meshes.kernels import shells
+from enliven.meshes.repair import repair
+from enliven.samples.lamp import make_lamp
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.errors import InputError
-from enliven.mesh import Mesh, fit_height, refine, submesh, weld
-from enliven.mesh_kernels import corner_sums, edge_lengths, face_areas, longest_edge, normals_of, shells
-from enliven.mesh_repair import repair
+from enliven.meshes.kernels import corner_sums, edge_lengths, face_areas, longest_edge, normals_of, shells
+from enliven.meshes.mesh import Mesh, fit_height, refine, submesh, weld
+from enliven.meshes.repair import repair
 
 BOX_VERTICES = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 3.0)])
 BOX_FACES = [

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from enliven.errors import InputError, ResourceError
-from enliven.mesh import Mesh
-from enliven.mesh_files import WRITABLE, load_mesh, save_mesh
-from enliven.mesh_text import fans
+from enliven.meshes.files import WRITABLE, load_mesh, save_mesh
+from enliven.meshes.mesh import Mesh
+from enliven.meshes.text import fans
 
 TETRAHEDRON = Mesh(
     np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]),

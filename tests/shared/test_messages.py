@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.body import Body
-from enliven.character import Character, SkinWeights
+from enliven.document.character import Character, SkinWeights
 from enliven.errors import InputError
+from enliven.person.body import Body
 from enliven.rotation import conjugate, multiply, normalized, to_rotation_vector
 from enliven.wire import convert, envelope, messages, quaternions, topics
 from enliven.wire.envelope import Malformed, OtherVersion

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.body import PARENTS, Body, Joint
-from enliven.orientation import forearm_twist, head_turn, local, mirrored, twist
+from enliven.person.body import PARENTS, Body, Joint
+from enliven.person.orientation import forearm_twist, head_turn, local, mirrored, twist
 from enliven.rotation import from_rotation_vector, multiply, normalized, rotate, to_matrix
 
 

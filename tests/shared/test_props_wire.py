@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from enliven.document.props import Props
 from enliven.errors import InputError
-from enliven.props import Props
 from enliven.wire import envelope, messages
 from enliven.wire.convert import JOINT_STEP, message_to_props, props_to_message
 from enliven.wire.quaternions import ERROR

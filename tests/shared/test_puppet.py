@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from enliven.document.clip import Clip
+from enliven.document.constraints import Coupling, Position, Velocity
+from enliven.document.history import History
+from enliven.document.project import Project, same
+from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer, character_of_puppet
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.examples.constraints import Coupling, Position, Velocity
-from enliven.examples.locomotion import Switch
-from enliven.formats.project_file import project_bytes, project_of
-from enliven.modeling.history import History
-from enliven.motion.clip import Clip
-from enliven.project import Project, same
-from enliven.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer, character_of_puppet
-from enliven.shapes import make_chair
-from enliven.skeleton import Skeleton
+from enliven.examples.spacetime.locomotion import Switch
+from enliven.formats.project.file import project_bytes, project_of
+from enliven.samples.chair import make_chair
 from enliven.wire.convert import character_to_message, message_to_character
 
 POINTS = (ControlPoint("left", 0, "hand"), ControlPoint("right", 9, weight=2.0, foot=True))

@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.character import Character, Pose
-from enliven.deformation.arap import ArapSettings
+from enliven.document.character import Character, Pose
+from enliven.document.puppet import ControlPoint, Puppet, character_of_puppet
+from enliven.document.surface_settings import ArapSettings
 from enliven.errors import InputError
-from enliven.mesh import Mesh
-from enliven.puppet import ControlPoint, Puppet, character_of_puppet
+from enliven.meshes.mesh import Mesh
 from enliven.rotation import from_rotation_vector, to_matrix
-from enliven.shapes import make_chair
+from enliven.samples.chair import make_chair
 from enliven.wire.characters import CharacterMessage, SurfaceMessage
 from enliven.wire.convert import character_to_message, message_to_character, message_to_pose, pose_to_message
 from enliven.wire.posecode import PoseCodec

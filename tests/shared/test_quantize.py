@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from enliven.character import Character, Pose, SkinWeights
+from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
 from enliven.wire import bits, quantize
 from enliven.wire.posecode import MAX_TRANSFORMS, PoseCodec, _restore, spanning_tree, warm_up

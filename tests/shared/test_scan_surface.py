@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.errors import InputError
-from enliven.mesh_files import load_mesh
-from enliven.scan_surface import read_pcd, surface_through
+from enliven.meshes.files import load_mesh
+from enliven.meshes.scan_surface import read_pcd, surface_through
 
 
 def ball(centre: np.ndarray, radius: float, count: int = 20_000) -> np.ndarray:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from enliven.isosurface import surface_of
-from enliven.mesh import Mesh
-from enliven.mesh_kernels import shells
-from enliven.mesh_repair import repair
-from enliven.shapes import make_chair
+from enliven.meshes.isosurface import surface_of
+from enliven.meshes.kernels import shells
+from enliven.meshes.mesh import Mesh
+from enliven.meshes.repair import repair
+from enliven.samples.chair import make_chair
 
 
 @pytest.fixture(scope="module")

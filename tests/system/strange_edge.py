@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.body import Body, J
-from enliven.character import Character, SkinWeights
+from enliven.document.character import Character, SkinWeights
 from enliven.frames import BodyFrame
+from enliven.person.body import Body, J
 from enliven.recording import Recorder
-from enliven_edge.outlet import Outlet
+from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.replay import ReplaySensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
+from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 
 FRAMES, STEP_NS = 30, 33_333_333

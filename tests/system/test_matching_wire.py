@@ -13,19 +13,19 @@ import pytest
 from patience import PATIENCE
 
 from enliven.frames import BodyFrame, Frame
-from enliven_edge.matching.rig_actor import RigActor
-from enliven_edge.matching.settings import MatchingSettings
-from enliven_edge.outlet import Outlet
+from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
+from enliven_edge.stage.rig.rig_actor import RigActor
+from enliven_edge.stage.rig.settings import MatchingSettings
+from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
-from enliven_viewer.app import App
-from enliven_viewer.document import Document
-from enliven_viewer.edge_feed import EdgeFeed
-from enliven_viewer.link import Link
-from enliven_viewer.match_cards import cards_of
-from enliven_viewer.render.match_lines import match_rows
+from enliven_viewer.link.edge_feed import EdgeFeed
+from enliven_viewer.link.edges import Link
+from enliven_viewer.live.app import App
+from enliven_viewer.live.match_cards import cards_of
+from enliven_viewer.playback.document import Document
+from enliven_viewer.render.overlay.match_lines import match_rows
 from enliven_viewer.render.scene import scene_of
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "edge" / "matching"))

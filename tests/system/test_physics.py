@@ -14,17 +14,17 @@ import numpy as np
 import pytest
 from patience import PATIENCE, until
 
-from enliven.body import Body
+from enliven.document.props import Props
 from enliven.frames import BodyFrame
-from enliven.props import Props
+from enliven.person.body import Body
 from enliven.recording import Recorder, Recording
 from enliven.wire.convert import message_to_props, props_to_message
 from enliven.wire.messages import PropsMessage
-from enliven_edge.publisher import Publisher
-from enliven_edge.tracking.model import lengths_for_height
-from enliven_edge.tracking.posture import Posture
-from enliven_edge.tracking.ranges import standing
-from enliven_viewer.link import Link
+from enliven_edge.network.publisher import Publisher
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_viewer.link.edges import Link
 
 pytestmark = pytest.mark.system
 FRAMES = 42

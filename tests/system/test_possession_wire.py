@@ -10,23 +10,23 @@ import numpy as np
 import pytest
 from patience import PATIENCE
 
-from enliven.body import Body
-from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.frames import BodyFrame, Frame
-from enliven.shapes import make_chair
-from enliven_edge.actor import Actor, ActorSettings
-from enliven_edge.outlet import Outlet
+from enliven.person.body import Body
+from enliven.samples.chair import make_chair
+from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
-from enliven_edge.tracking import model
-from enliven_edge.tracking.posture import Posture
-from enliven_edge.tracking.ranges import standing
+from enliven_edge.stage.embedded_actor import Actor, ActorSettings
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.tracker import Tracker
-from enliven_viewer.app import App
-from enliven_viewer.document import Document
-from enliven_viewer.edge_feed import EdgeFeed
-from enliven_viewer.link import Link
+from enliven_viewer.link.edge_feed import EdgeFeed
+from enliven_viewer.link.edges import Link
+from enliven_viewer.live.app import App
+from enliven_viewer.playback.document import Document
 from enliven_viewer.render.scene import scene_of
 
 STEP = 33_333_333

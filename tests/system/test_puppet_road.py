@@ -15,29 +15,29 @@ import pytest
 from patience import PATIENCE
 from PIL import Image
 
-from enliven.cactus_puppet import cactus_project
-from enliven.character import Character, Pose
+from enliven.document.character import Character, Pose
 from enliven.formats.possessed import read_possessed
 from enliven.frames import BodyFrame, Frame
 from enliven.recording import Recording
+from enliven.samples.cactus_puppet import cactus_project
 from enliven.wire.convert import message_to_character, message_to_pose
 from enliven.wire.messages import CharacterMessage, PoseMessage
 from enliven.wire.posecode import PoseCodec
-from enliven_edge.outlet import Outlet
-from enliven_edge.puppets.actor import PuppetActor
-from enliven_edge.puppets.settings import PuppetSettings
+from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
+from enliven_edge.stage.puppet.puppet_actor import PuppetActor
+from enliven_edge.stage.puppet.settings import PuppetSettings
+from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
-from enliven_viewer.app import App
-from enliven_viewer.document import Document
-from enliven_viewer.edge_feed import EdgeFeed
-from enliven_viewer.link import Link
-from enliven_viewer.puppets import Surfaces
+from enliven_viewer.link.edge_feed import EdgeFeed
+from enliven_viewer.link.edges import Link
+from enliven_viewer.link.take_feed import Take
+from enliven_viewer.live.app import App
+from enliven_viewer.playback.document import Document
+from enliven_viewer.playback.solved_surfaces import Surfaces
+from enliven_viewer.playback.timeline import Timeline
 from enliven_viewer.render.scene import scene_of
-from enliven_viewer.takes import Take
-from enliven_viewer.timeline import Timeline
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "edge" / "puppets"))
 

@@ -13,10 +13,10 @@ from two_views import CLOCKS, RATE, View, left_from_right_camera, walker
 
 from enliven.cli import run
 from enliven.recording import Recorder, Recording
-from enliven_edge.fusion.fused_sensor import FusedSensors
-from enliven_edge.fusion.merge import untouched
-from enliven_edge.fusion.rigid import angle_between, inverse, moved
-from enliven_edge.fusion.space import load_space
+from enliven_edge.fusion.live.fused_sensor import FusedSensors
+from enliven_edge.fusion.live.merge import untouched
+from enliven_edge.fusion.placement.rigid import angle_between, inverse, moved
+from enliven_edge.fusion.placement.space import load_space
 from enliven_edge.sensors.replay import ReplaySensor
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.tracker import Tracker

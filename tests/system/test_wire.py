@@ -12,19 +12,19 @@ import pytest
 import zmq
 from patience import PATIENCE
 
-from enliven.body import Body
-from enliven.character import Character, SkinWeights
+from enliven.document.character import Character, SkinWeights
 from enliven.errors import InputError
+from enliven.person.body import Body
 from enliven.wire import messages
 from enliven.wire.convert import bodies_to_message, cues_to_message
 from enliven.wire.envelope import pack_control, pack_stream
 from enliven.wire.ports import free_ports
 from enliven.wire.quantize import POSITION_ERROR
 from enliven.wire.sockets import Endpoint
-from enliven_edge.control import Command
-from enliven_edge.publisher import Publisher
-from enliven_viewer.clock import ClockEstimate
-from enliven_viewer.link import Link
+from enliven_edge.network.control_socket import Command
+from enliven_edge.network.publisher import Publisher
+from enliven_viewer.link.clock import ClockEstimate
+from enliven_viewer.link.edges import Link
 
 
 def unique() -> str:
@@ -167,7 +167,7 @@ def test_a_command_that_nobody_answers_ends_with_a_notice(
     link: Link, publisher: Publisher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     joined(link, publisher)
-    monkeypatch.setattr("enliven_viewer.edge_link._COMMAND_WITHIN", 0.1)
+    monkeypatch.setattr("enliven_viewer.link.one_edge._COMMAND_WITHIN", 0.1)
     replies: list[Any] = []
     link.possess("chair", on_reply=replies.append)
     until(link, lambda: replies)
@@ -205,7 +205,7 @@ def test_silence_and_the_end_are_told(
 ) -> None:
     joined(link, publisher)
     assert link.health[publisher.endpoint].state == "connected"
-    monkeypatch.setattr("enliven_viewer.edge_link._SILENT_AFTER", 0.1)
+    monkeypatch.setattr("enliven_viewer.link.one_edge._SILENT_AFTER", 0.1)
     until(link, lambda: link.health[publisher.endpoint].state == "stale")
     assert "silent" in link.health[publisher.endpoint].text
     publisher.set_status(phase="ended")

@@ -10,13 +10,13 @@ import moderngl
 import numpy as np
 import pytest
 
-from enliven.body import BONES, Body
-from enliven.character import Character, SkinWeights
+from enliven.document.character import Character, SkinWeights
+from enliven.document.rigged import Shape, still_shape
+from enliven.document.skeleton import Skeleton
 from enliven.errors import ResourceError
-from enliven.mesh import Mesh
-from enliven.shape import Shape, still_shape
-from enliven.skeleton import Skeleton
-from enliven_viewer.render.context import offscreen_context
+from enliven.meshes.mesh import Mesh
+from enliven.person.body import BONES, Body
+from enliven_viewer.render.gl.context import offscreen_context
 
 sys.path.insert(0, str(Path(__file__).parent))  # what tests share is found beside this
 

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.mesh import Mesh
-from enliven.modeling.puppets import add_point, make_puppet, play_take
-from enliven.modeling.sketch import shape_from_stroke
-from enliven.project import Project
-from enliven.puppet import Plane
+from enliven.document.project import Project
+from enliven.document.puppet import Plane
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.puppet.edits import add_point, make_puppet, play_take
+from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.settings import RenderSettings
-from enliven_viewer.studio.desk import Desk
-from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.session import DeskStage
 from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.workspace.workspace import Desk
 
 TIPS = {
     "head": (0.0, 0.9),

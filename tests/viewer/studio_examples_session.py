@@ -10,8 +10,6 @@ from pathlib import Path
 from made_studio_puppets import project_with
 
 from enliven_viewer.settings import RenderSettings
-from enliven_viewer.studio.desk import Desk
-from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.filming import WindowStage
 from enliven_viewer.studio.session import (
     Action,
@@ -30,6 +28,8 @@ from enliven_viewer.studio.session import (
 from enliven_viewer.studio.session import actions as pace
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.workspace.workspace import Desk
 
 said: dict[str, object] = {}
 STEP = pace.STEP = 0.12

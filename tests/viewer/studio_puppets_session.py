@@ -13,7 +13,6 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from made_studio_puppets import studio, vertex
 
-from enliven_viewer.studio.desk import Desk
 from enliven_viewer.studio.filming import WindowStage
 from enliven_viewer.studio.session import (
     STEP,
@@ -30,6 +29,7 @@ from enliven_viewer.studio.session import (
 )
 from enliven_viewer.studio.tools.puppet import PuppetTool
 from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.workspace.workspace import Desk
 
 said: dict[str, object] = {"done": False}
 pictures: dict[str, np.ndarray] = {}

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from patience import PATIENCE
 
-from enliven.body import Body
-from enliven.character import Pose
+from enliven.document.character import Pose
+from enliven.person.body import Body
 from enliven.wire.convert import bodies_to_message, cues_to_message
 from enliven.wire.sockets import Endpoint
-from enliven_edge.publisher import Publisher
-from enliven_viewer.document import Document
-from enliven_viewer.edge_feed import EdgeFeed
-from enliven_viewer.link import Link
-from enliven_viewer.timeline import NS
+from enliven_edge.network.publisher import Publisher
+from enliven_viewer.link.edge_feed import EdgeFeed
+from enliven_viewer.link.edges import Link
+from enliven_viewer.playback.document import Document
+from enliven_viewer.playback.timeline import NS
 
 
 @pytest.fixture

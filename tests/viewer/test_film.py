@@ -12,16 +12,16 @@ import pytest
 from PIL import Image
 from rich.console import Console
 
-from enliven.character import Character, Pose
+from enliven.document.character import Character, Pose
 from enliven.errors import InputError, ResourceError
 from enliven.film_encoders import AUTO, ENCODERS, FilmEncoder, choose_encoder
 from enliven.settings import load_settings
-from enliven_viewer.document import Document, EdgeState
-from enliven_viewer.encoder import FilmWriter
-from enliven_viewer.film import make_film
+from enliven_viewer.film.encoder import FilmWriter
+from enliven_viewer.film.film import make_film
+from enliven_viewer.film.sheet import Tiles, write_sheet
+from enliven_viewer.playback.document import Document, EdgeState
+from enliven_viewer.playback.timeline import NS, Cues, Timeline
 from enliven_viewer.settings import Encoder, FilmSettings, RenderSettings, ViewerSettings
-from enliven_viewer.sheet import Tiles, write_sheet
-from enliven_viewer.timeline import NS, Cues, Timeline
 
 PROFILES = Path(__file__).parents[2] / "firmware_configs"
 SMALL = ViewerSettings(
@@ -131,7 +131,7 @@ def test_no_edge_is_said_with_its_address_and_leaves_no_file(gl, box, tmp_path) 
 
 
 def test_an_edge_that_is_killed_ends_the_film(gl, box, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("enliven_viewer.film._QUIET_END", 0.2)
+    monkeypatch.setattr("enliven_viewer.film.film._QUIET_END", 0.2)
     assert filmed(Vanishing(box, 12), tmp_path / "film.mp4").pictures == 12
     assert len(decoded(tmp_path / "film.mp4")) == 12
 

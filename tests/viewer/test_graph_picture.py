@@ -7,11 +7,11 @@ import pytest
 from PIL import Image
 
 from enliven.cli import run
-from enliven.deformation.graph import DeformationGraph, character_from
-from enliven.isosurface import surface_of
-from enliven.mesh import Mesh
-from enliven.mesh_files import save_mesh
-from enliven_viewer.graph_picture import BRIDGE, HEADER, SIDES, fitted, graph_rows, view_of
+from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.meshes.files import save_mesh
+from enliven.meshes.isosurface import surface_of
+from enliven.meshes.mesh import Mesh
+from enliven_viewer.film.graph_picture import BRIDGE, HEADER, SIDES, fitted, graph_rows, view_of
 from enliven_viewer.render.skinned import linear
 
 SIZE = 320

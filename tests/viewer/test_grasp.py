@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.parts import parts_named
-from enliven_viewer.grasp import PARTS, Grasp
-from enliven_viewer.hud import KEYS
-from enliven_viewer.render.marks import CUE_TINT, CUE_TINTS, cue_rows
+from enliven.person.parts import parts_named
+from enliven_viewer.live.hud import KEYS
+from enliven_viewer.live.possession_choice import PARTS, Grasp
+from enliven_viewer.playback.timeline import Cues
+from enliven_viewer.render.overlay.marks import CUE_TINT, CUE_TINTS, cue_rows
 from enliven_viewer.render.scene import Actor
-from enliven_viewer.timeline import Cues
 
 
 def test_every_key_names_parts_that_there_are() -> None:

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from PIL import Image, ImageDraw, ImageFont
 
 from enliven.health import HealthState, Severity
-from enliven_viewer.document import EdgeState
-from enliven_viewer.hud import Hud, HudState, clock, timeline_area, timeline_fraction, wrapped
-from enliven_viewer.render.canvas import Canvas
-from enliven_viewer.render.font import CHARACTERS, make_atlas
+from enliven_viewer.live.hud import Hud, HudState, clock, timeline_area, timeline_fraction, wrapped
+from enliven_viewer.playback.document import EdgeState
+from enliven_viewer.render.overlay.canvas import Canvas
+from enliven_viewer.render.overlay.font import CHARACTERS, make_atlas
 
 
 def canvas_of(gl, width: int, height: int):

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from enliven.body import Body
-from enliven.character import Pose
-from enliven_viewer.interpolation import blend_bodies, blend_linear, blend_poses
+from enliven.document.character import Pose
+from enliven.person.body import Body
+from enliven_viewer.playback.interpolation import blend_bodies, blend_linear, blend_poses
 
 seeds = st.integers(0, 10_000)
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from enliven.character import Character, SkinWeights
+from enliven.document.character import Character, SkinWeights
 from enliven.matching.board import Board, Row
-from enliven_viewer.camera import OrbitCamera
-from enliven_viewer.document import Document
-from enliven_viewer.gaze import Gaze, hidden, look_of, turn_to_bones
-from enliven_viewer.match_cards import cards_of, draw_cards
-from enliven_viewer.render.canvas import Canvas
-from enliven_viewer.render.match_lines import TINTS, match_rows
+from enliven_viewer.live.match_cards import cards_of, draw_cards
+from enliven_viewer.live.view_report import Gaze, hidden, look_of, turn_to_bones
+from enliven_viewer.playback.document import Document
+from enliven_viewer.render.camera import OrbitCamera
+from enliven_viewer.render.overlay.canvas import Canvas
+from enliven_viewer.render.overlay.match_lines import TINTS, match_rows
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Actor, Look, Scene, scene_of
 

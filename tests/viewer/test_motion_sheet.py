@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from enliven.mapping.automatic import retargeted
-from enliven_viewer.motion_sheet import stick_shape, write_motion_sheet
+from enliven_viewer.film.motion_sheet import stick_shape, write_motion_sheet
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "shared" / "mapping"))
 from made_bodies import horse, man, random_motion

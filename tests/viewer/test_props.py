@@ -6,21 +6,21 @@ import msgspec
 import numpy as np
 import pytest
 
-from enliven.character import Character
-from enliven.props import BALL, BOX, Props
+from enliven.document.character import Character
+from enliven.document.props import BALL, BOX, Props
 from enliven.recording import Recorder
 from enliven.rotation import from_rotation_vector
 from enliven.wire.convert import character_to_message, pose_to_message, props_to_message
 from enliven.wire.posecode import PoseCodec
-from enliven_viewer.camera import OrbitCamera
-from enliven_viewer.document import Document
-from enliven_viewer.hud import HudState, _state_lines
-from enliven_viewer.interpolation import blend_props
+from enliven_viewer.link.take_feed import Take
+from enliven_viewer.live.hud import HudState, _state_lines
+from enliven_viewer.playback.document import Document
+from enliven_viewer.playback.interpolation import blend_props
+from enliven_viewer.playback.timeline import NS, Timeline
+from enliven_viewer.render.camera import OrbitCamera
 from enliven_viewer.render.props import block_template, prop_rows
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Look, Scene, scene_of
-from enliven_viewer.takes import Take
-from enliven_viewer.timeline import NS, Timeline
 
 
 def loose(time_ns: int = 0, shift: float = 0.0, ids: tuple[int, ...] = (0, 1), turn: float = 0.0) -> Props:

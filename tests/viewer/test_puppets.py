@@ -12,18 +12,18 @@ from patience import until
 from tolerances import SOLVED, assert_alike
 
 from enliven.arrays import Float
-from enliven.character import Character, Pose
-from enliven.deformation.arap import ArapSettings
-from enliven.deformation.puppet_surface import PuppetSurface
-from enliven.mesh import Mesh, refine
-from enliven.puppet import ControlPoint, Puppet, character_of_puppet
+from enliven.deformation.arap.control_point_surface import PuppetSurface
+from enliven.document.character import Character, Pose
+from enliven.document.puppet import ControlPoint, Puppet, character_of_puppet
+from enliven.document.surface_settings import ArapSettings
+from enliven.meshes.mesh import Mesh, refine
 from enliven.rotation import from_rotation_vector, to_matrix
-from enliven.shapes import make_chair
-from enliven_viewer.document import Document
-from enliven_viewer.puppets import Surfaces
-from enliven_viewer.render.marks import node_rows
+from enliven.samples.chair import make_chair
+from enliven_viewer.playback.document import Document
+from enliven_viewer.playback.solved_surfaces import Surfaces
+from enliven_viewer.playback.timeline import Timeline
+from enliven_viewer.render.overlay.marks import node_rows
 from enliven_viewer.render.scene import Actor, Look, scene_of
-from enliven_viewer.timeline import Timeline
 
 CHAIR = refine(make_chair(), 0.08)
 TOP = int(CHAIR.vertices[:, 1].argmax())
@@ -199,8 +199,10 @@ def test_a_picture_of_what_does_not_move_costs_nothing() -> None:
 
 def test_who_shows_no_puppet_loads_no_solver() -> None:
     """It is a third of what a viewer loads before its first picture."""
-    heavy = {"enliven.deformation.arap", "scipy.sparse.linalg"}
-    look = f"import sys, enliven_viewer.film, enliven_viewer.app; print(*{heavy} & sys.modules.keys())"
+    heavy = {"enliven.deformation.arap.solver", "scipy.sparse.linalg"}
+    look = (
+        f"import sys, enliven_viewer.film.film, enliven_viewer.live.app; print(*{heavy} & sys.modules.keys())"
+    )
     shown = subprocess.run(
         [sys.executable, "-c", look], capture_output=True, text=True, timeout=300, check=True
     )

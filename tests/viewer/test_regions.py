@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from enliven.character import Pose
-from enliven.props import BALL, BOX, Props
-from enliven_viewer.camera import View, look_at, perspective
+from enliven.document.character import Pose
+from enliven.document.props import BALL, BOX, Props
+from enliven_viewer.playback.timeline import Cues
 from enliven_viewer.render import renderer as renderer_module
+from enliven_viewer.render.camera import View, look_at, perspective
 from enliven_viewer.render.capsules import capsule_template
+from enliven_viewer.render.overlay.tubes import Tubes, tube_rows
 from enliven_viewer.render.region import beside, seen_in, whole
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Actor, Look, Scene
 from enliven_viewer.render.surface import neighbours_in_turn
-from enliven_viewer.render.tubes import Tubes, tube_rows
 from enliven_viewer.settings import RenderSettings
-from enliven_viewer.timeline import Cues
 
 SIZE = (320, 180)
 SMALL = RenderSettings(shadow_size=128, contact_size=64)

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from enliven.character import Pose
-from enliven_viewer.camera import OrbitCamera, View, look_at, perspective
+from enliven.document.character import Pose
+from enliven_viewer.playback.timeline import Cues
+from enliven_viewer.render.camera import OrbitCamera, View, look_at, perspective
 from enliven_viewer.render.renderer import EMPTY_BOX, Renderer
 from enliven_viewer.render.scene import Actor, Look, Scene
 from enliven_viewer.settings import RenderSettings
-from enliven_viewer.timeline import Cues
 
 SIZE = (256, 192)
 BARE = Look(body=0, reveal=0, cues=0)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from enliven.arrays import Float
-from enliven.character import Character, Pose, SkinWeights
+from enliven.document.character import Character, Pose, SkinWeights
 from enliven.rotation import from_rotation_vector, to_matrix
-from enliven.shapes import make_chair
-from enliven_viewer.camera import OrbitCamera, View
+from enliven.samples.chair import make_chair
+from enliven_viewer.render.camera import OrbitCamera, View
 from enliven_viewer.render.normals import placed
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Actor, Look, Scene

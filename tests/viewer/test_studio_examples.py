@@ -16,11 +16,13 @@ from hypothesis import strategies as st
 sys.path.append(str(Path(__file__).parent))
 from made_studio_puppets import SIDES, TIPS, project_with, star, studio, vertex
 
+from enliven.document.constraints import Coupling, Position, Velocity
+from enliven.document.project import Project, same
+from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.constraints import Coupling, Position, Velocity
-from enliven.examples.locomotion import Switch
 from enliven.examples.puppet_motion import state_of
-from enliven.modeling.puppets import (
+from enliven.examples.spacetime.locomotion import Switch
+from enliven.modeling.puppet.edits import (
     add_key_pose,
     add_point,
     change_layer,
@@ -28,8 +30,6 @@ from enliven.modeling.puppets import (
     play_take,
     set_symmetry,
 )
-from enliven.project import Project, same
-from enliven.puppet import PuppetLayer
 from enliven_viewer.studio.examples.coverage import Coverages
 from enliven_viewer.studio.examples.edits import (
     added_switch,
@@ -49,7 +49,7 @@ from enliven_viewer.studio.examples.edits import (
     with_setting,
     without_held,
 )
-from enliven_viewer.studio.examples.going import begin_pose, edit_pose
+from enliven_viewer.studio.examples.go_to import begin_pose, edit_pose
 from enliven_viewer.studio.examples.solving import Solving
 from enliven_viewer.studio.examples.times import layer_end, layer_of, seconds_at, time_of
 from enliven_viewer.studio.toasts import Toasts

@@ -12,16 +12,16 @@ import pytest
 sys.path.append(str(Path(__file__).parent))
 from made_studio_puppets import project_with, star, studio
 
+from enliven.document.project import Project, same
 from enliven.errors import InputError
 from enliven.examples.puppet_motion import state_of
-from enliven.formats.expmap import COLUMNS
-from enliven.mesh import Mesh
-from enliven.mesh_files import save_mesh
-from enliven.modeling.puppets import add_key_pose
-from enliven.project import Project, same
-from enliven_viewer.studio.desk import Desk
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.files import export
+from enliven.formats.motion.expmap import COLUMNS
+from enliven.meshes.files import save_mesh
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.puppet.edits import add_key_pose
+from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.workspace.files import export
+from enliven_viewer.studio.workspace.workspace import Desk
 
 NAMES = ("head", "left", "right", "foot")
 

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 sys.path.append(str(Path(__file__).parent))
 from made_studio_puppets import project_with, studio
 
-from enliven.examples.constraints import Position
-from enliven.examples.locomotion import Switch
-from enliven.modeling.puppets import add_key_pose, change_layer, play_take
-from enliven.project import Project
-from enliven_viewer.studio.desk import Desk
-from enliven_viewer.studio.timeline_layout import LABELS, TimelineLayout
-from enliven_viewer.studio.timeline_puppets import PuppetLanes, Row
+from enliven.document.constraints import Position
+from enliven.document.project import Project
+from enliven.examples.spacetime.locomotion import Switch
+from enliven.modeling.puppet.edits import add_key_pose, change_layer, play_take
+from enliven_viewer.studio.timeline.layout import LABELS, TimelineLayout
+from enliven_viewer.studio.timeline.puppet_lanes import PuppetLanes, Row
+from enliven_viewer.studio.workspace.workspace import Desk
 
 NAMES = ("head", "left", "right", "foot")
 SWITCHES = (Switch(0, "contact"), Switch(30, "flight"), Switch(60, "contact"))

@@ -9,13 +9,13 @@ import sys
 import numpy as np
 import pytest
 
+from enliven.document.project import same
 from enliven.errors import InputError, ResourceError
-from enliven.project import same
-from enliven_viewer.studio.browser import Browser
-from enliven_viewer.studio.cabinet import Cabinet
-from enliven_viewer.studio.desk import Desk
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.naming import renamed
+from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.workspace.file_browser import Browser
+from enliven_viewer.studio.workspace.project_store import Cabinet
+from enliven_viewer.studio.workspace.renaming import renamed
+from enliven_viewer.studio.workspace.workspace import Desk
 
 
 @pytest.fixture

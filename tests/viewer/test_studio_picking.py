@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from enliven.document.rigged import still_shape
+from enliven.document.skeleton import Skeleton
 from enliven.rotation import IDENTITY
-from enliven.shape import still_shape
-from enliven.skeleton import Skeleton
-from enliven_viewer.camera import OrbitCamera
-from enliven_viewer.studio.picking import Lens, bone_at, crossings, joint_at, surface_at
-from enliven_viewer.studio.stance import Stance
+from enliven_viewer.render.camera import OrbitCamera
+from enliven_viewer.studio.viewport.picking import Lens, bone_at, crossings, joint_at, surface_at
+from enliven_viewer.studio.viewport.pose_at_time import Stance
 
 SIZE = (900.0, 600.0)
 

@@ -10,17 +10,17 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from made_studio_puppets import SIDES, TIPS, project_with, star, vertex
 
+from enliven.document.puppet import Puppet
 from enliven.examples.puppet_motion import in_world
-from enliven.modeling.puppets import move_puppet, set_symmetry, turn_puppet
-from enliven.puppet import Puppet
+from enliven.modeling.puppet.edits import move_puppet, set_symmetry, turn_puppet
 from enliven.rotation import from_rotation_vector
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.picking import first_face
 from enliven_viewer.studio.puppets.manipulator import LENGTH, PARTS, Manipulator
 from enliven_viewer.studio.puppets.marks import point_at
 from enliven_viewer.studio.puppets.mirrored import mirrored_places, partner_vertex
 from enliven_viewer.studio.puppets.ray import first_hit, vertex_hit
 from enliven_viewer.studio.puppets.stage import puppet_at
+from enliven_viewer.studio.viewport.picking import first_face
+from enliven_viewer.studio.workspace.editor import Editor
 
 PLACE = np.array([0.1, 0.5, -0.2])
 

@@ -9,11 +9,10 @@ import pytest
 from made_studio_puppets import star, studio, vertex
 from tolerances import SOLVED, alike
 
-from enliven.formats.project_file import read_project, write_project
-from enliven.mesh import refine
-from enliven.modeling.puppets import add_key_pose, add_point, change_point, make_puppet, play_take
-from enliven.project import same
-from enliven_viewer.studio.desk import Desk
+from enliven.document.project import same
+from enliven.formats.project.file import read_project, write_project
+from enliven.meshes.mesh import refine
+from enliven.modeling.puppet.edits import add_key_pose, add_point, change_point, make_puppet, play_take
 from enliven_viewer.studio.session import (
     STEP,
     Click,
@@ -28,6 +27,7 @@ from enliven_viewer.studio.session import (
     play,
 )
 from enliven_viewer.studio.tools.puppet import PuppetTool
+from enliven_viewer.studio.workspace.workspace import Desk
 
 
 def tool_of(desk: Desk) -> PuppetTool:

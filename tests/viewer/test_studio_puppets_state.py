@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from made_studio_puppets import SIDES, project_with, star, studio, vertex
 from tolerances import SOLVED, alike
 
-from enliven.modeling.puppets import add_key_pose, set_symmetry
-from enliven.project import same
-from enliven_viewer.studio.editor import Editor
+from enliven.document.project import same
+from enliven.modeling.puppet.edits import add_key_pose, set_symmetry
 from enliven_viewer.studio.puppets.mirrored import partner_point, partner_vertex
 from enliven_viewer.studio.puppets.posing import PuppetDesk
+from enliven_viewer.studio.workspace.editor import Editor
 
 
 def posing(*names: str, take: str = "sway") -> PuppetDesk:

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.motion.evaluate import Player
-from enliven.project import same
-from enliven_viewer.studio.desk import Desk
-from enliven_viewer.studio.editor import Editor
+from enliven.document.project import same
+from enliven.motion.layers.evaluate import Player
 from enliven_viewer.studio.session import Action, Click, DeskStage, Do, Drag, Key, Pixel, play
+from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.workspace.workspace import Desk
 
 FILMS = Path(__file__).parents[1] / "benchmarks" / "session_films.py"
 
@@ -109,7 +109,7 @@ def test_undo_after_whatever_an_artist_does_gives_back_the_document(make_scene, 
 @pytest.fixture(scope="module")
 def make_scene(tmp_path_factory):
     """Two limbs in the middle of the picture, one of them moving."""
-    from enliven.motion.retarget import bind_chain
+    from enliven.motion.layers.retarget import bind_chain
 
     folder = tmp_path_factory.mktemp("recovery")
 
@@ -124,8 +124,8 @@ def make_scene(tmp_path_factory):
 
 def limb_at(name: str, x: float):
     """Bones alone, so that a random stroke is quick."""
-    from enliven.shape import still_shape
-    from enliven.skeleton import Skeleton
+    from enliven.document.rigged import still_shape
+    from enliven.document.skeleton import Skeleton
 
     joints = np.stack([np.full(4, x), np.linspace(0.2, 1.4, 4), np.zeros(4)], 1)
     skeleton = Skeleton(tuple(f"{name} {k}" for k in range(4)), np.arange(-1, 3, dtype=np.int32), joints)

@@ -10,16 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from enliven.document.layers import Layer, Ref, Span
+from enliven.document.project import Project
+from enliven.document.rigged import still_shape
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.motion.layers import Layer, Ref, Span
-from enliven.motion.retarget import bind_chain
-from enliven.project import Project
-from enliven.shape import still_shape
-from enliven.skeleton import Skeleton
+from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio.motions import library
-from enliven_viewer.studio.performance import length_of
-from enliven_viewer.studio.timeline_layout import LABELS, LANE, RULER, TimelineLayout
+from enliven_viewer.studio.timeline.layout import LABELS, LANE, RULER, TimelineLayout
 from enliven_viewer.studio.toasts import Toasts
+from enliven_viewer.studio.viewport.playback import length_of
 
 
 def project_of(offsets: list[float], speeds: list[float], take: str = "wave") -> Project:

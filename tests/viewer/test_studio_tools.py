@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from enliven.motion.retarget import bind_chain
-from enliven.project import Project
-from enliven.shape import Shape
+from enliven.document.project import Project
+from enliven.document.rigged import Shape
+from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio import motions
-from enliven_viewer.studio.desk import Desk
-from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.session import (
     Click,
@@ -31,6 +29,8 @@ from enliven_viewer.studio.session import (
     Widget,
     play,
 )
+from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.workspace.workspace import Desk
 
 Limb = Callable[..., Shape]
 

@@ -9,15 +9,15 @@ import msgspec
 import numpy as np
 import pytest
 
-from enliven.body import Body
-from enliven.character import Character, Pose
+from enliven.document.character import Character, Pose
 from enliven.errors import InputError
+from enliven.person.body import Body
 from enliven.recording import Recorder, Recording
 from enliven.wire.convert import bodies_to_message, character_to_message, cues_to_message, pose_to_message
 from enliven.wire.posecode import PoseCodec
-from enliven_viewer.document import Document
-from enliven_viewer.takes import Take
-from enliven_viewer.timeline import NS, Timeline
+from enliven_viewer.link.take_feed import Take
+from enliven_viewer.playback.document import Document
+from enliven_viewer.playback.timeline import NS, Timeline
 
 COUNT = 40
 

@@ -6,11 +6,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.body import Body
-from enliven.character import Pose
-from enliven_viewer.playback import SPEEDS, Playhead
+from enliven.document.character import Pose
+from enliven.person.body import Body
+from enliven_viewer.playback.playhead import SPEEDS, Playhead
+from enliven_viewer.playback.timeline import NS, Cues, Timeline
 from enliven_viewer.settings import PlaybackSettings
-from enliven_viewer.timeline import NS, Cues, Timeline
 
 FRAME = NS // 30
 some_times = st.lists(st.integers(0, 9 * NS // 10), min_size=1, max_size=40)

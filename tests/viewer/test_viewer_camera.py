@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_viewer.camera import FilmCamera, OrbitCamera, look_at, orthographic, perspective
+from enliven_viewer.render.camera import FilmCamera, OrbitCamera, look_at, orthographic, perspective
 
 number = st.floats(-3, 3)
 size = st.floats(0.1, 2)

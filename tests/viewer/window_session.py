@@ -8,12 +8,12 @@ import sys
 import glfw
 import numpy as np
 
-from enliven.body import Body
-from enliven.character import Character, Pose, SkinWeights
-from enliven_viewer.app import App
-from enliven_viewer.document import Document, EdgeState
+from enliven.document.character import Character, Pose, SkinWeights
+from enliven.person.body import Body
+from enliven_viewer.live.app import App
+from enliven_viewer.playback.document import Document, EdgeState
+from enliven_viewer.playback.timeline import NS
 from enliven_viewer.settings import RenderSettings, ViewerSettings
-from enliven_viewer.timeline import NS
 
 PRESSED = [
     glfw.KEY_P,

@@ -18,8 +18,8 @@ from enliven.errors import InputError
 from enliven.settings import load_settings
 
 if TYPE_CHECKING:
-    from enliven.character import Character
-    from enliven_edge.fusion.fused_sensor import FusedSensors
+    from enliven.document.character import Character
+    from enliven_edge.fusion.live.fused_sensor import FusedSensors
     from enliven_edge.landmarks.eye import ColourEye
     from enliven_edge.physics.playground import Playground
     from enliven_edge.physics.settings import PhysicsSettings
@@ -140,16 +140,16 @@ def serve(
     wait_for_sensor: bool = False,
 ) -> None:
     """Opens everything, serves, and closes everything; heavy modules are imported only here."""
-    from enliven_edge.actor import Actor
-    from enliven_edge.casting import parts_for
     from enliven_edge.commands.preparing import prepared
-    from enliven_edge.controls.desk import open_controls
-    from enliven_edge.outlet import Outlet, need_free
+    from enliven_edge.controls.control_set import open_controls
+    from enliven_edge.network.outlet import Outlet, need_free
     from enliven_edge.physics.engine import need_engine
     from enliven_edge.sensors.sources import opened
     from enliven_edge.service import Edge
-    from enliven_edge.stage import Stage
-    from enliven_edge.tracking.health import HealthMonitor
+    from enliven_edge.stage.casting import parts_for
+    from enliven_edge.stage.embedded_actor import Actor
+    from enliven_edge.stage.stage import Stage
+    from enliven_edge.tracking.health.health import HealthMonitor
     from enliven_edge.tracking.tracker import Tracker
 
     mesh, possess_at, parts, record, overwrite, wait, seconds = run
@@ -269,12 +269,12 @@ def _fused(
     sources: list[Source], sensors: dict[str, Sensor], chosen: EdgeSettings, once: bool
 ) -> FusedSensors:
     """Several sensors as one."""
-    from enliven_edge.fusion.fused_sensor import FusedSensors
-    from enliven_edge.fusion.merge import untouched
-    from enliven_edge.fusion.space import load_space
-    from enliven_edge.fusion.warmup import warm_up_fusion
-    from enliven_edge.tracking.health import HealthMonitor
-    from enliven_edge.tracking.output import Output
+    from enliven_edge.fusion.live.fused_sensor import FusedSensors
+    from enliven_edge.fusion.live.merge import untouched
+    from enliven_edge.fusion.live.warmup import warm_up_fusion
+    from enliven_edge.fusion.placement.space import load_space
+    from enliven_edge.tracking.health.health import HealthMonitor
+    from enliven_edge.tracking.output.output import Output
     from enliven_edge.tracking.tracker import Tracker
 
     trackers, health = {}, {}

@@ -7,14 +7,14 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from enliven_edge.actor import Actor
-from enliven_edge.casting import cast
-from enliven_edge.puppets.spec import is_puppet
+from enliven_edge.stage.casting import cast
+from enliven_edge.stage.embedded_actor import Actor
+from enliven_edge.stage.puppet.spec import is_puppet
 from enliven_edge.warmup import warm_up_stage, warm_up_tracking
 
 if TYPE_CHECKING:
     from enliven_edge.settings import EdgeSettings
-    from enliven_edge.stage import AnyActor
+    from enliven_edge.stage.stage import AnyActor
 
 
 def prepared(mesh: str, chosen: EdgeSettings) -> AnyActor:
@@ -34,11 +34,11 @@ def prepared(mesh: str, chosen: EdgeSettings) -> AnyActor:
 def _cast(mesh: str, chosen: EdgeSettings) -> AnyActor:
     """The actor of what was asked for; only what that needs is loaded."""
     if is_puppet(mesh):
-        from enliven_edge.puppets.casting import cast_puppet
+        from enliven_edge.stage.puppet.casting import cast_puppet
 
         return cast_puppet(mesh, chosen.puppet)
     if chosen.drive == "skeleton":
-        from enliven_edge.matching.casting import cast_rig
+        from enliven_edge.stage.rig.casting import cast_rig
 
         return cast_rig(mesh, chosen.matching)
     return cast(mesh, chosen.nodes, chosen.actor, chosen.up)

@@ -45,7 +45,7 @@ def record(
       enliven record --sensor replay --set path=LONG.mcap --set speed=0 --seconds 5 -o start.mcap
     """
     from enliven.recording import Recorder
-    from enliven_edge.disk_sync import DiskSync
+    from enliven_edge.recording.disk_sync import DiskSync
     from enliven_edge.sensors.options import sensor_options
     from enliven_edge.sensors.registry import sensor_opener
     from enliven_edge.sensors.reopening import kept_open
@@ -77,7 +77,7 @@ def record_stream(
     """
     from enliven_edge.sensors.base import SensorFault, condition_of
     from enliven_edge.sensors.diary import Diary
-    from enliven_edge.tracking.frame_check import flaw_of
+    from enliven_edge.tracking.frame.frame_check import flaw_of
 
     count, first_ns, diary = 0, None, Diary(recorder)
     while not stop.is_set():

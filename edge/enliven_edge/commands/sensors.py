@@ -131,8 +131,8 @@ def _facts(frames: list[DepthFrame], condition, name: str) -> list[tuple[str, st
     import numpy as np
 
     from enliven.camera import rays, unproject
-    from enliven_edge.tracking.floor import world_from_floor
-    from enliven_edge.tracking.survey import survey
+    from enliven_edge.tracking.frame.survey import survey
+    from enliven_edge.tracking.scene.floor import world_from_floor
 
     last = frames[-1]
     steps = [1e-9 * (b.time_ns - a.time_ns) for a, b in itertools.pairwise(frames)]

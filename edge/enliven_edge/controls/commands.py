@@ -8,7 +8,7 @@ from typing import Literal, cast, get_args
 
 from enliven.errors import InputError
 from enliven.wire.messages import Possess
-from enliven_edge.stage import Stage
+from enliven_edge.stage.stage import Stage
 
 Word = Literal["possess", "join", "extend", "release", "next", "previous", "follow", "lock", "unlock"]
 

@@ -9,10 +9,10 @@ import msgspec
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.body import PARENTS, Body, J, Joint
 from enliven.errors import InputError
 from enliven.files import read_file
 from enliven.frames import BodyFrame
+from enliven.person.body import PARENTS, Body, J, Joint
 from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
 from enliven_edge.importing.skeletons import (
     INFERRED,

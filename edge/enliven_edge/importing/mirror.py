@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from enliven.body import Joint
 from enliven.frames import BodyFrame, DepthFrame, Frame
-from enliven.orientation import mirrored as reflected
+from enliven.person.body import Joint
+from enliven.person.orientation import mirrored as reflected
 
 _ACROSS = np.array([1.0, 0.0, 0.0])
 OTHER_SIDE = [

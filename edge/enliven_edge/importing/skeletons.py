@@ -13,15 +13,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.body import ANKLE_ABOVE_SOLE, Body, Joint
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
+from enliven.person.body import ANKLE_ABOVE_SOLE, Body, Joint
 
 WORLD_FROM_KINECT_SPACE = np.diag([-1.0, 1.0, -1.0])
 """(3, 3) world_from_sensor of a level sensor for the skeleton space of the Kinect SDKs 1 and 2."""
 
 KINECT2_ORDER = (0, 1, 20, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19)
-"""(20,) the joint of the Kinect SDK 2 (JointType) for each of :class:`enliven.body.Joint`.
+"""(20,) the joint of the Kinect SDK 2 (JointType) for each of :class:`enliven.person.body.Joint`.
 
 SpineBase, SpineMid and SpineShoulder stand for the hip centre, the spine and the shoulder centre; the neck,
 the hand tips and the thumbs have no counterpart.
@@ -49,7 +49,7 @@ KINECT2_NAMES = [
     "AnkleRight",
     "FootRight",
 ]
-"""(20,) the names of the Kinect SDK 2 for each of :class:`enliven.body.Joint`."""
+"""(20,) the names of the Kinect SDK 2 for each of :class:`enliven.person.body.Joint`."""
 
 TRACKED, INFERRED, NOT_TRACKED = 1.0, 0.4, 0.0
 CONFIDENCE_OF_STATE = np.array([NOT_TRACKED, INFERRED, TRACKED])

@@ -8,11 +8,11 @@ import numpy as np
 from PIL import Image
 
 from enliven.arrays import UInt8
-from enliven.body import Body
 from enliven.frames import DepthFrame, Frame
+from enliven.person.body import Body
 from enliven_edge.inspection.picture import captioned, depth_picture, depth_span, draw_bodies, tinted
 from enliven_edge.sensors.base import Condition
-from enliven_edge.tracking.health import HealthMonitor
+from enliven_edge.tracking.health.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
 
 _SPAN_KEEPS = 0.97

@@ -8,10 +8,10 @@ import math
 import numpy as np
 
 from enliven.arrays import Float, UInt8
-from enliven.body import Body, Joint
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
+from enliven.person.body import Body, Joint
 from enliven_edge.landmarks.joining import join_people
 from enliven_edge.landmarks.lifting import Lifter, LiftSettings
 from enliven_edge.landmarks.mediapipe_source import MediaPipeSettings, MediaPipeSource

@@ -23,7 +23,6 @@ _BUILT_IN = {
     "orbbec": "enliven_edge.sensors.drivers.orbbec:OrbbecSensor",
     "realsense": "enliven_edge.sensors.drivers.realsense:RealSenseSensor",
     "replay": "enliven_edge.sensors.replay:ReplaySensor",
-    "synthetic": "enliven_edge.sensors.synthetic:SyntheticSensor",
     "tof": "enliven_edge.sensors.drivers.tof:TofSensor",
     "webcam": "enliven_edge.sensors.webcam:WebcamSensor",
 }

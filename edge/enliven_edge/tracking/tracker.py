@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from enliven.arrays import Float, Int
-from enliven.body import Body
-from enliven.deformation.observed import Seen
+from enliven.deformation.constraints.observed import Seen
 from enliven.frames import DepthFrame
+from enliven.person.body import Body
 from enliven_edge.landmarks.eye import ColourEye
-from enliven_edge.tracking.crowd import Crowd
-from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.health import TrackerState
-from enliven_edge.tracking.mounting import Mounting
-from enliven_edge.tracking.output import Output, mirror_of
-from enliven_edge.tracking.person import Person
-from enliven_edge.tracking.posture import Posture
-from enliven_edge.tracking.room import Room
-from enliven_edge.tracking.segmentation import lying_on
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.fit.fit import Fitter
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.health.health import TrackerState
+from enliven_edge.tracking.output.output import Output, mirror_of
+from enliven_edge.tracking.output.surfaces import mirrored_surfaces, seen_surfaces
+from enliven_edge.tracking.people.people import Crowd
+from enliven_edge.tracking.people.person import Person
+from enliven_edge.tracking.scene.mounting import Mounting
+from enliven_edge.tracking.scene.room import Room
+from enliven_edge.tracking.segment.segmentation import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
-from enliven_edge.tracking.surfaces import mirrored_surfaces, seen_surfaces
-from enliven_edge.tracking.view import View
 
 _YOUNG, _SURFACE = 1.0, 0.05
 """Seconds for which the room may have people in it, and metres from their surface within which it does."""

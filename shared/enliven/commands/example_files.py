@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from enliven.errors import InputError, ResourceError
 
 if TYPE_CHECKING:
-    from enliven.project import Project
-    from enliven.puppet import Puppet
+    from enliven.document.project import Project
+    from enliven.document.puppet import Puppet
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class Job:
 
 def opened(path: Path, name: str | None) -> Opened:
     """A session, or a puppet of a project: the one of that name, or the first."""
-    from enliven.formats.example_session import read_session
-    from enliven.formats.project_file import read_project
+    from enliven.formats.project.file import read_project
+    from enliven.formats.session.session import read_session
 
     if path.suffix.lower() == ".enliven":
         project, notes = read_project(path), ()
@@ -61,8 +61,8 @@ def writer(output: Path) -> Callable[[Job], str]:
 
 
 def _write_glb(job: Job) -> str:
-    from enliven.formats.gltf_write import write_gltf
-    from enliven.formats.puppet_performance import puppet_performance_of
+    from enliven.formats.gltf.puppet_performance import puppet_performance_of
+    from enliven.formats.gltf.write import write_gltf
 
     made = puppet_performance_of(
         job.project, job.puppet.id, *job.span, job.rate, how="morphs" if job.morphs else "skin"
@@ -72,14 +72,14 @@ def _write_glb(job: Job) -> str:
 
 
 def _write_take(job: Job) -> str:
-    from enliven.formats.example_take import write_puppet_take
+    from enliven.formats.session.take import write_puppet_take
 
     write_puppet_take(job.output, job.project, job.puppet, *job.span, job.rate)
     return ""
 
 
 def _write_project(job: Job) -> str:
-    from enliven.formats.project_file import write_project
+    from enliven.formats.project.file import write_project
 
     write_project(job.output, job.project)
     return ""
@@ -87,8 +87,8 @@ def _write_project(job: Job) -> str:
 
 def span_of(project: Project, puppet: Puppet, start: float, end: float | None) -> tuple[float, float]:
     """Seconds from when to when."""
+    from enliven.document.project import Project
     from enliven.examples.puppet_motion import length_of_puppets
-    from enliven.project import Project
 
     alone = Project(takes=project.takes, puppets={puppet.id: puppet})
     stop = length_of_puppets(alone) if end is None else end

@@ -11,7 +11,7 @@ from enliven.commands.example_files import Job, opened, sheet_maker, span_of, wr
 from enliven.errors import InputError
 
 if TYPE_CHECKING:
-    from enliven.mesh import Axis
+    from enliven.meshes.mesh import Axis
 
 examples = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
@@ -60,13 +60,13 @@ def new(
       enliven examples new CACTUS.off TRAFFIC.bvh -o cactus.toml --height 1.5
       enliven examples new TREX.ply WALK.bvh -o trex.toml --up z --turned 90 --poses 4
     """
-    from enliven.formats.example_session import fitted
-    from enliven.formats.session_tables import MeshTable, TakeTable
-    from enliven.formats.session_text import write_session
-    from enliven.formats.takes import read_take
-    from enliven.mesh_files import load_mesh
-    from enliven.modeling.puppet_suggest import suggested_puppet
-    from enliven.project import Project
+    from enliven.document.project import Project
+    from enliven.formats.session.session import fitted
+    from enliven.formats.session.tables import MeshTable, TakeTable
+    from enliven.formats.session.text import write_session
+    from enliven.meshes.files import load_mesh
+    from enliven.modeling.puppet.suggest import suggested_puppet
+    from enliven.motion.takes.files import read_take
 
     mesh_from = MeshTable(_from(output, mesh), height, _axis(up), turned)
     take_from = TakeTable(_from(output, take), "", animation, start, end)

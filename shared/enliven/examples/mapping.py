@@ -13,13 +13,14 @@ from concurrent.futures import Executor
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.document.constraints import Constraint, names_in
+from enliven.document.example_settings import ExampleSettings
 from enliven.errors import InputError
-from enliven.examples.bounded import Nodes
-from enliven.examples.constraints import Conditions, Constraint, conditions_of, names_in
-from enliven.examples.nearest import Nearest
 from enliven.examples.poses import Examples
-from enliven.examples.settings import ExampleSettings
-from enliven.examples.spacetime import Solution, solve
+from enliven.examples.spacetime.bounded import Nodes
+from enliven.examples.spacetime.constraints import Conditions, conditions_of
+from enliven.examples.spacetime.nearest import Nearest
+from enliven.examples.spacetime.spacetime import Solution, solve
 
 _WHERE = "poses"
 

@@ -11,18 +11,18 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.document.clip import Clip
+from enliven.document.example_settings import ExampleSettings
+from enliven.document.project import Project
+from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.examples.locomotion import LocomotionSettings
 from enliven.examples.performer import performed
 from enliven.examples.performers import cast
 from enliven.examples.poses import Examples, distinct
-from enliven.examples.settings import ExampleSettings
+from enliven.examples.spacetime.locomotion import LocomotionSettings
 from enliven.examples.symmetric import doubled, partners_of
-from enliven.mesh import Mesh
-from enliven.motion.clip import Clip
-from enliven.project import Project
-from enliven.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer
-from enliven.skeleton import Skeleton
+from enliven.meshes.mesh import Mesh
 
 T = TypeVar("T")
 

@@ -6,7 +6,7 @@
 
 The puppet's frame is the mesh's own: it begins as it was modeled, looking where the mesh looks, wherever the
 performer stood. A layer that travels gives it a yaw and a root from then on
-(:mod:`enliven.examples.locomotion`).
+(:mod:`enliven.examples.spacetime.locomotion`).
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from functools import lru_cache
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.character import Pose
+from enliven.document.character import Pose
+from enliven.document.project import Project
+from enliven.document.puppet import Puppet, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.performer import turned_about_y
 from enliven.examples.puppet_examples import Material, examples_of, material_of, missing
 from enliven.examples.puppet_solve import solved
 from enliven.examples.puppet_trajectory import PuppetMotion
-from enliven.project import Project
-from enliven.puppet import Puppet, PuppetLayer
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 
 __all__ = [
@@ -105,7 +105,7 @@ def in_world(puppet: Puppet, state: State, points: AnyArray) -> Float:
 
 
 def pose_of_state(puppet: Puppet, state: State, time_ns: int = 0) -> Pose:
-    """The pose of :func:`enliven.puppet.character_of_puppet`: transform 0 is the puppet's frame in the world.
+    """The pose of ``character_of_puppet``: transform 0 is the puppet's frame in the world.
 
     Transform k is control point k - 1: as the frame is turned, at its place in the world.
     """

@@ -8,18 +8,19 @@ from functools import cached_property
 import numpy as np
 
 from enliven.arrays import Bool, Float
+from enliven.document.constraints import Constraint, Coupling
+from enliven.document.project import Project
+from enliven.document.puppet import Puppet, PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.constraints import Constraint, Coupling, conditions_of
-from enliven.examples.locomotion import Placed, check_switches, find_switches, locate, standing_feet
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import Performance, performed
 from enliven.examples.performers import cast
-from enliven.examples.planting import planted
 from enliven.examples.poses import Examples
 from enliven.examples.puppet_examples import Material, examples_with, material_of, reference_among, some_of
 from enliven.examples.puppet_trajectory import PuppetMotion
-from enliven.project import Project
-from enliven.puppet import Puppet, PuppetLayer
+from enliven.examples.spacetime.constraints import conditions_of
+from enliven.examples.spacetime.locomotion import Placed, check_switches, find_switches, locate, standing_feet
+from enliven.examples.spacetime.planting import planted
 
 
 def solved(material: Material) -> PuppetMotion:

@@ -4,7 +4,7 @@
 
 The file is one that ``enliven run`` recorded: characters and poses as they went over the wire. Of a puppet
 that was performed live the control points were recorded: its surface is solved again and baked to nodes
-(:mod:`enliven.examples.bake`), with a note of the error.
+(:mod:`enliven.examples.baking.bake`), with a note of the error.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ import msgspec
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.character import Character, Pose
-from enliven.deformation.arap import ArapSettings
+from enliven.document.character import Character, Pose
+from enliven.document.possessed import GraphShape, PoseStream, graph_shape_of
+from enliven.document.project import Project, unused
+from enliven.document.puppet import ControlPoint, Puppet
+from enliven.document.surface_settings import ArapSettings
 from enliven.errors import EnlivenError, InputError
-from enliven.examples.bake import bake_surface
-from enliven.examples.bake_frames import SurfaceFrames
-from enliven.examples.bake_settings import BakeSettings
+from enliven.examples.baking.bake import bake_surface
+from enliven.examples.baking.frames import SurfaceFrames
+from enliven.examples.baking.settings import BakeSettings
 from enliven.files import DAMAGE
-from enliven.graph_shape import GraphShape, PoseStream, graph_shape_of
-from enliven.mesh import Mesh
-from enliven.modeling.puppet_baking import graph_of
-from enliven.project import Project, unused
-from enliven.puppet import ControlPoint, Puppet
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.puppet.baking import graph_of
 from enliven.recording import Recording
 from enliven.rotation import conjugate, from_matrix, rotate, to_matrix
 from enliven.wire.convert import message_to_character, message_to_pose

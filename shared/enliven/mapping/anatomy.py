@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float
+from enliven.document.skeleton import Skeleton
 from enliven.mapping.facing import facing_of, side_of, turned_level
-from enliven.skeleton import Skeleton
 
 _SHORT, _TWIG, _SIDE_TWIG = 0.15, 0.5, 0.6
 """Shares below which a branch is a twig: of the longest, and of its fork's way from the root; of that again

@@ -13,18 +13,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.document.clip import Clip
+from enliven.document.layers import Layer
+from enliven.document.project import Project, unused
+from enliven.document.rigged import Shape
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
 from enliven.mapping.plan import ChainPlan, Plan, Rest
 from enliven.mapping.resting import about_itself, at_moment, calm, first_heading, posed, rebased
-from enliven.motion.clip import Clip
-from enliven.motion.layers import Layer
-from enliven.motion.polyline import arc_of
-from enliven.motion.retarget import bind_chain, branch, set_travel
-from enliven.project import Project, unused
+from enliven.motion.layers.polyline import arc_of
+from enliven.motion.layers.retarget import bind_chain, branch, set_travel
 from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, normalized, rotate, swing
-from enliven.shape import Shape
-from enliven.skeleton import Skeleton
 
 _OPPOSITE = -0.94
 """Cosine below which two ways count as opposite."""

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.motion.clip import Clip
+from enliven.document.clip import Clip
+from enliven.document.skeleton import Skeleton
 from enliven.rotation import conjugate, multiply, normalized, rotate
-from enliven.skeleton import Skeleton
 
 _STRIDE = 1.0
 """Seconds."""

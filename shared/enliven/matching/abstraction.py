@@ -22,10 +22,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.document.skeleton import Skeleton, skeleton_of
 from enliven.errors import InputError
 from enliven.matching.reduction import Reduction
 from enliven.matching.subtrees import Abstraction, Branch, SubTree
-from enliven.skeleton import Skeleton, skeleton_of
 
 __all__ = ["Abstraction", "Branch", "SubTree", "abstract", "abstract_skeleton"]
 

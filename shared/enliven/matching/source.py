@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.matching.abstraction import Branch, abstract
-from enliven.skeleton import Skeleton
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,10 +18,10 @@ from typing import Literal
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.document.skeleton import Skeleton
 from enliven.matching.limb_shapes import LimbShapes
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.settings import setting
-from enliven.skeleton import Skeleton
 
 _MOST = 0.75
 """Share of the limbs that are alike from which on a rotation is no accident: of a spider's eight legs, some

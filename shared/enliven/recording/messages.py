@@ -10,11 +10,11 @@ import numpy as np
 import zstandard
 
 from enliven.arrays import AnyArray, Float, UInt8
-from enliven.body import Body, J
 from enliven.camera import Intrinsics
-from enliven.depth_codec import MAX_PIXELS, decode_depth, encode_depth
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
+from enliven.person.body import Body, J
+from enliven.recording.depth_codec import MAX_PIXELS, decode_depth, encode_depth
 
 _HEAD = struct.Struct("<BBHIq9d")
 _SIZE = struct.Struct("<II")
@@ -25,7 +25,7 @@ _MOST_COUNTED = 1 << 63
 
 
 def pack_depth(frame: DepthFrame, level: int) -> bytes:
-    """The message of a depth frame; ``level`` is that of :func:`enliven.depth_codec.encode_depth`."""
+    """The message of a depth frame; ``level`` is that of ``encode_depth``."""
     camera, sensor = frame.intrinsics, frame.sensor.encode()
     depth = encode_depth(frame.depth, level)
     count = frame.sequence

@@ -43,7 +43,7 @@ class Recorder:
 
     Args:
         path: the file to make.
-        compression_level: that of :func:`enliven.depth_codec.encode_depth`; 1 live, 19 for archives.
+        compression_level: that of ``encode_depth``; 1 live, 19 for archives.
         sync_seconds: wall time between two hand-overs to the operating system.
         overwrite: replace an existing file.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
-from enliven.depth_codec import LAYOUT as DEPTH_CODEC_LAYOUT
+from enliven.recording.depth_codec import LAYOUT as DEPTH_CODEC_LAYOUT
 
 PROFILE = "enliven"
 """The MCAP profile: files that say so have the topics and layouts below."""

@@ -14,7 +14,7 @@ MAX_SOLVED = 100_000
 
 
 class SurfaceMessage(Struct, frozen=True):
-    """How a surface follows control points, see :class:`enliven.deformation.arap.ArapSettings`.
+    """How a surface follows control points, see :class:`enliven.deformation.arap.solver.ArapSettings`.
 
     Out of range is out of reason: what a stranger sends must not keep a viewer busy for ever.
     """

@@ -34,7 +34,7 @@ class Possess(Struct, tag=True, frozen=True):
     Attributes:
         character: its id.
         body: who; None: whoever is in view, for "join" whoever of them does not hold it yet.
-        parts: what takes hold, names of :data:`enliven.body.PARTS`, joined with "+".
+        parts: what takes hold, names of :data:`enliven.person.body.PARTS`, joined with "+".
         mode: who else holds it then. "alone": nobody, as programs meant that do not know this field. "join":
             everybody who did; what this performer held before, they let go. "extend": that too, except of
             bones that take hold anew. "preview": nothing changes but the cues, which show from now on what

@@ -10,7 +10,7 @@ import threading
 import time
 from pathlib import Path
 
-from enliven_edge.controls.desk import open_controls
+from enliven_edge.controls.control_set import open_controls
 from enliven_edge.controls.lamps import Lamps
 from enliven_edge.controls.settings import ControlSettings
 

@@ -7,7 +7,7 @@ import pytest
 from enliven.errors import InputError, ResourceError
 from enliven.settings import load_settings
 from enliven_edge.controls.base import Device
-from enliven_edge.controls.desk import device_of, words_of
+from enliven_edge.controls.control_set import device_of, words_of
 from enliven_edge.settings import EdgeSettings
 
 FILES = sorted((Path(__file__).resolve().parents[3] / "firmware_configs" / "controls").glob("*.toml"))

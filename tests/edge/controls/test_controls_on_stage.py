@@ -12,16 +12,16 @@ import pytest
 
 from enliven.frames import BodyFrame
 from enliven_edge.controls.commands import WORDS
-from enliven_edge.controls.desk import Controls, open_controls
+from enliven_edge.controls.control_set import Controls, open_controls
 from enliven_edge.controls.lamps import Lamps
 from enliven_edge.controls.settings import ControlSettings
-from enliven_edge.matching.rig_actor import RigActor
-from enliven_edge.matching.settings import MatchingSettings
-from enliven_edge.outlet import Outlet
+from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.base import SensorFault
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
+from enliven_edge.stage.rig.rig_actor import RigActor
+from enliven_edge.stage.rig.settings import MatchingSettings
+from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from enliven_edge.controls.base import Reader
-from enliven_edge.controls.desk import open_controls
+from enliven_edge.controls.control_set import open_controls
 from enliven_edge.controls.hid_reports import Edges, buttons_down, keys_down
 from enliven_edge.controls.settings import ControlSettings
 

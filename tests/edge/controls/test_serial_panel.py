@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from enliven_edge.controls import serial_panel
-from enliven_edge.controls.desk import open_controls
+from enliven_edge.controls.control_set import open_controls
 from enliven_edge.controls.lamps import Lamps
 from enliven_edge.controls.panel_protocol import Decoder, encode
 from enliven_edge.controls.settings import ControlSettings

@@ -10,7 +10,7 @@ import pytest
 
 from enliven.errors import InputError, ResourceError
 from enliven_edge.controls.base import Debouncer
-from enliven_edge.controls.desk import device_of, open_controls
+from enliven_edge.controls.control_set import device_of, open_controls
 from enliven_edge.controls.extras import need
 from enliven_edge.controls.serial_pedal import ByteKeys, LineKeys
 from enliven_edge.controls.settings import ControlSettings

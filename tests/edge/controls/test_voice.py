@@ -18,7 +18,7 @@ from scipy.signal import resample_poly
 
 from enliven.errors import InputError
 from enliven.settings import load_settings
-from enliven_edge.controls.desk import open_controls
+from enliven_edge.controls.control_set import open_controls
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.controls.sound import RATE, Recording
 from enliven_edge.controls.voice import Recogniser

@@ -7,10 +7,10 @@ from functools import cache
 
 import numpy as np
 
-from enliven_edge.estimator.estimator import Estimate, shipped_estimator
-from enliven_edge.estimator.labels import facing_of
-from enliven_edge.estimator.pictures import Picture, Studio
-from enliven_edge.synthesis.performer import Limb
+from enliven.person.limbs import Limb
+from enliven_edge.tracking.estimator.estimator import Estimate, shipped_estimator
+from enliven_edge.tracking.estimator.labels import facing_of
+from enliven_synthesis.training.rendering import Picture, Studio
 
 _DICE = 2024
 """No album is rendered with these."""

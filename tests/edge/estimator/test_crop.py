@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from people_for_estimator import fresh, scene
 
-from enliven_edge.estimator.crop import (
+from enliven_edge.tracking.estimator.crop import (
     _LARGEST,
     _MARGIN,
     _SMALLEST,

@@ -12,10 +12,10 @@ from people_for_estimator import scene
 from scipy.ndimage import map_coordinates
 from scipy.special import log_softmax, softmax
 
-from enliven_edge.estimator.crop import COLUMNS, ROWS, crop_person
-from enliven_edge.estimator.estimator import TRUST, Estimate, _told
-from enliven_edge.estimator.labels import PARTS
-from enliven_edge.estimator.lessons import LABEL_COLUMNS, LABEL_ROWS
+from enliven_edge.tracking.estimator.crop import COLUMNS, ROWS, crop_person
+from enliven_edge.tracking.estimator.estimator import TRUST, Estimate, _told
+from enliven_edge.tracking.estimator.labels import PARTS
+from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS
 
 SEEDS = st.integers(0, 100_000)
 

@@ -11,13 +11,13 @@ import pytest
 from people_for_estimator import Fresh, fresh
 from scipy.stats import spearmanr
 
-from enliven.body import MIRROR
 from enliven.errors import InputError
+from enliven.person.body import MIRROR
 from enliven_edge.assets import ESTIMATOR
-from enliven_edge.estimator.crop import crop_person
-from enliven_edge.estimator.estimator import Estimate, PoseEstimator, shipped_estimator
-from enliven_edge.estimator.labels import FACINGS, MIRRORED
-from enliven_edge.estimator.pictures import Studio
+from enliven_edge.tracking.estimator.crop import crop_person
+from enliven_edge.tracking.estimator.estimator import Estimate, PoseEstimator, shipped_estimator
+from enliven_edge.tracking.estimator.labels import FACINGS, MIRRORED
+from enliven_synthesis.training.rendering import Studio
 
 PICTURES = 60
 WITHIN_TOLD, WITHIN_NOT_TOLD = 0.6, 0.58

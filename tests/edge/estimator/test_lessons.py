@@ -7,13 +7,13 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
-from enliven.body import Joint
 from enliven.errors import InputError
-from enliven_edge.estimator import album
-from enliven_edge.estimator.album import Album, Batch, render_album
-from enliven_edge.estimator.labels import MIRRORED, NOBODY, Part
-from enliven_edge.estimator.lessons import LABEL_COLUMNS, LABEL_ROWS, Lesson, lesson
-from enliven_edge.estimator.pictures import Studio
+from enliven.person.body import Joint
+from enliven_edge.tracking.estimator.labels import MIRRORED, NOBODY, Part
+from enliven_synthesis.training import dataset
+from enliven_synthesis.training.dataset import Album, Batch, render_album
+from enliven_synthesis.training.rendering import Studio
+from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS, Lesson, lesson
 
 OWN_PARTS = {
     Joint.HEAD: (Part.HEAD,),
@@ -57,8 +57,8 @@ def render(folder, processes: int, count: int = 10) -> list[int]:
     """An album rendered by so many processes, three lessons in one go; what was told of its progress."""
     told: list[int] = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(album, "CHAPTER", 3)
-        patch.setattr(album.os, "cpu_count", lambda: processes)
+        patch.setattr(dataset, "CHAPTER", 3)
+        patch.setattr(dataset.os, "cpu_count", lambda: processes)
         render_album(folder, count, 0.5, 3, told.append)
     return told
 
@@ -172,9 +172,9 @@ def test_a_joint_of_a_mirrored_lesson_lies_on_its_own_part(lessons):
 
 
 def test_an_album_of_arrays_that_are_not_what_they_state_is_refused(tmp_path):
-    (tmp_path / album._COMPLETE).write_text("2 lessons")
+    (tmp_path / dataset._COMPLETE).write_text("2 lessons")
     head = "{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000,), }".ljust(117) + "\n"
-    for name in album._ARRAYS:
+    for name in dataset._ARRAYS:
         (tmp_path / f"{name}.npy").write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + head.encode())
     with pytest.raises(InputError, match="an array of it is damaged"):
         Album(tmp_path)

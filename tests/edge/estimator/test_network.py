@@ -11,14 +11,14 @@ pytest.importorskip("torch", reason="PyTorch is not installed (the extra 'traini
 import torch
 
 from enliven.errors import InputError
-from enliven_edge.estimator import training
-from enliven_edge.estimator.album import Album, render_album
-from enliven_edge.estimator.crop import CHANNELS, COLUMNS, ROWS, Crop
-from enliven_edge.estimator.estimator import PoseEstimator
-from enliven_edge.estimator.labels import FACINGS, PARTS
-from enliven_edge.estimator.network import JOINTS, PoseNetwork
-from enliven_edge.estimator.quantising import quantise
-from enliven_edge.estimator.training import TrainingSettings, export, measure, train
+from enliven_edge.tracking.estimator.crop import CHANNELS, COLUMNS, ROWS, Crop
+from enliven_edge.tracking.estimator.estimator import PoseEstimator
+from enliven_edge.tracking.estimator.labels import FACINGS, PARTS
+from enliven_synthesis.training import training
+from enliven_synthesis.training.dataset import Album, render_album
+from enliven_synthesis.training.network import JOINTS, PoseNetwork
+from enliven_synthesis.training.quantisation import quantise
+from enliven_synthesis.training.training import TrainingSettings, export, measure, train
 
 COUNT, BACK = 40, 8
 NEARLY, MOSTLY = 0.01, 0.8
@@ -176,7 +176,7 @@ def test_the_maps_of_the_joints_stay_in_full_precision(album, tmp_path):
 
 
 def test_an_album_that_is_too_small_is_refused(tmp_path):
-    from enliven_edge.commands.train_estimator import train_estimator
+    from enliven_synthesis.commands.train_estimator import train_estimator
 
     with pytest.raises(InputError, match="pictures"):
         train_estimator(tmp_path / "made.onnx", pictures=10)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from enliven.body import Joint
-from enliven_edge.estimator.pictures import random_build
-from enliven_edge.estimator.postures import FAMILIES, random_figure
-from enliven_edge.synthesis.performer import Figure, Performer
+from enliven.person.body import Joint
+from enliven_synthesis.body.performer import Figure, Performer
+from enliven_synthesis.training.body_poses import FAMILIES, random_figure
+from enliven_synthesis.training.rendering import random_build
 
 ANKLES = [Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT]
 

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from people_for_estimator import turned_at_random
 
-from enliven_edge.estimator.labels import NOBODY
-from enliven_edge.estimator.lessons import _THINGS, lesson
-from enliven_edge.estimator.pictures import Studio
-from enliven_edge.estimator.things import Solid, piece_of_wall, random_thing
+from enliven_edge.tracking.estimator.labels import NOBODY
+from enliven_synthesis.training.clutter import Solid, piece_of_wall, random_thing
+from enliven_synthesis.training.rendering import Studio
+from enliven_synthesis.training.samples import _THINGS, lesson
 
 STEPS, FARTHEST = 1500, 6.0
 """Samples along a ray, and how far they reach."""

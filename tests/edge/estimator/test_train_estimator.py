@@ -9,7 +9,7 @@ import typer
 from typer.testing import CliRunner
 
 from enliven.errors import InputError
-from enliven_edge.commands.train_estimator import train_estimator
+from enliven_synthesis.commands.train_estimator import train_estimator
 
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command()(train_estimator)
@@ -27,7 +27,7 @@ def without_torch(monkeypatch):
     """As where PyTorch is not installed, whether it is or not."""
     monkeypatch.setitem(sys.modules, "torch", None)
     for name in ("network", "training"):
-        monkeypatch.delitem(sys.modules, f"enliven_edge.estimator.{name}", raising=False)
+        monkeypatch.delitem(sys.modules, f"enliven_synthesis.training.{name}", raising=False)
 
 
 def test_an_existing_file_is_not_replaced_unasked(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.fusion.blending import (
+from enliven_edge.fusion.live.blending import (
     blend,
     bones_within,
     doubt_outliers,
@@ -12,7 +12,7 @@ from enliven_edge.fusion.blending import (
     side_costs,
     trunk_distances,
 )
-from enliven_edge.fusion.sides import LATERAL, MIDDLES, OTHER_SIDE, middle_weights, middles
+from enliven_edge.fusion.live.sides import LATERAL, MIDDLES, OTHER_SIDE, middle_weights, middles
 
 
 def slow_blend(x, w, predicted, known, before, d, share):

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from walkers import Walker, stand, told
 
 from enliven.errors import InputError
-from enliven_edge.fusion.calibration import calibrate
-from enliven_edge.fusion.quality import Verdict
-from enliven_edge.fusion.rigid import angle_between, inverse, moved, rigid, turn
+from enliven_edge.fusion.calibration.calibration import calibrate
+from enliven_edge.fusion.calibration.quality import Verdict
+from enliven_edge.fusion.calibration.tracks import BodyStream, BodyTrack, stream_of
+from enliven_edge.fusion.placement.rigid import angle_between, inverse, moved, rigid, turn
 from enliven_edge.fusion.settings import CalibrationSettings
-from enliven_edge.fusion.tracks import BodyStream, BodyTrack, stream_of
-from enliven_edge.synthesis.wander import Way
+from enliven_synthesis.motion.wander import Way
 
 A, B = stand(0.0, 0.0, 0.0), stand(2.4, -1.8, 70.0)
 TIMES = np.arange(0.0, 16.0, 1 / 30)

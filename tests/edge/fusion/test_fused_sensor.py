@@ -12,13 +12,13 @@ from walkers import Walker, stand, told
 from enliven.errors import ResourceError
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind
-from enliven_edge.fusion.arrival import ArrivalClocks
-from enliven_edge.fusion.collecting import Collector
-from enliven_edge.fusion.fused_sensor import FusedSensors
-from enliven_edge.fusion.fuser import Fuser
-from enliven_edge.fusion.health import SensorState
-from enliven_edge.fusion.merge import eyes, fused
-from enliven_edge.fusion.space import Place, Space, rows
+from enliven_edge.fusion.calibration.collecting import Collector
+from enliven_edge.fusion.live.arrival import ArrivalClocks
+from enliven_edge.fusion.live.fused_sensor import FusedSensors
+from enliven_edge.fusion.live.fuser import Fuser
+from enliven_edge.fusion.live.health import SensorState
+from enliven_edge.fusion.live.merge import eyes, fused
+from enliven_edge.fusion.placement.space import Place, Space, rows
 from enliven_edge.tracking.tracker import Tracker
 
 A, B = stand(0.0, 0.0, 0.0), stand(2.4, -1.8, 70.0)

@@ -8,16 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from walkers import Walker
 
-from enliven.body import Body
+from enliven.person.body import Body
 from enliven.rotation import from_rotation_vector, multiply, rotate
-from enliven_edge.fusion import blending
-from enliven_edge.fusion.fuser import Fuser
-from enliven_edge.fusion.grouping import plausible
-from enliven_edge.fusion.health import SensorState
+from enliven_edge.fusion.live import blending
+from enliven_edge.fusion.live.fuser import Fuser
+from enliven_edge.fusion.live.grouping import plausible
+from enliven_edge.fusion.live.health import SensorState
+from enliven_edge.fusion.live.sides import exchanged
+from enliven_edge.fusion.live.warmup import somebody, warm_up_fusion
 from enliven_edge.fusion.settings import FusionSettings
-from enliven_edge.fusion.sides import exchanged
-from enliven_edge.fusion.warmup import somebody, warm_up_fusion
-from enliven_edge.synthesis.wander import Way
+from enliven_synthesis.motion.wander import Way
 
 EYES = {"a": np.array([0.0, 1.2, 0.0]), "b": np.array([2.5, 1.2, -2.0]), "c": np.array([-2.5, 1.2, -2.0])}
 STEP = 1 / 30

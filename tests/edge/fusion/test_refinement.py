@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.fusion.refinement import normal_equations
+from enliven_edge.fusion.calibration.refinement import normal_equations
 
 
 def jacobian_of(arm: np.ndarray, velocity: np.ndarray) -> np.ndarray:

@@ -4,7 +4,15 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from enliven_edge.fusion.rigid import angle_between, best_rigid, inverse, moved, rigid, rotation_vector, turn
+from enliven_edge.fusion.placement.rigid import (
+    angle_between,
+    best_rigid,
+    inverse,
+    moved,
+    rigid,
+    rotation_vector,
+    turn,
+)
 
 ANGLES = st.tuples(*[st.floats(-1.8, 1.8)] * 3).map(np.array)
 SHIFTS = st.tuples(*[st.floats(-5, 5)] * 3).map(np.array)

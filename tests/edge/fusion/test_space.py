@@ -7,7 +7,7 @@ import pytest
 from walkers import stand
 
 from enliven.errors import InputError, ResourceError
-from enliven_edge.fusion.space import Place, Space, load_space, rows, save_space
+from enliven_edge.fusion.placement.space import Place, Space, load_space, rows, save_space
 
 SPACE = Space(
     {

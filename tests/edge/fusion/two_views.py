@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 
 from enliven.frames import DepthFrame
-from enliven_edge.fusion.rigid import inverse
+from enliven_edge.fusion.placement.rigid import inverse
 from enliven_edge.sensors.profile import load_profile
-from enliven_edge.synthesis.choreography import HOME_Z
-from enliven_edge.synthesis.ensemble import Appearance, Ensemble
-from enliven_edge.synthesis.motion import Danced
-from enliven_edge.synthesis.performer import Performer, Proportions
-from enliven_edge.synthesis.wander import wander
+from enliven_synthesis.body.performer import Performer, Proportions
+from enliven_synthesis.motion.dance import HOME_Z
+from enliven_synthesis.motion.motion import Danced
+from enliven_synthesis.motion.wander import wander
+from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
 
 WIDTH, RATE = 320, 30.0
 PLACES = {"left": ((0.0, 0.0), 0.0), "right": ((2.3, -1.2), 55.0)}

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from enliven.body import Body
 from enliven.frames import BodyFrame
-from enliven_edge.fusion.rigid import inverse, moved, rigid, turn
-from enliven_edge.fusion.sides import exchanged
-from enliven_edge.synthesis.performer import Performer, Proportions
-from enliven_edge.synthesis.wander import Way
+from enliven.person.body import Body
+from enliven_edge.fusion.live.sides import exchanged
+from enliven_edge.fusion.placement.rigid import inverse, moved, rigid, turn
+from enliven_synthesis.body.performer import Performer, Proportions
+from enliven_synthesis.motion.wander import Way
 
 FORWARD = np.array([0.0, 0.0, 1.0])
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.body import PARENTS, Joint
-from enliven_edge.synthesis.choreography import choreography
-from enliven_edge.synthesis.exercises import exercise
-from enliven_edge.synthesis.performer import Performer, Proportions
+from enliven.person.body import PARENTS, Joint
+from enliven_synthesis.body.performer import Performer, Proportions
+from enliven_synthesis.motion.choreography import choreography
+from enliven_synthesis.motion.exercises import exercise
 
 STEP = 1.0 / 25.0
 SIDED = ("Shoulder", "Elbow", "Wrist", "Hand", "Hip", "Knee", "Ankle", "Toes")

@@ -11,18 +11,18 @@ import typer
 from made_bvh import danced, write_bvh
 from typer.testing import CliRunner
 
-from enliven.body import Joint
-from enliven_edge.casting import cast, parts_for
+from enliven.person.body import Joint
 from enliven_edge.commands.import_ import import_recording
-from enliven_edge.outlet import Outlet
+from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.replay import ReplaySensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
+from enliven_edge.stage.casting import cast, parts_for
+from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
-from enliven_viewer.document import Document
-from enliven_viewer.takes import Take
-from enliven_viewer.timeline import Timeline
+from enliven_viewer.link.take_feed import Take
+from enliven_viewer.playback.document import Document
+from enliven_viewer.playback.timeline import Timeline
 
 HOLD = 1.64
 """Seconds into the exercise: the arms are held out."""

@@ -13,10 +13,10 @@ from patience import PATIENCE, until
 from PIL import Image
 from typer.testing import CliRunner
 
-from enliven.body import Body, J
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
+from enliven.person.body import Body, J
 from enliven.recording import Recorder, Recording
 from enliven_edge.commands.import_ import import_recording
 from enliven_edge.commands.record import record

@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.body import ANKLE_ABOVE_SOLE, Joint
 from enliven.errors import InputError
+from enliven.person.body import ANKLE_ABOVE_SOLE, Joint
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.body_scanner import level_from_tilted
 from enliven_edge.importing.mirror import OTHER_SIDE, mirrored
 from enliven_edge.importing.msr_action3d import FOCAL, ORDER
 from enliven_edge.importing.registry import find_reader
 from enliven_edge.importing.skeletons import KINECT2_NAMES, KINECT2_ORDER
-from enliven_edge.tracking.output import Output
+from enliven_edge.tracking.output.output import Output
 
 UPRIGHT = {
     "HIP_CENTER": (0, 0.95, 0),

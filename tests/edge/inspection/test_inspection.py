@@ -9,10 +9,10 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from enliven.body import Body, Joint
 from enliven.camera import Intrinsics, project, world_from_level_camera
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
+from enliven.person.body import Body, Joint
 from enliven.recording import Recorder
 from enliven_edge.commands.inspect import inspect
 from enliven_edge.inspection.film import Film
@@ -25,10 +25,10 @@ from enliven_edge.inspection.picture import (
     draw_bodies,
     tinted,
 )  # fmt: skip
-from enliven_edge.sensors.synthetic import SyntheticSensor
-from enliven_edge.synthesis.choreography import choreography
-from enliven_edge.synthesis.performer import Performer
 from enliven_edge.tracking.tracker import Tracker
+from enliven_synthesis.body.performer import Performer
+from enliven_synthesis.motion.choreography import choreography
+from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 CAMERA = Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
 MOUNT = world_from_level_camera(1.1, 0.05)

@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 
-from enliven.body import Joint
+from enliven.person.body import Joint
 from enliven_edge.landmarks.eye import ColourEye
-from enliven_edge.sensors.synthetic import SyntheticSensor
 from enliven_edge.tracking.settings import SmoothingSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
+from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 RAW = TrackerSettings(smoothing=SmoothingSettings(amount=0.0))
 FRAMES = 25

@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from enliven.body import Joint
 from enliven.errors import InputError
+from enliven.person.body import Joint
 from enliven_edge.landmarks.anatomy import WEIGHTS, visibility_of
 from enliven_edge.landmarks.lifting import Lifter, LiftSettings
-from enliven_edge.sensors.synthetic import SyntheticSensor
+from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 LIMBS = [j for j in Joint if j not in (Joint.HIP_CENTER, Joint.SPINE)]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.body import Joint
 from enliven.camera import Intrinsics, project
+from enliven.person.body import Joint
 from enliven_edge.landmarks.source import INDEX, NAMES, Landmarks
 
 _LIMBS = {

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.body import Body, Joint
-from enliven.character import SkinWeights
-from enliven.mesh import Mesh
-from enliven.shape import Shape, still_shape
-from enliven.skeleton import Skeleton
+from enliven.document.character import SkinWeights
+from enliven.document.rigged import Shape, still_shape
+from enliven.document.skeleton import Skeleton
+from enliven.meshes.mesh import Mesh
+from enliven.person.body import Body, Joint
 
 LIMBS = {
     "right": (1.0, 0.0, 0.0),

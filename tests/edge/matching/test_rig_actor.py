@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.body import Body, Joint
 from enliven.errors import InputError
 from enliven.matching.picking import PickingSettings
 from enliven.matching.views import View
+from enliven.person.body import Body, Joint
 from enliven.rotation import from_rotation_vector, rotate
 from enliven.wire.matches import board_to_message, message_to_board
-from enliven_edge.matching.limbs import body_source
-from enliven_edge.matching.rig_actor import RigActor
-from enliven_edge.matching.settings import MatchingSettings
-from enliven_edge.stage import Stage
+from enliven_edge.stage.rig.limbs import body_source
+from enliven_edge.stage.rig.rig_actor import RigActor
+from enliven_edge.stage.rig.settings import MatchingSettings
+from enliven_edge.stage.stage import Stage
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -7,13 +7,13 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the physics engine is an extra: pip install ./edge[physics]")
 
-from enliven.body import Body
-from enliven.props import BALL, BOX
+from enliven.document.props import BALL, BOX
+from enliven.person.body import Body
 from enliven_edge.physics.settings import EngineSettings
 from enliven_edge.physics.world import PropSpecs, World
-from enliven_edge.tracking.model import lengths_for_height
-from enliven_edge.tracking.posture import Posture
-from enliven_edge.tracking.ranges import standing
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.body_model.posture import Posture
 
 FRAME = 1 / 30
 UNBOUND = EngineSettings(budget=0.0)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from enliven.character import Character, Pose, SkinWeights
+from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
 from enliven.settings import load_settings
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.body import PARTS, Body
-from enliven_edge.tracking import model
-from enliven_edge.tracking.posture import Posture, rotation
-from enliven_edge.tracking.ranges import standing
+from enliven.person.body import PARTS, Body
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 FRAME = 33_333_333
 ARMS = sorted(PARTS["arms"])

@@ -7,17 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.body import MIRROR, PARENTS, Body, Joint
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.examples.performer import performed
-from enliven.motion.capture_clip import BODY_NAMES, clip_of_bodies
-from enliven.skeleton import Skeleton
-from enliven_edge.placement import turn_about_y
-from enliven_edge.puppets.bones import Bones
-from enliven_edge.puppets.likeness import Likeness
-from enliven_edge.tracking import model
-from enliven_edge.tracking.posture import Posture, rotation
-from enliven_edge.tracking.ranges import standing
+from enliven.motion.takes.capture_clip import BODY_NAMES, clip_of_bodies
+from enliven.person.body import MIRROR, PARENTS, Body, Joint
+from enliven_edge.stage.placement import turn_about_y
+from enliven_edge.stage.puppet.bones import Bones
+from enliven_edge.stage.puppet.likeness import Likeness
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 few = settings(max_examples=25, deadline=None)
 PAIRED = tuple(BODY_NAMES[j] for j in (Joint.HEAD, Joint.WRIST_LEFT, Joint.ELBOW_RIGHT, Joint.ANKLE_LEFT))

@@ -12,15 +12,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.body import Body, Joint
-from enliven.cactus_puppet import cactus_project
-from enliven.character import Pose
+from enliven.document.character import Pose
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.puppet_motion import examples_of
-from enliven_edge.puppets.actor import PuppetActor
-from enliven_edge.puppets.settings import PuppetSettings
-from enliven_edge.stage import Stage
+from enliven.person.body import Body, Joint
+from enliven.samples.cactus_puppet import cactus_project
+from enliven_edge.stage.puppet.puppet_actor import PuppetActor
+from enliven_edge.stage.puppet.settings import PuppetSettings
+from enliven_edge.stage.stage import Stage
 
 sys.path.insert(0, str(Path(__file__).parent))
 

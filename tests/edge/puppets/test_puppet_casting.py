@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.cactus_puppet import TAKE, cactus_project
 from enliven.cli import run
+from enliven.document.project import Project
+from enliven.document.puppet import ControlPoint
 from enliven.errors import InputError
-from enliven.formats.project_file import write_project
-from enliven.formats.session_text import write_session
-from enliven.mesh import Mesh
-from enliven.project import Project
-from enliven.puppet import ControlPoint
-from enliven_edge.puppets.casting import cast_puppet
-from enliven_edge.puppets.spec import is_puppet
+from enliven.formats.project.file import write_project
+from enliven.formats.session.text import write_session
+from enliven.meshes.mesh import Mesh
+from enliven.samples.cactus_puppet import TAKE, cactus_project
+from enliven_edge.stage.puppet.casting import cast_puppet
+from enliven_edge.stage.puppet.spec import is_puppet
 
 CACTUS = cactus_project(0.05)
 PUPPET = CACTUS.puppet("cactus")

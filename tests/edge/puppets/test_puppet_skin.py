@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.cactus_puppet import cactus_project
-from enliven.character import Pose
-from enliven.deformation.puppet_surface import PuppetSurface
-from enliven.puppet import character_of_puppet
-from enliven_edge.puppets.skin import roughly_skinned
+from enliven.deformation.arap.control_point_surface import PuppetSurface
+from enliven.document.character import Pose
+from enliven.document.puppet import character_of_puppet
+from enliven.samples.cactus_puppet import cactus_project
+from enliven_edge.stage.puppet.skin import roughly_skinned
 
 PUPPET = cactus_project(0.05).puppet("cactus")
 CHARACTER = character_of_puppet(PUPPET)

@@ -12,13 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import assert_alike
 
-from enliven.body import Joint
-from enliven.cactus_puppet import cactus_project
-from enliven.examples.locomotion import LocomotionSettings, Switch, locate
-from enliven_edge.puppets.actor import PuppetActor
-from enliven_edge.puppets.settings import PuppetSettings
-from enliven_edge.puppets.soles import Footing, Soles
-from enliven_edge.puppets.way import Way
+from enliven.examples.spacetime.locomotion import LocomotionSettings, Switch, locate
+from enliven.person.body import Joint
+from enliven.samples.cactus_puppet import cactus_project
+from enliven_edge.stage.puppet.feet import Footing, Soles
+from enliven_edge.stage.puppet.locomotion import Way
+from enliven_edge.stage.puppet.puppet_actor import PuppetActor
+from enliven_edge.stage.puppet.settings import PuppetSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.body import Body
 from enliven.frames import BodyFrame
+from enliven.person.body import Body
 
 FRAMES = 5
 STEP = 40_000_000

@@ -40,8 +40,8 @@ from enliven_edge.sensors.isolation import isolated
 from enliven_edge.sensors.profile import load_profile
 from enliven_edge.sensors.registry import open_sensor
 from enliven_edge.sensors.reopening import kept_open
-from enliven_edge.synthesis.studio import Studio, StudioSettings
 from enliven_edge.tracking.tracker import Tracker
+from enliven_synthesis.sensor.studio import Studio, StudioSettings
 
 LOAD = 0.5
 """Share of the time of waiting that may be spent computing: busy waiting takes all of it, and a helper's own

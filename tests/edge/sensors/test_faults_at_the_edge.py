@@ -10,14 +10,14 @@ from enliven.errors import ResourceError
 from enliven.frames import DepthFrame
 from enliven.health import HealthKind
 from enliven.recording import Recording
-from enliven_edge.fusion.fused_sensor import FusedSensors
-from enliven_edge.fusion.space import Place, Space
-from enliven_edge.outlet import Outlet
+from enliven_edge.fusion.live.fused_sensor import FusedSensors
+from enliven_edge.fusion.placement.space import Place, Space
+from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.reopening import kept_open
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
-from enliven_edge.tracking.health import HealthMonitor
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.health.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
 
 FRAMES = 160

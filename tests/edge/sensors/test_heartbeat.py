@@ -12,16 +12,16 @@ from patience import until
 from wild import Wild
 
 from enliven.health import HealthKind
-from enliven_edge.outlet import Outlet
+from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.isolation import IsolatedOpener, isolated
 from enliven_edge.sensors.reopening import kept_open
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
+from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.warmup import warm_up_tracking
-from enliven_viewer.link import Link
+from enliven_viewer.link.edges import Link
 
 BEATS = 3
 """Heartbeats that are waited for while a trouble lasts: one that stops the edge lets none through."""

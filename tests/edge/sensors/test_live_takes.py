@@ -24,7 +24,7 @@ from enliven_edge.sensors.diary import CONDITION_TOPIC, EVENTS_TOPIC, Diary
 from enliven_edge.sensors.drivers.oak import OakSensor
 from enliven_edge.sensors.drivers.realsense import RealSenseSensor
 from enliven_edge.sensors.replay import ReplaySensor
-from enliven_edge.tracking.health import HealthMonitor
+from enliven_edge.tracking.health.health import HealthMonitor
 
 LIBRARIES = {"oak": "depthai", "realsense": "pyrealsense2"}
 finite = st.floats(-200, 200)

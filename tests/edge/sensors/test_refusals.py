@@ -20,7 +20,8 @@ from troubled import camera, picture
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven.recording import Recorder
-from enliven_edge.sensors.drivers import extras, refusals
+from enliven_edge.sensors import extras
+from enliven_edge.sensors.drivers import refusals
 from enliven_edge.sensors.drivers.lens import known_or_typical
 from enliven_edge.sensors.drivers.refusals import SAID, SYSTEM, chosen, refused
 from enliven_edge.sensors.registry import sensor_opener

@@ -6,9 +6,9 @@ import os
 import numpy as np
 import pytest
 
-from enliven.body import Body, J
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
+from enliven.person.body import Body, J
 from enliven.recording import Recorder, RecordingWarning
 from enliven_edge.sensors import diary, replay
 from enliven_edge.sensors.base import SensorFault

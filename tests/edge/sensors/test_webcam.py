@@ -6,15 +6,15 @@ import time
 import numpy as np
 import pytest
 
-from enliven.body import Body, Joint
 from enliven.camera import world_from_level_camera
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
+from enliven.person.body import Body, Joint
 from enliven_edge.landmarks.eye import pinhole
 from enliven_edge.landmarks.source import NAMES, Landmarks
 from enliven_edge.sensors.registry import open_sensor
-from enliven_edge.sensors.synthetic import SyntheticSensor
 from enliven_edge.sensors.webcam import WebcamSensor
+from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 av = pytest.importorskip("av")
 MOUNT = world_from_level_camera(1.2)

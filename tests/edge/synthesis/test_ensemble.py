@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from tolerances import assert_alike
 
-from enliven.body import Joint
+from enliven.person.body import Joint
 from enliven_edge.sensors.profile import load_profile
-from enliven_edge.synthesis.ensemble import Appearance, Ensemble
-from enliven_edge.synthesis.exercises import exercise
-from enliven_edge.synthesis.flesh import Anatomy
-from enliven_edge.synthesis.motion import Chained, Danced, Held, Leg, placed
-from enliven_edge.synthesis.performer import Performer, Proportions
-from enliven_edge.synthesis.scene import Box
-from enliven_edge.synthesis.visibility import THICKNESS
+from enliven_synthesis.body.body_sdf import Anatomy
+from enliven_synthesis.body.performer import Performer, Proportions
+from enliven_synthesis.body.visibility import THICKNESS
+from enliven_synthesis.motion.exercises import exercise
+from enliven_synthesis.motion.motion import Chained, Danced, Held, Leg, placed
+from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
+from enliven_synthesis.sensor.scene import Box
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from test_rendering import slow_field

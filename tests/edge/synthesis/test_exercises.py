@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from tolerances import assert_alike
 
-from enliven.body import BONES, Joint
 from enliven.errors import InputError
-from enliven_edge.synthesis.exercises import exercise, exercise_names
-from enliven_edge.synthesis.performer import Performer, Proportions
+from enliven.person.body import BONES, Joint
+from enliven_synthesis.body.performer import Performer, Proportions
+from enliven_synthesis.motion.exercises import exercise, exercise_names
 
 
 def danced(name: str, seed: int, build: Proportions | None = None) -> tuple[np.ndarray, np.ndarray]:

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.body import Joint
 from enliven.errors import InputError
-from enliven.formats.capture import Capture
-from enliven_edge.synthesis.capture_roles import find_roles
-from enliven_edge.synthesis.choreography import choreography
-from enliven_edge.synthesis.exercises import exercise
-from enliven_edge.synthesis.mocap import Captured
-from enliven_edge.synthesis.performer import Performer, Proportions
+from enliven.formats.motion.capture import Capture
+from enliven.motion.takes.capture_roles import find_roles
+from enliven.person.body import Joint
+from enliven_synthesis.body.performer import Performer, Proportions
+from enliven_synthesis.motion.choreography import choreography
+from enliven_synthesis.motion.exercises import exercise
+from enliven_synthesis.motion.mocap import Captured
 
 # Names for: hips, spine, chest, neck, head, then collar, shoulder, elbow, wrist, hand, hip, knee, ankle, toe.
 CONVENTIONS = {

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven_edge.tracking import model, ranges, terms
-from enliven_edge.tracking.capsules import nearest_capsules
-from enliven_edge.tracking.gauss_newton import stepped
-from enliven_edge.tracking.kinematics import pivots_by_length
-from enliven_edge.tracking.posture import Posture, forward
-from enliven_edge.tracking.wrenches import gather, no_sums
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.capsules import nearest_capsules
+from enliven_edge.tracking.body_model.kinematics import pivots_by_length
+from enliven_edge.tracking.body_model.posture import Posture, forward
+from enliven_edge.tracking.fit import terms
+from enliven_edge.tracking.fit.gauss_newton import stepped
+from enliven_edge.tracking.fit.normal_equations import gather, no_sums
 
 TURNS = (model.DOF_FRAME, model.DOF_AXIS)
 NO_AFFINITY = np.zeros((0, 0), np.float32)
@@ -22,7 +23,7 @@ def moved_by(posture: Posture, step) -> Posture:
 def random_posture(seed: int, spread: float = 0.3) -> Posture:
     """A person at about 2.5 m in front of the sensor, limbs turned at random."""
     random = np.random.default_rng(seed)
-    posture = Posture(np.array([0.1, 0.95, -2.5]), ranges.standing(), model.lengths_for_height(1.7))
+    posture = Posture(np.array([0.1, 0.95, -2.5]), joint_limits.standing(), model.lengths_for_height(1.7))
     step = np.concatenate([random.normal(0, 0.05, 3), random.normal(0, spread, model.DOFS - 3), np.zeros(12)])
     return moved_by(posture, step)
 
@@ -36,7 +37,7 @@ def body_of(posture: Posture, free: int = 12):
 
 
 def surroundings(posture: Posture, free: int = 12, *, taper: bool = False):
-    """The posture's surface as the terms take it, see :mod:`enliven_edge.tracking.terms`.
+    """The posture's surface as the terms take it, see :mod:`enliven_edge.tracking.fit.terms`.
 
     The terms take the point of the axis nearest to a sample as fixed, which is exact without taper only.
     """

@@ -10,11 +10,11 @@ import pytest
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.frames import DepthFrame
-from enliven_edge.synthesis.choreography import choreography
-from enliven_edge.synthesis.flesh import Anatomy
-from enliven_edge.synthesis.performer import Figure, Performer, Proportions
-from enliven_edge.synthesis.render import Renderer
-from enliven_edge.synthesis.scene import ROOM, Box, cast_room
+from enliven_synthesis.body.body_sdf import Anatomy
+from enliven_synthesis.body.performer import Figure, Performer, Proportions
+from enliven_synthesis.motion.choreography import choreography
+from enliven_synthesis.sensor.render import Renderer
+from enliven_synthesis.sensor.scene import ROOM, Box, cast_room
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven_edge.estimator.crop import Crop
-from enliven_edge.estimator.estimator import Estimate
-from enliven_edge.estimator.labels import FACINGS, PARTS
-from enliven_edge.tracking.appearance import Seen, facing
-from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.detect.appearance import Seen, facing
+from enliven_edge.tracking.estimator.crop import Crop
+from enliven_edge.tracking.estimator.estimator import Estimate
+from enliven_edge.tracking.estimator.labels import FACINGS, PARTS
 
 EYE = np.array([0.0, 1.2, 0.0])
 _NO_CROP = Crop(np.zeros((4, 80, 64), np.float32), 2.5, 0.03, np.eye(2), np.zeros(2))

@@ -10,13 +10,13 @@ from functools import cache
 import numpy as np
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.estimator.estimator import Estimate, shipped_estimator
-from enliven_edge.estimator.pictures import Picture, Studio, random_build
-from enliven_edge.estimator.postures import random_figure
-from enliven_edge.synthesis.performer import Figure, Performer
-from enliven_edge.tracking.appearance import Seen, looked_at
-from enliven_edge.tracking.detection import supposing
-from enliven_edge.tracking.observation import Observation, WorkingCamera, observe, world_points
+from enliven_edge.tracking.detect.appearance import Seen, looked_at
+from enliven_edge.tracking.detect.detection import supposing
+from enliven_edge.tracking.estimator.estimator import Estimate, shipped_estimator
+from enliven_edge.tracking.frame.observation import Observation, WorkingCamera, observe, world_points
+from enliven_synthesis.body.performer import Figure, Performer
+from enliven_synthesis.training.body_poses import random_figure
+from enliven_synthesis.training.rendering import Picture, Studio, random_build
 
 CLASSES = {
     "arms overhead": ("stand", "overhead", 0.0),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven_edge.tracking.observation import Observation, nearest_columns
-from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.frame.observation import Observation, nearest_columns
 
 MOUNT = np.diag([1.0, -1.0, -1.0, 1.0])
 MOUNT[1, 3] = 1.0

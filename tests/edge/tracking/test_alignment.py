@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from tolerances import SOLVED, assert_alike
 
-from enliven_edge.tracking import model, ranges
-from enliven_edge.tracking.alignment import _EASE, _LIMITS, _SKELETON, _normal_equations, align
-from enliven_edge.tracking.hypotheses import BANK
-from enliven_edge.tracking.kinematics import turn
-from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.kinematics import turn
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.detect.hypotheses import BANK
+from enliven_edge.tracking.fit.alignment import _EASE, _LIMITS, _SKELETON, _normal_equations, align
 
 LENGTHS = model.lengths_for_height(1.7)
 ANCHORS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
@@ -18,7 +18,7 @@ ALIKE = np.full(20, 0.03)
 
 
 def standing(yaw: float = 0.0) -> Posture:
-    return Posture(np.array([0.0, 0.9, 0.0]), ranges.standing(yaw), LENGTHS.copy())
+    return Posture(np.array([0.0, 0.9, 0.0]), joint_limits.standing(yaw), LENGTHS.copy())
 
 
 @pytest.mark.parametrize("number", range(len(BANK)))

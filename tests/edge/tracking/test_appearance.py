@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from people_seen_for_tests import CLASSES, SEEDS, seen_in, seen_person, taken
 from tolerances import alike, assert_alike
 
-from enliven_edge.estimator.labels import FACINGS, MIRRORED, PARTS, Part
-from enliven_edge.tracking import model, ranges
-from enliven_edge.tracking.appearance import (
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.capsules import nearest_capsules
+from enliven_edge.tracking.body_model.posture import Posture, rotation
+from enliven_edge.tracking.detect.appearance import (
     CARRIES,
     agreement,
     facing,
@@ -20,8 +21,7 @@ from enliven_edge.tracking.appearance import (
     looked_at,
     turned_about,
 )
-from enliven_edge.tracking.capsules import nearest_capsules
-from enliven_edge.tracking.posture import Posture, rotation
+from enliven_edge.tracking.estimator.labels import FACINGS, MIRRORED, PARTS, Part
 
 PARTS_RIGHT = 0.6
 """Least share of the points whose part the shipped network tells rightly."""
@@ -36,7 +36,7 @@ MIRRORED_CAPSULE = np.array(
 
 
 def standing(yaw: float = 0.0) -> Posture:
-    return Posture(np.array([0.0, 0.95, -2.5]), ranges.standing(yaw), model.lengths_for_height(1.7))
+    return Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(yaw), model.lengths_for_height(1.7))
 
 
 def noise(seed: int, count: int = 30):
@@ -197,7 +197,9 @@ def test_the_network_tells_the_front_from_the_back_for_most():
         for seed in SEEDS:
             observation, _ = seen_person(name, seed)
             seen, eye = seen_in(observation)[0], observation.view[4][:3, 3].copy()
-            front = Posture(observation.points.mean(0).astype(float), ranges.standing(), standing().lengths)
+            front = Posture(
+                observation.points.mean(0).astype(float), joint_limits.standing(), standing().lengths
+            )
             right.append(
                 (facing_score(seen, front, eye) > facing_score(seen, turned_about(front), eye))
                 == (name != "back")

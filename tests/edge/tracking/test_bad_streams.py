@@ -11,9 +11,9 @@ import pytest
 
 from enliven.frames import DepthFrame
 from enliven.health import HealthKind
-from enliven_edge.sensors.synthetic import SyntheticSensor
-from enliven_edge.tracking.health import HealthMonitor
+from enliven_edge.tracking.health.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
+from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 GOOD, BAD, AFTER = 45, 60, 75
 """Frames before a fault, with it and after it: a person is known before, and is found again after it."""

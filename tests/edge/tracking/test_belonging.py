@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking.belonging import given_back, grown
+from enliven_edge.tracking.segment.surface_growing import given_back, grown
 
 PEOPLE = 3
 SHAPE = (14, 18)

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from enliven.body import Joint
-from enliven_edge.tracking import follower
-from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.follower import Follower
-from enliven_edge.tracking.observation import WorkingCamera, world_points
-from enliven_edge.tracking.segmentation import lying_on
+from enliven.person.body import Joint
+from enliven_edge.tracking.fit.fit import Fitter
+from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.people import follower
+from enliven_edge.tracking.people.follower import Follower
+from enliven_edge.tracking.segment.segmentation import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
-from enliven_edge.tracking.view import View
 
 SETTINGS = TrackerSettings()
 GOOD, HEAD_WITHIN, HIPS_WITHIN = 0.6, 0.1, 0.15

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from enliven.body import Body, Joint
-from enliven_edge.sensors.synthetic import SyntheticSensor
-from enliven_edge.tracking.contact import Contacts
+from enliven.person.body import Body, Joint
+from enliven_edge.tracking.output.contact import Contacts
 from enliven_edge.tracking.settings import ContactSettings
+from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 STEP = 33_333_333
 UP = np.array([0.0, 1.0, 0.0])

@@ -13,17 +13,17 @@ import pytest
 from people_seen_for_tests import CLASSES, SEEDS, seen_in, seen_person
 
 from enliven.camera import Intrinsics
-from enliven_edge.estimator.labels import FACINGS
-from enliven_edge.estimator.pictures import random_build
-from enliven_edge.tracking import model, ranges
-from enliven_edge.tracking.appearance import turned_about
-from enliven_edge.tracking.detection import detect, detect_another, quality
-from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.observation import Observation, WorkingCamera, observe, world_points
-from enliven_edge.tracking.posing import posed
-from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.detect.appearance import turned_about
+from enliven_edge.tracking.detect.detection import detect, detect_another, quality
+from enliven_edge.tracking.detect.posing import posed
+from enliven_edge.tracking.estimator.labels import FACINGS
+from enliven_edge.tracking.fit.fit import Fitter
+from enliven_edge.tracking.frame.observation import Observation, WorkingCamera, observe, world_points
 from enliven_edge.tracking.settings import FitSettings
-from enliven_edge.tracking.spread import whole
+from enliven_edge.tracking.work_budget import whole
+from enliven_synthesis.training.rendering import random_build
 
 MEDIAN, FAR, NOT_FAR = 0.08, 0.15, 0.6
 """Metres that a joint in sight is off most often, in any class; and the least share within so many."""
@@ -145,5 +145,5 @@ def test_another_posture_is_found_only_where_it_may_be_better():
 def standing_as(posture: Posture) -> Posture:
     """Somebody else's posture in the same place."""
     made = posture.copy()
-    made.rotations = ranges.standing(2.0, arm_raise=1.4)
+    made.rotations = joint_limits.standing(2.0, arm_raise=1.4)
     return made

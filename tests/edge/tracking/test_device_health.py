@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from enliven.camera import world_from_level_camera
 from enliven.health import HealthKind
 from enliven_edge.sensors.base import Condition
-from enliven_edge.tracking.alarm import Alarms
-from enliven_edge.tracking.device_health import judge_condition
+from enliven_edge.tracking.health.alarm import Alarms
+from enliven_edge.tracking.health.device_health import judge_condition
 
 SECOND = 1_000_000_000
 DOWN = (0.0, 9.81, 0.0)

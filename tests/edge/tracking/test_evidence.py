@@ -10,17 +10,17 @@ from hypothesis import strategies as st
 from postures_seen_for_tests import observed
 from tolerances import SOLVED, assert_alike
 
-from enliven_edge.tracking import evidence as of_joints
-from enliven_edge.tracking import model, ranges
-from enliven_edge.tracking.confidence import ALONE, GROUP_OF_JOINT, WITH_NETWORK, _weights, confidence
-from enliven_edge.tracking.evidence import NAMES
-from enliven_edge.tracking.fit import FitReport, Fitter
-from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.fit.fit import FitReport, Fitter
+from enliven_edge.tracking.people import evidence as of_joints
+from enliven_edge.tracking.people.confidence import ALONE, GROUP_OF_JOINT, WITH_NETWORK, _weights, confidence
+from enliven_edge.tracking.people.evidence import NAMES
 from enliven_edge.tracking.settings import FitSettings
 
 
 def standing(x: float = 0.0) -> Posture:
-    return Posture(np.array([x, 0.95, -2.5]), ranges.standing(), model.lengths_for_height(1.7))
+    return Posture(np.array([x, 0.95, -2.5]), joint_limits.standing(), model.lengths_for_height(1.7))
 
 
 def test_a_person_in_full_view_is_visible_and_a_shifted_one_is_seen_through():
@@ -53,7 +53,7 @@ def test_a_joint_that_nothing_holds_is_the_loosest():
 @settings(max_examples=10, deadline=None)
 def test_uncertainty_is_that_of_the_inverse_matrix(seed):
     """The factor's short cut against the plain J inv(H) J' with numerical derivatives."""
-    from enliven_edge.tracking.gauss_newton import stepped
+    from enliven_edge.tracking.fit.gauss_newton import stepped
 
     posture = standing()
     turns = (model.DOF_FRAME, model.DOF_AXIS)

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from enliven.body import Joint
 from enliven.camera import world_from_level_camera
-from enliven_edge.estimator.pictures import Studio
-from enliven_edge.estimator.postures import random_figure
-from enliven_edge.synthesis.performer import Performer, Proportions
-from enliven_edge.tracking.extremities import _PENALTY, extremities, spread
+from enliven.person.body import Joint
+from enliven_edge.tracking.detect.extremities import _PENALTY, extremities, spread
+from enliven_synthesis.body.performer import Performer, Proportions
+from enliven_synthesis.training.body_poses import random_figure
+from enliven_synthesis.training.rendering import Studio
 
 
 def slow_distances(points: np.ndarray, z: np.ndarray, mask: np.ndarray, step: int, source: int) -> np.ndarray:

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from estimates_for_tests import EYE, estimate_of, seen_as, ways_of
 
-from enliven_edge.tracking import model, ranges
-from enliven_edge.tracking.appearance import Seen, facing_score, turned_about
-from enliven_edge.tracking.chest import chest_axes, chest_axes_about
-from enliven_edge.tracking.facing import Facing, _advantage, backward, forward_in_plan
-from enliven_edge.tracking.posture import Posture, rotation
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.chest import chest_axes, chest_axes_about
+from enliven_edge.tracking.body_model.posture import Posture, rotation
+from enliven_edge.tracking.detect.appearance import Seen, facing_score, turned_about
+from enliven_edge.tracking.detect.facing import Facing, _advantage, backward, forward_in_plan
 
 STILL = (0.0, 0.0, 0.0)
 
 
 def standing(yaw: float = 0.0) -> Posture:
-    return Posture(np.array([0.0, 0.95, -2.5]), ranges.standing(yaw), model.lengths_for_height(1.7))
+    return Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(yaw), model.lengths_for_height(1.7))
 
 
 def seen_facing(posture: Posture | None, plainly: float = 2.5) -> Seen:

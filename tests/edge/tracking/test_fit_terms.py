@@ -16,10 +16,11 @@ from bodies_for_tests import (
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking import data_term, model, ranges, terms
-from enliven_edge.tracking.fit import shape
-from enliven_edge.tracking.observation import nearest_columns
-from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.fit import data_term, terms
+from enliven_edge.tracking.fit.fit import shape
+from enliven_edge.tracking.frame.observation import nearest_columns
 
 PAIRS = shape()[9]
 
@@ -137,7 +138,7 @@ def test_the_build_is_held_as_its_energy_says(seed):
 
 
 def test_the_floor_costs_nothing_to_who_stands_on_it():
-    standing = Posture(np.array([0.0, 1.0, -2.0]), ranges.standing(), model.lengths_for_height(1.7))
+    standing = Posture(np.array([0.0, 1.0, -2.0]), joint_limits.standing(), model.lengths_for_height(1.7))
     ends, radii = standing.capsules()
     standing.position[1] -= (ends[..., 1] - radii).min()
     assert floor_energy(standing)[0] == 0.0
@@ -162,7 +163,7 @@ def test_a_limb_in_free_space_is_pushed_into_the_silhouette():
     mount[1, 3] = 1.0
     view = (depth, mask, nearest_columns(mask), np.array([130.0, 130.0, 79.5, 59.5]), mount)
     posture = Posture(
-        np.array([0.0, 0.95, -2.5]), ranges.standing(arm_raise=1.4), model.lengths_for_height(1.7)
+        np.array([0.0, 0.95, -2.5]), joint_limits.standing(arm_raise=1.4), model.lengths_for_height(1.7)
     )
     energy, gradient = free_space_energy(posture, view)
     assert energy > 0

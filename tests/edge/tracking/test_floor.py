@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from enliven.camera import world_from_level_camera
-from enliven_edge.tracking.floor import _lying_plane, corrected
-from enliven_edge.tracking.posture import rotation
+from enliven_edge.tracking.body_model.posture import rotation
+from enliven_edge.tracking.scene.floor import _lying_plane, corrected
 
 GAIN = 0.3
 

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.tracking.crowd import Crowd
-from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.follower import Follower
-from enliven_edge.tracking.identity import Looks
-from enliven_edge.tracking.model import lengths_for_height
-from enliven_edge.tracking.newcomers import YOUNG
-from enliven_edge.tracking.observation import WorkingCamera, world_points
-from enliven_edge.tracking.person import Person
-from enliven_edge.tracking.posture import Posture
-from enliven_edge.tracking.ranges import standing
-from enliven_edge.tracking.room import UNSEEN, Room
-from enliven_edge.tracking.segmentation import segmented
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.fit.fit import Fitter
+from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.people.follower import Follower
+from enliven_edge.tracking.people.identity import Looks
+from enliven_edge.tracking.people.people import Crowd
+from enliven_edge.tracking.people.person import Person
+from enliven_edge.tracking.scene.room import UNSEEN, Room
+from enliven_edge.tracking.segment.candidates import YOUNG
+from enliven_edge.tracking.segment.segmentation import segmented
 from enliven_edge.tracking.settings import TrackerSettings
-from enliven_edge.tracking.view import View
 
 CAMERA = WorkingCamera(Intrinsics(80, 60, 66, 66, 39.5, 29.5), 80)
 MOUNT = world_from_level_camera(1.2)

@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from enliven.body import Joint
 from enliven.frames import DepthFrame
-from enliven_edge.sensors.synthetic import SyntheticSensor
+from enliven.person.body import Joint
 from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
+from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 
 def turned(frame: DepthFrame) -> DepthFrame:

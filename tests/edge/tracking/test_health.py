@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.body import Body, Joint
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.health import HealthKind, Severity
-from enliven_edge.tracking.alarm import Alarm
-from enliven_edge.tracking.complaints import COMPLAINTS
-from enliven_edge.tracking.health import HealthMonitor, HealthSettings, TrackerState
-from enliven_edge.tracking.rhythm import Rhythm
-from enliven_edge.tracking.survey import survey
+from enliven.person.body import Body, Joint
+from enliven_edge.tracking.frame.frame_timing import Rhythm
+from enliven_edge.tracking.frame.survey import survey
+from enliven_edge.tracking.health.alarm import Alarm
+from enliven_edge.tracking.health.health import HealthMonitor, HealthSettings, TrackerState
+from enliven_edge.tracking.health.messages import COMPLAINTS
 
 STEP = 33_333_333
 CAMERA = Intrinsics(160, 120, 130, 130, 79.5, 59.5)

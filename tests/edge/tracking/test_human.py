@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.tracking.columns import parted
-from enliven_edge.tracking.human import outline, shape_of
-from enliven_edge.tracking.observation import WorkingCamera, world_points
-from enliven_edge.tracking.view import View
+from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.segment.columns import parted
+from enliven_edge.tracking.segment.person_shape import outline, shape_of
 
 CAMERA = WorkingCamera(Intrinsics(160, 120, 130, 130, 79.5, 59.5), 160)
 MOUNT = world_from_level_camera(1.2)

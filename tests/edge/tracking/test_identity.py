@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking.identity import Looks, Register, percentile
-from enliven_edge.tracking.model import lengths_for_height
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.people.identity import Looks, Register, percentile
+from enliven_edge.tracking.scene.zone import Lock, Zone
 from enliven_edge.tracking.settings import PeopleSettings
-from enliven_edge.tracking.zone import Lock, Zone
 
 SECOND = 1_000_000_000
 HERE = np.array([0.0, 0.9, -2.5])

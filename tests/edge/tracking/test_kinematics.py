@@ -6,9 +6,9 @@ from bodies_for_tests import body_of, random_posture
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking import model, ranges
-from enliven_edge.tracking.kinematics import deviation, exponential, logarithm
-from enliven_edge.tracking.posture import Posture, continued
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.kinematics import deviation, exponential, logarithm
+from enliven_edge.tracking.body_model.posture import Posture, continued
 
 
 @given(st.integers(0, 10_000))
@@ -56,9 +56,9 @@ def test_pivots_are_linear_in_the_lengths_with_raised_arms_too(seed):
 @given(st.integers(0, 10_000))
 @settings(max_examples=25, deadline=None)
 def test_forward_kinematics_keeps_bone_lengths(seed):
-    from enliven.body import BONES
+    from enliven.person.body import BONES
 
-    resting = Posture(np.zeros(3), ranges.standing(), model.lengths_for_height(1.7)).joints()
+    resting = Posture(np.zeros(3), joint_limits.standing(), model.lengths_for_height(1.7)).joints()
     joints = random_posture(seed, 0.8).joints()
     for a, b in BONES:
         if (a, b) not in ((0, 1), (14, 15), (18, 19)):  # these cross a frame's pivot
@@ -69,7 +69,7 @@ def test_forward_kinematics_keeps_bone_lengths(seed):
 
 def test_mirroring_twice_changes_nothing():
     rotations = random_posture(5).rotations
-    np.testing.assert_allclose(ranges.mirrored(ranges.mirrored(rotations)), rotations, atol=1e-12)
+    np.testing.assert_allclose(joint_limits.mirrored(joint_limits.mirrored(rotations)), rotations, atol=1e-12)
 
 
 def test_standing_height_is_the_height_asked_for():
@@ -81,7 +81,7 @@ def test_standing_height_is_the_height_asked_for():
 @settings(max_examples=25, deadline=None)
 def test_bones_lie_where_their_orientations_say(seed):
     """Limbs along -Y of their bone's frame, the spine and the neck along +Y, the shoulders across."""
-    from enliven.body import Joint
+    from enliven.person.body import Joint
     from enliven.rotation import rotate
 
     posture = random_posture(seed, 0.8)
@@ -111,8 +111,8 @@ def test_who_stands_upright_has_no_turned_bones():
 
 
 def test_left_is_left():
-    joints = Posture(np.zeros(3), ranges.standing(), model.lengths_for_height(1.7)).joints()
-    from enliven.body import Joint
+    joints = Posture(np.zeros(3), joint_limits.standing(), model.lengths_for_height(1.7)).joints()
+    from enliven.person.body import Joint
 
     assert joints[Joint.HAND_LEFT, 0] > 0 > joints[Joint.HAND_RIGHT, 0]
     assert joints[Joint.FOOT_LEFT, 2] > joints[Joint.ANKLE_LEFT, 2]

@@ -8,9 +8,10 @@ from bodies_for_tests import TURNS, body_of, gathered
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking import model, ranges, terms
-from enliven_edge.tracking.gauss_newton import stepped
-from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.fit import terms
+from enliven_edge.tracking.fit.gauss_newton import stepped
 
 JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
 SEEDS = st.integers(0, 10_000)
@@ -24,7 +25,7 @@ def random_posture(seed: int) -> Posture:
     """A person at about 2.5 m before the sensor, limbs turned at random, arms below their shoulders."""
     dice = np.random.default_rng(seed)
     lengths = model.lengths_for_height(1.7) * dice.uniform(0.9, 1.1, 12)
-    posture = Posture(np.array([0.1, 0.95, -2.5]), ranges.standing(dice.uniform(-3, 3)), lengths)
+    posture = Posture(np.array([0.1, 0.95, -2.5]), joint_limits.standing(dice.uniform(-3, 3)), lengths)
     return moved_by(posture, np.r_[dice.normal(0, 0.05, 3), dice.normal(0, 0.3, 27), np.zeros(12)])
 
 

@@ -9,14 +9,15 @@ import pytest
 from postures_seen_for_tests import CAMERA, MOUNT, picture
 
 from enliven.camera import Intrinsics
-from enliven_edge.tracking import follower, ranges
-from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.follower import Follower
-from enliven_edge.tracking.model import lengths_for_height
-from enliven_edge.tracking.observation import WorkingCamera, world_points
-from enliven_edge.tracking.posture import Posture
+from enliven_edge.tracking.body_model import joint_limits
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.fit.fit import Fitter
+from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.people import follower
+from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.settings import FitSettings, TrackerSettings
-from enliven_edge.tracking.view import View
 
 FEW = TrackerSettings(estimator=False, fit=FitSettings(points=60))
 KNOWN = 16
@@ -26,7 +27,7 @@ KNOWN = 16
 @pytest.fixture(scope="module")
 def scene():
     """(view, pixels, posture) of somebody who stands still."""
-    posture = Posture(np.array([0.0, 0.95, -2.5]), ranges.standing(), lengths_for_height(1.7))
+    posture = Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(), lengths_for_height(1.7))
     z, mask = picture(posture)
     camera = WorkingCamera(Intrinsics(160, 120, *CAMERA), 160)
     return View(0, z, world_points(z, camera.ray, MOUNT), camera, MOUNT), mask, posture

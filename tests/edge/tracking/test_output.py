@@ -9,13 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import assert_alike
 
-from enliven.body import BONES, Body, Joint
 from enliven.camera import world_from_level_camera
+from enliven.person.body import BONES, Body, Joint
 from enliven.rotation import from_rotation_vector, multiply, normalized, rotate, to_matrix
 from enliven.settings import load_settings
-from enliven_edge.sensors.synthetic import SyntheticSensor
-from enliven_edge.tracking.output import Output
+from enliven_edge.tracking.output.output import Output
 from enliven_edge.tracking.settings import OutputSettings, SmoothingSettings, TrackerSettings
+from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 STEP = 33_333_333
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking.patience import Patience
+from enliven_edge.tracking.detect.backoff import Patience
 
 
 def frames_between(patience: Patience, badness: float, trials: int) -> list[int]:

@@ -8,13 +8,13 @@ from estimates_for_tests import estimate_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.body import Joint
-from enliven_edge.tracking import model, ranges
-from enliven_edge.tracking.appearance import turned_about
-from enliven_edge.tracking.gauss_newton import stepped
-from enliven_edge.tracking.hypotheses import BANK
-from enliven_edge.tracking.posing import drawn, posed
-from enliven_edge.tracking.posture import Posture, rotation
+from enliven.person.body import Joint
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.posture import Posture, rotation
+from enliven_edge.tracking.detect.appearance import turned_about
+from enliven_edge.tracking.detect.hypotheses import BANK
+from enliven_edge.tracking.detect.posing import drawn, posed
+from enliven_edge.tracking.fit.gauss_newton import stepped
 
 SEEDS = st.integers(0, 10_000)
 ON_AVERAGE, AT_MOST = 0.02, 0.09
@@ -32,7 +32,7 @@ def random_posture(seed: int) -> Posture:
     """Somebody who faces anywhere, limbs turned at random."""
     dice = np.random.default_rng(seed)
     lengths = model.lengths_for_height(dice.uniform(1.2, 2.0)) * dice.uniform(0.9, 1.1, 12)
-    start = Posture(dice.normal(size=3), ranges.standing(dice.uniform(-3, 3)), lengths)
+    start = Posture(dice.normal(size=3), joint_limits.standing(dice.uniform(-3, 3)), lengths)
     return nudged(start, dice.normal(0, 0.3, 27))
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from enliven.rotation import from_matrix, from_rotation_vector, to_matrix, to_rotation_vector
-from enliven_edge.tracking import model
-from enliven_edge.tracking.posture import Posture, continued, forward, rotation
-from enliven_edge.tracking.ranges import standing
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.posture import Posture, continued, forward, rotation
 
 
 def random_posture(seed: int, turns: float = 0.8) -> Posture:

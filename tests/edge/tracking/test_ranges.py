@@ -5,23 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from enliven_edge.tracking import model, ranges, terms
-from enliven_edge.tracking.posture import rotation
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.posture import rotation
+from enliven_edge.tracking.fit import terms
 
 
 def cost(rotations) -> float:
     """The energy of rotations outside the ranges."""
     nothing = np.zeros((42, 42)), np.zeros(42)
     return terms.joint_ranges(
-        *nothing, rotations, ranges.MIDDLE, ranges.REACH, 1.0, model.DOF_FRAME, model.DOF_AXIS
+        *nothing, rotations, joint_limits.MIDDLE, joint_limits.REACH, 1.0, model.DOF_FRAME, model.DOF_AXIS
     )
 
 
 def with_thigh(side: int, **turn: float):
     """Somebody who stands with one thigh turned from hanging; the right one as in a mirror."""
-    made = ranges.standing()
+    made = joint_limits.standing()
     made[model.THIGH_L] = rotation(**turn)
-    return made if side == model.THIGH_L else ranges.mirrored(made)
+    return made if side == model.THIGH_L else joint_limits.mirrored(made)
 
 
 SIDES = pytest.mark.parametrize("side", [model.THIGH_L, model.THIGH_R])
@@ -57,8 +58,8 @@ def test_what_a_posture_costs_its_mirror_image_costs(seed):
     random = np.random.default_rng(seed)
     turns = random.normal(0, 0.8, (13, 3))
     posture = np.stack([rotation(x=x, y=y, z=z) for x, y, z in turns])
-    assert cost(posture) == pytest.approx(cost(ranges.mirrored(posture)))
+    assert cost(posture) == pytest.approx(cost(joint_limits.mirrored(posture)))
 
 
 def test_who_just_stands_there_costs_nothing():
-    assert cost(ranges.RELAXED) == 0.0
+    assert cost(joint_limits.RELAXED) == 0.0

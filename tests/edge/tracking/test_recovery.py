@@ -10,13 +10,14 @@ from estimates_for_tests import estimate_of, seen_as
 from postures_seen_for_tests import observed
 from tolerances import SOLVED, assert_alike
 
-from enliven.body import Joint
-from enliven_edge.tracking import model, ranges, recovery
-from enliven_edge.tracking.appearance import turned_about
-from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.observation import Observation
-from enliven_edge.tracking.posture import Posture
-from enliven_edge.tracking.recovery import SecondThoughts, whole_bodies
+from enliven.person.body import Joint
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.detect import recovery
+from enliven_edge.tracking.detect.appearance import turned_about
+from enliven_edge.tracking.detect.recovery import SecondThoughts, whole_bodies
+from enliven_edge.tracking.fit.fit import Fitter
+from enliven_edge.tracking.frame.observation import Observation
 from enliven_edge.tracking.settings import FitSettings
 
 LEFT_ARM = [Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT]
@@ -26,12 +27,12 @@ TURNS = 8
 
 
 def standing() -> Posture:
-    return Posture(np.array([0.0, 0.95, -2.5]), ranges.standing(), model.lengths_for_height(1.7))
+    return Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(), model.lengths_for_height(1.7))
 
 
 def arm_out(lift: float = 1.4) -> Posture:
     """The left arm held out, or higher; the right one hangs."""
-    made, out = standing(), ranges.standing(arm_raise=lift)
+    made, out = standing(), joint_limits.standing(arm_raise=lift)
     made.rotations[[model.UPPER_ARM_L, model.FOREARM_L]] = out[[model.UPPER_ARM_L, model.FOREARM_L]]
     return made
 
@@ -98,7 +99,7 @@ def with_landmarks(observation: Observation, posture: Posture, joints=range(20))
 def test_a_hidden_limb_is_kept_where_its_joints_are_seen():
     """Shins and feet are behind a board; the landmarks say that one knee is bent."""
     bent, fitter = standing(), Fitter(FitSettings())
-    bent.rotations[model.SHIN_L] = ranges.standing(knee=0.6)[model.SHIN_L]
+    bent.rotations[model.SHIN_L] = joint_limits.standing(knee=0.6)[model.SHIN_L]
     plain = observed(standing(), hide=80)
     feet = [Joint.ANKLE_LEFT, Joint.FOOT_LEFT]
     without, _ = fitter.fit(plain, standing())

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.tracking.guess import filled, guessed
-from enliven_edge.tracking.observation import WorkingCamera, world_points
-from enliven_edge.tracking.room import BEFORE, ROOM, UNLIKELY, UNSEEN, Room, _classify, _guard, widened
+from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.scene.room import BEFORE, ROOM, UNLIKELY, UNSEEN, Room, _classify, _guard, widened
+from enliven_edge.tracking.scene.room_prior import filled, guessed
 from enliven_edge.tracking.settings import RoomSettings
-from enliven_edge.tracking.view import View
 
 FRAME = 1 / 30
 NOBODY = np.zeros((8, 8), bool)

@@ -6,9 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.tracking.floor import world_from_floor
-from enliven_edge.tracking.observation import WorkingCamera, nearest_columns, surface_samples, world_points
-from enliven_edge.tracking.reduction import reduce_depth
+from enliven_edge.tracking.frame.observation import (
+    WorkingCamera,
+    nearest_columns,
+    surface_samples,
+    world_points,
+)
+from enliven_edge.tracking.frame.reduction import reduce_depth
+from enliven_edge.tracking.scene.floor import world_from_floor
 
 
 def floor_and_wall(mount: np.ndarray, seed: int) -> np.ndarray:

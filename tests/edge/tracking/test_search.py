@@ -11,22 +11,22 @@ from hypothesis import strategies as st
 from postures_seen_for_tests import CAMERA, MOUNT, picture
 
 from enliven.camera import Intrinsics
-from enliven_edge.tracking import person, search
-from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.follower import Follower
-from enliven_edge.tracking.human import shape_of
-from enliven_edge.tracking.identity import Looks
-from enliven_edge.tracking.model import lengths_for_height
-from enliven_edge.tracking.newcomers import Newcomer, _unions, measured
-from enliven_edge.tracking.observation import WorkingCamera, world_points
-from enliven_edge.tracking.person import Person
-from enliven_edge.tracking.posture import Posture
-from enliven_edge.tracking.ranges import standing
-from enliven_edge.tracking.room import BEFORE, UNLIKELY
-from enliven_edge.tracking.search import Found, Search
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.fit.fit import Fitter
+from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.people import person, search
+from enliven_edge.tracking.people.follower import Follower
+from enliven_edge.tracking.people.identity import Looks
+from enliven_edge.tracking.people.person import Person
+from enliven_edge.tracking.people.search import Found, Search
+from enliven_edge.tracking.scene.room import BEFORE, UNLIKELY
+from enliven_edge.tracking.segment.candidates import Newcomer, _unions, measured
+from enliven_edge.tracking.segment.person_shape import shape_of
 from enliven_edge.tracking.settings import TrackerSettings
-from enliven_edge.tracking.spread import whole
-from enliven_edge.tracking.view import View
+from enliven_edge.tracking.work_budget import whole
 
 SETTINGS = TrackerSettings()
 

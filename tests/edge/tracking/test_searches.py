@@ -6,8 +6,8 @@ from bodies_for_tests import foot, nearest, random_posture
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking.capsules import misfits
-from enliven_edge.tracking.observation import nearest_columns, nearest_pixel, sampled
+from enliven_edge.tracking.body_model.capsules import misfits
+from enliven_edge.tracking.frame.observation import nearest_columns, nearest_pixel, sampled
 
 
 @given(st.integers(0, 10_000))

@@ -8,14 +8,14 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.tracking.claiming import _span, claim, image_boxes
-from enliven_edge.tracking.model import lengths_for_height
-from enliven_edge.tracking.observation import WorkingCamera, world_points
-from enliven_edge.tracking.posture import Posture, rotation
-from enliven_edge.tracking.ranges import standing
-from enliven_edge.tracking.room import ROOM, UNLIKELY, UNSEEN
-from enliven_edge.tracking.segmentation import REACH, SPECKLE, loose_groups, segmented
-from enliven_edge.tracking.view import View
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.body_model.posture import Posture, rotation
+from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.scene.room import ROOM, UNLIKELY, UNSEEN
+from enliven_edge.tracking.segment.pixel_labels import _span, claim, image_boxes
+from enliven_edge.tracking.segment.segmentation import REACH, SPECKLE, loose_groups, segmented
 
 CAMERA = WorkingCamera(Intrinsics(80, 60, 66, 66, 39.5, 29.5), 80)
 MOUNT = world_from_level_camera(1.2)

@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.tracking import model
-from enliven_edge.tracking.gauss_newton import stepped
-from enliven_edge.tracking.observation import WorkingCamera, world_points
-from enliven_edge.tracking.person import heights_beside, mean_point, sight, trunk_shown
-from enliven_edge.tracking.posture import Posture, rotation
-from enliven_edge.tracking.ranges import standing
-from enliven_edge.tracking.view import View
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.posture import Posture, rotation
+from enliven_edge.tracking.fit.gauss_newton import stepped
+from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.people.person import heights_beside, mean_point, sight, trunk_shown
 
 CAMERA = WorkingCamera(Intrinsics(80, 60, 50, 48, 39.2, 29.7), 80)
 MOUNT = world_from_level_camera(1.2)

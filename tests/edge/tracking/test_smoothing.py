@@ -13,8 +13,8 @@ from enliven.rotation import (
     to_matrix,
     to_rotation_vector,
 )
+from enliven_edge.tracking.output.smoothing import OneEuro, OneEuroTurns
 from enliven_edge.tracking.settings import SmoothingSettings
-from enliven_edge.tracking.smoothing import OneEuro, OneEuroTurns
 
 STEP = 33_333_333
 

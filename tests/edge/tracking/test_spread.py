@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from enliven.frames import DepthFrame
 from enliven.recording import Recording
 from enliven_edge.doctor import shipped_recording
-from enliven_edge.tracking.fit import Fitter
+from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.settings import SearchSettings, TrackerSettings
-from enliven_edge.tracking.spread import Budget, Spread, frame_budget, whole
 from enliven_edge.tracking.tracker import Tracker
+from enliven_edge.tracking.work_budget import Budget, Spread, frame_budget, whole
 
 FITS = 12
 """Less than a frame may cost by default, so that a search takes more frames."""

@@ -7,16 +7,16 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from enliven.body import Joint
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.sensors.synthetic import SyntheticSensor
-from enliven_edge.tracking.model import lengths_for_height
-from enliven_edge.tracking.observation import WorkingCamera, world_points
-from enliven_edge.tracking.posture import Posture
-from enliven_edge.tracking.ranges import standing
-from enliven_edge.tracking.segmentation import lying_on
+from enliven.person.body import Joint
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.segment.segmentation import lying_on
 from enliven_edge.tracking.tracker import Tracker
-from enliven_edge.tracking.view import View
+from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 CAMERA = WorkingCamera(Intrinsics(80, 60, 66, 66, 39.5, 29.5), 80)
 MOUNT = world_from_level_camera(1.2)

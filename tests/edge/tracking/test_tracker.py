@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from enliven.body import Body, Joint
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.frames import DepthFrame
-from enliven_edge.sensors.synthetic import SyntheticSensor
-from enliven_edge.synthesis.scene import cast_room
+from enliven.person.body import Body, Joint
 from enliven_edge.tracking.settings import SmoothingSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
+from enliven_synthesis.sensor.scene import cast_room
+from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 HALF = 320
 APPEARS = 6

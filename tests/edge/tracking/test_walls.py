@@ -3,9 +3,9 @@
 import numpy as np
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.tracking.observation import WorkingCamera, world_points
-from enliven_edge.tracking.view import View
-from enliven_edge.tracking.walls import _best_line, without_walls
+from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.scene.walls import _best_line, without_walls
 
 CAMERA = WorkingCamera(Intrinsics(160, 120, 130, 130, 79.5, 59.5), 160)
 MOUNT = world_from_level_camera(1.2)

@@ -15,9 +15,10 @@ from bodies_for_tests import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking import data_term, model, terms
-from enliven_edge.tracking.gauss_newton import solve_damped
-from enliven_edge.tracking.wrenches import add_place, add_ray
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.fit import data_term, terms
+from enliven_edge.tracking.fit.gauss_newton import solve_damped
+from enliven_edge.tracking.fit.normal_equations import add_place, add_ray
 
 
 @given(st.integers(0, 10_000), st.sampled_from([30, 42]))

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import SOLVED, assert_alike
 
-from enliven.deformation.connectivity import components
-from enliven.deformation.graph import DeformationGraph, character_from
-from enliven.deformation.surface import net_of
-from enliven.mesh import Mesh, fit_height
+from enliven.deformation.graph.connectivity import components
+from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.surface import net_of
+from enliven.meshes.mesh import Mesh, fit_height
 
 
 def ball(centre, radius, rings=7):

@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from tolerances import SOLVED, alike
 
 from enliven import rotation
-from enliven.deformation.arap import ArapSettings, ArapSolver, Handle
-from enliven.deformation.arap_weights import surface_edges, virtual_edges
+from enliven.deformation.arap.solver import ArapSolver, Handle
+from enliven.deformation.arap.weights import surface_edges, virtual_edges
+from enliven.document.surface_settings import ArapSettings
 from enliven.errors import InputError
-from enliven.mesh import Mesh, weld
+from enliven.meshes.mesh import Mesh, weld
 
 PLAIN = ArapSettings(squash_and_stretch=False)
 

@@ -7,13 +7,14 @@ from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 from tolerances import SOLVED, alike
 
-from enliven.deformation.arap import ArapSettings, ArapSolver, Handle
-from enliven.deformation.arap_factor import factorise
-from enliven.deformation.arap_polar import ROWS, TRACE, N, R, polar
-from enliven.deformation.arap_solves import backward, forward, unit_column
-from enliven.deformation.arap_threads import Pace
-from enliven.deformation.arap_weights import LEAST, shells_of, surface_edges, virtual_edges
-from enliven.mesh import Mesh
+from enliven.deformation.arap.factor import factorise
+from enliven.deformation.arap.polar import ROWS, TRACE, N, R, polar
+from enliven.deformation.arap.solver import ArapSolver, Handle
+from enliven.deformation.arap.solves import backward, forward, unit_column
+from enliven.deformation.arap.threads import Pace
+from enliven.deformation.arap.weights import LEAST, shells_of, surface_edges, virtual_edges
+from enliven.document.surface_settings import ArapSettings
+from enliven.meshes.mesh import Mesh
 from enliven.rotation import nearest_rotation
 
 

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from enliven.deformation.arap import ArapSettings, ArapSolver, Handle
-from enliven.deformation.arap_surface import surface_of
-from enliven.deformation.arap_volume import gradient, press
-from enliven.mesh import Mesh
+from enliven.deformation.arap.solver import ArapSolver, Handle
+from enliven.deformation.arap.surface import surface_of
+from enliven.deformation.arap.volume import gradient, press
+from enliven.document.surface_settings import ArapSettings
+from enliven.meshes.mesh import Mesh
 
 
 def blob(count=80, seed=0, holes=0):

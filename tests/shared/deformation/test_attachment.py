@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 from tolerances import SOLVED, assert_alike
 
 from enliven import rotation
-from enliven.body import BONES, PARENTS, PARTS, J, Joint
-from enliven.deformation.attachment import AttachmentSettings, Growth, attach
-from enliven.deformation.bones import bone_rotations, bone_samples
-from enliven.deformation.embedded import EmbeddedSolver
-from enliven.deformation.graph import DeformationGraph
-from enliven.deformation.reach import nearest_facing
+from enliven.deformation.embedded.solver import EmbeddedSolver
+from enliven.deformation.graph.graph import DeformationGraph
+from enliven.deformation.possession.attachment import AttachmentSettings, Growth, attach
+from enliven.deformation.possession.bone_cylinders import bone_rotations, bone_samples
+from enliven.deformation.possession.nearest_nodes import nearest_facing
 from enliven.errors import InputError
-from enliven.shapes import make_chair
+from enliven.person.body import BONES, PARENTS, PARTS, J, Joint
+from enliven.samples.chair import make_chair
 
 SURE = np.ones(J)
 LEFT_ARM = (Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT)

@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.deformation.block_cholesky import analyse, dense_of, elimination_order, factorise, substitute
+from enliven.deformation.embedded.block_cholesky import (
+    analyse,
+    dense_of,
+    elimination_order,
+    factorise,
+    substitute,
+)
 
 
 def random_system(count, density, seed):

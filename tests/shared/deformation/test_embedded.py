@@ -8,14 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven import rotation
-from enliven.deformation.connectivity import weak_edges
-from enliven.deformation.descent import descend, keep
-from enliven.deformation.embedded import EmbeddedSettings, EmbeddedSolver
-from enliven.deformation.energy import gradient
-from enliven.deformation.graph import DeformationGraph
-from enliven.deformation.own_terms import own_force, step_of
-from enliven.deformation.planes import PlaneConstraints
-from enliven.deformation.rigid_system import precondition, refactor
+from enliven.deformation.constraints.planes import PlaneConstraints
+from enliven.deformation.embedded.energy import gradient
+from enliven.deformation.embedded.lbfgs import descend, keep
+from enliven.deformation.embedded.node_frame import own_force, step_of
+from enliven.deformation.embedded.preconditioner import precondition, refactor
+from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
+from enliven.deformation.graph.connectivity import weak_edges
+from enliven.deformation.graph.graph import DeformationGraph
 from enliven.errors import InputError
 
 EXACT = EmbeddedSettings(iterations=3000, tolerance=1e-14)

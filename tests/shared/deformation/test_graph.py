@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.deformation.connectivity import components, joints, weak_edges
-from enliven.deformation.graph import DeformationGraph, character_from
-from enliven.deformation.surface import between_nodes, net_of, territories
+from enliven.deformation.graph.connectivity import components, joints, weak_edges
+from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.surface import between_nodes, net_of, territories
 from enliven.errors import InputError
-from enliven.isosurface import surface_of
-from enliven.mesh import Mesh
-from enliven.shapes import make_chair
+from enliven.meshes.isosurface import surface_of
+from enliven.meshes.mesh import Mesh
+from enliven.samples.chair import make_chair
 
 
 def capsule(points, a, b, radius):

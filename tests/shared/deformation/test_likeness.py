@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from enliven.body import Joint
-from enliven.deformation.graph import DeformationGraph
-from enliven.deformation.likeness import extremities, likeness
-from enliven.isosurface import surface_of
-from enliven.mesh import Mesh
+from enliven.deformation.graph.graph import DeformationGraph
+from enliven.deformation.possession.body_in_mesh import extremities, likeness
+from enliven.meshes.isosurface import surface_of
+from enliven.meshes.mesh import Mesh
+from enliven.person.body import Joint
 
 
 def capsules(points, ends, radii):

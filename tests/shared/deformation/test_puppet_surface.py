@@ -9,12 +9,13 @@ from hypothesis import strategies as st
 from tolerances import SOLVED, alike
 
 from enliven import rotation
-from enliven.deformation.arap import ArapSettings, ArapSolver, Handle
-from enliven.deformation.arap_coarse import coarse_of, edges_around, followed, thrown
-from enliven.deformation.arap_detail import carry, cell_maps
-from enliven.deformation.puppet_surface import PuppetSurface
+from enliven.deformation.arap.coarse import coarse_of, edges_around, followed, thrown
+from enliven.deformation.arap.control_point_surface import PuppetSurface
+from enliven.deformation.arap.detail import carry, cell_maps
+from enliven.deformation.arap.solver import ArapSolver, Handle
+from enliven.document.surface_settings import ArapSettings
 from enliven.errors import InputError
-from enliven.mesh import Mesh
+from enliven.meshes.mesh import Mesh
 
 COARSE = ArapSettings(coarse_above=100, coarse_vertices=250, guide_vertices=40)
 

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.deformation.sampling import distance, distance_matrix, poisson_disk, scatter, throw
+from enliven.deformation.graph.sampling import distance, distance_matrix, poisson_disk, scatter, throw
 from enliven.errors import InputError
-from enliven.mesh import Mesh
-from enliven.shapes import make_chair
+from enliven.meshes.mesh import Mesh
+from enliven.samples.chair import make_chair
 
 
 def as_printed(p, n_p, q, n_q):

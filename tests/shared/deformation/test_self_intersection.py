@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.deformation.self_intersection import SelfIntersection, crossing_faces, newly_crossing
-from enliven.mesh import Mesh
+from enliven.deformation.arap.self_intersection import SelfIntersection, crossing_faces, newly_crossing
+from enliven.meshes.mesh import Mesh
 
 
 def ball(radius=0.5, centre=(0.0, 0.0, 0.0), rings=6, around=9):

@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven import rotation
-from enliven.character import Character, Pose, SkinWeights
-from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_normals, skin_vertices
+from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
-from enliven.isosurface import surface_of
-from enliven.mesh import Mesh
+from enliven.meshes.isosurface import surface_of
+from enliven.meshes.mesh import Mesh
 
 
 @pytest.fixture

@@ -8,15 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven import rotation
-from enliven.character import Pose
-from enliven.deformation.floor_contact import FloorContact, FloorSettings
-from enliven.deformation.graph import DeformationGraph, character_from
-from enliven.deformation.observed import ObservedSettings, ObservedSurface, _compatible
-from enliven.deformation.self_contact import SelfContact, SelfContactSettings
+from enliven.deformation.constraints.floor_contact import FloorContact, FloorSettings
+from enliven.deformation.constraints.observed import ObservedSettings, ObservedSurface, _compatible
+from enliven.deformation.constraints.self_contact import SelfContact, SelfContactSettings
+from enliven.deformation.constraints.soft import Points, joined_planes, spread
+from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_vertices
-from enliven.deformation.soft import Points, joined_planes, spread
-from enliven.isosurface import surface_of
-from enliven.mesh import Mesh
+from enliven.document.character import Pose
+from enliven.meshes.isosurface import surface_of
+from enliven.meshes.mesh import Mesh
 
 RADIUS = 0.06
 FORWARD, UP = np.array([0, 0, 0.05]), np.array([0, 1.0, 0])

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.character import Character, Pose, SkinWeights
 from enliven.deformation.spheres import SphereProxies, SphereSettings, _greedy, pack_spheres
+from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
 from enliven.rotation import from_rotation_vector, to_matrix
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from enliven.deformation.stiffness import stiffness_at
+from enliven.deformation.graph.stiffness import stiffness_at
 from enliven.errors import InputError
 
 

@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from enliven.deformation.graph import DeformationGraph
-from enliven.deformation.surface import between_nodes, net_of
-from enliven.deformation.weights import carriers
-from enliven.isosurface import surface_of
-from enliven.mesh import Mesh, refine
-from enliven.shapes import make_chair
+from enliven.deformation.graph.graph import DeformationGraph
+from enliven.deformation.graph.surface import between_nodes, net_of
+from enliven.deformation.graph.weights import carriers
+from enliven.meshes.isosurface import surface_of
+from enliven.meshes.mesh import Mesh, refine
+from enliven.samples.chair import make_chair
 
 
 def capsules(points, ends, radius):

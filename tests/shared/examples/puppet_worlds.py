@@ -6,13 +6,18 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.deformation.arap import ArapSettings
-from enliven.examples.constraints import Coupling, Position, Velocity
-from enliven.examples.locomotion import LocomotionSettings, Switch
-from enliven.examples.settings import ExampleSettings
-from enliven.formats.session_text import write_session
-from enliven.mesh import Mesh
-from enliven.modeling.puppets import (
+from enliven.document.clip import Clip
+from enliven.document.constraints import Coupling, Position, Velocity
+from enliven.document.example_settings import ExampleSettings
+from enliven.document.pin import ContactSettings
+from enliven.document.project import Project
+from enliven.document.puppet import Plane
+from enliven.document.skeleton import Skeleton
+from enliven.document.surface_settings import ArapSettings
+from enliven.examples.spacetime.locomotion import LocomotionSettings, Switch
+from enliven.formats.session.text import write_session
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.puppet.edits import (
     add_key_pose,
     add_point,
     change_point,
@@ -21,12 +26,7 @@ from enliven.modeling.puppets import (
     remove_layer,
     set_symmetry,
 )
-from enliven.motion.clip import Clip
-from enliven.motion.contacts import ContactSettings
-from enliven.project import Project
-from enliven.puppet import Plane
 from enliven.rotation import from_rotation_vector, multiply, rotate
-from enliven.skeleton import Skeleton
 
 STEP = 1.0 / 30.0
 JOINTS = ("Hips", "LeftFoot", "RightFoot", "Spine", "LeftHand", "RightHand", "Head")

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.examples.bake import bake_surface, farthest
-from enliven.examples.bake_maps import Maps, gram_of, moments_of
-from enliven.examples.bake_morphs import bake_morphs
-from enliven.examples.bake_settings import BakeSettings
-from enliven.examples.bake_weights import fit_weights
-from enliven.mesh import Mesh
+from enliven.examples.baking.bake import bake_surface, farthest
+from enliven.examples.baking.maps import Maps, gram_of, moments_of
+from enliven.examples.baking.morphs import bake_morphs
+from enliven.examples.baking.settings import BakeSettings
+from enliven.examples.baking.weights import fit_weights
+from enliven.meshes.mesh import Mesh
 from enliven.rotation import from_rotation_vector, rotate, to_matrix
 
 laws = settings(deadline=None, max_examples=10)

@@ -6,13 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
+from enliven.document.constraints import Coupling, Position, Velocity
+from enliven.document.example_settings import ExampleSettings
 from enliven.errors import InputError
-from enliven.examples.banded import accelerations, pulled
-from enliven.examples.constraints import Coupling, Position, Velocity, conditions_of
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import in_body, turned_about_y
 from enliven.examples.poses import Examples
-from enliven.examples.settings import ExampleSettings
+from enliven.examples.spacetime.banded import accelerations, pulled
+from enliven.examples.spacetime.constraints import conditions_of
 
 STEP = 1 / 30
 FEW = settings(max_examples=25, deadline=None)

@@ -8,14 +8,14 @@ import pytest
 from puppet_worlds import full_session, stool, walker
 
 from enliven.cli import run
+from enliven.document.project import Project, same
 from enliven.examples.coverage import coverage_of, unposed
 from enliven.examples.performer import performed
 from enliven.examples.puppet_motion import pose_of_state, state_of
-from enliven.formats.example_session import read_session
-from enliven.formats.project_file import read_project, write_project
-from enliven.mesh_files import save_mesh
-from enliven.modeling.puppets import change_layer
-from enliven.project import Project, same
+from enliven.formats.project.file import read_project, write_project
+from enliven.formats.session.session import read_session
+from enliven.meshes.files import save_mesh
+from enliven.modeling.puppet.edits import change_layer
 from enliven.recording import Recording
 from enliven.wire.convert import message_to_character, message_to_pose
 from enliven.wire.messages import CharacterMessage, PoseMessage

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from puppet_worlds import stool, walker
 
+from enliven.document.project import Project
 from enliven.examples.puppet_motion import motion_of
-from enliven.formats.example_session import read_session
-from enliven.formats.project_file import write_project
-from enliven.mesh_files import save_mesh
-from enliven.project import Project
+from enliven.formats.project.file import write_project
+from enliven.formats.session.session import read_session
+from enliven.meshes.files import save_mesh
 
 PAGE = Path(__file__).parents[3] / "docs" / "examples.md"
 

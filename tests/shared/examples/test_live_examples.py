@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import alike
 
+from enliven.document.example_settings import ExampleSettings
 from enliven.errors import InputError
 from enliven.examples.live import LiveExamples
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.poses import Examples
-from enliven.examples.settings import ExampleSettings
 
 STEP = 1 / 30
 

@@ -12,10 +12,10 @@ sys.path.append(str(Path(__file__).parents[1] / "motion"))
 from made_bodies import man, turned_body
 from test_capture_clip import STANDING
 
-from enliven.body import Body
 from enliven.examples.pairing import guess_joints
 from enliven.mapping.facing import turned_level
-from enliven.motion.capture_clip import clip_of_bodies
+from enliven.motion.takes.capture_clip import clip_of_bodies
+from enliven.person.body import Body
 
 CACTUS = np.array([[0.4, 0.8, 0.0], [-0.35, 0.7, 0.0], [0.0, 1.2, 0.0], [0.12, 0.0, 0.0], [-0.12, 0.0, 0.0]])
 MEANT = ("Left finger", "Right finger", "top", "Left toe", "Right toe")

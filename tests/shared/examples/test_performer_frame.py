@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from enliven.document.clip import Clip
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.examples.performer import joint_places, performed
-from enliven.motion.clip import Clip
 from enliven.rotation import from_rotation_vector, multiply, rotate
-from enliven.skeleton import Skeleton
 
 NAMES = ("hips", "chest", "hand", "foot")
 

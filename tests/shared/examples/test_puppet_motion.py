@@ -13,9 +13,13 @@ from hypothesis import strategies as st
 from puppet_worlds import JOINTS, PARENTS, REST, SIDES, STEP, puppet_project, walker
 from tolerances import alike, assert_alike
 
+from enliven.document.clip import Clip
+from enliven.document.constraints import Coupling, Position, Velocity
+from enliven.document.example_settings import ExampleSettings
+from enliven.document.project import Project
+from enliven.document.puppet import character_of_puppet
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.examples.constraints import Coupling, Position, Velocity
-from enliven.examples.locomotion import Switch
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import performed
 from enliven.examples.puppet_motion import (
@@ -28,13 +32,9 @@ from enliven.examples.puppet_motion import (
     pose_of_state,
     state_of,
 )
-from enliven.examples.settings import ExampleSettings
-from enliven.modeling.puppets import add_point, change_layer, change_point, play_take, set_symmetry
-from enliven.motion.clip import Clip
-from enliven.project import Project
-from enliven.puppet import character_of_puppet
+from enliven.examples.spacetime.locomotion import Switch
+from enliven.modeling.puppet.edits import add_point, change_layer, change_point, play_take, set_symmetry
 from enliven.rotation import from_rotation_vector, multiply, rotate
-from enliven.skeleton import Skeleton
 
 seeds = st.integers(0, 10**6)
 few = settings(max_examples=8, deadline=None)

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.errors import InputError
-from enliven.formats.bvh import parse_bvh, read_bvh
-from enliven.formats.capture import UNITS, guess_unit
+from enliven.formats.motion.bvh import parse_bvh, read_bvh
+from enliven.formats.motion.capture import UNITS, guess_unit
 
 ORDERS = ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"]
 

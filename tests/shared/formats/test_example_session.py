@@ -8,18 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from puppet_worlds import full_project, places_for, puppet_project, stool, walker
 
+from enliven.document.constraints import Position
+from enliven.document.project import Project, same
 from enliven.errors import InputError
-from enliven.examples.constraints import Position
-from enliven.examples.locomotion import Switch
 from enliven.examples.puppet_motion import motion_of
-from enliven.formats.example_session import read_session
-from enliven.formats.project_file import write_project
-from enliven.formats.session_tables import MeshTable, TakeTable
-from enliven.formats.session_text import session_text, write_session
-from enliven.mesh import fit_height
-from enliven.mesh_files import load_mesh, save_mesh
-from enliven.modeling.puppets import add_key_pose
-from enliven.project import Project, same
+from enliven.examples.spacetime.locomotion import Switch
+from enliven.formats.project.file import write_project
+from enliven.formats.session.session import read_session
+from enliven.formats.session.tables import MeshTable, TakeTable
+from enliven.formats.session.text import session_text, write_session
+from enliven.meshes.files import load_mesh, save_mesh
+from enliven.meshes.mesh import fit_height
+from enliven.modeling.puppet.edits import add_key_pose
 
 BY_HAND = """
 [mesh]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from enliven.errors import InputError
-from enliven.formats.expmap import COLUMNS, read_expmap
+from enliven.formats.motion.expmap import COLUMNS, read_expmap
 
 
 def table(root: Rotation, others: np.ndarray, place: np.ndarray) -> np.ndarray:

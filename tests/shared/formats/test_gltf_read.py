@@ -15,13 +15,13 @@ from PIL import Image
 from slow_gltf import SlowGltf
 
 from enliven.deformation.skinning import skin_vertices
+from enliven.document.project import Project
+from enliven.document.rigged import character_of
 from enliven.errors import InputError
-from enliven.formats.gltf import read_gltf
-from enliven.formats.gltf_parts import strongest
-from enliven.formats.rig import playing
-from enliven.motion.evaluate import Player
-from enliven.project import Project
-from enliven.shape import character_of
+from enliven.formats.gltf.parts import strongest
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.rig.rig import playing
+from enliven.motion.layers.evaluate import Player
 
 
 def vertices_of(rig, clip, frame):

@@ -9,27 +9,27 @@ from hypothesis import strategies as st
 from slow_gltf import SlowGltf
 from strict_gltf import checked_glb
 
-from enliven.character import Character, Pose, SkinWeights
 from enliven.deformation.skinning import skin_vertices
+from enliven.document.character import Character, Pose, SkinWeights
+from enliven.document.clip import Clip
+from enliven.document.possessed import graph_shape_of
+from enliven.document.project import Project
+from enliven.document.rigged import character_of, still_shape
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError, ResourceError
-from enliven.formats.gltf import read_gltf
-from enliven.formats.gltf_shape import clean_skin
-from enliven.formats.gltf_write import (
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.gltf.shape import clean_skin
+from enliven.formats.gltf.write import (
     Performance,
     glb_of,
     graph_performance_of,
     performance_of,
     write_gltf,
 )
-from enliven.formats.rig import playing
-from enliven.graph_shape import graph_shape_of
-from enliven.mesh import Mesh
-from enliven.motion.clip import Clip
-from enliven.motion.evaluate import Player
-from enliven.project import Project
+from enliven.formats.rig.rig import playing
+from enliven.meshes.mesh import Mesh
+from enliven.motion.layers.evaluate import Player
 from enliven.rotation import multiply, normalized, to_matrix
-from enliven.shape import character_of, still_shape
-from enliven.skeleton import Skeleton
 
 
 def random_shape(random, name, joints=8):

@@ -13,20 +13,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.character import Character, Pose, SkinWeights
+from enliven.document.character import Character, Pose, SkinWeights
+from enliven.document.layers import Span
+from enliven.document.possessed import graph_shape_of
+from enliven.document.project import Project, same
 from enliven.errors import InputError, ResourceError
-from enliven.formats.project_file import (
+from enliven.formats.project.file import (
     VERSION,
     project_bytes,
     project_of,
     read_project,
     write_project,
 )
-from enliven.formats.project_values import name_of, packed, unpacked
-from enliven.graph_shape import graph_shape_of
-from enliven.mesh import Mesh
-from enliven.motion.layers import Span
-from enliven.project import Project, same
+from enliven.formats.project.values import name_of, packed, unpacked
+from enliven.meshes.mesh import Mesh
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "modeling"))
 from surgery_worlds import random_project

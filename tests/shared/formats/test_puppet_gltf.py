@@ -6,14 +6,14 @@ import pytest
 from slow_gltf import SlowGltf
 from strict_gltf import checked_glb
 
-from enliven.deformation.puppet_surface import PuppetSurface
+from enliven.deformation.arap.control_point_surface import PuppetSurface
+from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.bake_settings import BakeSettings
+from enliven.examples.baking.settings import BakeSettings
 from enliven.examples.puppet_motion import in_world, state_of
-from enliven.formats.gltf import read_gltf
-from enliven.formats.gltf_write import glb_of, write_gltf
-from enliven.formats.puppet_performance import puppet_performance_of
-from enliven.puppet import PuppetLayer
+from enliven.formats.gltf.puppet_performance import puppet_performance_of
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.gltf.write import glb_of, write_gltf
 from enliven.rotation import from_rotation_vector
 
 PLACE, TURN = np.array([1.0, 0.0, -2.0]), from_rotation_vector(np.array([0.0, 0.7, 0.0]))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.character import SkinWeights
-from enliven.mesh import Mesh
-from enliven.motion.clip import Clip
+from enliven.document.character import SkinWeights
+from enliven.document.clip import Clip
+from enliven.document.rigged import still_shape
+from enliven.document.skeleton import Skeleton
+from enliven.meshes.mesh import Mesh
 from enliven.rotation import from_rotation_vector, multiply
-from enliven.shape import still_shape
-from enliven.skeleton import Skeleton
 
 
 def body(*joints, named=True) -> Skeleton:

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_bodies import body, horse, man, snake, spider, turned_body
 
+from enliven.document.skeleton import Skeleton, skeleton_of
 from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.facing import facing_of, side_of, turned_level
-from enliven.skeleton import Skeleton, skeleton_of
 
 ANGLES = st.floats(-np.pi + 0.01, np.pi - 0.01)
 

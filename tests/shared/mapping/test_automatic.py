@@ -8,6 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_bodies import horse, man, meshed, random_motion, snake, spider, turned_clip
 
+from enliven.document.clip import Clip
+from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.mapping.applying import apply_plan, source_anatomy
 from enliven.mapping.automatic import automatic, retargeted
@@ -21,9 +23,7 @@ from enliven.mapping.resting import (
     posed,
     rebased,
 )
-from enliven.motion.clip import Clip
-from enliven.motion.evaluate import Player
-from enliven.project import Project
+from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector, multiply, normalized, rotate, swing
 
 SEEDS = st.integers(0, 10_000)

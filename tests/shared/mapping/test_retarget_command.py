@@ -9,12 +9,12 @@ import pytest
 from made_bodies import bvh_text, horse, man, meshed, random_motion
 
 from enliven.cli import run
-from enliven.formats.gltf import read_gltf
-from enliven.formats.gltf_write import performance_of, write_gltf
-from enliven.formats.rig import playing
-from enliven.formats.takes import read_take
+from enliven.document.project import Project
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.gltf.write import performance_of, write_gltf
+from enliven.formats.rig.rig import playing
 from enliven.mapping.automatic import automatic, retargeted
-from enliven.project import Project
+from enliven.motion.takes.files import read_take
 from enliven.recording import Recorder
 
 sys.path[:0] = [str(Path(__file__).parents[1] / "formats"), str(Path(__file__).parents[1] / "motion")]

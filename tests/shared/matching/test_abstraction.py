@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.matching.abstraction import abstract, abstract_skeleton
 from enliven.matching.ranking import Matcher
 from enliven.matching.source import source_of
 from enliven.matching.views import View
-from enliven.skeleton import Skeleton
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from enliven.document.skeleton import Skeleton
 from enliven.matching.symmetry import SymmetrySettings, equal_limbs
 from enliven.rotation import from_rotation_vector, to_matrix
-from enliven.skeleton import Skeleton
 
 LIMB = np.array([[0.3, 0.0, 0.0], [0.6, 0.1, 0.2], [0.9, -0.2, 0.5]])
 

@@ -3,9 +3,9 @@
 import numpy as np
 import trimesh
 
-from enliven.character import SkinWeights
-from enliven.mesh import Mesh, weld
-from enliven.skeleton import Skeleton
+from enliven.document.character import SkinWeights
+from enliven.document.skeleton import Skeleton
+from enliven.meshes.mesh import Mesh, weld
 
 
 def ball(radius=0.1, middle=(0.0, 0.0, 0.0), detail=3, name="ball"):

@@ -4,14 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from enliven.mesh import Mesh
-from enliven.modeling.bone_heat import bone_heat
-from enliven.motion.clip import Clip
-from enliven.motion.layers import Layer, Ref, Span
-from enliven.project import Project
+from enliven.document.clip import Clip
+from enliven.document.layers import Layer, Ref, Span
+from enliven.document.project import Project
+from enliven.document.rigged import Shape
+from enliven.document.skeleton import Skeleton
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.skinning.bone_heat import bone_heat
 from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, normalized, rotate, slerp
-from enliven.shape import Shape
-from enliven.skeleton import Skeleton
 
 
 def random_turns(random, *shape, size=1.0):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from enliven.errors import InputError
-from enliven.mesh import Mesh, refine
-from enliven.modeling.extremities import _peaks, extremities
+from enliven.meshes.mesh import Mesh, refine
+from enliven.modeling.mesh.extremities import _peaks, extremities
 
 
 def star(lengths, cells=4, gap=0.0):

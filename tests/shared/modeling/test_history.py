@@ -8,18 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from surgery_worlds import bending_arm, random_project, random_turns
 
+from enliven.document.history import History, HistorySettings
+from enliven.document.project import same
 from enliven.errors import InputError
-from enliven.modeling.copying import copy_shape, mirror_shape, scale_shape
-from enliven.modeling.cut import cut_bone
-from enliven.modeling.cut_stroke import cut_stroke
-from enliven.modeling.cut_surfaces import PlaneCut
-from enliven.modeling.history import History, HistorySettings
-from enliven.modeling.merge import merge
-from enliven.modeling.nodes import insert_node, remove_node
-from enliven.modeling.posed import posed
-from enliven.modeling.posing import move_shape, turn_bone
-from enliven.motion.retarget import set_layer
-from enliven.project import same
+from enliven.modeling.mesh.cut_surfaces import PlaneCut
+from enliven.modeling.rigged.copying import copy_shape, mirror_shape, scale_shape
+from enliven.modeling.rigged.cut import cut_bone
+from enliven.modeling.rigged.cut_stroke import cut_stroke
+from enliven.modeling.rigged.merge import merge
+from enliven.modeling.rigged.nodes import insert_node, remove_node
+from enliven.modeling.rigged.posed import posed
+from enliven.modeling.rigged.posing import move_shape, turn_bone
+from enliven.motion.layers.retarget import set_layer
 
 
 def random_edit(project, random):

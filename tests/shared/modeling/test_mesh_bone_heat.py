@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mesh_makers import ball, flat_shaded, line, partition_of_unity, tube
 
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.mesh import Mesh
-from enliven.modeling.bone_heat import bone_heat, cotangents, heat_weights, outward, segments_of
-from enliven.modeling.sight import nearest_seen
-from enliven.modeling.skin_values import dense, renumbered, sparse
-from enliven.skeleton import Skeleton
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.skinning.bone_heat import bone_heat, cotangents, heat_weights, outward, segments_of
+from enliven.modeling.skinning.skin_values import dense, renumbered, sparse
+from enliven.modeling.skinning.visibility import nearest_seen
 
 
 def both(one, other):

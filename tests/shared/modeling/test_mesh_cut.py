@@ -19,14 +19,14 @@ from mesh_makers import (
     watertight,
 )
 
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.mesh import Mesh
-from enliven.modeling.bone_heat import bone_heat
-from enliven.modeling.cut_loops import area, chains_of, joined, winding
-from enliven.modeling.cut_surfaces import PlaneCut, StrokeCut
-from enliven.modeling.mesh_cut import CutSettings, cut_across_bone, cut_by_stroke
-from enliven.modeling.mesh_union import united
-from enliven.skeleton import Skeleton
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.mesh.cut_loops import area, chains_of, joined, winding
+from enliven.modeling.mesh.cut_surfaces import PlaneCut, StrokeCut
+from enliven.modeling.mesh.mesh_cut import CutSettings, cut_across_bone, cut_by_stroke
+from enliven.modeling.mesh.mesh_union import united
+from enliven.modeling.skinning.bone_heat import bone_heat
 
 FROM_Z = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 """A picture of the x and y axes."""

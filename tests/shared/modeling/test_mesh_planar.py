@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.modeling.caps import Spread, cap_of
-from enliven.modeling.cut_loops import area
-from enliven.modeling.planar import refined, triangulated
+from enliven.modeling.mesh.caps import Spread, cap_of
+from enliven.modeling.mesh.cut_loops import area
+from enliven.modeling.mesh.planar import refined, triangulated
 
 wobbles = st.lists(st.floats(0.4, 1.6), min_size=5, max_size=40)
 

@@ -17,11 +17,11 @@ from mesh_makers import (
 )
 from scipy.spatial import cKDTree
 
-from enliven.mesh import Mesh
-from enliven.modeling.mesh_cut import cut_across_bone
-from enliven.modeling.mesh_union import united
-from enliven.modeling.seam import SeamSettings, fair, healed, reweighted, smoothed
-from enliven.skeleton import Skeleton
+from enliven.document.skeleton import Skeleton
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.mesh.mesh_cut import cut_across_bone
+from enliven.modeling.mesh.mesh_union import united
+from enliven.modeling.mesh.seam import SeamSettings, fair, healed, reweighted, smoothed
 
 
 def tee(flat=False):

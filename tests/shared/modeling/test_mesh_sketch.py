@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from mesh_makers import partition_of_unity, volume, watertight
 
 from enliven.errors import InputError
-from enliven.modeling import strokes
-from enliven.modeling.axis_bones import simplified
-from enliven.modeling.cut_loops import winding
-from enliven.modeling.outline import _crossings, outline_of
-from enliven.modeling.sketch import Plane, SketchSettings, shape_from_stroke
+from enliven.modeling.mesh.cut_loops import winding
+from enliven.modeling.sketching import strokes
+from enliven.modeling.sketching.axis_bones import simplified
+from enliven.modeling.sketching.outline import _crossings, outline_of
+from enliven.modeling.sketching.sketch import Plane, SketchSettings, shape_from_stroke
 
 ALL = {
     "tentacle": strokes.tentacle(),

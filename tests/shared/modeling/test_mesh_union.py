@@ -17,9 +17,9 @@ from mesh_makers import (
     watertight,
 )
 
-from enliven.mesh import Mesh
-from enliven.modeling.mesh_cut import cut_across_bone
-from enliven.modeling.mesh_union import barycentric, united
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.mesh.mesh_cut import cut_across_bone
+from enliven.modeling.mesh.mesh_union import barycentric, united
 
 
 def traced(union, first, first_skin, second, second_skin, offset=0):

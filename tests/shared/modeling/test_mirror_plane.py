@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from enliven import rotation
 from enliven.errors import InputError
-from enliven.mesh import Mesh
-from enliven.modeling.mirror_plane import TOLERANCE, plane_of_symmetry
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.mesh.mirror_plane import TOLERANCE, plane_of_symmetry
 
 
 def box(low, high):
@@ -80,7 +80,7 @@ def test_the_sign_and_the_answer_are_always_the_same():
 
 def test_a_fine_side_and_a_coarse_one_are_still_alike():
     halves = [box([0.0, 0, 0], [0.5, 1, 0.3]), box([-0.5, 0, 0], [0.0, 1, 0.3])]
-    from enliven.mesh import refine
+    from enliven.meshes.mesh import refine
 
     found = plane_of_symmetry(together(refine(halves[0], 0.05), halves[1]))
     assert found is not None and abs(found.normal[0]) > 0.999

@@ -4,16 +4,16 @@ import made_puppets
 import numpy as np
 import pytest
 
+from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.bake_frames import SurfaceFrames, states_of
-from enliven.examples.bake_settings import BakeSettings
-from enliven.formats.gltf_write import glb_of, graph_performance_of
-from enliven.modeling.cut_surfaces import PlaneCut
-from enliven.modeling.graph_copying import move_graph
-from enliven.modeling.graph_pose import graph_pose, graph_vertices
-from enliven.modeling.graph_surgery import cut_graph, merge_graphs
-from enliven.modeling.puppet_baking import bake_puppet
-from enliven.puppet import PuppetLayer
+from enliven.examples.baking.frames import SurfaceFrames, states_of
+from enliven.examples.baking.settings import BakeSettings
+from enliven.formats.gltf.write import glb_of, graph_performance_of
+from enliven.modeling.mesh.cut_surfaces import PlaneCut
+from enliven.modeling.possessed.copying import move_graph
+from enliven.modeling.possessed.pose import graph_pose, graph_vertices
+from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
+from enliven.modeling.puppet.baking import bake_puppet
 from enliven.rotation import rotate
 
 

@@ -11,13 +11,15 @@ from hypothesis import strategies as st
 from puppet_worlds import SIDES, STEP, places_for, puppet_project, stool, walker
 from tolerances import assert_alike
 
-from enliven.deformation.puppet_surface import PuppetSurface
+from enliven.deformation.arap.control_point_surface import PuppetSurface
+from enliven.document.constraints import Coupling, Position, Velocity
+from enliven.document.project import Project, same
+from enliven.document.puppet import Plane
 from enliven.errors import InputError
-from enliven.examples.constraints import Coupling, Position, Velocity
 from enliven.examples.puppet_motion import in_world, motion_of, state_of
-from enliven.formats.project_file import project_bytes
-from enliven.mesh import Mesh
-from enliven.modeling.puppets import (
+from enliven.formats.project.file import project_bytes
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.puppet.edits import (
     add_key_pose,
     add_point,
     change_key_pose,
@@ -38,8 +40,6 @@ from enliven.modeling.puppets import (
     set_symmetry,
     turn_puppet,
 )
-from enliven.project import Project, same
-from enliven.puppet import Plane
 from enliven.rotation import from_rotation_vector, rotate
 
 seeds = st.integers(0, 10**6)

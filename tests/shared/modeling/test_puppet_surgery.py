@@ -7,15 +7,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
+from enliven.document.project import same
+from enliven.document.puppet import Plane, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.puppet_motion import in_world, missing, state_of
-from enliven.formats.project_file import project_bytes, project_of
-from enliven.modeling.cut_surfaces import PlaneCut
-from enliven.modeling.puppet_copying import copy_puppet, move_puppet
-from enliven.modeling.puppet_parts import shown, surface_of_puppet
-from enliven.modeling.puppet_surgery import PuppetCutSettings, cut_puppet, merge_puppets
-from enliven.project import same
-from enliven.puppet import Plane, PuppetLayer
+from enliven.formats.project.file import project_bytes, project_of
+from enliven.modeling.mesh.cut_surfaces import PlaneCut
+from enliven.modeling.puppet.copying import copy_puppet, move_puppet
+from enliven.modeling.puppet.parts import shown, surface_of_puppet
+from enliven.modeling.puppet.surgery import PuppetCutSettings, cut_puppet, merge_puppets
 from enliven.rotation import from_rotation_vector
 
 laws = settings(deadline=None, max_examples=6)

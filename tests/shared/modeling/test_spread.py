@@ -8,16 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import assert_alike
 
+from enliven.document.clip import Clip
+from enliven.document.project import Project
+from enliven.document.rigged import still_shape
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.matching.symmetry import equal_limbs
-from enliven.modeling.spread import spread_motion
-from enliven.motion.clip import Clip
-from enliven.motion.evaluate import pose_of
-from enliven.motion.retarget import bind_chain
-from enliven.project import Project
+from enliven.modeling.rigged.spread import spread_motion
+from enliven.motion.layers.evaluate import pose_of
+from enliven.motion.layers.retarget import bind_chain
 from enliven.rotation import from_rotation_vector, multiply, to_matrix
-from enliven.shape import still_shape
-from enliven.skeleton import Skeleton
 
 LIMB = np.array([[0.3, 0.0, 0.0], [0.6, 0.1, 0.2], [0.9, -0.2, 0.5]])
 

@@ -7,15 +7,15 @@ from hypothesis import strategies as st
 from surgery_worlds import angle, random_project, random_turns
 from tolerances import assert_alike
 
-from enliven.character import SkinWeights
+from enliven.document.character import SkinWeights
+from enliven.document.project import Project, same
 from enliven.errors import InputError
-from enliven.mesh import Mesh
-from enliven.modeling.copying import copy_shape, delete_shape, mirror_shape, paste_shape, scale_shape
-from enliven.modeling.posed import posed
-from enliven.modeling.posing import drag_joint, move_shape, set_bone, turn_bone
-from enliven.motion.evaluate import pose_of
-from enliven.motion.retarget import set_layer
-from enliven.project import Project, same
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.rigged.copying import copy_shape, delete_shape, mirror_shape, paste_shape, scale_shape
+from enliven.modeling.rigged.posed import posed
+from enliven.modeling.rigged.posing import drag_joint, move_shape, set_bone, turn_bone
+from enliven.motion.layers.evaluate import pose_of
+from enliven.motion.layers.retarget import set_layer
 from enliven.rotation import multiply
 
 SEEDS = st.integers(0, 2**32 - 1)

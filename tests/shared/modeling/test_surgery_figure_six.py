@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from surgery_worlds import straight_shape
 
-from enliven.modeling.copying import copy_shape
-from enliven.modeling.cut import cut_bone
-from enliven.modeling.merge import merge
-from enliven.modeling.nodes import insert_node, remove_node
-from enliven.modeling.posing import turn_bone
-from enliven.motion.clip import Clip
-from enliven.motion.evaluate import pose_of
-from enliven.motion.layers import Layer, Ref, Span
-from enliven.project import Project
+from enliven.document.clip import Clip
+from enliven.document.layers import Layer, Ref, Span
+from enliven.document.project import Project
+from enliven.document.skeleton import Skeleton
+from enliven.modeling.rigged.copying import copy_shape
+from enliven.modeling.rigged.cut import cut_bone
+from enliven.modeling.rigged.merge import merge
+from enliven.modeling.rigged.nodes import insert_node, remove_node
+from enliven.modeling.rigged.posing import turn_bone
+from enliven.motion.layers.evaluate import pose_of
 from enliven.rotation import from_rotation_vector
-from enliven.skeleton import Skeleton
 
 TIMES = [0.0, 1 / 3, 2 / 3, 1.0]
 

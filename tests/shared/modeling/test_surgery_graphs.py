@@ -6,19 +6,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import assert_alike
 
-from enliven.character import Pose
-from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_vertices
+from enliven.document.character import Pose
+from enliven.document.history import History
+from enliven.document.possessed import GraphPart, PoseStream, character_of_graph, graph_shape_of
+from enliven.document.project import Project, same
 from enliven.errors import InputError
-from enliven.formats.project_file import read_project, write_project
-from enliven.graph_shape import GraphPart, PoseStream, character_of_graph, graph_shape_of
-from enliven.mesh import Mesh
-from enliven.modeling.cut_surfaces import PlaneCut
-from enliven.modeling.graph_copying import copy_graph, mirror_graph, move_graph, scale_graph
-from enliven.modeling.graph_pose import graph_pose, graph_vertices, pose_of_graph
-from enliven.modeling.graph_surgery import cut_graph, merge_graphs
-from enliven.modeling.history import History
-from enliven.project import Project, same
+from enliven.formats.project.file import read_project, write_project
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.mesh.cut_surfaces import PlaneCut
+from enliven.modeling.possessed.copying import copy_graph, mirror_graph, move_graph, scale_graph
+from enliven.modeling.possessed.pose import graph_pose, graph_vertices, pose_of_graph
+from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
 from enliven.rotation import from_rotation_vector, to_matrix
 
 laws = settings(deadline=None, max_examples=12)

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from surgery_worlds import angle, random_project, slow_pose
 
 from enliven.errors import InputError
-from enliven.modeling.cut import cut_bone
-from enliven.modeling.merge import merge
-from enliven.modeling.nodes import insert_node, remove_node
-from enliven.modeling.posed import posed
-from enliven.motion.evaluate import pose_of
+from enliven.modeling.rigged.cut import cut_bone
+from enliven.modeling.rigged.merge import merge
+from enliven.modeling.rigged.nodes import insert_node, remove_node
+from enliven.modeling.rigged.posed import posed
+from enliven.motion.layers.evaluate import pose_of
 from enliven.rotation import conjugate, multiply, rotate
 
 SEEDS = st.integers(0, 2**32 - 1)

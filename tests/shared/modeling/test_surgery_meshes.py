@@ -5,20 +5,20 @@ import pytest
 from surgery_worlds import about_z, angle, bending_arm
 from tolerances import assert_alike
 
+from enliven.document.layers import Ref, Span
+from enliven.document.project import same
 from enliven.errors import InputError
-from enliven.mesh import Mesh
-from enliven.modeling.copying import copy_shape
-from enliven.modeling.cut import cut_bone
-from enliven.modeling.cut_stroke import cut_stroke
-from enliven.modeling.cut_surfaces import PlaneCut, StrokeCut
-from enliven.modeling.merge import merge
-from enliven.modeling.meshes import posed_vertices
-from enliven.modeling.nodes import insert_node, remove_node
-from enliven.modeling.posed import posed
-from enliven.modeling.posing import move_shape, set_bone, turn_bone
-from enliven.motion.evaluate import pose_of
-from enliven.motion.layers import Ref, Span
-from enliven.project import same
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.mesh.cut_surfaces import PlaneCut, StrokeCut
+from enliven.modeling.mesh.meshes import posed_vertices
+from enliven.modeling.rigged.copying import copy_shape
+from enliven.modeling.rigged.cut import cut_bone
+from enliven.modeling.rigged.cut_stroke import cut_stroke
+from enliven.modeling.rigged.merge import merge
+from enliven.modeling.rigged.nodes import insert_node, remove_node
+from enliven.modeling.rigged.posed import posed
+from enliven.modeling.rigged.posing import move_shape, set_bone, turn_bone
+from enliven.motion.layers.evaluate import pose_of
 
 
 @pytest.fixture(scope="module")

@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 from surgery_worlds import angle
 
-from enliven.modeling.copying import copy_shape
-from enliven.modeling.cut import cut_bone
-from enliven.modeling.merge import merge
-from enliven.modeling.nodes import remove_node
-from enliven.modeling.posed import posed
-from enliven.motion.clip import Clip
-from enliven.motion.evaluate import pose_of
-from enliven.motion.pin import pin_feet
-from enliven.motion.retarget import bind_chain
-from enliven.project import Project
+from enliven.document.clip import Clip
+from enliven.document.project import Project
+from enliven.document.rigged import still_shape
+from enliven.document.skeleton import Skeleton
+from enliven.modeling.rigged.copying import copy_shape
+from enliven.modeling.rigged.cut import cut_bone
+from enliven.modeling.rigged.merge import merge
+from enliven.modeling.rigged.nodes import remove_node
+from enliven.modeling.rigged.posed import posed
+from enliven.motion.contact.pin import pin_feet
+from enliven.motion.layers.evaluate import pose_of
+from enliven.motion.layers.retarget import bind_chain
 from enliven.rotation import IDENTITY, from_rotation_vector
-from enliven.shape import still_shape
-from enliven.skeleton import Skeleton
 
 NAMES = ("hips", "hip L", "knee L", "ankle L", "hip R", "knee R", "ankle R")
 LEFT = np.array([[0.1, 0.9, 0], [0.1, 0.48, 0.02], [0.1, 0.06, 0]])

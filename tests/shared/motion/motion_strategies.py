@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from enliven.motion.clip import Clip
-from enliven.project import Project
+from enliven.document.clip import Clip
+from enliven.document.project import Project
+from enliven.document.rigged import Shape, still_shape
+from enliven.document.skeleton import Skeleton
 from enliven.rotation import from_rotation_vector, multiply
-from enliven.shape import Shape, still_shape
-from enliven.skeleton import Skeleton
 
 EYE = np.array([1.0, 0.0, 0.0, 0.0])
 STEP = 1.0 / 30.0

@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from enliven.errors import InputError
-from enliven.motion.basis import basis_between, basis_of
+from enliven.motion.layers.basis import basis_between, basis_of
 from enliven.rotation import canonical, from_rotation_vector, multiply, rotate
 
 laws = settings(deadline=None, max_examples=80)

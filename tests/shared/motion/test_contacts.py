@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import alike
 
-from enliven.motion.contacts import ContactSettings, contacts_of, hold, runs_of, touching
+from enliven.document.pin import ContactSettings
+from enliven.motion.contact.contacts import contacts_of, hold, runs_of, touching
 
 laws = settings(deadline=None, max_examples=60)
 STEP = 1 / 60

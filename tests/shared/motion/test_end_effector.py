@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from enliven.document.rigged import still_shape
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.motion.evaluate import Player
-from enliven.motion.polyline import Polyline
-from enliven.motion.retarget import bind_chain, set_layer
+from enliven.motion.layers.evaluate import Player
+from enliven.motion.layers.polyline import Polyline
+from enliven.motion.layers.retarget import bind_chain, set_layer
 from enliven.rotation import conjugate, rotate
-from enliven.shape import still_shape
-from enliven.skeleton import Skeleton
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motion_strategies import EYE, angle, random_clip, random_skeleton, random_turn, scene, seeds

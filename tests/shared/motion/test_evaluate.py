@@ -9,16 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import alike
 
+from enliven.document.layers import Layer, Ref, Span
+from enliven.document.project import Project
+from enliven.document.rigged import Shape, still_shape
 from enliven.errors import InputError
-from enliven.motion.evaluate import Player, pose_of
-from enliven.motion.layers import Layer, Ref, Span
-from enliven.motion.polyline import Polyline
-from enliven.motion.retarget import bind_chain, set_layer, set_travel
-from enliven.motion.timing import frames_of
-from enliven.motion.travel import travel_scale
-from enliven.project import Project
+from enliven.motion.layers.evaluate import Player, pose_of
+from enliven.motion.layers.polyline import Polyline
+from enliven.motion.layers.retarget import bind_chain, set_layer, set_travel
+from enliven.motion.layers.timing import frames_of
+from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import conjugate, multiply, rotate, to_matrix
-from enliven.shape import Shape, still_shape
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motion_strategies import (

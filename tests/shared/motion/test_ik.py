@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.motion.ik import two_bone
-from enliven.motion.reaching import reach
+from enliven.motion.kinematics.ik import two_bone
+from enliven.motion.kinematics.reaching import reach
 from enliven.rotation import rotate
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from tolerances import alike
 
+from enliven.document.clip import Clip
+from enliven.document.pin import ContactSettings
+from enliven.document.project import Project
+from enliven.document.rigged import still_shape
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.motion.clip import Clip
-from enliven.motion.contacts import ContactSettings
-from enliven.motion.evaluate import Player
-from enliven.motion.pin import bend_of, held_pins, pin_feet, unpin
-from enliven.motion.retarget import bind_chain, set_layer, set_travel
-from enliven.motion.standing import Window, window_of
-from enliven.project import Project
+from enliven.motion.contact.pin import bend_of, held_pins, pin_feet, unpin
+from enliven.motion.contact.standing import Window, window_of
+from enliven.motion.layers.evaluate import Player
+from enliven.motion.layers.retarget import bind_chain, set_layer, set_travel
 from enliven.rotation import from_rotation_vector, rotate
-from enliven.shape import still_shape
-from enliven.skeleton import Skeleton
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motion_strategies import EYE, angle

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from enliven.document.layers import Layer
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.motion.layers import Layer
-from enliven.motion.polyline import Polyline, arc_of
-from enliven.motion.timing import frames_of
+from enliven.motion.layers.polyline import Polyline, arc_of
+from enliven.motion.layers.timing import frames_of
 from enliven.rotation import conjugate, multiply, slerp
-from enliven.skeleton import Skeleton
 
 sys.path.insert(0, str(Path(__file__).parent))
 import itertools

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.body import Body
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
-from enliven.motion.capture_clip import BODY_NAMES
-from enliven.motion.recorded import TakeSettings, clips_of_frames, clips_of_recording
+from enliven.motion.takes.capture_clip import BODY_NAMES
+from enliven.motion.takes.recorded import TakeSettings, clips_of_frames, clips_of_recording
+from enliven.person.body import Body
 from enliven.recording import Recorder
 from enliven.rotation import from_rotation_vector, rotate
 

@@ -8,17 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from enliven.document.clip import Clip
+from enliven.document.layers import Ref, Span
+from enliven.document.project import Project
+from enliven.document.rigged import Shape, still_shape
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.modeling.spans import joined_spans, split_spans
-from enliven.motion.clip import Clip
-from enliven.motion.copying import copy_motion
-from enliven.motion.evaluate import Player
-from enliven.motion.layers import Ref, Span
-from enliven.motion.retarget import bind_chain, branch, clear_chain, extended, set_layer, set_travel
-from enliven.project import Project
+from enliven.modeling.rigged.spans import joined_spans, split_spans
+from enliven.motion.layers.copying import copy_motion
+from enliven.motion.layers.evaluate import Player
+from enliven.motion.layers.retarget import bind_chain, branch, clear_chain, extended, set_layer, set_travel
 from enliven.rotation import canonical, conjugate, from_rotation_vector, multiply, rotate, to_rotation_vector
-from enliven.shape import Shape, still_shape
-from enliven.skeleton import Skeleton
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motion_strategies import (

@@ -77,9 +77,9 @@ def _film(
     hud: bool,
 ) -> None:
     """Heavy modules are imported only here, so that the help is quick."""
-    from enliven_viewer.document import Document
-    from enliven_viewer.film import make_film
-    from enliven_viewer.timeline import Timeline
+    from enliven_viewer.film.film import make_film
+    from enliven_viewer.playback.document import Document
+    from enliven_viewer.playback.timeline import Timeline
 
     feed = _feed(take, address)
     document = Document(Timeline(settings.playback, bounded=False))
@@ -93,9 +93,9 @@ def _film(
 def _window(
     take: Path | None, address: str, settings: ViewerSettings, seconds: float | None, hud: bool
 ) -> None:
-    from enliven_viewer.app import App
-    from enliven_viewer.document import Document
-    from enliven_viewer.timeline import Timeline
+    from enliven_viewer.live.app import App
+    from enliven_viewer.playback.document import Document
+    from enliven_viewer.playback.timeline import Timeline
 
     feed = _feed(take, address)
     document = Document(Timeline(settings.playback, bounded=take is None))
@@ -106,11 +106,11 @@ def _window(
 def _feed(take: Path | None, address: str):  # type: ignore[no-untyped-def]
     """The take's feed, or the edge's."""
     if take is not None:
-        from enliven_viewer.takes import Take
+        from enliven_viewer.link.take_feed import Take
 
         return Take(take)
-    from enliven_viewer.edge_feed import EdgeFeed
-    from enliven_viewer.link import Link
+    from enliven_viewer.link.edge_feed import EdgeFeed
+    from enliven_viewer.link.edges import Link
 
     return EdgeFeed(Link([address]))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_viewer.camera import Box, look_at, orthographic
+from enliven_viewer.render.camera import Box, look_at, orthographic
 from enliven_viewer.render.scene import corners
 
 TO_KEY = np.array([0.42, 1.0, 0.55]) / np.linalg.norm([0.42, 1.0, 0.55])

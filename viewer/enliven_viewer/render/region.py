@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.props import Props
-from enliven_viewer.render.marks import CUE_RADIUS
+from enliven.document.props import Props
+from enliven_viewer.render.overlay.marks import CUE_RADIUS
 from enliven_viewer.render.scene import Scene, corners
 
 Region = tuple[int, int, int, int]

@@ -8,20 +8,20 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float, UInt8
-from enliven_viewer.camera import Box, View
+from enliven_viewer.render.camera import Box, View
 from enliven_viewer.render.capsules import Capsules, capsules_of
+from enliven_viewer.render.gl.program import BLOCKS, UNITS, load_program, set_uniform
+from enliven_viewer.render.gl.targets import Picture, Size, SoftMap, reach_of
 from enliven_viewer.render.ground import STAGE_RADIUS, Ground, Patch
 from enliven_viewer.render.lights import TO_KEY, contact_from_world, light_from_world
-from enliven_viewer.render.marks import Marks
-from enliven_viewer.render.match_lines import match_rows
 from enliven_viewer.render.mesh_pass import MeshPass
-from enliven_viewer.render.program import BLOCKS, UNITS, load_program, set_uniform
+from enliven_viewer.render.overlay.marks import Marks
+from enliven_viewer.render.overlay.match_lines import match_rows
+from enliven_viewer.render.overlay.tubes import Tubes
 from enliven_viewer.render.props import LooseThings
 from enliven_viewer.render.region import casters_of, marks_of, seen_in, shaded_by
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned import SkinnedMesh
-from enliven_viewer.render.targets import Picture, Size, SoftMap, reach_of
-from enliven_viewer.render.tubes import Tubes
 from enliven_viewer.settings import RenderSettings
 
 EMPTY_BOX: Box = (np.array([-0.6, 0.0, -0.6]), np.array([0.6, 1.7, 0.6]))

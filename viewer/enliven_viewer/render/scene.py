@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.body import Body
-from enliven.character import Character, Pose
+from enliven.document.character import Character, Pose
+from enliven.document.props import BOX, Props
 from enliven.matching.board import Board
-from enliven.props import BOX, Props
-from enliven_viewer.camera import Box
-from enliven_viewer.document import Document, bounds_of
-from enliven_viewer.puppets import Surfaces
-from enliven_viewer.timeline import Cues, Moment
+from enliven.person.body import Body
+from enliven_viewer.playback.document import Document, bounds_of
+from enliven_viewer.playback.solved_surfaces import Surfaces
+from enliven_viewer.playback.timeline import Cues, Moment
+from enliven_viewer.render.camera import Box
 
 _BOX_REACH, _SHADOW_REACH = 0.7, 1.4
 """Metres from characters and bodies within which boxes belong into the picture, and things have shadows."""

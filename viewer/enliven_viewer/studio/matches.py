@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from enliven.document.clip import Clip
+from enliven.document.project import Project
 from enliven.matching.ranking import Matcher
 from enliven.matching.source import source_of_skeleton
 from enliven.matching.views import View as MatchView
-from enliven.motion.clip import Clip
-from enliven.motion.retarget import bind_chain
-from enliven.project import Project
-from enliven_viewer.studio.picking import Lens
-from enliven_viewer.studio.source_view import stance_of
-from enliven_viewer.studio.stance import Stance
+from enliven.motion.layers.retarget import bind_chain
+from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.viewport.pose_at_time import Stance
+from enliven_viewer.studio.viewport.source_view import stance_of
 
 Chain = tuple[int, ...]
 

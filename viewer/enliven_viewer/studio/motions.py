@@ -12,9 +12,9 @@ from collections.abc import Callable
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.motion.clip import Clip
+from enliven.document.clip import Clip
+from enliven.document.skeleton import Skeleton
 from enliven.rotation import IDENTITY, from_rotation_vector, multiply
-from enliven.skeleton import Skeleton
 
 STEP = 1 / 30
 _SIDE = np.array([0.0, 0.0, 1.0])

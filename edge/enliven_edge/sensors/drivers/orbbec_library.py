@@ -7,7 +7,7 @@ import tempfile
 from typing import Any
 
 from enliven.errors import InputError, ResourceError
-from enliven_edge.sensors.drivers.extras import library
+from enliven_edge.sensors.extras import library
 
 _PORT = 8090
 """The port at which Orbbec's network cameras answer."""

@@ -15,7 +15,6 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition
-from enliven_edge.sensors.drivers.extras import library
 from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical
 from enliven_edge.sensors.drivers.realsense_colour import (
     AlignedColour,
@@ -25,6 +24,7 @@ from enliven_edge.sensors.drivers.realsense_colour import (
 )
 from enliven_edge.sensors.drivers.refusals import chosen, refused
 from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
+from enliven_edge.sensors.extras import library
 
 _STILL = 100
 """Readings of the accelerometer, half a second at 200 Hz, whose mean is gravity."""

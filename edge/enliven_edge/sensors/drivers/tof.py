@@ -19,9 +19,9 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition
-from enliven_edge.sensors.drivers.extras import library
 from enliven_edge.sensors.drivers.lens import known_or_typical, within
 from enliven_edge.sensors.drivers.rehearsal import Rehearsal
+from enliven_edge.sensors.extras import library
 
 _PROFILE = "arducam-tof"
 _MODES = {2: 2000, 4: 4000}

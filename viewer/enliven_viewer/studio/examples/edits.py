@@ -1,4 +1,4 @@
-"""What the example panel does to a project, beyond one call of :mod:`enliven.modeling.puppets`."""
+"""What the example panel does to a project, beyond one call of :mod:`enliven.modeling.puppet.edits`."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from enliven.document.constraints import Coupling, Position, Velocity
+from enliven.document.project import Project, unused
 from enliven.errors import InputError
-from enliven.examples.constraints import Coupling, Position, Velocity
-from enliven.examples.locomotion import Kind, Switch
 from enliven.examples.pairing import guess_joints
 from enliven.examples.puppet_motion import motion_of
-from enliven.mesh import fit_height
-from enliven.modeling.puppets import (
+from enliven.examples.spacetime.locomotion import Kind, Switch
+from enliven.meshes.mesh import fit_height
+from enliven.modeling.puppet.edits import (
     add_key_pose,
     add_point,
     change_key_pose,
@@ -23,7 +24,6 @@ from enliven.modeling.puppets import (
     change_point,
     mirror_key_pose,
 )
-from enliven.project import Project, unused
 
 _AUTOMATIC = re.compile(r"point \d+")
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")

@@ -12,19 +12,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.document.clip import Clip
+from enliven.document.rigged import still_shape
+from enliven.document.skeleton import Skeleton
 from enliven.examples.performer import turned_about_y, yaw_of
 from enliven.mapping.facing import facing_of
-from enliven.modeling.puppets import play_take
-from enliven.motion.clip import Clip
-from enliven.shape import still_shape
-from enliven.skeleton import Skeleton
-from enliven_viewer.camera import OrbitCamera
-from enliven_viewer.studio.editor import Editor
+from enliven.modeling.puppet.edits import play_take
+from enliven_viewer.render.camera import OrbitCamera
 from enliven_viewer.studio.examples.edits import paired
 from enliven_viewer.studio.examples.times import layer_of, seconds_at
-from enliven_viewer.studio.overlay import Point
-from enliven_viewer.studio.picking import Lens
-from enliven_viewer.studio.stance import joints_of
+from enliven_viewer.studio.viewport.overlay import Point
+from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.viewport.pose_at_time import joints_of
+from enliven_viewer.studio.workspace.editor import Editor
 
 _TURN = 0.008
 _ROOM = 1.3

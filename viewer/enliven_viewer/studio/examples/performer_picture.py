@@ -7,13 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from enliven.arrays import Float32
+from enliven_viewer.render.overlay.tubes import Tubes, tube_rows
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Look, Scene
 from enliven_viewer.render.skinned import linear
-from enliven_viewer.render.tubes import Tubes, tube_rows
 from enliven_viewer.studio.examples.performer import Figure
-from enliven_viewer.studio.picking import Lens
-from enliven_viewer.studio.theme import FADED, HOVERED, point_colour
+from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.viewport.theme import FADED, HOVERED, point_colour
 
 _LIMB, _JOINT, _PAIRED = 0.026, 0.020, 0.033
 """Radii as shares of the performer's height."""
@@ -40,7 +40,7 @@ class PerformerPicture:
 
 
 def figure_rows(figure: Figure, paired: Mapping[int, int], lit: int | None) -> Float32:
-    """(N, 12) of :class:`~enliven_viewer.render.tubes.Tubes`: limbs, then joints."""
+    """(N, 12) of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: limbs, then joints."""
     parents, tall = figure.skeleton.parents, figure.height
     starts, ends = figure.joints[parents[1:]], figure.joints[1:]
     radii = np.full(len(starts), _LIMB * tall)

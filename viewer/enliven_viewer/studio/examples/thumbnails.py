@@ -10,10 +10,10 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.puppet_surface import PuppetSurface
-from enliven.mesh import Mesh
-from enliven.puppet import Puppet
-from enliven_viewer.camera import OrbitCamera
+from enliven.deformation.arap.control_point_surface import PuppetSurface
+from enliven.document.puppet import Puppet
+from enliven.meshes.mesh import Mesh
+from enliven_viewer.render.camera import OrbitCamera
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Actor, Look, Scene
 from enliven_viewer.settings import RenderSettings

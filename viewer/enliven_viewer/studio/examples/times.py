@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from enliven.project import Project
-from enliven.puppet import Puppet, PuppetLayer
+from enliven.document.project import Project
+from enliven.document.puppet import Puppet, PuppetLayer
 
 
 def seconds_at(project: Project, layer: PuppetLayer, time: float) -> float:

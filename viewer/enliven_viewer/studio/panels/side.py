@@ -6,18 +6,18 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from enliven.motion.layers import Layer
-from enliven.motion.retarget import set_travel
-from enliven.project import Project
-from enliven.shape import Shape
-from enliven_viewer.studio.clay import clay_of
-from enliven_viewer.studio.desk import Desk
-from enliven_viewer.studio.editor import Edit
-from enliven_viewer.studio.naming import renamed
+from enliven.document.layers import Layer
+from enliven.document.project import Project
+from enliven.document.rigged import Shape
+from enliven.motion.layers.retarget import set_travel
 from enliven_viewer.studio.panels.style import heading, panel, quiet
-from enliven_viewer.studio.performance import layers_of, used_layers
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.tools.map import Map
+from enliven_viewer.studio.viewport.colours import clay_of
+from enliven_viewer.studio.viewport.playback import layers_of, used_layers
+from enliven_viewer.studio.workspace.editor import Edit
+from enliven_viewer.studio.workspace.renaming import renamed
+from enliven_viewer.studio.workspace.workspace import Desk
 
 _HALF = ImVec2(126, 0)
 _MEANT = {

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from enliven.examples.constraints import Position, Velocity
-from enliven_viewer.studio.desk import Desk
-from enliven_viewer.studio.panels.examples_motion import told
+from enliven.document.constraints import Position, Velocity
+from enliven_viewer.studio.panels.examples.motion import told
 from enliven_viewer.studio.panels.style import packed, small
-from enliven_viewer.studio.theme import (
+from enliven_viewer.studio.timeline.layout import LABELS
+from enliven_viewer.studio.timeline.puppet_lanes import PuppetLanes, Row
+from enliven_viewer.studio.viewport.theme import (
     ACCENT,
     BAD,
     CHAIN,
@@ -21,8 +22,7 @@ from enliven_viewer.studio.theme import (
     Colour,
     point_colour,
 )
-from enliven_viewer.studio.timeline_layout import LABELS
-from enliven_viewer.studio.timeline_puppets import PuppetLanes, Row
+from enliven_viewer.studio.workspace.workspace import Desk
 
 _EYE, _CLOSED = "\uf06e", "\uf070"
 _CONTACT: Colour = (0.46, 0.70, 0.50, 1.0)

@@ -6,14 +6,14 @@ import logging
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
+from enliven.document.project import Project
+from enliven.document.puppet import Puppet
 from enliven.errors import EnlivenError, InputError
-from enliven.examples.bake_settings import BakeError
-from enliven.modeling.puppet_baking import bake_puppet
-from enliven.project import Project
-from enliven.puppet import Puppet
+from enliven.examples.baking.settings import BakeError
+from enliven.modeling.puppet.baking import bake_puppet
 
 if TYPE_CHECKING:
-    from enliven_viewer.studio.editor import Editor
+    from enliven_viewer.studio.workspace.editor import Editor
 
 log = logging.getLogger(__name__)
 

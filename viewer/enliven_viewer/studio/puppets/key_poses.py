@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.document.clip import Clip
+from enliven.document.project import Project
+from enliven.document.puppet import KeyPose, Puppet
 from enliven.examples.puppet_motion import State
-from enliven.modeling.puppets import add_key_pose, change_key_pose, remove_key_pose
-from enliven.motion.clip import Clip
-from enliven.project import Project
-from enliven.puppet import KeyPose, Puppet
-from enliven_viewer.studio.puppets.chosen import Chosen
+from enliven.modeling.puppet.edits import add_key_pose, change_key_pose, remove_key_pose
 from enliven_viewer.studio.puppets.playing import take_places
+from enliven_viewer.studio.puppets.selection import Chosen
 from enliven_viewer.studio.puppets.stage import PuppetStage, Standing
 
 if TYPE_CHECKING:
-    from enliven_viewer.studio.editor import Editor
+    from enliven_viewer.studio.workspace.editor import Editor
 
 
 class KeyPoses(Chosen):

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Float32
+from enliven_viewer.render.overlay.tubes import tube_rows
 from enliven_viewer.render.skinned import linear
-from enliven_viewer.render.tubes import tube_rows
-from enliven_viewer.studio.overlay import Disc, Fill, Line, Point
-from enliven_viewer.studio.picking import Lens
-from enliven_viewer.studio.theme import AXES, HELD_AXIS, Colour
+from enliven_viewer.studio.viewport.overlay import Disc, Fill, Line, Point
+from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.viewport.theme import AXES, HELD_AXIS, Colour
 
 LENGTH, _NEAR, _FAR = 84.0, 24.0, 42.0
 """Pixels: of an arrow, and from where to where a square goes along both of its axes."""
@@ -87,7 +87,7 @@ class Manipulator:
         return float(power * _STEPS[np.abs(_STEPS * power - wanted).argmin()])
 
     def rows(self, lit: str, alone: str = "") -> Float32:
-        """Arrows as :func:`~enliven_viewer.render.tubes.tube_rows`; ``alone``: of a part that is dragged."""
+        """Arrows as ``tube_rows``; ``alone``: of a part that is dragged."""
         made = []
         for axis in range(3):
             part = PARTS[axis]

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from enliven.arrays import Float, Float32
+from enliven_viewer.render.overlay.tubes import tube_rows
 from enliven_viewer.render.skinned import linear
-from enliven_viewer.render.tubes import tube_rows
-from enliven_viewer.studio.overlay import Disc, Fill, Line, Point, Words
-from enliven_viewer.studio.picking import Lens
-from enliven_viewer.studio.puppets.kept import normals_of
+from enliven_viewer.studio.puppets.mesh_cache import normals_of
 from enliven_viewer.studio.puppets.mirrored import partner_vertex
 from enliven_viewer.studio.puppets.stage import Standing
-from enliven_viewer.studio.theme import ACCENT, INK, QUIET, Colour, point_colour
+from enliven_viewer.studio.viewport.overlay import Disc, Fill, Line, Point, Words
+from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.viewport.theme import ACCENT, INK, QUIET, Colour, point_colour
 
 if TYPE_CHECKING:
     from enliven_viewer.studio.tools.puppet import PuppetTool
@@ -46,7 +46,7 @@ def ghost_at(standing: Standing, suggested: tuple[int, ...], lens: Lens, at: Poi
 
 
 def point_rows(standing: Standing, lens: Lens, chosen: int | None, hovered: int | None) -> Float32:
-    """(P, 12) of :class:`~enliven_viewer.render.tubes.Tubes`: the control points as balls."""
+    """(P, 12) of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: the control points as balls."""
     points = standing.points
     depth = np.maximum((points - lens.view.eye) @ lens.forward, 0.05)
     pixel = 2 * depth / (lens.view.clip_from_camera[1, 1] * lens.size[1])

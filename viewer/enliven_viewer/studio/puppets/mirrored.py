@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.document.puppet import Plane, Puppet
 from enliven.examples.symmetric import reflected
-from enliven.puppet import Plane, Puppet
-from enliven_viewer.studio.puppets.kept import plane_of, size_of, tree_of
+from enliven_viewer.studio.puppets.mesh_cache import plane_of, size_of, tree_of
 
 _OFF = 0.05
 """Part of the mesh's size that a mirror image may be off."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float32, Int32
-from enliven_viewer.studio.puppets.kept import middle_of, size_of
 from enliven_viewer.studio.puppets.marks import point_rows
+from enliven_viewer.studio.puppets.mesh_cache import middle_of, size_of
 from enliven_viewer.studio.tools.base import Tool
 from enliven_viewer.studio.tools.puppet import PuppetTool
 
@@ -25,7 +25,7 @@ class PuppetPicture:
     Attributes:
         crossing: vertices (V, 3) metres in the world and the faces (K, 3) of them that warn, or None.
         ghost: vertices (V, 3), faces and size, metres, of what is outlined, or None.
-        tubes: rows of :class:`~enliven_viewer.render.tubes.Tubes` and their bias, metres.
+        tubes: rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes` and their bias, metres.
     """
 
     crossing: tuple[Float32, Int32] | None = None

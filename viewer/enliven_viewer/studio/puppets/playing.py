@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.document.project import Project
+from enliven.document.puppet import Puppet
 from enliven.errors import EnlivenError
 from enliven.examples.puppet_motion import State, missing, motion_of, state_of
-from enliven.project import Project
-from enliven.puppet import Puppet
 
 if TYPE_CHECKING:
-    from enliven_viewer.studio.editor import Editor
+    from enliven_viewer.studio.workspace.editor import Editor
 
 
 def rest_state(puppet: Puppet) -> State:

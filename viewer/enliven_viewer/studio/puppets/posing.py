@@ -16,17 +16,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.modeling.puppets import change_key_pose, remove_point
-from enliven.puppet import Puppet
+from enliven.document.puppet import Puppet
+from enliven.modeling.puppet.edits import change_key_pose, remove_point
 from enliven_viewer.studio.puppets.baking import Baking
 from enliven_viewer.studio.puppets.crossing import Crossing
-from enliven_viewer.studio.puppets.kept import middle_of, size_of
 from enliven_viewer.studio.puppets.key_poses import KeyPoses
+from enliven_viewer.studio.puppets.mesh_cache import middle_of, size_of
 from enliven_viewer.studio.puppets.mirrored import mirrored_places
 from enliven_viewer.studio.puppets.stage import PuppetStage
 
 if TYPE_CHECKING:
-    from enliven_viewer.studio.editor import Editor
+    from enliven_viewer.studio.workspace.editor import Editor
 
 _MANY = 200_000
 """Faces: where there are more, it is looked whether they cross when a drag is over, not during it."""

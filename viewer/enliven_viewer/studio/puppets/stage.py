@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
-from enliven.character import Character, Pose, SkinWeights
+from enliven.document.character import Character, Pose, SkinWeights
+from enliven.document.puppet import Puppet
 from enliven.examples.puppet_motion import State, pose_of_state
-from enliven.mesh import Mesh
-from enliven.puppet import Puppet
+from enliven.meshes.mesh import Mesh
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
-from enliven_viewer.studio.clay import coloured
-from enliven_viewer.studio.picking import Lens
 from enliven_viewer.studio.puppets.playing import played_state
 from enliven_viewer.studio.puppets.ray import first_hit, moved
 from enliven_viewer.studio.puppets.surfaces import Surfaces
+from enliven_viewer.studio.viewport.colours import coloured
+from enliven_viewer.studio.viewport.picking import Lens
 
 if TYPE_CHECKING:
-    from enliven_viewer.studio.editor import Editor
     from enliven_viewer.studio.puppets.posing import PuppetDesk
+    from enliven_viewer.studio.workspace.editor import Editor
 
 
 @dataclass(frozen=True, eq=False)

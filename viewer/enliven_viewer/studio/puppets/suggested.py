@@ -7,11 +7,11 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import numpy as np
 from scipy.spatial import cKDTree
 
-from enliven.deformation.sampling import scatter
-from enliven.mesh import Mesh
-from enliven.modeling.extremities import extremities
-from enliven.puppet import Puppet
-from enliven_viewer.studio.puppets.kept import size_of
+from enliven.deformation.graph.sampling import scatter
+from enliven.document.puppet import Puppet
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.mesh.extremities import extremities
+from enliven_viewer.studio.puppets.mesh_cache import size_of
 
 _MOST, _FEW = 14, 5
 _SAMPLES = 4000

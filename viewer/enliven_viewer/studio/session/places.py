@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from enliven.errors import InputError
-from enliven_viewer.studio.desk import Desk
-from enliven_viewer.studio.overlay import Point
-from enliven_viewer.studio.source_view import SourceView
 from enliven_viewer.studio.tools.map import Map
+from enliven_viewer.studio.viewport.overlay import Point
+from enliven_viewer.studio.viewport.source_view import SourceView
+from enliven_viewer.studio.workspace.workspace import Desk
 
 
 @dataclass(frozen=True)

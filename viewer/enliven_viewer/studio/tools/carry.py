@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.modeling.merge import merge
-from enliven.modeling.posing import move_shape
-from enliven.project import Project
-from enliven_viewer.studio.overlay import Disc, Line, Overlay, Words
-from enliven_viewer.studio.picking import Hit, bone_at, joint_at
-from enliven_viewer.studio.theme import GOOD, INK, STROKE
+from enliven.document.project import Project
+from enliven.modeling.rigged.merge import merge
+from enliven.modeling.rigged.posing import move_shape
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.handle_graph import GraphGrip
 from enliven_viewer.studio.tools.handle_puppet import PuppetHold
+from enliven_viewer.studio.viewport.overlay import Disc, Line, Overlay, Words
+from enliven_viewer.studio.viewport.picking import Hit, bone_at, joint_at
+from enliven_viewer.studio.viewport.theme import GOOD, INK, STROKE
 
 
 class Carry(Tool):

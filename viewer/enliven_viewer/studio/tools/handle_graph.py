@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from enliven.arrays import Float
-from enliven.modeling.graph_copying import move_graph
-from enliven.modeling.graph_surgery import merge_graphs
-from enliven.project import Project
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.possessed import possessed_at
+from enliven.document.project import Project
+from enliven.modeling.possessed.copying import move_graph
+from enliven.modeling.possessed.surgery import merge_graphs
 from enliven_viewer.studio.tools.base import Pointer
+from enliven_viewer.studio.viewport.possessed import possessed_at
+from enliven_viewer.studio.workspace.editor import Editor
 
 
 class GraphGrip:

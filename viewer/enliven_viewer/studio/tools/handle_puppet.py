@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.modeling.puppet_surgery import merge_puppets
-from enliven.modeling.puppets import move_puppet, turn_puppet
-from enliven.project import Project
+from enliven.document.project import Project
+from enliven.modeling.puppet.edits import move_puppet, turn_puppet
+from enliven.modeling.puppet.surgery import merge_puppets
 from enliven.rotation import from_rotation_vector
-from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.puppets.stage import puppet_at
 from enliven_viewer.studio.tools.base import Pointer
+from enliven_viewer.studio.workspace.editor import Editor
 
 _TURN = 0.01
 """Radians a pixel."""

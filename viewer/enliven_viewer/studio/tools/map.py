@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from enliven.document.project import Project
 from enliven.errors import EnlivenError, InputError
 from enliven.mapping.applying import apply_plan
 from enliven.mapping.automatic import automatic
-from enliven.motion.polyline import goes_down
-from enliven.motion.retarget import bind_chain
-from enliven.project import Project
-from enliven_viewer.studio.editor import Editor
+from enliven.motion.layers.polyline import goes_down
+from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio.matches import Chain, Offer, accepted, offers
-from enliven_viewer.studio.overlay import Overlay
-from enliven_viewer.studio.source_view import SourceView
 from enliven_viewer.studio.tools.base import Pointer, Tool
+from enliven_viewer.studio.viewport.overlay import Overlay
+from enliven_viewer.studio.viewport.source_view import SourceView
+from enliven_viewer.studio.workspace.editor import Editor
 
 
 @dataclass(frozen=True)

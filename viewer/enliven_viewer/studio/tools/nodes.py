@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from enliven.modeling.nodes import insert_node, remove_node
-from enliven.project import Project
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.overlay import Disc, Overlay
-from enliven_viewer.studio.picking import Hit, bone_at, joint_at
-from enliven_viewer.studio.theme import CUT, STROKE
+from enliven.document.project import Project
+from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven_viewer.studio.tools.base import Pointer, Tool
+from enliven_viewer.studio.viewport.overlay import Disc, Overlay
+from enliven_viewer.studio.viewport.picking import Hit, bone_at, joint_at
+from enliven_viewer.studio.viewport.theme import CUT, STROKE
+from enliven_viewer.studio.workspace.editor import Editor
 
 
 class Insert(Tool):

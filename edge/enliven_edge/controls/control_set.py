@@ -1,0 +1,120 @@
+"""All controls of an edge: opened by its settings, heard between two frames."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+
+from enliven.errors import EnlivenError, InputError
+from enliven.wire.messages import Possess
+from enliven_edge.controls.base import Control, Device, Reader
+from enliven_edge.controls.commands import WORDS, Word, actions, checked_map
+from enliven_edge.controls.lamps import Lamps
+from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
+from enliven_edge.stage.stage import Stage
+
+log = logging.getLogger(__name__)
+
+
+class Controls:
+    """What is said by any of some controls is done on the stage."""
+
+    def __init__(self, controls: Sequence[Control]) -> None:
+        self._controls = list(controls)
+
+    def obey(self, stage: Stage, possess: Callable[[Possess], None], lock: Callable[[bool], None]) -> None:
+        """Carries out what was said since the last call; what cannot be done is said in the log.
+
+        Args:
+            possess: carries out a viewer's wish to possess.
+            lock: likewise to keep the cast.
+        """
+        for control in self._controls:
+            for word in control.poll():
+                log.info("%s: %s", control.name, word)
+                for action in actions(word, stage, possess, lock):
+                    try:
+                        action()
+                    except EnlivenError as error:
+                        log.warning("%s: %s was refused: %s", control.name, word, error)
+
+    def show(self, lamps: Lamps) -> None:
+        """Shows the state of the stage; a lamp goes to "no edge" where this is not called for a second."""
+        for control in self._controls:
+            control.show(lamps)
+
+    @property
+    def missing(self) -> list[str]:
+        """The names of those whose devices are looked for."""
+        return [control.name for control in self._controls if not control.there]
+
+    def forget(self) -> None:
+        """What was said so far is nothing: the stage was not ready."""
+        for control in self._controls:
+            control.poll()
+
+    def close(self) -> None:
+        """Lets all devices go."""
+        for control in self._controls:
+            control.close()
+
+    def __enter__(self) -> Controls:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def open_controls(settings: Mapping[str, ControlSettings], folder: Path | None = None) -> Controls:
+    """Begins to listen to all controls of a settings file.
+
+    Args:
+        folder: of the file, where its paths begin.
+
+    Raises:
+        InputError: for a map or a key that cannot be meant.
+        ResourceError: where a library that one of them needs is missing. A device that is missing is no
+            error: it is looked for until it is there.
+    """
+    ready = [(name, one, device_of(name, one, folder)) for name, one in settings.items()]
+    return Controls(
+        [Reader(name, device, words_of(name, one), one.debounce, one.retry) for name, one, device in ready]
+    )
+
+
+def words_of(name: str, settings: ControlSettings) -> dict[str, Word]:
+    """What a control's keys mean; without a map it sends the commands themselves.
+
+    Raises:
+        InputError: for an unknown command, or a voice without phrases.
+    """
+    if settings.kind == "voice" and not settings.map:
+        mend = 'Such as "puppet let it go" = "release".'
+        raise InputError("a voice needs phrases", where=f"controls.{name}.map", mend=mend)
+    return checked_map(settings.map or {word: word for word in WORDS}, f"controls.{name}.map")
+
+
+def device_of(name: str, settings: ControlSettings, folder: Path | None = None) -> Device:
+    """What a control is read from, not opened yet; its library is imported only here."""
+    where = f"controls.{name}"
+    refuse_other_kinds(settings, where)
+    words = words_of(name, settings)
+    if settings.kind == "serial" and settings.sends == "panel":
+        from enliven_edge.controls.serial_panel import SerialPanel
+
+        return SerialPanel(settings, where)
+    if settings.kind == "serial":
+        from enliven_edge.controls.serial_pedal import SerialPedal
+
+        return SerialPedal(settings, where)
+    if settings.kind == "hid":
+        from enliven_edge.controls.hid_pedal import HidPedal
+
+        return HidPedal(settings, where)
+    from enliven_edge.controls.voice import Voice
+
+    return Voice(settings, list(words), where, folder)

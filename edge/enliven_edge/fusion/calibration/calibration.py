@@ -1,0 +1,221 @@
+"""Where sensors stand for each other, from people who walk about: no checkerboard, no tape measure.
+
+Bodies of two sensors are the same points in two frames of reference. Which body is which, what is left and
+right, and what time it is for either is found along the way.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven_edge.fusion.calibration.matching import Match, guesses, matched
+from enliven_edge.fusion.calibration.pose_graph import Network, network
+from enliven_edge.fusion.calibration.quality import Quality, Verdict, judged, nothing
+from enliven_edge.fusion.calibration.refinement import Fit, differ, refine
+from enliven_edge.fusion.calibration.tracks import BodyStream
+from enliven_edge.fusion.placement.space import Place, Space, rows
+from enliven_edge.fusion.settings import CalibrationSettings
+
+_MISSED = 0.5
+"""Metres that a body counts which one sensor saw, and the other, in view of somebody, did not."""
+_FINALISTS = 4
+_AS_GOOD = 1.25
+"""Times the best cost up to which another placement explains what was seen as well."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """What two sensors told of each other; ``fit`` is None where they never saw the same person."""
+
+    a: str
+    b: str
+    fit: Fit | None
+    quality: Quality
+
+    @property
+    def good(self) -> bool:
+        """Whether it may be used."""
+        return self.quality.verdict is Verdict.GOOD
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Where all sensors stand.
+
+    Attributes:
+        sensors: their identities; the first one's frame is the world.
+        world_from_sensor: by sensor, (4, 4) from its own level frame, in which it tells bodies.
+        clock_offset_ns: by sensor, nanoseconds to add to its clock to get the first one's.
+        pairs: what every two of them told.
+        loop_cm, loop_deg: by how much chains of sensors that close contradict themselves at most.
+    """
+
+    sensors: tuple[str, ...]
+    world_from_sensor: dict[str, Float]
+    clock_offset_ns: dict[str, int]
+    pairs: tuple[Pair, ...]
+    loop_cm: float
+    loop_deg: float
+
+    @property
+    def good(self) -> bool:
+        """Whether every sensor is tied to the first one through pairs that are good."""
+        return not self.loose(lambda pair: pair.good)
+
+    def loose(self, usable: Callable[[Pair], bool]) -> tuple[str, ...]:
+        """The sensors that no chain of usable pairs ties to the first one."""
+        tied = {self.sensors[0]}
+        for _ in self.sensors:
+            for pair in filter(usable, self.pairs):
+                if {pair.a, pair.b} & tied:
+                    tied |= {pair.a, pair.b}
+        return tuple(name for name in self.sensors if name not in tied)
+
+    def space(self, level_from_camera: Mapping[str, Float] | None = None) -> Space:
+        """What goes into the file.
+
+        Args:
+            level_from_camera: by depth sensor, (4, 4) where its camera stands in its own level frame.
+        """
+        cameras = level_from_camera or {}
+        places = {}
+        for name, level in self.world_from_sensor.items():
+            camera = rows(level @ cameras[name]) if name in cameras else None
+            places[name] = Place(rows(level), camera, self.clock_offset_ns[name])
+        return Space(places)
+
+    @property
+    def advice(self) -> list[str]:
+        """What the user should do, one sentence a pair that a loose sensor needs; empty where all is good."""
+        loose = self.loose(lambda pair: pair.good)
+        return [p.quality.advice for p in self.pairs if p.quality.advice and {p.a, p.b} & set(loose)]
+
+
+def calibrate(
+    streams: Sequence[BodyStream],
+    settings: CalibrationSettings | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Calibration:
+    """Where the sensors stand that saw these bodies at one time in one space.
+
+    Raises:
+        InputError: for fewer than two sensors, or one identity twice.
+    """
+    settings = settings or CalibrationSettings()
+    names = tuple(stream.sensor for stream in streams)
+    _checked(names)
+    pairs = []
+    for a, b in itertools.combinations(streams, 2):
+        progress(f"{a.sensor} and {b.sensor}")
+        pairs.append(calibrate_pair(a, b, settings))
+    tied: Network = network(names, [(p.a, p.b, p.fit, p.good) for p in pairs if p.fit is not None])
+    first = streams[0].first_ns
+    offsets = {
+        s.sensor: first - s.first_ns + round(tied.lags.get(s.sensor, 0.0) * 1e9)
+        for s in streams
+        if s.sensor in tied.lags
+    }
+    return Calibration(
+        names, tied.world_from_sensor, offsets, tuple(pairs), 100 * tied.loop, float(np.degrees(tied.turn))
+    )
+
+
+def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) -> Pair:
+    """Where sensor b stands for sensor a, by the best of all first guesses."""
+    known = (b.first_ns - a.first_ns) * 1e-9
+    ranked: list[tuple[float, Fit]] = []
+    for guess in guesses(a, b, known, settings):
+        quick = refine(guess.matches, guess.a_from_b, guess.lag, settings, steps=4, frames=120)
+        if quick is not None:
+            ranked.append((_score(a, b, quick, guess.matches, settings), quick))
+    ranked.sort(key=lambda entry: entry[0])
+    finals: list[tuple[float, Fit, tuple[Match, ...]]] = []
+    for _, quick in _distinct(ranked):
+        final = _finished(a, b, quick, settings)
+        if final is not None:
+            finals.append((_score(a, b, *final, settings), *final))
+    if not finals:
+        blind = next((s.sensor for s in (a, b) if not s.tracks), None)
+        return Pair(a.sensor, b.sensor, None, nothing(a.sensor, b.sensor, blind))
+    finals.sort(key=lambda entry: entry[0])
+    score, fit, matches = finals[0]
+    rivals = [other for cost, other, _ in finals[1:] if cost < _AS_GOOD * score + 1e-4 and differ(fit, other)]
+    return Pair(a.sensor, b.sensor, fit, judged(fit, matches, rivals, b.sensor, settings))
+
+
+def _distinct(ranked: list[tuple[float, Fit]]) -> list[tuple[float, Fit]]:
+    """The best few that differ from every better one."""
+    kept: list[tuple[float, Fit]] = []
+    for score, fit in ranked:
+        if all(differ(fit, other) or abs(fit.lag - other.lag) > 0.1 for _, other in kept):
+            kept.append((score, fit))
+        if len(kept) == _FINALISTS:
+            break
+    return kept
+
+
+def _finished(
+    a: BodyStream, b: BodyStream, quick: Fit, settings: CalibrationSettings
+) -> tuple[Fit, tuple[Match, ...]] | None:
+    """A guess with everybody matched, twice: the better the placement, the better the matches."""
+    fit = quick
+    matches: tuple[Match, ...] = ()
+    for _ in range(2):
+        matches = matched(a, b, fit.a_from_b, fit.lag, settings)
+        better = refine(matches, fit.a_from_b, fit.lag, settings)
+        if better is None:
+            return None
+        fit = better
+    return fit, matches
+
+
+def _score(
+    a: BodyStream, b: BodyStream, fit: Fit, matches: tuple[Match, ...], settings: CalibrationSettings
+) -> float:
+    """Metres of disagreement a body, counting those that should have been seen by both and were not.
+
+    Short overlaps agree by chance more easily, so that they must agree better.
+    """
+    times = np.arange(0.0, a.duration + 1e-9, 0.1)
+    both = np.minimum(_present(a, times), _present(b, times - fit.lag)).sum()
+    have = min(float(both), sum(10 * _span(m, b, fit.lag) for m in matches))
+    if both < 1:
+        return np.inf
+    cost = (have * fit.cost + (both - have) * _MISSED) / both
+    # As long as nothing else tells them apart, sides are rather named rightly than wrongly.
+    return float(cost * (max(len(times), 1) / both) ** 0.25 * (1.0 + 0.15 * fit.swapped.mean()))
+
+
+def _present(stream: BodyStream, times: Float) -> Float:
+    """(N,) how many people a sensor tells of at each time."""
+    count = np.zeros(len(times))
+    for track in stream.tracks:
+        near = np.clip(np.searchsorted(track.times, times), 1, max(len(track.times) - 1, 1))
+        ends = np.minimum(len(track.times) - 1, near)
+        gap = np.minimum(np.abs(track.times[ends] - times), np.abs(track.times[near - 1] - times))
+        count += gap < 0.1
+    return count
+
+
+def _span(match: Match, b: BodyStream, lag: float) -> float:
+    """Seconds at which a match's moments are seen by both."""
+    times = match.times[_present(BodyStream(b.sensor, 0, (match.b,)), match.times - lag) > 0]
+    return 0.1 * len(np.unique(np.floor(times / 0.1)))
+
+
+def _checked(names: Sequence[str]) -> None:
+    if len(names) < 2:
+        raise InputError("there is one sensor only", where="calibration", mend="Give two or more.")
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(
+            f"two sensors are called {twice[0]!r}",
+            where="calibration",
+            mend="Name them: left=FIRST right=SECOND.",
+        )

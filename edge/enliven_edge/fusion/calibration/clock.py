@@ -1,0 +1,87 @@
+"""By how much two sensors' clocks differ, roughly: what a body does that no rigid motion changes.
+
+Distances between joints and the speed of the hips are the same in every frame of reference, and these are
+the same whichever side is called left. The lag at which two such signals correlate best is the clocks'
+difference; where a walk repeats itself there are several such lags, and geometry decides between them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import correlate
+
+from enliven.arrays import Float
+from enliven.person.body import Joint
+from enliven_edge.fusion.calibration.tracks import BodyTrack
+from enliven_edge.fusion.settings import CalibrationSettings
+
+_RATE = 50.0
+"""Samples a second."""
+_CANDIDATES = 5
+_APART = 0.15
+"""Seconds between two peaks that are tried both."""
+_SMOOTH = 0.12
+"""Seconds over which speeds are taken: noise of the joints must not drown them."""
+
+
+def likely_lags(
+    a: BodyTrack, b: BodyTrack, settings: CalibrationSettings, known: float | None
+) -> list[float]:
+    """Seconds to add to times of ``b`` to get times of ``a``, the likeliest first.
+
+    Args:
+        known: the lag if both clocks told the same time; always tried, too, where the tracks then overlap.
+    """
+    signal_a, seen_a = _signals(a, settings)
+    signal_b, seen_b = _signals(b, settings)
+    score, together = _correlation(signal_a, seen_a, signal_b, seen_b)
+    lags = (np.arange(len(score)) - (len(signal_b) - 1)) / _RATE + a.times[0] - b.times[0]
+    score = np.where(together >= settings.overlap * _RATE, score, -np.inf)
+    if settings.clock_range and known is not None:
+        score = np.where(np.abs(lags - known) <= settings.clock_range, score, -np.inf)
+    found = [] if known is None or not _overlap(a, b, known, settings) else [known]
+    while len(found) < _CANDIDATES and np.isfinite(score).any():
+        best = int(np.argmax(score))
+        found.append(float(lags[best]))
+        score = np.where(np.abs(lags - lags[best]) < _APART, -np.inf, score)
+    return found
+
+
+def _overlap(a: BodyTrack, b: BodyTrack, lag: float, settings: CalibrationSettings) -> bool:
+    start, stop = max(a.times[0], b.times[0] + lag), min(a.times[-1], b.times[-1] + lag)
+    return bool(stop - start >= settings.overlap)
+
+
+def _signals(track: BodyTrack, settings: CalibrationSettings) -> tuple[Float, Float]:
+    """(N, 4) standardised signals at the common rate, 0 where unseen, and (N,) whether seen."""
+    times = np.arange(track.times[0], track.times[-1], 1.0 / _RATE)
+    joints, _, confidence = track.at(times, settings.longest_gap)
+    before, _, seen_before = track.at(times - _SMOOTH, settings.longest_gap)
+    hips = joints[:, Joint.HIP_CENTER] - before[:, Joint.HIP_CENTER]
+    apart = [
+        np.linalg.norm(joints[:, left] - joints[:, right], axis=1)
+        for left, right in (
+            (Joint.WRIST_LEFT, Joint.WRIST_RIGHT),
+            (Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT),
+        )
+    ]
+    reach = 0.5 * (joints[:, Joint.WRIST_LEFT] + joints[:, Joint.WRIST_RIGHT]) - joints[:, Joint.HIP_CENTER]
+    values = np.stack([np.linalg.norm(hips, axis=1), *apart, np.linalg.norm(reach, axis=1)], 1)
+    seen = (confidence.max(1) > 0) & (seen_before.max(1) > 0)
+    if not seen.any():
+        return np.zeros_like(values), np.zeros(len(values))
+    values = values - values[seen].mean(0)
+    # A signal that hardly changes is noise: it is not blown up to the size of the others.
+    values /= np.maximum(values[seen].std(0), 0.02)
+    return np.asarray(np.clip(values, -4, 4) * seen[:, None]), seen.astype(float)
+
+
+def _correlation(a: Float, seen_a: Float, b: Float, seen_b: Float) -> tuple[Float, Float]:
+    """(L,) normalised correlation at every lag, and (L,) how many samples of both are seen there."""
+    if not len(a) or not len(b):
+        return np.zeros(0), np.zeros(0)
+    product = sum(correlate(a[:, k], b[:, k], method="fft") for k in range(a.shape[1]))
+    power_a = correlate((a**2).sum(1), seen_b, method="fft")
+    power_b = correlate(seen_a, (b**2).sum(1), method="fft")
+    together = np.asarray(correlate(seen_a, seen_b, method="fft"))
+    return np.asarray(product / np.sqrt(np.maximum(power_a * power_b, 1e-6))), together

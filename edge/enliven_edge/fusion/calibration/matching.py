@@ -1,0 +1,142 @@
+"""Which body of one sensor is which of another, frame by frame, and first guesses of the way between them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from enliven.arrays import Bool, Float
+from enliven_edge.fusion.calibration.clock import likely_lags
+from enliven_edge.fusion.calibration.tracks import BodyStream, BodyTrack
+from enliven_edge.fusion.live.sides import OTHER_SIDE, middle_weights, middles
+from enliven_edge.fusion.placement.rigid import best_rigid, moved
+from enliven_edge.fusion.settings import CalibrationSettings
+
+_FRAMES = 240
+"""Frames that a first guess looks at."""
+_DRAWS = 60
+_TRACKS = 4
+"""People of each sensor, the longest seen, among whom first guesses are looked for."""
+_SAME = 0.35
+"""Metres between the trunks of one person as two sensors see it, at most, once they are roughly placed."""
+
+
+@dataclass(frozen=True)
+class Match:
+    """One body of each sensor that are the same person at some moments.
+
+    Attributes:
+        a, b: the tracks.
+        times: (N,) seconds of the first sensor's stream.
+    """
+
+    a: BodyTrack
+    b: BodyTrack
+    times: Float
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A first idea of a_from_b (4, 4) and of the seconds to add to b's times to get a's."""
+
+    a_from_b: Float
+    lag: float
+    matches: tuple[Match, ...]
+
+
+def guesses(
+    a: BodyStream, b: BodyStream, known_lag: float | None, settings: CalibrationSettings
+) -> Iterator[Guess]:
+    """Every plausible start: pairs of people, lags of their clocks, and both namings of the sides."""
+    upright = settings.floor_known
+    for track_a in a.tracks[:_TRACKS]:
+        for track_b in b.tracks[:_TRACKS]:
+            if min(len(track_a.times), len(track_b.times)) < 3:
+                continue
+            for lag in likely_lags(track_a, track_b, settings, known_lag):
+                times = track_a.times[:: max(1, len(track_a.times) // _FRAMES)]
+                q, _, seen = track_b.at(times - lag, settings.longest_gap)
+                p, _, seen_a = track_a.at(times, settings.longest_gap)
+                weights = seen * seen_a
+                good = weights.sum(1) > 0
+                if good.sum() < 3:
+                    continue
+                match = (Match(track_a, track_b, track_a.times),)
+                for start in _starts(p[good], q[good], weights[good], upright):
+                    yield Guess(start, lag, match)
+
+
+def _starts(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
+    """Transforms from (N, 20, 3) to (N, 20, 3) joints: by what has no side, and by either naming of sides."""
+    free = _consensus(middles(p), middles(q), middle_weights(w), upright)
+    flat = w.reshape(-1)
+    named = best_rigid(q.reshape(-1, 3), p.reshape(-1, 3), flat, upright=upright)
+    swapped = best_rigid(q[:, OTHER_SIDE].reshape(-1, 3), p.reshape(-1, 3), flat, upright=upright)
+    return [free, named, swapped]
+
+
+def _consensus(p: Float, q: Float, w: Float, upright: bool) -> Float:
+    """(4, 4) the transform on which most of (N, 12, 3) points agree: random pairs of frames, then all."""
+    random = np.random.default_rng(0)
+    best, best_cost = np.eye(4), np.inf
+    for _ in range(_DRAWS):
+        pick = random.choice(len(p), size=min(2, len(p)), replace=False)
+        if not w[pick].any():
+            continue
+        guess = best_rigid(
+            q[pick].reshape(-1, 3), p[pick].reshape(-1, 3), w[pick].reshape(-1), upright=upright
+        )
+        apart = np.linalg.norm(moved(guess, q) - p, axis=2)
+        cost = float((w * np.minimum(apart, 0.5)).sum())
+        if cost < best_cost:
+            best, best_cost = guess, cost
+    for _ in range(6):
+        apart = np.linalg.norm(moved(best, q) - p, axis=2)
+        trust = w / (1.0 + (apart / 0.15) ** 2) ** 2
+        if not trust.any():
+            break
+        best = best_rigid(q.reshape(-1, 3), p.reshape(-1, 3), trust.reshape(-1), upright=upright)
+    return best
+
+
+def matched(
+    a: BodyStream, b: BodyStream, a_from_b: Float, lag: float, settings: CalibrationSettings
+) -> tuple[Match, ...]:
+    """Who is who at every moment of ``a``, now that the sensors are roughly placed (Hungarian, gated)."""
+    times = np.unique(np.concatenate([t.times for t in a.tracks]))
+    near: list[list[Float]] = []
+    for track_a in a.tracks:
+        p, _, seen_a = track_a.at(times, settings.longest_gap)
+        row = []
+        for track_b in b.tracks:
+            q, _, seen_b = track_b.at(times - lag, settings.longest_gap)
+            row.append(_trunks_apart(p, moved(a_from_b, q), seen_a * seen_b))
+        near.append(row)
+    taken = _assigned(np.array(near))
+    return tuple(
+        Match(track_a, track_b, times[taken[i, j]])
+        for i, track_a in enumerate(a.tracks)
+        for j, track_b in enumerate(b.tracks)
+        if taken[i, j].sum() >= 3
+    )
+
+
+def _trunks_apart(p: Float, q: Float, w: Float) -> Float:
+    """(N,) mean distance of the points without a side, inf where nothing is seen by both."""
+    weights = middle_weights(w)
+    total = weights.sum(1)
+    apart = (weights * np.linalg.norm(middles(p) - middles(q), axis=2)).sum(1)
+    return np.where(total > 0, apart / np.where(total > 0, total, 1.0), np.inf)
+
+
+def _assigned(near: Float) -> Bool:
+    """(A, B, N) whether two tracks are one person at a time, at most one partner each."""
+    taken = np.zeros(near.shape, bool)
+    for n in np.flatnonzero((near < _SAME).any((0, 1))):
+        cost = np.where(near[:, :, n] < _SAME, near[:, :, n], 10.0)
+        for i, j in zip(*linear_sum_assignment(cost), strict=True):
+            taken[i, j, n] = near[i, j, n] < _SAME
+    return taken

@@ -1,0 +1,124 @@
+"""Many sensors that see each other's people two by two: one placement for all (a pose graph).
+
+Every pair measured a_from_b with its precision; the placements world_from_sensor that contradict the
+measurements least are found by least squares, the first sensor held where it is. Where not all views
+overlap, chains of pairs tie the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from enliven.arrays import Float
+from enliven_edge.fusion.calibration.refinement import Fit
+from enliven_edge.fusion.placement.rigid import inverse, moved, rigid, rotation_vector, turn
+
+Edge = tuple[str, str, Fit, bool]
+"""Sensor a, sensor b, what they measured, and whether it was judged good."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """By sensor that is tied to the first one: its placement (4, 4), and seconds of lag to add.
+
+    ``loop`` (metres) and ``turn`` (radians) say how much a measurement contradicts the placements at most.
+    """
+
+    world_from_sensor: dict[str, Float]
+    lags: dict[str, float]
+    loop: float
+    turn: float
+
+
+def network(names: Sequence[str], edges: list[Edge]) -> Network:
+    """The placements by all good edges; others only tie what would be loose otherwise."""
+    used = _used(names, edges)
+    places, lags = _spread(names[0], used)
+    loose = [name for name in names[1:] if name in places]
+    if len(used) > len(loose):
+        places = _relaxed(names[0], loose, places, used)
+        lags = _levelled(names[0], loose, used)
+    errors = [_error(places[a], places[b], fit) for a, b, fit, _ in used]
+    loop = max((float(np.linalg.norm(e[3:6])) for e in errors), default=0.0)
+    return Network(places, lags, loop, max((float(np.linalg.norm(e[:3])) for e in errors), default=0.0))
+
+
+def _strength(edge: Edge) -> tuple[bool, float]:
+    """Good edges first, and those that know the direction best."""
+    return edge[3], float(np.linalg.eigvalsh(edge[2].precision[:6, :6])[0])
+
+
+def _used(names: Sequence[str], edges: list[Edge]) -> list[Edge]:
+    """All good edges, and of the others as few as tie all sensors together."""
+    group = {name: name for name in names}
+    kept = []
+    for edge in sorted(edges, key=_strength, reverse=True):
+        a, b = group[edge[0]], group[edge[1]]
+        if a != b or edge[3]:
+            kept.append(edge)
+        group = {name: (a if g == b else g) for name, g in group.items()}
+    return kept
+
+
+def _spread(root: str, edges: list[Edge]) -> tuple[dict[str, Float], dict[str, float]]:
+    """Placements and lags along the strongest tree."""
+    places, lags = {root: np.eye(4)}, {root: 0.0}
+    for _ in edges:
+        for a, b, fit, _ in edges:
+            if a in places and b not in places:
+                places[b], lags[b] = places[a] @ fit.a_from_b, lags[a] + fit.lag
+            elif b in places and a not in places:
+                places[a], lags[a] = places[b] @ inverse(fit.a_from_b), lags[b] - fit.lag
+    return places, lags
+
+
+def _relaxed(root: str, free: list[str], places: dict[str, Float], edges: list[Edge]) -> dict[str, Float]:
+    """The placements of least contradiction, weighed by what each pair knows."""
+    factors = [np.linalg.cholesky(fit.precision[:6, :6] + 1e-9 * np.eye(6)).T for _, _, fit, _ in edges]
+
+    def placed(x: Float) -> dict[str, Float]:
+        made = {root: places[root]}
+        for name, step in zip(free, x.reshape(-1, 6), strict=True):
+            base = places[name]
+            made[name] = rigid(turn(step[:3]) @ base[:3, :3], base[:3, 3] + step[3:])
+        return made
+
+    def contradictions(x: Float) -> Float:
+        now = placed(x)
+        return np.concatenate(
+            [
+                factor @ _error(now[a], now[b], fit)
+                for factor, (a, b, fit, _) in zip(factors, edges, strict=True)
+            ]
+        )
+
+    start = np.zeros(6 * len(free))
+    return placed(np.asarray(least_squares(contradictions, start, x_scale="jac").x))
+
+
+def _error(world_from_a: Float, world_from_b: Float, fit: Fit) -> Float:
+    """(6,) turn about the pair's centre and shift there, by which the placements differ from the fit."""
+    placed = inverse(world_from_a) @ world_from_b
+    turned = rotation_vector(placed[:3, :3] @ fit.a_from_b[:3, :3].T)
+    shift = moved(placed, moved(inverse(fit.a_from_b), fit.centre)) - fit.centre
+    return np.concatenate([turned, shift])
+
+
+def _levelled(root: str, free: list[str], edges: list[Edge]) -> dict[str, float]:
+    """Lags of least contradiction: linear least squares."""
+    rows, values = [], []
+    for a, b, fit, _ in edges:
+        weight = np.sqrt(max(float(fit.precision[6, 6]), 1e-9))
+        row = np.zeros(len(free))
+        if b in free:
+            row[free.index(b)] += weight
+        if a in free:
+            row[free.index(a)] -= weight
+        rows.append(row)
+        values.append(weight * fit.lag)
+    solved = np.linalg.lstsq(np.array(rows), np.array(values), rcond=None)[0]
+    return {root: 0.0, **dict(zip(free, map(float, solved), strict=True))}

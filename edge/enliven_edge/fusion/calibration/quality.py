@@ -1,0 +1,196 @@
+"""What a calibration is worth, and what the user should do about it: never a silent bad result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.person.joints import Joint
+from enliven_edge.fusion.calibration.matching import Match
+from enliven_edge.fusion.calibration.refinement import Fit, refine
+from enliven_edge.fusion.placement.rigid import angle_between, inverse, moved
+from enliven_edge.fusion.settings import CalibrationSettings
+
+_BLOCKS = 8
+_CELL = 0.5
+"""Metres: the walked floor is counted in squares of this side."""
+_LEFTS, _RIGHTS = [Joint.SHOULDER_LEFT, Joint.HIP_LEFT], [Joint.SHOULDER_RIGHT, Joint.HIP_RIGHT]
+_COMFORTABLE = 2.5
+"""Metres from a sensor at which people are seen well."""
+
+
+class Verdict(StrEnum):
+    """What may be done with a calibration."""
+
+    GOOD = "good"
+    WALK_ON = "walk on"
+    AMBIGUOUS = "ambiguous"
+    NO_MATCH = "no match"
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How well two sensors fit together.
+
+    Attributes:
+        verdict: what may be done with it.
+        rms: metres between the joints of both, robust root mean square; nan where there was no match.
+        doubt_cm, doubt_deg, doubt_ms: standard deviations of place (where people walked), direction, clock.
+        seconds: for how long both saw the same person.
+        length, breadth: metres of floor walked, the long and the narrow way.
+        cells: squares of 0.5 m that were walked.
+        swapped: the part of the moments at which the two named left and right differently.
+        advice: one sentence to the user; empty where it is good.
+    """
+
+    verdict: Verdict
+    rms: float
+    doubt_cm: float
+    doubt_deg: float
+    doubt_ms: float
+    seconds: float
+    length: float
+    breadth: float
+    cells: int
+    swapped: float
+    advice: str
+
+
+def judged(
+    fit: Fit, matches: tuple[Match, ...], rivals: list[Fit], name: str, settings: CalibrationSettings
+) -> Quality:
+    """The quality of a fit of sensor b to sensor a.
+
+    Args:
+        rivals: other placements of the sensors that explain what was seen as well.
+        name: what the user calls sensor b.
+    """
+    place, direction, clock = _doubt(fit, matches, settings)
+    length, breadth, thin = _walked(fit.feet)
+    seconds = _seconds(fit.times)
+    verdict, advice = Verdict.GOOD, ""
+    if fit.rms > settings.worst_residual:
+        verdict = Verdict.NO_MATCH
+        advice = (
+            f"what {name} sees does not fit ({100 * fit.rms:.0f} cm apart): let one person alone walk about"
+        )
+    elif seconds < settings.overlap:
+        verdict = Verdict.WALK_ON
+        advice = (
+            f"both sensors saw the same person for {seconds:.1f} s only: walk on where {name} sees you too"
+        )
+    elif breadth < settings.narrowest:
+        verdict = Verdict.WALK_ON
+        advice = f"the way was {length:.1f} m long and {breadth:.1f} m wide: {_where(fit, thin, name)}"
+    elif rivals:
+        verdict = Verdict.AMBIGUOUS
+        advice = (
+            f"{name} could also stand {_other_way(fit, rivals[0])}: walk in a curve, lift one arm, turn about"
+        )
+    elif place > settings.doubt_cm or direction > settings.doubt_deg:
+        verdict = Verdict.WALK_ON
+        advice = f"{name} is known to {place:.1f} cm and {direction:.1f} deg only: walk on, and turn about"
+    return Quality(
+        verdict, fit.rms, place, direction, clock, seconds, length, breadth,
+        len(np.unique(np.floor(fit.feet[:, [0, 2]] / _CELL), axis=0)),
+        float(np.mean(fit.swapped)), advice,
+    )  # fmt: skip
+
+
+def nothing(a: str, b: str, blind: str | None) -> Quality:
+    """The quality where the same person was never seen by both.
+
+    Args:
+        blind: the sensor that saw nobody at all, if one did.
+    """
+    nan = float("nan")
+    advice = f"{a} and {b} saw nobody at one time: walk where both see you, for longer"
+    if blind is not None:
+        advice = f"{blind} saw nobody: walk where it sees you from head to foot"
+    return Quality(Verdict.NO_MATCH, nan, nan, nan, nan, 0.0, 0.0, 0.0, 0, 0.0, advice)
+
+
+def _doubt(fit: Fit, matches: tuple[Match, ...], settings: CalibrationSettings) -> tuple[float, float, float]:
+    """Centimetres, degrees and milliseconds of one standard deviation.
+
+    The largest of three answers: what the equations say, how much the result changes where an eighth of the
+    walk is left out, and how much where one of eight directions that the people faced is left out. A
+    tracker errs slowly, and by the side from which it sees somebody: no equation knows that.
+    """
+    covariance = np.linalg.pinv(fit.precision + 1e-9 * np.eye(7))
+    formal = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    radius = float(np.sqrt(((fit.feet - fit.feet.mean(0))[:, [0, 2]] ** 2).sum(1).mean()))
+    edges = np.quantile(fit.times, np.linspace(0.0, 1.0, _BLOCKS + 1))[1:-1]
+    spread = np.maximum(
+        _jackknife(fit, matches, [np.digitize(m.times, edges) for m in matches], settings),
+        _jackknife(fit, matches, [_facing(m, settings) for m in matches], settings),
+    )
+    direction = max(float(np.linalg.norm(formal[:3])), float(spread[1]))
+    place = float(np.hypot(max(float(np.linalg.norm(formal[3:6])), float(spread[0])), direction * radius))
+    return 100 * place, float(np.degrees(direction)), 1e3 * max(float(formal[6]), float(spread[2]))
+
+
+def _jackknife(
+    fit: Fit, matches: tuple[Match, ...], blocks: list[Int], settings: CalibrationSettings
+) -> Float:
+    """(3,) metres, radians and seconds of one standard deviation, by leaving out one block after another.
+
+    Args:
+        blocks: by match, (N,) the block of each of its moments, from 0.
+    """
+    at = moved(inverse(fit.a_from_b), fit.centre)
+    changes = []
+    for block in range(_BLOCKS):
+        if not any((b == block).any() for b in blocks):
+            continue
+        kept = tuple(Match(m.a, m.b, m.times[b != block]) for m, b in zip(matches, blocks, strict=True))
+        other = refine(kept, fit.a_from_b, fit.lag, settings, steps=4, frames=300)
+        if other is not None:
+            shift = np.linalg.norm(moved(other.a_from_b, at) - fit.centre)
+            changes.append((shift, angle_between(fit.a_from_b, other.a_from_b), other.lag - fit.lag))
+    if len(changes) < 2:
+        return np.zeros(3)
+    share = (len(changes) - 1) / len(changes)
+    return np.asarray(np.sqrt(share * (np.array(changes) ** 2).sum(0)))
+
+
+def _facing(match: Match, settings: CalibrationSettings) -> Int:
+    """(N,) which of eight directions the person faces, as the first sensor says."""
+    joints, _, _ = match.a.at(match.times, settings.longest_gap)
+    across = joints[:, _LEFTS].mean(1) - joints[:, _RIGHTS].mean(1)
+    turns = np.arctan2(across[:, 2], across[:, 0]) / (2 * np.pi)
+    return np.asarray(np.floor(_BLOCKS * (turns % 1.0)).clip(0, _BLOCKS - 1), np.int64)
+
+
+def _walked(feet: Float) -> tuple[float, float, Float]:
+    """Length and breadth of the walked floor, metres, and the unit vector (3,) of its narrow way."""
+    flat = feet[:, [0, 2]]
+    _, axes = np.linalg.eigh(np.cov((flat - flat.mean(0)).T) if len(flat) > 1 else np.eye(2))
+    low, high = np.quantile(flat @ axes, [0.03, 0.97], axis=0)
+    return float(high[1] - low[1]), float(high[0] - low[0]), np.array([axes[0, 0], 0.0, axes[1, 0]])
+
+
+def _seconds(times: Float) -> float:
+    """How long, in stretches of a tenth of a second that hold a moment."""
+    return 0.1 * len(np.unique(np.floor(times / 0.1)))
+
+
+def _where(fit: Fit, thin: Float, name: str) -> str:
+    """Where to walk on so that the narrow way becomes wide, as sensor b looks at it."""
+    back = inverse(fit.a_from_b)
+    centre, way = moved(back, fit.centre), back[:3, :3] @ thin
+    if abs(way[0]) >= abs(way[2]):
+        return f"walk on, to the {'left' if centre[0] > 0 else 'right'} of sensor {name}"
+    near = -centre[2] > _COMFORTABLE
+    return f"walk on, {'nearer to' if near else 'farther from'} sensor {name}"
+
+
+def _other_way(fit: Fit, rival: Fit) -> str:
+    degrees = np.degrees(angle_between(fit.a_from_b, rival.a_from_b))
+    if degrees > 15.0:
+        return f"turned by {degrees:.0f} degrees"
+    apart = np.linalg.norm(moved(rival.a_from_b, moved(inverse(fit.a_from_b), fit.centre)) - fit.centre)
+    return f"{apart:.1f} m elsewhere"

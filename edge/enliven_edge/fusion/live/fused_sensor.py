@@ -1,0 +1,222 @@
+"""Several sensors that stand in one space, as one sensor that tells bodies."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import TracebackType
+
+from enliven.errors import InputError, ResourceError
+from enliven.frames import BodyFrame
+from enliven.health import HealthKind, HealthState, Severity, worst_first
+from enliven_edge.fusion.live.arrival import ArrivalClocks
+from enliven_edge.fusion.live.fuser import Fuser
+from enliven_edge.fusion.live.health import SensorState, SensorWarning
+from enliven_edge.fusion.live.merge import Rhythm, eyes
+from enliven_edge.fusion.live.watcher import Seen, Watcher
+from enliven_edge.fusion.placement.space import Space
+from enliven_edge.fusion.settings import FusionSettings
+from enliven_edge.sensors.base import Sensor
+from enliven_edge.tracking.health.health import HealthMonitor
+from enliven_edge.tracking.output.output import Output
+from enliven_edge.tracking.tracker import Tracker
+
+log = logging.getLogger(__name__)
+
+_GRAVITY = {
+    SensorState.MOVED: (HealthKind.MOVED, Severity.WARNING, "Calibrate again: enliven calibrate."),
+    SensorState.LOST: (HealthKind.NO_FRAMES, Severity.WARNING, "Start the edge again."),
+    SensorState.SILENT: (HealthKind.NO_FRAMES, Severity.WARNING, "Look after its cable."),
+}
+"""What a sensor's state is to the rest of the world; the others go on: none is worse than a warning."""
+
+
+@dataclass(frozen=True)
+class FusedFrame(BodyFrame):
+    """The bodies of all sensors at one moment.
+
+    Attributes:
+        read_ns: wall clock when the frame was read that led to it, before it was tracked.
+    """
+
+    read_ns: int = 0
+
+
+class FusedSensors:
+    """Each sensor is read and tracked in a thread of its own; ``read`` fuses what they saw.
+
+    Live sensors are taken as they come. Recordings wait for each other, so that they run side by side by
+    the common clock at any pace. The stream ends with the last sensor.
+
+    Args:
+        sensors: by identity, opened; closed with this one.
+        trackers: by identity.
+        space: where they stand.
+        health: by identity, what says what is wrong; None makes some.
+        output: smooths, mirrors and looks ahead once all is fused; None: as fused.
+        once: end at the first fault of any sensor; otherwise that one is opened anew, and the others go on.
+
+    Raises:
+        InputError: where the space does not know a sensor.
+    """
+
+    def __init__(
+        self,
+        sensors: Mapping[str, Sensor],
+        trackers: Mapping[str, Tracker],
+        space: Space,
+        settings: FusionSettings | None = None,
+        health: Mapping[str, HealthMonitor] | None = None,
+        output: Output | None = None,
+        once: bool = False,
+    ) -> None:
+        health = health or {name: HealthMonitor(name=name) for name in sensors}
+        _known(sensors, space)
+        self.name = " + ".join(sensors)
+        self.output, self._once = output, once
+        self._mirror = next(iter(space.sensors[name].camera for name in sensors))
+        self.fuser = Fuser({n: e for n, e in eyes(space).items() if n in sensors}, settings)
+        self.warnings: list[SensorWarning] = []
+        self._changed = threading.Condition()
+        self._watchers = [
+            Watcher(name, sensor, trackers[name], space.sensors[name], health[name], self._changed, once)
+            for name, sensor in sensors.items()
+        ]
+        self._rhythm = Rhythm()
+        self._clocks = ArrivalClocks()
+        self._gone: set[str] = set()
+        self._last: dict[str, SensorWarning] = {}
+        self._now_ns = 0
+        self._started = False
+
+    @property
+    def states(self) -> dict[str, SensorState]:
+        """How every sensor is doing."""
+        return {view.name: view.state for view in self.fuser.views}
+
+    @property
+    def ails(self) -> list[HealthState]:
+        """What is wrong with any of the sensors, and with where they stand, the gravest first."""
+        ails = [state for watcher in self._watchers for state in watcher.ails]
+        for warning in self._last.values():
+            if warning.state in _GRAVITY:
+                kind, gravity, mend = _GRAVITY[warning.state]
+                ails.append(HealthState(kind, gravity, warning.time_ns, f"{warning.what}.", mend))
+        return worst_first(ails)
+
+    def read(self, timeout: float | None = None) -> FusedFrame | None:
+        """The next set of bodies; None after the last sensor's end.
+
+        Raises:
+            TimeoutError: when nothing came in time.
+            ResourceError: when every sensor was lost for good, or one of them and that is to be the end.
+        """
+        if not self._started:
+            self._started = True
+            for watcher in self._watchers:
+                watcher.start()
+        deadline = None if timeout is None else time.monotonic() + timeout
+        while True:
+            seen = self._take(deadline)
+            if seen is None:
+                self._mourn()
+                return None
+            frame = self._fused(seen)
+            if frame is not None:
+                return frame
+
+    def close(self) -> None:
+        """Ends all threads and lets all sensors go."""
+        for watcher in self._watchers:
+            watcher.stop()
+
+    def __enter__(self) -> FusedSensors:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _take(self, deadline: float | None) -> Seen | None:
+        """The next that any sensor saw, or None when all have ended."""
+        with self._changed:
+            while True:
+                self._bury()
+                if len(self._gone) == len(self._watchers):
+                    return None
+                ready = self._ready()
+                if ready is not None:
+                    seen = ready.seen.popleft()
+                    self._changed.notify_all()
+                    return seen
+                wait = None if deadline is None else deadline - time.monotonic()
+                if wait is not None and wait <= 0:
+                    raise TimeoutError("no sensor had a frame in time")
+                self._changed.wait(wait)
+
+    def _ready(self) -> Watcher | None:
+        """Whose turn it is: the oldest, of the recordings only when every one of them has something."""
+        live = [w for w in self._watchers if w.seen and not w.recorded]
+        recordings = [w for w in self._watchers if w.recorded and w.name not in self._gone]
+        turn = live + (recordings if all(w.seen for w in recordings) else [])
+        return min(turn, key=lambda w: self._common(w.seen[0]), default=None)
+
+    def _bury(self) -> None:
+        """Tells of sensors whose last word was taken."""
+        for watcher in self._watchers:
+            if watcher.ended and not watcher.seen and watcher.name not in self._gone:
+                self._gone.add(watcher.name)
+                state = SensorState.LOST if watcher.failure else SensorState.ENDED
+                self.fuser.end(watcher.name, state, self._now_ns)
+                self._tell(watcher.failure)
+                if self._once and watcher.failure:
+                    raise ResourceError(
+                        watcher.failure, where=self.name, mend="Mend it, or leave --once out."
+                    )
+
+    def _fused(self, seen: Seen) -> FusedFrame | None:
+        """Takes in what a sensor saw; the bodies, where it is time for some."""
+        if not next(w.recorded for w in self._watchers if w.name == seen.sensor):
+            self._clocks.note(seen.sensor, seen.time_ns, seen.read_ns)
+        time_ns = self._common(seen)
+        self.fuser.hear(seen.sensor, seen.bodies, time_ns, frozen=seen.frozen)
+        self._now_ns = max(self._now_ns, time_ns)
+        due = self._rhythm.due(seen.sensor, time_ns)
+        bodies = self.fuser.bodies(time_ns) if due else []
+        if due and self.output is not None:
+            bodies = self.output(bodies, time_ns, self._mirror)
+        self._tell()
+        return FusedFrame(bodies, time_ns, self.name, seen.read_ns) if due else None
+
+    def _common(self, seen: Seen) -> int:
+        return seen.time_ns + self._clocks.shift(seen.sensor)
+
+    def _tell(self, why: str = "") -> None:
+        """What happened to the sensors goes into the log, and is kept."""
+        for warning in self.fuser.take_warnings():
+            self.warnings = [*self.warnings[-99:], warning]
+            self._last[warning.sensor] = warning
+            quiet = warning.state in (SensorState.LIVE, SensorState.ENDED)
+            text = f"{warning.what} ({why})" if why else warning.what
+            log.log(logging.INFO if quiet else logging.WARNING, "%s", text)
+
+    def _mourn(self) -> None:
+        """An end for which nobody asked is an error."""
+        failures = [w.failure for w in self._watchers if w.failure]
+        if len(failures) == len(self._watchers):
+            raise ResourceError("every sensor was lost", where=self.name, mend=failures[0])
+
+
+def _known(sensors: Mapping[str, Sensor], space: Space) -> None:
+    """Every sensor must stand somewhere."""
+    for name in sensors:
+        if name not in space.sensors:
+            raise InputError(
+                f"the space does not know the sensor {name!r}",
+                where="fusion",
+                mend=f"Known: {', '.join(space.sensors)}. Calibrate them together: enliven calibrate.",
+            )

@@ -1,0 +1,186 @@
+"""Bodies of several sensors in, one set of bodies out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.person.body import Body
+from enliven_edge.fusion.live.grouping import NEVER, Group, assigned, distances, grouped
+from enliven_edge.fusion.live.health import SENTENCE, SensorState, SensorWarning
+from enliven_edge.fusion.live.person import FusedPerson
+from enliven_edge.fusion.live.sensor_view import SensorView
+from enliven_edge.fusion.settings import FusionSettings
+
+_SPEED = 1.5
+"""Metres a second by which somebody may have gone on while nobody saw them."""
+_ASTRAY, _ASTRAY_TIME = 0.2, 3.0
+"""Metres and seconds for which a sensor must see people elsewhere to count as moved."""
+
+_SHADOW = 0.35
+"""Metres beside somebody within which a body that only some of the sensors see is no second person."""
+
+
+class Fuser:
+    """Everybody in a space that several sensors watch.
+
+    Bodies come in the common world and on the common clock, each sensor's when it has them; bodies go out for
+    any moment, usually that of the newest frame. Identities are the fuser's own.
+
+    Args:
+        eyes: by sensor, (3,) where it looks from, metres of the world.
+    """
+
+    def __init__(self, eyes: Mapping[str, Float], settings: FusionSettings | None = None) -> None:
+        self.settings = settings or FusionSettings()
+        self.views = [SensorView(name, np.asarray(eye, float)) for name, eye in eyes.items()]
+        self.people: list[FusedPerson] = []
+        self.warnings: list[SensorWarning] = []
+        self._numbers = {view.name: i for i, view in enumerate(self.views)}
+        self._next = 1
+        self._now_ns: int | None = None
+
+    def hear(self, sensor: str, bodies: list[Body], time_ns: int, *, frozen: bool = False) -> bool:
+        """What a sensor sees at a time of the common clock; False for what came too late to count."""
+        view = self.views[self._numbers[sensor]]
+        before = view.state
+        heard = view.hear(bodies, time_ns, self.settings.silence, frozen=frozen)
+        self._say(view, before, time_ns)
+        return heard
+
+    def end(self, sensor: str, state: SensorState, time_ns: int) -> None:
+        """A sensor is gone: its recording has ended, or it was lost."""
+        view = self.views[self._numbers[sensor]]
+        before, view.state, view.sightings = view.state, state, {}
+        self._say(view, before, time_ns)
+
+    def bodies(self, time_ns: int) -> list[Body]:
+        """Everybody at a time of the common clock, by identity."""
+        s = self.settings
+        self._look_after_sensors(time_ns)
+        groups = grouped(self.views, time_ns, s.patience, s.gate, s.loyalty)
+        told = []
+        seen = self._recognised(groups, time_ns)
+        for group, person in seen:
+            self._compare(group, person, time_ns)
+            body = person.see(group, self.views, time_ns)
+            known = person.hits >= s.sure_after
+            shadow = not known and _is_shadow(group, [other for other, _ in seen])
+            person.hits = 1 if shadow else person.hits + len(group.sightings)
+            if person.hits >= s.sure_after:
+                told.append(body)
+        self._forget(time_ns)
+        self._now_ns = time_ns
+        return sorted(told, key=lambda body: body.id)
+
+    def take_warnings(self) -> list[SensorWarning]:
+        """What happened to the sensors since this was last asked."""
+        said, self.warnings = self.warnings, []
+        return said
+
+    def _recognised(self, groups: list[Group], time_ns: int) -> list[tuple[Group, FusedPerson]]:
+        """Who every group is; who is nobody known becomes somebody."""
+        pairs = assigned(self._costs(groups, time_ns)) if groups and self.people else []
+        known = {g: self.people[p] for g, p in pairs}
+        found = []
+        for number, group in enumerate(groups):
+            person = known.get(number)
+            if person is None:
+                person = self._somebody(group)
+                self.people.append(person)
+            found.append((group, person))
+        return found
+
+    def _somebody(self, group: Group) -> FusedPerson:
+        """A new person, or one who is back: as the sensors say that see them."""
+        claimed = [s.person for s in group.sightings.values() if s.person]
+        present = {p.id for p in self.people}
+        number = max(claimed, key=claimed.count, default=0)
+        if not number or number in present:
+            number = self._next
+            self._next += 1
+        person = FusedPerson(number, len(self.views), self.settings)
+        s = self.settings
+        if any(p.hits >= s.sure_after for p in self.people):
+            # A sensor that sees again after it was covered may hold somebody for two for a moment.
+            person.hits = min(0, s.sure_after - s.sure_beside)
+        return person
+
+    def _costs(self, groups: list[Group], time_ns: int) -> Float:
+        """(G, P) metres between groups and people, less for who was it a moment ago."""
+        s = self.settings
+        cost = distances(
+            np.array([g.mean for g in groups]),
+            np.array([g.sure for g in groups]),
+            np.array([p.expected(time_ns) for p in self.people]),
+            np.array([p.confidence for p in self.people]),
+        )
+        gates = np.array([s.gate + _SPEED * min(max(p.unseen(time_ns), 0.0), 1.0) for p in self.people])
+        votes = np.array([[g.votes(p.id) for p in self.people] for g in groups])
+        # Who has been here longest keeps the identity when two turn out to be one.
+        age = 1e-3 * np.arange(len(self.people))
+        allowed = (cost < gates) | (votes > 0.5)
+        return np.where(allowed, np.minimum(cost, 10.0) - s.loyalty * votes + age, NEVER)
+
+    def _forget(self, time_ns: int) -> None:
+        """Drops who was not seen for long, and at once who was never sure."""
+        s = self.settings
+        self.people = [
+            p
+            for p in self.people
+            if p.unseen(time_ns) <= (s.remember if p.hits >= s.sure_after else s.patience)
+        ]
+
+    def _look_after_sensors(self, time_ns: int) -> None:
+        """Gives up on who says nothing any more."""
+        for view in self.views:
+            if view.last_ns is None or view.state in (SensorState.ENDED, SensorState.LOST):
+                continue
+            if time_ns - view.last_ns > self.settings.silence * 1e9:
+                before, view.state, view.sightings = view.state, SensorState.SILENT, {}
+                self._say(view, before, time_ns)
+
+    def _compare(self, group: Group, person: FusedPerson, time_ns: int) -> None:
+        """Notices a sensor that sees everybody elsewhere than the others for a long time."""
+        if len(group.joints) < 2 or self._now_ns is None:
+            return
+        seconds = max(0.0, (time_ns - self._now_ns) * 1e-9)
+        share = 1.0 - float(np.exp(-seconds / _ASTRAY_TIME))
+        trunks = {n: 0.25 * (j[0] + j[1] + j[2] + j[3]) for n, j in group.joints.items()}
+        middle = np.median(list(trunks.values()), axis=0) if len(trunks) > 2 else None
+        for number, trunk in trunks.items():
+            # With three or more the middle one is right, whoever was moved.
+            other = middle if middle is not None else next(t for n, t in trunks.items() if n != number)
+            apart = trunk - other
+            view = self.views[number]
+            view.astray = view.astray + share * (apart - view.astray)
+            before = view.state
+            far = float(view.astray @ view.astray) ** 0.5
+            if before is SensorState.LIVE and far > _ASTRAY:
+                view.state = SensorState.MOVED
+            elif before is SensorState.MOVED and far < 0.5 * _ASTRAY:
+                view.state = SensorState.LIVE
+            self._say(view, before, time_ns)
+
+    def _say(self, view: SensorView, before: SensorState, time_ns: int) -> None:
+        """Warns of a change; the first word of a sensor is none."""
+        if view.state is before or (before is SensorState.WAITING and view.state is SensorState.LIVE):
+            return
+        what = f"{view.name} {SENTENCE[view.state]}"
+        self.warnings.append(SensorWarning(view.name, view.state, what, time_ns))
+
+
+def _is_shadow(group: Group, others: list[Group]) -> bool:
+    """Whether one sensor sees two where others, who see that place as well, see one: half a body, a ghost.
+
+    Somebody who is known already is not doubted for it: people do stand close, and hide each other.
+    """
+    hips = group.mean[0]
+    for other in others:
+        if other is not group and set(group.sightings) < set(other.sightings):
+            apart = (other.mean[0] - hips)[[0, 2]]
+            if float(np.hypot(apart[0], apart[1])) < _SHADOW:
+                return True
+    return False

@@ -1,0 +1,122 @@
+"""Which bodies of the sensors are one person now, and who that person is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.matching.assignment import least_cost
+from enliven.person.body import Body
+from enliven_edge.fusion.live.blending import bones_within, trunk_distances
+from enliven_edge.fusion.live.sensor_view import SensorView, Sighting
+from enliven_edge.fusion.live.sides import MIDDLES
+
+_FAR = 1e3
+_BONES = np.array([(0, 2), (2, 3), (12, 13), (16, 17), (13, 14), (17, 18)])
+_SHORTEST = np.array([0.15, 0.05, 0.1, 0.1, 0.1, 0.1])
+_LONGEST = np.array([0.9, 0.5, 0.8, 0.8, 0.8, 0.8])
+"""Metres: trunk, neck and head, thighs and shanks of anybody; a guessed joint may be off."""
+
+
+@dataclass
+class Group:
+    """What the sensors say of one person now.
+
+    Attributes:
+        sightings: by the sensor's number.
+        joints: by the sensor's number, (20, 3) carried on to now.
+    """
+
+    sightings: dict[int, Sighting] = field(default_factory=dict)
+    joints: dict[int, Float] = field(default_factory=dict)
+
+    def add(self, sensor: int, sighting: Sighting, joints: Float) -> None:
+        """One more sensor sees this person."""
+        self.sightings[sensor], self.joints[sensor] = sighting, joints
+
+    @property
+    def mean(self) -> Float:
+        """(20, 3) the plain mean of what is said."""
+        return np.asarray(sum(self.joints.values()) / len(self.joints))
+
+    @property
+    def sure(self) -> Float:
+        """(20,) the best confidence."""
+        return np.max([s.body.confidence for s in self.sightings.values()], axis=0)
+
+    def votes(self, person: int) -> float:
+        """The part of its bodies that were this person a moment ago."""
+        return sum(s.person == person for s in self.sightings.values()) / len(self.sightings)
+
+
+def plausible(body: Body) -> bool:
+    """Whether a body may be a person's: a tracker that lost somebody may tell a heap of joints."""
+    return bool(bones_within(body.joints, _BONES, _SHORTEST, _LONGEST))
+
+
+def distances(a: Float, a_sure: Float, b: Float, b_sure: Float) -> Float:
+    """(A, B) metres between bodies (A, 20, 3) and (B, 20, 3), whichever side they call left."""
+    out = np.empty((len(a), len(b)))
+    trunk_distances(a, a_sure, b, b_sure, MIDDLES, out)
+    return out
+
+
+def grouped(
+    views: list[SensorView], time_ns: int, patience: float, gate: float, loyalty: float
+) -> list[Group]:
+    """The bodies of all sensors, those of one person together; of one sensor at most one each.
+
+    Sensors join one after another, those that see most first. Bodies that were one person a moment ago hold
+    together, but not against what lies clearly nearer: a sensor that has mixed up two people is parted from
+    the identities, not the identities from each other. What a sensor only supposes of somebody whom it does
+    not see says nothing beside another that sees them.
+    """
+    recent = [[s for s in view.sightings.values() if s.age(time_ns) <= patience] for view in views]
+    watched = {s.person for said in recent for s in said if s.body.confidence.any()}
+    current = [
+        [
+            (s, s.joints(time_ns, patience))
+            for s in said
+            if plausible(s.body) and (s.body.confidence.any() or s.person not in watched)
+        ]
+        for said in recent
+    ]
+    groups: list[Group] = []
+    for sensor in sorted(range(len(views)), key=lambda v: (-len(current[v]), v)):
+        seen = current[sensor]
+        taken = _partners(groups, seen, gate, loyalty) if groups and seen else {}
+        for number, (sighting, joints) in enumerate(seen):
+            group = taken.get(number)
+            if group is None:
+                group = Group()
+                groups.append(group)
+            group.add(sensor, sighting, joints)
+    return groups
+
+
+def _partners(
+    groups: list[Group], seen: list[tuple[Sighting, Float]], gate: float, loyalty: float
+) -> dict[int, Group]:
+    """The group that each body of one sensor belongs to, where one is near enough."""
+    apart = distances(
+        np.array([g.mean for g in groups]),
+        np.array([g.sure for g in groups]),
+        np.array([joints for _, joints in seen]),
+        np.array([s.body.confidence for s, _ in seen]),
+    )
+    held = np.array([[g.votes(s.person) if s.person else 0.0 for s, _ in seen] for g in groups])
+    return {n: groups[g] for g, n in assigned(np.where(apart < gate, apart - loyalty * held, _FAR))}
+
+
+def assigned(cost: Float) -> list[tuple[int, int]]:
+    """The cheapest pairing of rows with columns (Hungarian); what costs _FAR stays alone."""
+    if not cost.size:
+        return []
+    rows, columns = least_cost(cost)
+    return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if cost[r, c] < _FAR / 2]
+
+
+NEVER = _FAR
+"""The cost of a pairing that must not be."""

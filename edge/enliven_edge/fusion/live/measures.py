@@ -1,0 +1,69 @@
+"""What fused bodies are worth, without a truth: agreement, identities, jitter."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.frames import BodyFrame
+from enliven.person.body import Body
+
+_LONGEST_STEP = 0.06
+"""Seconds between frames beyond which a change is no jitter."""
+_SAME, _NEAR = 0.3, 0.02
+"""Metres and seconds between a fused body and what one sensor says, where they are to be compared."""
+
+
+def jitter_mm(frames: Iterable[BodyFrame]) -> float:
+    """Millimetres: the median distance of a joint from the straight line between its neighbours in time."""
+    ways: dict[int, list[tuple[int, Float]]] = defaultdict(list)
+    for frame in frames:
+        for body in frame.bodies:
+            ways[body.id].append((frame.time_ns, body.joints))
+    found = [_off_line(way) for way in ways.values() if len(way) > 2]
+    return 1e3 * float(np.median(np.concatenate(found))) if found else float("nan")
+
+
+def _off_line(way: Sequence[tuple[int, Float]]) -> Float:
+    """(N * 20,) metres of each joint from between its neighbours, at steady frame times."""
+    times = np.array([time for time, _ in way]) * 1e-9
+    joints = np.array([body for _, body in way])
+    steps = np.diff(times)
+    steady = (steps[:-1] < _LONGEST_STEP) & (steps[1:] < _LONGEST_STEP)
+    share = (steps[:-1] / (steps[:-1] + steps[1:]))[:, None, None]
+    between = joints[:-2] + share * (joints[2:] - joints[:-2])
+    return np.asarray(np.linalg.norm(joints[1:-1] - between, axis=2)[steady].ravel())
+
+
+def agreement(fused: Sequence[BodyFrame], sensor: Sequence[BodyFrame]) -> tuple[float, int]:
+    """Millimetres between fused bodies and one sensor's (in one world and clock), and identity changes.
+
+    An identity changes where a fused body lies on another of the sensor's people than it did before.
+    """
+    times = np.array([frame.time_ns for frame in sensor])
+    apart: list[float] = []
+    changes, last = 0, dict[int, int]()
+    for frame in fused:
+        nearest = int(np.argmin(np.abs(times - frame.time_ns)))
+        if abs(int(times[nearest]) - frame.time_ns) > _NEAR * 1e9:
+            continue
+        for body in frame.bodies:
+            other = _partner(body, sensor[nearest].bodies)
+            if other is None:
+                continue
+            apart.append(float(np.linalg.norm(body.joints - other.joints, axis=1).mean()))
+            changes += last.get(body.id, other.id) != other.id
+            last[body.id] = other.id
+    return 1e3 * float(np.mean(apart)) if apart else float("nan"), changes
+
+
+def _partner(body: Body, others: Sequence[Body]) -> Body | None:
+    """Who of the others lies on this body's trunk, if anybody."""
+    if not others:
+        return None
+    apart = [float(np.linalg.norm(body.joints[:4] - other.joints[:4], axis=1).mean()) for other in others]
+    nearest = int(np.argmin(apart))
+    return others[nearest] if apart[nearest] < _SAME else None

@@ -1,0 +1,105 @@
+"""Several sensors' body frames as one stream: by the common clock, in the rhythm of the fastest sensor."""
+
+from __future__ import annotations
+
+import dataclasses
+import heapq
+from collections.abc import Iterable, Iterator, Mapping
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.frames import BodyFrame
+from enliven.person.body import Body
+from enliven.rotation import from_matrix, multiply
+from enliven_edge.fusion.live.fuser import Fuser
+from enliven_edge.fusion.placement.rigid import moved
+from enliven_edge.fusion.placement.space import Space
+from enliven_edge.tracking.settings import TrackerSettings
+
+_MISSED = 1.7
+"""Of its own steps, how late the sensor that keeps time may be until another does."""
+_FASTER = 0.8
+"""Part of its step below which another sensor's step makes that one keep time."""
+
+
+class Rhythm:
+    """When bodies go out: with the frames of one sensor, the fastest, as long as it has some."""
+
+    def __init__(self) -> None:
+        self._steps: dict[str, float] = {}
+        self._last: dict[str, int] = {}
+        self._lead: str | None = None
+        self._told_ns: int | None = None
+
+    def due(self, sensor: str, time_ns: int) -> bool:
+        """Whether bodies are to go out with this frame of a sensor, on the common clock."""
+        before = self._last.get(sensor, time_ns)
+        if time_ns > before:
+            step = (time_ns - before) * 1e-9
+            self._steps[sensor] = step + 0.9 * (self._steps.get(sensor, step) - step)
+        self._last[sensor] = max(time_ns, before)
+        if self._lead is None or self._leads_better(sensor, time_ns):
+            self._lead = sensor
+        if sensor != self._lead or (self._told_ns is not None and time_ns <= self._told_ns):
+            return False
+        self._told_ns = time_ns
+        return True
+
+    def _leads_better(self, sensor: str, time_ns: int) -> bool:
+        """Whether a sensor is faster than the one that keeps time, or that one is late."""
+        assert self._lead is not None
+        if self._lead not in self._steps:
+            return time_ns - self._last[self._lead] > 1e8
+        step = self._steps[self._lead]
+        late = (time_ns - self._last[self._lead]) * 1e-9 > _MISSED * step
+        return late or self._steps.get(sensor, np.inf) < _FASTER * step
+
+
+def untouched(settings: TrackerSettings) -> TrackerSettings:
+    """The settings of a tracker whose bodies are fused yet: smoothing, mirror and foresight come after."""
+    smoothing = dataclasses.replace(settings.smoothing, amount=0.0, amounts=())
+    output = dataclasses.replace(settings.output, mirror=False, predict=0.0)
+    return dataclasses.replace(settings, smoothing=smoothing, output=output)
+
+
+def in_world(bodies: list[Body], world_from_sensor: Float) -> list[Body]:
+    """Bodies of a sensor's own level frame, in the world."""
+    turn = from_matrix(world_from_sensor[:3, :3])
+    return [
+        dataclasses.replace(
+            body,
+            joints=moved(world_from_sensor, body.joints),
+            orientations=None if body.orientations is None else multiply(turn, body.orientations),
+        )
+        for body in bodies
+    ]
+
+
+def fused(streams: Mapping[str, Iterable[BodyFrame]], space: Space, fuser: Fuser) -> Iterator[BodyFrame]:
+    """The fused bodies of recorded body streams, each in its sensor's own level frame and clock.
+
+    Args:
+        streams: by sensor of the space.
+        fuser: of the same sensors; asked for its warnings by the caller.
+    """
+    rhythm = Rhythm()
+    for time_ns, name, frame in heapq.merge(
+        *(_timed(name, frames, space) for name, frames in streams.items()), key=lambda entry: entry[0]
+    ):
+        place = space.sensors[name]
+        fuser.hear(name, in_world(frame.bodies, place.level), time_ns)
+        if rhythm.due(name, time_ns):
+            yield BodyFrame(fuser.bodies(time_ns), time_ns, "fused")
+
+
+def _timed(name: str, frames: Iterable[BodyFrame], space: Space) -> Iterator[tuple[int, str, BodyFrame]]:
+    """The frames of one sensor with their time on the common clock."""
+    offset = space.sensors[name].clock_offset_ns
+    for frame in frames:
+        yield frame.time_ns + offset, name, frame
+
+
+def eyes(space: Space) -> dict[str, Float]:
+    """By sensor, (3,) where it looks from."""
+    return {name: place.eye for name, place in space.sensors.items()}

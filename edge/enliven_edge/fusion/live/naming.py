@@ -1,0 +1,104 @@
+"""Which side of a person is left: what every sensor says, put right by continuity and by the majority."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.person.body import Body, Joint
+from enliven_edge.fusion.live.blending import side_costs
+from enliven_edge.fusion.live.sides import OTHER_SIDE, exchanged
+
+_CLEARLY = 0.06
+"""Metres a joint by which the sides must fit better exchanged to be taken so."""
+_WALKING = 0.4
+"""Metres a second of the hips that say which way somebody faces."""
+_SETTLED = 3.0
+"""Seconds after which it is known which side is which."""
+
+
+class SideKeeper:
+    """For one person: which of the sensors name the sides the wrong way round just now.
+
+    Args:
+        sensors: how many there are.
+        turn_over: seconds for which most must say so until the sides are exchanged for all.
+    """
+
+    def __init__(self, sensors: int, turn_over: float) -> None:
+        self._crossed: Bool = np.zeros(sensors, bool)
+        self._turn_over = turn_over
+        self._doubt, self._watched = 0.0, 0.0
+
+    def put_right(self, bodies: Mapping[int, Body]) -> dict[int, Body]:
+        """The bodies with the sides that were decided on."""
+        return {s: self._as_named(s, body) for s, body in bodies.items()}
+
+    def compare(self, bodies: Mapping[int, Body], expected: Float, spoke: Bool, known: bool) -> None:
+        """Decides for every sensor whether it has exchanged the sides, by where they are expected.
+
+        Where two sensors contradict each other after that, the one follows whose word was the closer call.
+
+        Args:
+            expected: (20, 3); of somebody new, what any of the sensors says.
+            spoke: (S,) whether a sensor saw this person a moment ago; then it must be clear.
+            known: whether this person was ever seen before.
+        """
+        margins = {}
+        for sensor, body in bodies.items():
+            margin = self._margin(sensor, body, expected)
+            if margin < (-_CLEARLY if spoke[sensor] else 0.0):
+                self._crossed[sensor] ^= True
+                margin = -margin
+            margins[sensor] = margin
+        if len(bodies) > 1 and known:
+            least = min(margins, key=lambda s: margins[s])
+            others = [self._as_named(s, body).joints for s, body in bodies.items() if s != least]
+            if self._margin(least, bodies[least], np.mean(others, axis=0)) < -_CLEARLY:
+                self._crossed[least] ^= True
+
+    def vote(self, weights: Mapping[int, float], backward: float, seconds: float, known: bool) -> bool:
+        """Whether the sides are to be exchanged for all: most have said so for long enough.
+
+        Where sensors are at odds, the way somebody walks decides: forward, most of the time. Who has just
+        come in is not known yet: a first look errs more often than a long one.
+
+        Args:
+            weights: by sensor, how much its word counts.
+            backward: 1 for somebody who walks backward as the sides are named, -1 forward, 0 standing.
+        """
+        total = sum(weights.values()) or 1.0
+        crossed = sum(w for s, w in weights.items() if self._crossed[s]) / total
+        vote = 2.0 * crossed - 1.0 + (backward if 0.0 < crossed < 1.0 else 0.0)
+        self._doubt = float(np.clip(self._doubt + vote * seconds, 0.0, 10.0))
+        self._watched += seconds
+        settled = min(max(self._watched / _SETTLED, 0.1), 1.0)
+        over = self._doubt > settled * self._turn_over or (not known and crossed > 0.5)
+        if over:
+            self._crossed, self._doubt = ~self._crossed, 0.0
+        return over
+
+    def _margin(self, sensor: int, body: Body, reference: Float) -> float:
+        """Metres a joint by which the sides as they are named now fit better than exchanged."""
+        plain, crossed = side_costs(body.joints, body.confidence, reference, OTHER_SIDE)
+        return float(plain - crossed if self._crossed[sensor] else crossed - plain)
+
+    def _as_named(self, sensor: int, body: Body) -> Body:
+        return exchanged(body) if self._crossed[sensor] else body
+
+
+def walks_backward(joints: Float, velocity: Float) -> float:
+    """1 for walking backward as the sides are named, -1 forward, 0 standing.
+
+    Args:
+        joints: (20, 3) metres; velocity: (20, 3) metres a second.
+    """
+    left = joints[[Joint.SHOULDER_LEFT, Joint.HIP_LEFT]].mean(0)
+    across = left - joints[[Joint.SHOULDER_RIGHT, Joint.HIP_RIGHT]].mean(0)
+    hips = velocity[Joint.HIP_CENTER]
+    forward = np.array([-across[2], 0.0, across[0]])
+    if float(np.linalg.norm(forward)) < 0.05 or float(np.hypot(hips[0], hips[2])) < _WALKING:
+        return 0.0
+    return float(-np.sign(forward @ hips))

@@ -1,0 +1,208 @@
+"""One person as all sensors together see them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.person.body import Body, Joint
+from enliven.rotation import normalized
+from enliven_edge.fusion.live.blending import blend, doubt_outliers, fuse_confidence
+from enliven_edge.fusion.live.grouping import Group
+from enliven_edge.fusion.live.health import SensorState
+from enliven_edge.fusion.live.naming import SideKeeper, walks_backward
+from enliven_edge.fusion.live.sensor_view import SensorView
+from enliven_edge.fusion.live.sides import OTHER_SIDE
+from enliven_edge.fusion.settings import FusionSettings
+
+_GLIDE = 0.5
+"""Seconds unseen up to which joints go on from where they were, and do not appear at once."""
+_MOVED = 0.02
+"""What a sensor counts that was moved, against one that was not."""
+_CONVINCING = 3.0
+"""Confidence that may be gained a second."""
+_SHAKEN, _CALM = 0.7, 0.05**2
+"""Seconds for which a surprising sensor is doubted, and square metres of surprise that are usual."""
+_GUESS = 1e-3
+"""The weight of a joint that nobody sees: it stays somewhere."""
+
+
+class FusedPerson:
+    """The state of one person.
+
+    Args:
+        number: the identity.
+        sensors: how many there are.
+    """
+
+    def __init__(self, number: int, sensors: int, settings: FusionSettings) -> None:
+        self.id, self.settings = number, settings
+        self.joints, self.velocity = np.zeros((20, 3)), np.zeros((20, 3))
+        self.confidence = np.zeros(20)
+        self.last_ns, self.hits = 0, 0
+        self.seen_by: frozenset[int] = frozenset()
+        self._turns = np.zeros((20, 4))
+        self._turned_known = False
+        self._sides = SideKeeper(sensors, settings.turn_over)
+        self._spoke = np.zeros((sensors, 20), bool)
+        self._sure = np.zeros((sensors, 20))
+        self._surprise = np.zeros(sensors)
+        self._turn_spoke = np.zeros((sensors, 20), bool)
+        self._habit, self._turn_habit = np.zeros((sensors, 20, 3)), np.zeros((sensors, 20, 4))
+
+    def unseen(self, time_ns: int) -> float:
+        """Seconds since somebody saw this person; infinite before the first time."""
+        return (time_ns - self.last_ns) * 1e-9 if self.hits else np.inf
+
+    def expected(self, time_ns: int) -> Float:
+        """(20, 3) where the joints are to be expected."""
+        return self.joints + min(max(self.unseen(time_ns), 0.0), self.settings.patience) * self.velocity
+
+    def see(self, group: Group, views: list[SensorView], time_ns: int) -> Body:
+        """The body of this person by all that see them now."""
+        seconds = self.unseen(time_ns)
+        known = seconds < _GLIDE
+        expected = self.expected(time_ns) if self.hits else group.mean
+        if not known:
+            self._forget_habits()
+        bodies, expected = self._put_right(group, views, expected, seconds if known else 0.0)
+        x, w = self._words(bodies, views, seconds if known else np.inf)
+        if known:
+            doubt_outliers(x, w, expected)
+            self._trust_the_steady(x, w, expected, seconds)
+        step = 1.0 - np.exp(-max(seconds, 0.0) / self.settings.hand_over) if self.settings.hand_over else 1.0
+        share = float(step) if known else 1.0
+        joints = np.empty((20, 3))
+        blend(x, w, expected, known, self._spoke, self._habit, share, joints)
+        confidence = _confidence(x, w, bodies, joints)
+        turns = self._oriented(bodies, w, known, share)
+        self._move(joints, time_ns, seconds, known)
+        self.confidence, self.seen_by = confidence, frozenset(bodies)
+        for sensor, sighting in group.sightings.items():
+            views[sensor].bind(sighting, self.id, self.settings.believe_ids)
+        return Body(self.id, joints, confidence, turns, _contacts(bodies, w), _stature(bodies, w))
+
+    def _trust_the_steady(self, x: Float, w: Float, expected: Float, seconds: float) -> None:
+        """Lowers the weights (S, 20) of a sensor that has been surprising for a while, against the others.
+
+        What it always says differently is no surprise.
+        """
+        sensors = np.flatnonzero(w.any(1) & self._spoke.any(1))
+        surprise = ((x[sensors] - self._habit[sensors] - expected) ** 2).sum(2).mean(1)
+        share = 1.0 - np.exp(-seconds / _SHAKEN)
+        self._surprise[sensors] += share * (surprise - self._surprise[sensors])
+        if len(sensors) > 1:
+            least = self._surprise[sensors].min()
+            w[sensors] *= ((least + _CALM) / (self._surprise[sensors] + _CALM))[:, None]
+
+    def _forget_habits(self) -> None:
+        self._spoke[:], self._turn_spoke[:] = False, False
+        self._turned_known = False
+
+    def _move(self, joints: Float, time_ns: int, seconds: float, known: bool) -> None:
+        """The state for the next expectation."""
+        if known and seconds > 1e-4:
+            speed = (joints - self.joints) / seconds
+            self.velocity = self.velocity + 0.5 * (speed - self.velocity)
+        elif not known:
+            self.velocity = np.zeros((20, 3))
+        self.joints, self.last_ns = joints, time_ns
+
+    def _put_right(
+        self, group: Group, views: list[SensorView], expected: Float, seconds: float
+    ) -> tuple[dict[int, Body], Float]:
+        """The bodies with the right sides, and (20, 3) where they are expected."""
+        bodies, known = group_bodies(group), bool(self.hits)
+        reference = expected if known else next(iter(bodies.values())).joints
+        self._sides.compare(bodies, reference, np.asarray(self._spoke.any(1)), known)
+        weights = {
+            s: float(b.confidence.mean()) / _noise(b, views[s], self.settings) ** 2 for s, b in bodies.items()
+        }
+        if self._sides.vote(weights, walks_backward(self.joints, self.velocity), seconds, known):
+            self._turn_over()
+            expected = expected[OTHER_SIDE]
+        return self._sides.put_right(bodies), expected
+
+    def _turn_over(self) -> None:
+        """What was left is right from now on."""
+        self.joints, self.velocity = self.joints[OTHER_SIDE], self.velocity[OTHER_SIDE]
+        self._spoke, self._habit = self._spoke.take(OTHER_SIDE, 1), self._habit.take(OTHER_SIDE, 1)
+        self._sure = self._sure[:, OTHER_SIDE]
+        self._turn_spoke[:] = False
+        self._turned_known = False
+
+    def _words(self, bodies: dict[int, Body], views: list[SensorView], seconds: float) -> tuple[Float, Float]:
+        """(S, 20, 3) joints and (S, 20) weights: sure and near words count most.
+
+        Who has only just become sure of a joint, and was not of where it was before, counts little yet.
+        """
+        x, w = np.zeros(self._habit.shape), np.zeros(self._spoke.shape)
+        sure = np.zeros(self._sure.shape)
+        for sensor, body in bodies.items():
+            sure[sensor] = np.minimum(body.confidence, self._sure[sensor] + _CONVINCING * seconds)
+            x[sensor] = body.joints
+            w[sensor] = (sure[sensor] + _GUESS) / _noise(body, views[sensor], self.settings) ** 2
+            if views[sensor].state is SensorState.MOVED:
+                w[sensor] *= _MOVED
+        self._sure = sure
+        return x, w
+
+    def _oriented(self, bodies: dict[int, Body], w: Float, known: bool, share: float) -> Float | None:
+        """(20, 4) the weighted mean of the orientations (of quaternions of one sign), or None."""
+        have = {s: b.orientations for s, b in bodies.items() if b.orientations is not None}
+        if not have:
+            self._turned_known = False
+            self._turn_spoke[:] = False
+            return None
+        reference = self._turns if self._turned_known else next(iter(have.values()))
+        x, weights = np.zeros(self._turn_habit.shape), np.zeros(w.shape)
+        for sensor, turns in have.items():
+            x[sensor] = np.where((turns * reference).sum(1, keepdims=True) < 0, -turns, turns)
+            weights[sensor] = w[sensor]
+        made = np.empty((20, 4))
+        known = known and self._turned_known
+        blend(x, weights, reference, known, self._turn_spoke, self._turn_habit, share, made)
+        self._turns, self._turned_known = normalized(made), True
+        return self._turns.copy()
+
+
+def group_bodies(group: Group) -> dict[int, Body]:
+    """By sensor, the bodies carried on to now, as the sensors name their sides."""
+    return {s: _replaced(sighting.body, group.joints[s]) for s, sighting in group.sightings.items()}
+
+
+def _replaced(body: Body, joints: Float) -> Body:
+    if joints is body.joints:
+        return body
+    return Body(body.id, joints, body.confidence, body.orientations, body.contacts, body.stature)
+
+
+def _noise(body: Body, view: SensorView, settings: FusionSettings) -> float:
+    """Metres of doubt of a sensor's joints at the distance of a body."""
+    away = body.joints[Joint.HIP_CENTER] - view.eye
+    return float(settings.near_noise + settings.far_noise * (away @ away))
+
+
+def _confidence(x: Float, w: Float, bodies: dict[int, Body], joints: Float) -> Float:
+    """(20,) that of the sensor that is trusted most, lower where sensors contradict each other."""
+    told, made = np.zeros(w.shape), np.empty(len(joints))
+    for sensor, body in bodies.items():
+        told[sensor] = body.confidence
+    fuse_confidence(x, w, told, joints, made)
+    return made
+
+
+def _contacts(bodies: dict[int, Body], w: Float) -> Float | None:
+    """(2,) contact of either foot, by who sees the ankles best."""
+    have = [(s, b.contacts) for s, b in bodies.items() if b.contacts is not None]
+    if not have:
+        return None
+    weights = np.array([w[s, [Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT]] for s, _ in have]) + 1e-12
+    return np.asarray((weights * np.array([c for _, c in have])).sum(0) / weights.sum(0))
+
+
+def _stature(bodies: dict[int, Body], w: Float) -> float | None:
+    """Metres, the mean of those who have measured it."""
+    have = [(float(w[s].sum()), b.stature) for s, b in bodies.items() if b.stature is not None]
+    total = sum(weight for weight, _ in have)
+    return sum(weight * stature for weight, stature in have) / total if total else None

@@ -1,0 +1,126 @@
+"""What one sensor last said of everybody, carried on to the moment that is asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.person.body import Body
+from enliven_edge.fusion.live.health import SensorState
+
+_CALM, _LIVELY, _START = 0.2, 0.7, 1.5
+"""Part of a new difference that a velocity takes over: little of noise, much of a start or a stop:
+a change by 1.5 m/s and more."""
+_FASTEST = 8.0
+"""Metres a second of a trunk beyond which it is another one, whatever the sensor calls it."""
+_BACK_AGAIN = 0.5
+"""Seconds after which a velocity is measured anew."""
+
+
+@dataclass
+class Sighting:
+    """One body of one sensor.
+
+    Attributes:
+        body: as it was last told, in the world.
+        time_ns: when, on the common clock.
+        velocity: (20, 3) m/s.
+        person: the identity that it was last taken for, or 0.
+    """
+
+    body: Body
+    time_ns: int
+    velocity: Float
+    person: int = 0
+
+    def age(self, time_ns: int) -> float:
+        """Seconds since it was told."""
+        return (time_ns - self.time_ns) * 1e-9
+
+    def joints(self, time_ns: int, longest: float) -> Float:
+        """(20, 3) where the joints are by now; never carried on for longer than ``longest`` seconds."""
+        seconds = min(max(self.age(time_ns), -longest), longest)
+        return self.body.joints + seconds * self.velocity if seconds else self.body.joints
+
+
+class SensorView:
+    """One sensor's sightings.
+
+    Args:
+        name: its identity.
+        eye: (3,) where it looks from, metres of the world.
+    """
+
+    def __init__(self, name: str, eye: Float) -> None:
+        self.name, self.eye = name, eye
+        self.state = SensorState.WAITING
+        self.sightings: dict[int, Sighting] = {}
+        self.last_ns: int | None = None
+        self.astray = np.zeros(3)
+        self._same_since_ns = 0
+        self._before: list[Body] = []
+        self._bound: dict[int, tuple[int, int]] = {}
+
+    def hear(self, bodies: list[Body], time_ns: int, silence: float, *, frozen: bool = False) -> bool:
+        """Takes in what the sensor says now; False for what comes late and says nothing new.
+
+        Args:
+            silence: seconds of unchanging bodies after which the sensor counts as frozen.
+            frozen: its images are known to repeat.
+        """
+        if self.last_ns is not None and time_ns <= self.last_ns:
+            return False
+        if not self._repeats(bodies):
+            self._same_since_ns = time_ns
+        frozen = frozen or time_ns - self._same_since_ns > silence * 1e9
+        self.last_ns = time_ns
+        if frozen:
+            self.state = SensorState.FROZEN
+            self.sightings = {}
+            return True
+        if self.state is not SensorState.MOVED:
+            self.state = SensorState.LIVE
+        self.sightings = {body.id: self._sighted(body, time_ns) for body in bodies}
+        return True
+
+    def bind(self, sighting: Sighting, person: int, believed: float) -> None:
+        """Remembers who a body is, for the case that the sensor loses and finds it again.
+
+        Args:
+            believed: seconds after which it is forgotten.
+        """
+        sighting.person = person
+        self._bound[sighting.body.id] = (person, sighting.time_ns)
+        oldest = sighting.time_ns - believed * 1e9
+        if len(self._bound) > len(self.sightings):
+            self._bound = {body: b for body, b in self._bound.items() if b[1] >= oldest}
+
+    def _repeats(self, bodies: list[Body]) -> bool:
+        """Whether somebody is there, and nobody has moved by a bit."""
+        before, self._before = self._before, bodies
+        return (
+            bool(bodies)
+            and len(bodies) == len(before)
+            and all(
+                b.id == o.id and np.array_equal(b.joints, o.joints)
+                for b, o in zip(bodies, before, strict=True)
+            )
+        )
+
+    def _sighted(self, body: Body, time_ns: int) -> Sighting:
+        before = self.sightings.get(body.id)
+        if before is None:
+            return Sighting(body, time_ns, np.zeros((20, 3)), self._bound.get(body.id, (0, 0))[0])
+        seconds = before.age(time_ns)
+        # Who was not seen was only supposed to be somewhere: the way from there is no motion.
+        if seconds > _BACK_AGAIN or not before.body.confidence.any():
+            return Sighting(body, time_ns, np.zeros((20, 3)), before.person)
+        speed = (body.joints - before.body.joints) / seconds
+        if np.linalg.norm(speed[:4].mean(0)) > _FASTEST:
+            return Sighting(body, time_ns, np.zeros((20, 3)))
+        change = speed - before.velocity
+        size = np.minimum(np.sqrt((change**2).sum(1, keepdims=True)) / _START, 1.0)
+        velocity = before.velocity + (_CALM + (_LIVELY - _CALM) * size) * change
+        return Sighting(body, time_ns, velocity, before.person)

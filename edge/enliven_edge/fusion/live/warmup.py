@@ -1,0 +1,31 @@
+"""Compiles the kernels of fusion before the first frame is due."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.person.body import Body
+from enliven.rotation import IDENTITY
+from enliven_edge.fusion.live.fuser import Fuser
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.body_model.posture import Posture
+
+
+@cache
+def warm_up_fusion() -> None:
+    """Two sensors that see one person stand for a few frames, with orientations."""
+    fuser = Fuser({"a": np.zeros(3), "b": np.ones(3)})
+    turns = np.tile(IDENTITY, (20, 1))
+    for n in range(3):
+        for sensor in ("a", "b"):
+            fuser.hear(sensor, [Body(1, somebody() + 1e-3 * n, np.ones(20), turns)], n * 33_333_333)
+        fuser.bodies(n * 33_333_333)
+
+
+def somebody() -> Float:
+    """(20, 3) metres: a person who stands."""
+    return Posture(np.array([0.0, 0.95, -2.0]), standing(elbow=0.5), lengths_for_height(1.75)).joints()

@@ -1,0 +1,144 @@
+"""One of several sensors in a thread of its own: read, track, hand on."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass
+
+from enliven.errors import InputError, ResourceError
+from enliven.frames import BodyFrame, Frame
+from enliven.health import HealthKind, HealthState
+from enliven.person.body import Body
+from enliven_edge.fusion.live.merge import in_world
+from enliven_edge.fusion.live.reading import PATIENCE, SensorThread
+from enliven_edge.fusion.placement.space import Place
+from enliven_edge.sensors.base import Sensor, SensorFault, condition_of
+from enliven_edge.tracking.health.health import HealthMonitor
+from enliven_edge.tracking.tracker import Tracker
+
+_WAITING = 2
+"""Sets of bodies that wait to be fused; the sensor is read no faster than they are taken."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What one sensor saw at one moment.
+
+    Attributes:
+        bodies: in the world.
+        time_ns: the common clock.
+        read_ns: wall clock when the frame was read.
+        frozen: whether its frames have repeated for a while, bit by bit.
+    """
+
+    sensor: str
+    bodies: list[Body]
+    time_ns: int
+    read_ns: int
+    frozen: bool
+
+
+class Watcher(SensorThread):
+    """Reads and tracks one sensor until it ends, fails, or is stopped.
+
+    Args:
+        name: the sensor's identity in the space.
+        place: where it stands.
+        health: says what is wrong with it.
+        changed: notified after everything that is new.
+        once: end at the sensor's first fault, in place of going on with its next good frame.
+
+    Attributes:
+        ails: what is wrong with the sensor now, the gravest first.
+        seen: what waits to be fused, the oldest first; guarded by ``changed``.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        sensor: Sensor,
+        tracker: Tracker,
+        place: Place,
+        health: HealthMonitor,
+        changed: threading.Condition,
+        once: bool = False,
+    ) -> None:
+        super().__init__(name, sensor)
+        self.place = place
+        self.seen: deque[Seen] = deque()
+        self.ails: list[HealthState] = []
+        self._tracker, self._health, self._changed = tracker, health, changed
+        self._once = once
+
+    def stop(self) -> None:
+        """Ends the thread and lets the sensor go."""
+        self._stopped.set()
+        with self._changed:
+            self._changed.notify_all()
+        super().stop()
+        self.sensor.close()
+
+    def _end(self) -> None:
+        with self._changed:
+            self.ended = True
+            self._changed.notify_all()
+
+    def _read(self) -> None:
+        heard = time.monotonic()
+        while not self._stopped.is_set():
+            try:
+                frame = self.sensor.read(PATIENCE)
+            except TimeoutError:
+                self._health.silent(time.monotonic() - heard)
+                self.ails = self._health.states
+                continue
+            except (SensorFault, InputError) as error:
+                self._health.failed(error)
+                self._health.silent(time.monotonic() - heard)
+                self._end_at_fault()
+                self.ails = self._health.states
+                continue
+            if frame is None:
+                return
+            heard, read_ns = time.monotonic(), time.time_ns()
+            admitted = self._health.admit(frame, getattr(self.sensor, "fps", None))
+            self._end_at_fault()
+            if admitted:
+                bodies = self._bodies(frame)
+                frozen = any(state.kind == HealthKind.FROZEN for state in self._health.states)
+                time_ns = frame.time_ns + self.place.clock_offset_ns
+                self._hand_on(Seen(self.name, bodies, time_ns, read_ns, frozen))
+            self.ails = self._health.states
+
+    def _end_at_fault(self) -> None:
+        """Ends where the sensor had a fault and that was asked for."""
+        if self._once and self._health.fault:
+            raise ResourceError(self._health.fault, where=f"sensor {self.name}")
+
+    def _hand_on(self, seen: Seen) -> None:
+        """Waits for room, so that a recording is not read faster than it is used."""
+        with self._changed:
+            while len(self.seen) >= _WAITING and not self._stopped.is_set():
+                self._changed.wait(PATIENCE)
+            self.seen.append(seen)
+            self._changed.notify_all()
+
+    def _bodies(self, frame: Frame) -> list[Body]:
+        """Who is there, in the world."""
+        if isinstance(frame, BodyFrame):
+            self._health.judge(frame, frame.bodies)
+            return in_world(frame.bodies, self.place.level)
+        camera = self.place.camera
+        if camera is None:
+            raise InputError(
+                "it sends depth, but was calibrated by bodies",
+                where=f"sensor {self.name}",
+                mend="Calibrate again with this sensor: enliven calibrate.",
+            )
+        bodies = self._tracker.track(dataclasses.replace(frame, world_from_camera=camera))
+        self._health.judge(frame, bodies, camera, self._tracker.state)
+        self._health.fares(condition_of(self.sensor), camera, floor_known=True)
+        return bodies

@@ -1,0 +1,245 @@
+"""What leaves the edge: characters, poses, bodies, cues and heartbeats, to viewers and to a take."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from enliven.document.character import Character, Pose
+from enliven.document.props import Props
+from enliven.frames import Frame
+from enliven.health import HealthState, worst_first
+from enliven.matching.board import Board
+from enliven.person.body import Body
+from enliven.wire.convert import (
+    bodies_to_message,
+    character_to_message,
+    cues_to_message,
+    health_to_messages,
+    props_to_message,
+)
+from enliven.wire.matches import board_to_message
+from enliven.wire.messages import Browse, Lock, Look, Possess, Smooth
+from enliven_edge.network.command_queue import CommandQueue
+from enliven_edge.network.control_socket import Command
+from enliven_edge.network.frame_rate import Pace
+from enliven_edge.network.publisher import Publisher
+from enliven_edge.recording.take import Take
+from enliven_edge.settings import WireSettings
+from enliven_edge.stage.embedded_actor import Cues
+
+_FAREWELLS = 5
+
+
+def _unheard(*_: object) -> str:
+    """Why what was asked is not done."""
+    return "nobody here can do that"
+
+
+def need_free(wire: WireSettings) -> None:
+    """Look whether the name and the ports can be had, before anything is done that takes long.
+
+    Raises:
+        ResourceError: for a port in use, or a name in use on this machine.
+        InputError: for an address that other machines reach without ``open``.
+    """
+    with _publisher(wire):
+        pass
+
+
+class Outlet:
+    """Publishes, answers viewers, and writes the take where one was asked for.
+
+    Args:
+        wire: name, host and ports.
+        sensor: the sensor's identity, for the heartbeat.
+        record: the file of the take, or None.
+        overwrite: whether an existing take may be replaced.
+
+    Raises:
+        ResourceError: for a port in use, or a name in use on this machine.
+        InputError: for a take that exists already, or an address that other machines reach without ``open``.
+    """
+
+    def __init__(
+        self, wire: WireSettings, sensor: str, *, record: Path | None = None, overwrite: bool = False
+    ) -> None:
+        self._publisher = _publisher(wire)
+        self._commands = CommandQueue(0.5e-3 * wire.budget)
+        try:
+            self._take = Take(record, overwrite=overwrite) if record else None
+        except BaseException:
+            self._publisher.close()
+            raise
+        self._publisher.set_status(sensor=sensor)
+        self._told = 0.0
+
+    @property
+    def publisher(self) -> Publisher:
+        """The sockets."""
+        return self._publisher
+
+    @property
+    def viewers(self) -> int:
+        """How many viewers are there."""
+        return self._publisher.viewers
+
+    def introduce(self, character: Character) -> None:
+        """A new character, or a new revision of one; viewers fetch it by themselves."""
+        revision = self._publisher.set_character(character)
+        if self._take is not None:
+            self._take.introduce(character.id, character_to_message(character, revision))
+
+    def publish(
+        self,
+        frame: Frame,
+        bodies: list[Body],
+        poses: list[Pose],
+        cues: dict[str, Cues],
+        read_ns: int,
+        props: Props | None = None,
+        boards: Sequence[Board] = (),
+    ) -> None:
+        """What one frame led to.
+
+        Args:
+            read_ns: wall clock when the frame was read.
+            props: what is loose, where there are physics.
+            boards: what there is to choose from on rigged characters.
+        """
+        at = frame.time_ns
+        for pose in poses:
+            self._write("pose", self._publisher.publish_pose(pose, read_ns), at)
+        self._send("bodies", bodies_to_message(bodies, at, read_ns), at)
+        for name, cue in cues.items():
+            what = (cue.nodes, cue.strengths, cue.body, at, cue.owners, cue.held)
+            message = cues_to_message(name, cue.state, *what)
+            self._send("cues", message, at)
+        if props is not None:
+            self._send("props", props_to_message(props), at)
+        for board in boards:
+            self._send("matches", board_to_message(board), at)
+
+    def report(self, pace: Pace, phase: str, performers: int, sensor: str = "") -> None:
+        """How the edge is doing; goes out with the heartbeat, at once where the phase is new.
+
+        Args:
+            sensor: its identity, where it was not known from the start; empty: as before.
+        """
+        changed = phase != self._publisher.status.phase
+        if changed or time.monotonic() - self._told > 0.25:
+            self._told = time.monotonic()
+            self._publisher.set_status(
+                phase=phase,
+                sensor=sensor or self._publisher.status.sensor,
+                performers=performers,
+                fps=pace.fps,
+                latency_p50_ms=pace.latency_ms(50),
+                latency_p99_ms=pace.latency_ms(99),
+            )
+
+    def ail(self, states: list[HealthState]) -> None:
+        """What is wrong, and with the take; goes out at once where it is new, or over."""
+        take = self._take.ails if self._take is not None else []
+        health = health_to_messages(worst_first([*states, *take]))
+        told = self._publisher.status.health
+        if health == told:
+            return
+        self._publisher.set_status(health=health)
+        if [(h.kind, h.performer) for h in health] != [(h.kind, h.performer) for h in told]:
+            self._publisher.beat()
+
+    def hear(
+        self,
+        possess: Callable[[Possess], str],
+        release: Callable[[str, int | None], str],
+        smooth: Callable[[int, float | None], str],
+        look: Callable[[Look], str] = _unheard,
+        browse: Callable[[str, int], str] = _unheard,
+        lock: Callable[[bool], str] = _unheard,
+    ) -> None:
+        """Answers what viewers asked, as far as there is time, and keeps the heart beating.
+
+        Args:
+            possess: what was asked, to the reason why not, or an empty string.
+            release: (character, body) likewise.
+            smooth: (body, amount) likewise.
+            look: from where a viewer looks, likewise.
+            browse: (character, step) likewise.
+            lock: whether only who is followed now performs, likewise.
+        """
+
+        def do(command: Command) -> None:
+            asked = command.request
+            if isinstance(asked, Possess):
+                _reply(command, possess(asked))
+            elif isinstance(asked, Smooth):
+                _reply(command, smooth(asked.body, asked.amount))
+            elif isinstance(asked, Look):
+                _reply(command, look(asked))
+            elif isinstance(asked, Lock):
+                _reply(command, lock(asked.on))
+            elif isinstance(asked, Browse):
+                _reply(command, browse(asked.character, asked.step))
+            else:
+                _reply(command, release(asked.character, asked.body))
+
+        for command in self._publisher.poll():
+            self._commands.add(command)
+        self._commands.work(do)
+
+    def end(self, pace: Pace) -> None:
+        """Says that the stream has ended, several times: a heartbeat may be lost on the way."""
+        self.report(pace, "ended", 0)
+        for _ in range(_FAREWELLS):
+            self._publisher.beat()
+            self.hear(*[lambda *_: "the stream has ended"] * 6)
+            time.sleep(0.05)
+
+    def close(self) -> None:
+        """Completes the take and lets the ports and the name go."""
+        if self._take is not None:
+            self._take.close()
+        self._publisher.close()
+
+    def __enter__(self) -> Outlet:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _send(self, topic: str, message: Any, time_ns: int) -> None:
+        """To the viewers and to the take."""
+        self._publisher.publish(message)
+        self._write(topic, message, time_ns)
+
+    def _write(self, topic: str, message: Any, time_ns: int) -> None:
+        """To the take."""
+        if self._take is not None:
+            self._take.write(topic, message, time_ns)
+
+
+def _publisher(wire: WireSettings) -> Publisher:
+    """The sockets that the settings say."""
+    return Publisher(
+        name=wire.name,
+        host=wire.host,
+        pose_port=wire.port,
+        control_port=wire.control_port,
+        open_to_all=wire.open,
+        rate=wire.rate,
+        budget_ms=0.5 * wire.budget,
+    )
+
+
+def _reply(command: Command, refused: str) -> None:
+    """Done, or why not."""
+    if refused:
+        command.reply_refused(refused)
+    else:
+        command.reply_done()

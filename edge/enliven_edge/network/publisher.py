@@ -1,0 +1,262 @@
+"""The edge's outlet to the network: poses, bodies, cues and heartbeats out; requests in."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import math
+import secrets
+import time
+from types import TracebackType
+from typing import Any
+
+import msgspec
+
+from enliven.document.character import Character, Pose
+from enliven.wire.convert import character_to_message
+from enliven.wire.envelope import pack_stream, payload
+from enliven.wire.messages import (
+    Answer,
+    Ask,
+    GetState,
+    Hello,
+    Ping,
+    Pong,
+    PoseMessage,
+    Refused,
+    Revision,
+    StatusMessage,
+    Welcome,
+)
+from enliven.wire.posecode import PoseCodec
+from enliven.wire.sockets import CONTROL_PORT, POSE_PORT, Endpoint
+from enliven.wire.topics import BY_TYPE, REQUEST, STATUS
+from enliven_edge.network import ZmtpServer, check_open
+from enliven_edge.network.control_socket import Command, Control
+from enliven_edge.network.name_lock import NameLock
+from enliven_edge.network.subscribers import Subscribers
+
+log = logging.getLogger(__name__)
+
+_BEATS_APART = 0.05
+"""Seconds between heartbeats that viewers may cause."""
+
+
+class Publisher:
+    """One port for what is published, one for what is asked; used from one thread, and never waits.
+
+    Viewers come with libzmq's SUB and DEALER sockets. One that is slow or dead loses messages, no other does.
+    One that joins late is told the state, the characters and the newest pose and cues of each. Call
+    :meth:`poll` at least a few times a second: it answers viewers and sends the heartbeat. Use it as a
+    context manager, or :meth:`close` it.
+
+    Args:
+        name: of the edge; one of each on a machine.
+        host: the address to listen on, "0.0.0.0" for all.
+        pose_port: of the streams; 0 picks a free one.
+        control_port: of the requests; 0 picks a free one.
+        open_to_all: whether an address that other machines reach may be listened on; there are no keys yet.
+        rate: requests a second that one viewer is answered.
+        budget_ms: milliseconds of a poll for reading and answering.
+
+    Attributes:
+        name: as given.
+        instance: random, for this start of the edge.
+        endpoint: where viewers find it, with the actual ports.
+        clamped: transforms so far that were not finite or too large, and had to be changed.
+
+    Raises:
+        ResourceError: for a port in use, an address that is not of this machine, or a name in use.
+        InputError: for an address that other machines reach, where that was not asked for.
+    """
+
+    def __init__(
+        self,
+        *,
+        name: str = "edge",
+        host: str = "127.0.0.1",
+        pose_port: int = POSE_PORT,
+        control_port: int = CONTROL_PORT,
+        open_to_all: bool = False,
+        rate: float = 100.0,
+        budget_ms: float = 1.0,
+    ) -> None:
+        check_open(host, open_to_all)
+        self.name, self.instance = name[:64] or "edge", secrets.randbits(32)
+        self.clamped = 0
+        self._lock = NameLock(self.name)
+        with contextlib.ExitStack() as stack:
+            stack.callback(self._lock.close)
+            self._streams = Subscribers(host, pose_port, "--port")
+            stack.callback(self._streams.close)
+            self._server = ZmtpServer(host, control_port, "--control-port", "ROUTER", REQUEST.max_bytes + 64)
+            stack.pop_all()
+        shown = "127.0.0.1" if host in ("0.0.0.0", "*", "") else "::1" if host == "::" else host
+        self.endpoint = Endpoint(shown, self._streams.port, self._server.port)
+        self._control = Control(self._server, self._answer, rate, budget_ms * 1e-3)
+        self._characters: dict[str, tuple[int, PoseCodec]] = {}
+        self._packed: dict[str, bytes] = {}
+        self._sequences: dict[str, int] = {}
+        self._latest: dict[tuple[str, str], bytes] = {}
+        self._status = StatusMessage(self.name, self.instance, 0, 0)
+        self._last_beat = -math.inf
+
+    @property
+    def viewers(self) -> int:
+        """How many viewers the streams reach, as far as was heard in the last seconds."""
+        return self._control.viewers
+
+    @property
+    def malformed(self) -> int:
+        """Requests that could not be read."""
+        return self._control.rejects.total
+
+    @property
+    def status(self) -> StatusMessage:
+        """What the next heartbeat says."""
+        return self._status
+
+    def set_character(self, character: Character) -> int:
+        """A new character, or a new version of the one with its id; viewers fetch it by themselves.
+
+        Returns:
+            its revision: 1, 2, ...
+
+        Raises:
+            InputError: for a character that is larger than the wire carries; what was there stays.
+        """
+        codec = PoseCodec(character)
+        # The first use compiles the codec, which must not happen in the middle of a performance.
+        codec.decode(codec.encode(character.rest_pose()).data)
+        revision = self.revision(character.id) + 1
+        self._packed[character.id] = payload(character_to_message(character, revision))
+        self._characters[character.id] = (revision, codec)
+        self._state_changed()
+        return revision
+
+    def remove_character(self, character: str) -> None:
+        """Forget a character; viewers drop it."""
+        if self._characters.pop(character, None) is not None:
+            self._packed.pop(character, None)
+            self._latest = {k: v for k, v in self._latest.items() if k[1] != character}
+            self._state_changed()
+
+    def revision(self, character: str) -> int:
+        """The revision of a character, 0 where there is none of that id."""
+        return self._characters[character][0] if character in self._characters else 0
+
+    def publish_pose(self, pose: Pose, captured_ns: int = 0) -> PoseMessage:
+        """Quantise, number and send a pose of a character that was set.
+
+        Args:
+            captured_ns: ``time.time_ns()`` when the frame was read.
+
+        Returns:
+            what was sent, for a recorder.
+
+        Raises:
+            InputError: where the pose has another number of transforms than its character.
+            KeyError: for a character that was not set.
+        """
+        revision, codec = self._characters[pose.character]
+        encoded = codec.encode(pose)
+        if encoded.clamped and not self.clamped:
+            log.warning(
+                "%d transforms of %s were not finite or too large; more are only counted",
+                encoded.clamped,
+                pose.character,
+            )
+        self.clamped += encoded.clamped
+        sequence = self._sequences.get(pose.character, -1) + 1
+        self._sequences[pose.character] = sequence
+        message = PoseMessage(
+            pose.character,
+            revision,
+            self.instance,
+            sequence,
+            pose.time_ns,
+            captured_ns,
+            time.time_ns(),
+            encoded.data,
+        )
+        self.publish(message)
+        return message
+
+    def publish(self, message: Any) -> int:
+        """Send a stream message (poses go by :meth:`publish_pose`); the bytes that a viewer gets."""
+        topic, data = BY_TYPE[type(message)], pack_stream(message)
+        if topic.latched:
+            self._latest[topic.name, topic.key(message)] = data
+        self._streams.send(data)
+        return len(data)
+
+    def set_status(self, **fields: Any) -> None:
+        """Change fields of the heartbeat (sensor, phase, note, fps, latency_p50_ms, latency_p99_ms,
+        performers, dropped, health); a new phase goes out at once."""
+        clean = {k: _clean(v) for k, v in fields.items()}
+        before, self._status = self._status, msgspec.structs.replace(self._status, **clean)
+        if before.phase != self._status.phase:
+            self.beat()
+
+    def poll(self) -> list[Command]:
+        """Answer viewers, send the heartbeat when it is due; the commands are left to the caller."""
+        if time.monotonic() - self._last_beat >= 1 / STATUS.rate_hz:
+            self.beat()
+        self._streams.poll()
+        return self._control.poll()
+
+    def beat(self) -> None:
+        """Send the heartbeat now."""
+        self._last_beat = time.monotonic()
+        self._streams.poll()
+        self._status = msgspec.structs.replace(self._status, published_ns=time.time_ns())
+        self.publish(self._status)
+
+    def close(self, linger: float = 1.0) -> None:
+        """Let the ports and the name go; what is queued is still sent, for ``linger`` seconds at most."""
+        self._server.drain(linger)
+        self._streams.drain(linger)
+        self._server.close()
+        self._streams.close()
+        self._lock.close()
+
+    def __enter__(self) -> Publisher:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _state_changed(self) -> None:
+        """Tell viewers to ask again."""
+        self._status = msgspec.structs.replace(self._status, revision=self._status.revision + 1)
+        self.beat()
+
+    def _let_hear(self, listening: bool) -> None:
+        """A viewer that the streams have not reached is sent a heartbeat, as long as it is one of few."""
+        if not listening and time.monotonic() - self._last_beat >= _BEATS_APART:
+            self.beat()
+
+    def _answer(self, request: Ask) -> Answer | bytes:
+        """The reply to everything but a command."""
+        match request:
+            case Hello():
+                self._let_hear(request.listening)
+                known = [Revision(name, held[0]) for name, held in self._characters.items()]
+                return Welcome(self._status, known, list(self._latest.values()))
+            case GetState():
+                missing = Refused(f"there is no character {request.character!r}")
+                return self._packed.get(request.character, missing)
+            case Ping():
+                self._let_hear(request.listening)
+                return Pong(request.sent_ns, time.time_ns())
+            case _:
+                return Refused("this is not a request for the edge")
+
+
+def _clean(value: Any) -> Any:
+    """A status field as the wire takes it: finite numbers, short strings."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else 0.0
+    return value[:200] if isinstance(value, str) else value

@@ -1,0 +1,116 @@
+"""The take while it is performed: a recording that a full disk ends without ending the show."""
+
+from __future__ import annotations
+
+import functools
+import logging
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from enliven.errors import EnlivenError, InputError, ResourceError
+from enliven.health import HealthKind, HealthState
+from enliven.recording import Recorder
+from enliven.wire.messages import CharacterMessage
+from enliven_edge.recording.disk_sync import DiskSync
+from enliven_edge.tracking.health.messages import COMPLAINTS
+
+log = logging.getLogger(__name__)
+
+CHARACTER_EVERY = 60.0
+"""Seconds of the take's clock after which every character is written again: a damaged part of the file then
+costs no more than its own messages, because poses are read by any copy of their character."""
+_ENCODER = msgspec.msgpack.Encoder()
+
+
+class Take:
+    """Writes messages as they go out, and every character at the start, each minute and at the end.
+
+    Args:
+        overwrite: whether an existing file may be replaced.
+
+    Raises:
+        InputError: where the file exists already, or its folder does not.
+        ResourceError: where it cannot be made.
+    """
+
+    def __init__(self, path: Path, *, overwrite: bool = False) -> None:
+        self._recorder: Recorder | None = Recorder(path, overwrite=overwrite)
+        self._disk = DiskSync(self._recorder.fileno())
+        self._characters: dict[str, CharacterMessage] = {}
+        self._now_ns = 0
+        self._told_ns: int | None = None
+        self._gaps = 0
+        self._ails: dict[HealthKind, HealthState] = {}
+
+    @property
+    def ails(self) -> list[HealthState]:
+        """What is wrong with the take."""
+        return list(self._ails.values())
+
+    def introduce(self, name: str, character: CharacterMessage) -> None:
+        """A new character, or a new revision of one, from the moment that was written last."""
+        self._characters[name] = character
+        self._put("character", character, self._now_ns)
+
+    def write(self, topic: str, message: Any, time_ns: int) -> None:
+        """Appends a message with its JSON schema; what cannot be written is told by :attr:`ails`."""
+        self._put(topic, message, time_ns)
+        self._now_ns = max(self._now_ns, time_ns)
+        if self._told_ns is None:
+            self._told_ns = time_ns
+        elif not 0 <= time_ns - self._told_ns < CHARACTER_EVERY * 1e9:
+            self._repeat_characters(time_ns)
+
+    def close(self) -> None:
+        """Writes the characters again and the index, and lets the file go; a second call does nothing."""
+        if self._told_ns is not None:
+            self._repeat_characters(self._now_ns)
+        self._end()
+
+    def _end(self) -> None:
+        """Closes the file as it is."""
+        recorder, self._recorder = self._recorder, None
+        if recorder is not None:
+            try:
+                recorder.close()
+            except ResourceError as error:
+                log.warning("the take lacks its index, and can be read (%s)", error)
+            self._disk.close()
+
+    def _repeat_characters(self, time_ns: int) -> None:
+        self._told_ns = time_ns
+        for character in self._characters.values():
+            self._put("character", character, time_ns)
+
+    def _put(self, topic: str, message: Any, time_ns: int) -> None:
+        if self._recorder is None:
+            return
+        kind: Any = type(message)
+        told = (f"enliven.{kind.__name__}", _schema(kind), "jsonschema", "msgpack")
+        try:
+            self._disk.check()
+            self._recorder.write(topic, *told, _ENCODER.encode(message), time_ns)
+        except InputError as error:
+            self._gaps += 1
+            self._say(HealthKind.TAKE_GAPS, error, count=self._gaps)
+        except ResourceError as error:
+            self._say(HealthKind.TAKE_ENDED, error)
+            self._end()
+
+    def _say(self, kind: HealthKind, error: EnlivenError, **facts: object) -> None:
+        """What is wrong from now on; logged once."""
+        complaint = COMPLAINTS[kind]
+        what = complaint.what.format(why=error.what, **facts)
+        before = self._ails.get(kind)
+        since = self._now_ns if before is None else before.since_ns
+        self._ails[kind] = HealthState(kind, complaint.severity, since, what, complaint.mend)
+        if before is None:
+            log.warning("%s", self._ails[kind])
+
+
+@functools.cache
+def _schema(kind: Any) -> str:
+    """The JSON schema of a kind of message."""
+    return msgspec.json.encode(msgspec.json.schema(kind)).decode()

@@ -1,0 +1,79 @@
+"""How a character meets, and follows, its performers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from enliven.deformation.constraints.floor_contact import FloorSettings
+from enliven.deformation.constraints.observed import ObservedSettings
+from enliven.deformation.constraints.self_contact import SelfContactSettings
+from enliven.deformation.embedded.solver import EmbeddedSettings
+from enliven.deformation.possession.attachment import AttachmentSettings
+from enliven.settings import setting
+
+
+@dataclass(frozen=True)
+class ActorSettings:
+    """How a character meets its performers."""
+
+    place: Literal["meet", "fixed"] = setting(
+        "meet", "'meet' puts the mesh where the performer stands, 'fixed' leaves it as modelled."
+    )
+    stand: Literal["fitted", "modelled"] = setting(
+        "fitted",
+        "'fitted' moves and turns a mesh from a file until a standing person fits into it best; 'modelled' "
+        "keeps its own origin and front (+Z).",
+    )
+    how: Literal["inside", "beside", "mapped"] = setting(
+        "inside",
+        "'inside': the performer stands in the mesh; 'beside': the mesh stays where it stands and moves as "
+        "if the performer stood in it; 'mapped': so too, but limb drives limb, whatever the mesh's shape.",
+    )
+    aside: float = setting(
+        1.2,
+        "How far to the performer's left a mesh is put that is not stood in.",
+        unit="m",
+        low=-20.0,
+        high=20.0,
+    )
+    travel: float = setting(
+        1.0, "Share of the performer's way over the floor that the mesh goes too.", low=0.0, high=10.0
+    )
+    scaled: Literal["mesh", "performer", "nobody"] = setting(
+        "mesh",
+        "Who is brought to the other's height: the mesh grows or shrinks, or the performer's moves do; "
+        "'nobody': metre for metre.",
+    )
+    follow: Literal["skeleton", "surface", "both"] = setting(
+        "skeleton",
+        "What drives the mesh: the tracked bones, the surface that the depth sensor sees, or both.",
+    )
+    height_ratio: float = setting(1.0, "The mesh's height over the performer's.", low=0.05, high=20.0)
+    fade: float = setting(0.5, "Time to ease over any change of who holds.", unit="s", low=0.0, high=10.0)
+    fade_pace: float = setting(
+        2.5, "Fastest that easing moves anything: a wide change takes longer.", unit="m/s", low=0.01
+    )
+    patience: float = setting(
+        0.2, "A performer out of sight for longer lets go until they are back.", unit="s", low=0.0, high=10.0
+    )
+    hand_over: float = setting(
+        60.0,
+        "Who alone holds nothing goes on for who has been away for longer; 0: only who takes hold.",
+        unit="s",
+        low=0.0,
+    )
+    enough: float = setting(
+        0.5, "Share of a limb's bones that must take hold before its reach stops growing.", low=0.0, high=1.0
+    )
+    farthest_reach: float = setting(0.45, "Longest reach that is tried.", unit="m", low=0.0, high=5.0)
+    attachment: AttachmentSettings = setting(AttachmentSettings, "How bones take hold.")
+    stiffness: tuple[tuple[float, float, float, float, float], ...] = setting(
+        (),
+        "Spots [x, y, z, radius, factor] of the mesh as it is cast, in metres; a factor above 1 bends less, "
+        "below 1 gives way.",
+    )
+    embedded: EmbeddedSettings = setting(EmbeddedSettings, "The deformation's weights.")
+    observed: ObservedSettings = setting(ObservedSettings, "How the surface follows what is seen.")
+    limbs: SelfContactSettings = setting(SelfContactSettings, "How the mesh's limbs keep out of each other.")
+    floor: FloorSettings = setting(FloorSettings, "What the mesh does on the floor.")

@@ -1,0 +1,78 @@
+"""Casting: from a mesh, whatever its origin, to an actor on the stage."""
+
+from __future__ import annotations
+
+import logging
+import re
+from pathlib import Path
+
+import numpy as np
+
+from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.meshes.mesh import Mesh, fit_height, refine
+from enliven.samples.chair import make_chair
+from enliven.samples.lamp import make_lamp
+from enliven_edge.stage.embedded_actor import Actor, ActorSettings
+from enliven_edge.stage.standing import stood_in
+
+log = logging.getLogger(__name__)
+
+MADE = {"chair": make_chair, "lamp": make_lamp}
+"""The meshes that the project makes itself, by name instead of by path."""
+_OWN_PARTS = {"lamp": "hip and right arm"}
+_HEIGHT = 1.75
+"""Metres: meshes are brought to a person's height, from which the performer's own is a small factor."""
+_LONGEST_EDGE = 0.04
+
+
+def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: str = "y") -> Actor:
+    """The actor of a mesh file, or of a mesh that the project makes.
+
+    A mesh that meets its performer is scaled to a person's height, moved to where a standing person fits into
+    it, and refined where its triangles are too large to bend; one that stays fixed is taken as modelled, in
+    metres.
+
+    Args:
+        spec: a path, or a name of :data:`MADE`.
+        nodes: of the deformation graph.
+        up: "x", "y" or "z", the mesh's own axis that points up.
+
+    Raises:
+        InputError: for a mesh that cannot be used.
+    """
+    settings = settings or ActorSettings()
+    mesh, size = _prepared(spec, settings, up)
+    graph = DeformationGraph.build(mesh, nodes=nodes)
+    return Actor(character_from(mesh, graph, name_of(spec)), graph, settings, size)
+
+
+def parts_for(spec: str) -> str:
+    """What of the body a mesh is made to be held with, where nobody says it."""
+    return _OWN_PARTS.get(spec, "all")
+
+
+def name_of(spec: str) -> str:
+    """A short id for a character: the file's stem, of letters, digits, '-' and '_'."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", Path(spec).stem)[:40].strip("-") or "mesh"
+
+
+def _prepared(spec: str, settings: ActorSettings, up: str) -> tuple[Mesh, float]:
+    """The mesh as it goes on stage, and how many of its own metres that takes for one.
+
+    What was repaired is said in the log.
+    """
+    if spec in MADE:
+        return MADE[spec](), 1.0
+    from enliven.meshes.files import load_mesh
+
+    mesh, notes = load_mesh(spec)
+    for note in notes:
+        log.info("%s: %s", spec, note)
+    if settings.place == "fixed":
+        return mesh, 1.0
+    size = float(np.ptp(mesh.vertices[:, "xyz".index(up)])) / _HEIGHT
+    mesh = fit_height(mesh, _HEIGHT, up)  # type: ignore[arg-type]
+    if settings.stand == "fitted":
+        mesh, fit = stood_in(mesh)
+        log.info("%s: moved to where a standing person fits into it (%.0f %%)", spec, 100 * fit)
+    return refine(mesh, _LONGEST_EDGE), size

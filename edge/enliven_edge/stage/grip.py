@@ -1,0 +1,58 @@
+"""Taking hold: what of a mesh a body grips, coming to it in one way; and what to say where it is nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.deformation.graph.graph import DeformationGraph
+from enliven.deformation.possession.attachment import Growth, attach
+from enliven.errors import InputError
+from enliven.person.body import Body, parts_named
+from enliven_edge.stage.actor_settings import ActorSettings
+from enliven_edge.stage.carrying import Carrying
+from enliven_edge.stage.hold import Grip
+
+_ALL = 0.9
+"""Share of the bones that take hold where they are put into the mesh."""
+
+
+def gripped(
+    graph: DeformationGraph,
+    settings: ActorSettings,
+    body: Body,
+    parts: str,
+    carrying: Carrying,
+    deformed: tuple[Float, Float] | None,
+) -> Grip:
+    """What the body holds when it comes to the mesh in one way; the settings' lengths are the performer's.
+
+    Args:
+        carrying: from the world into the rest space.
+        deformed: the (N, 3, 3) linear parts and (N, 3) positions of the nodes now, None at rest.
+    """
+    own, metre = settings.attachment, 1.0 / carrying.scale
+    near = replace(own, radius=metre * own.radius, reach=metre * own.reach)
+    grow = Growth(_ALL if carrying.fits else settings.enough, metre * settings.farthest_reach)
+    joints = carrying(body.joints)
+    return Grip(attach(graph, joints, body.confidence, parts, near, deformed, grow), carrying, parts)
+
+
+def out_of_reach(character: str, settings: ActorSettings, body: Body, grip: Grip, nodes: Float) -> InputError:
+    """Why a body could not take hold, and what to do.
+
+    Args:
+        grip: the empty one.
+        nodes: (N, 3) metres, where the nodes are, rest space.
+    """
+    joints = grip.carrying(body.joints)[sorted(parts_named(grip.parts))]
+    apart = np.linalg.norm(joints[:, None] - nodes, axis=2)
+    metres = float(np.nanmin(apart, initial=np.inf)) * grip.carrying.scale
+    away = f"; the nearest is {metres:.1f} m away" if np.isfinite(metres) else "; no joint is seen"
+    return InputError(
+        f"no part of the mesh is within {settings.farthest_reach} m of the body{away}",
+        where=f"possessing {character!r} with {grip.parts}",
+        mend="Step into the mesh, or set place = 'meet', or how = 'beside'.",
+    )

@@ -1,0 +1,42 @@
+"""The possession that was asked for on the command line: who takes hold of what when the play opens."""
+
+from __future__ import annotations
+
+import logging
+
+from enliven.errors import InputError
+from enliven_edge.stage.stage import Stage
+
+log = logging.getLogger(__name__)
+
+
+class Opening:
+    """Performers take hold as soon as they are there, the first with the first parts, and so on.
+
+    Args:
+        at: seconds after the first frame, or None for never.
+        parts: what takes hold, such as "all"; of several performers, divided by "/": "legs / upper body".
+    """
+
+    def __init__(self, stage: Stage, at: float | None, parts: str = "all") -> None:
+        self._stage, self._at = stage, at
+        each = [part.strip() for part in parts.split("/")]
+        self._due = [(name, list(each)) for name in stage.actors] if at is not None else []
+
+    def take_hold(self, seconds: float) -> None:
+        """Whoever is due and there takes hold.
+
+        Args:
+            seconds: since the first frame.
+        """
+        if self._at is None or seconds < self._at:
+            return
+        for name, parts in self._due:
+            while parts and self._stage.idle(name) is not None:
+                now = parts.pop(0)
+                try:
+                    self._stage.possess(name, parts=now, mode="join")
+                    log.info("%s is possessed with %s at %.2f s", name, now, seconds)
+                except InputError as error:
+                    # An unknown part, or a mesh out of reach: said once, and not tried again.
+                    log.error("%s", error)

@@ -1,0 +1,116 @@
+"""Where a mesh stands on the stage: how large, which way it faces, where its origin is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.person.body import Body, Joint
+
+
+@dataclass(frozen=True)
+class Placement:
+    """world_from_rest as a similarity: scale, then a turn about +Y, then an offset.
+
+    Attributes:
+        scale: factor on the rest mesh.
+        yaw: radians about +Y.
+        offset: (3,) metres, where the rest origin stands.
+    """
+
+    scale: float
+    yaw: float
+    offset: Float
+
+    @property
+    def rotation(self) -> Float:
+        """(3, 3) the turn about +Y."""
+        return turn_about_y(self.yaw)
+
+    def to_world(self, points: Float) -> Float:
+        """(..., 3) rest-space points in the world."""
+        return np.asarray(self.scale * points @ self.rotation.T + self.offset)
+
+    def to_rest(self, points: Float) -> Float:
+        """(..., 3) world points in the rest space of the mesh."""
+        return np.asarray((points - self.offset) @ self.rotation / self.scale)
+
+    def state_to_world(self, linear: Float, positions: Float) -> tuple[Float, Float]:
+        """Linear parts (N, 3, 3) and positions (N, 3) of the rest space in the world."""
+        return self.scale * self.rotation @ linear, self.to_world(positions)
+
+    def state_to_rest(self, linear: Float, positions: Float) -> tuple[Float, Float]:
+        """Linear parts (N, 3, 3) and positions (N, 3) of the world in the rest space."""
+        return self.rotation.T @ linear / self.scale, self.to_rest(positions)
+
+
+AS_MODELLED = Placement(1.0, 0.0, np.zeros(3))
+
+
+def meeting(body: Body, mesh_height: float, ratio: float) -> Placement:
+    """The placement that puts a mesh where the performer stands, as tall as they are times ``ratio``.
+
+    Args:
+        mesh_height: metres of the rest mesh, its floor at y = 0.
+        ratio: the mesh's height over the performer's.
+    """
+    return under(body, ratio * body.height / mesh_height)
+
+
+def under(body: Body, scale: float) -> Placement:
+    """The placement that puts the rest origin on the floor under the hips, and +Z where the performer faces.
+
+    Args:
+        scale: metres of the world for one of the rest mesh.
+    """
+    hip = body.joints[Joint.HIP_CENTER]
+    return Placement(scale, facing(body), np.array([float(hip[0]), 0.0, float(hip[2])]))
+
+
+def beside(placement: Placement, metres: float) -> Placement:
+    """A placement so far to the left of another, as the mesh faces."""
+    left = placement.rotation @ np.array([metres, 0.0, 0.0])
+    return Placement(placement.scale, placement.yaw, placement.offset + left)
+
+
+def facing(body: Body) -> float:
+    """Radians about +Y from +Z to the performer's front, by hips and shoulders; 0 where unknown."""
+    lefts = [
+        body.joints[a] - body.joints[b]
+        for a, b in ((Joint.HIP_LEFT, Joint.HIP_RIGHT), (Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT))
+        if np.isfinite(body.joints[[a, b]]).all()
+    ]
+    if not lefts:
+        return 0.0
+    left = np.sum(lefts, axis=0)
+    # A person who faces +Z has the left side at +X; turning by yaw takes +X to (cos, 0, -sin).
+    return float(np.arctan2(-left[2], left[0]))
+
+
+def resettled(placement: Placement, rest: Float, shown: Float) -> Placement:
+    """The placement nearest to where the mesh is: turned about +Y and moved over the floor.
+
+    Args:
+        rest: (N, 3) metres, the nodes at rest.
+        shown: (N, 3) metres, the nodes now, world frame.
+    """
+    before = placement.to_world(rest)
+    yaw = yaw_between(before - before.mean(0), shown - shown.mean(0))
+    turned = Placement(placement.scale, placement.yaw + yaw, placement.offset)
+    step = shown.mean(0) - turned.to_world(rest).mean(0)
+    return Placement(turned.scale, turned.yaw, turned.offset + step * np.array([1.0, 0.0, 1.0]))
+
+
+def turn_about_y(yaw: float) -> Float:
+    """(3, 3) the turn by ``yaw`` radians about +Y."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def yaw_between(start: Float, end: Float) -> float:
+    """Radians about +Y that bring (N, 3) centred points nearest to others (Procrustes, over the floor)."""
+    sine = float((end[:, 0] * start[:, 2] - end[:, 2] * start[:, 0]).sum())
+    cosine = float((end[:, 0] * start[:, 0] + end[:, 2] * start[:, 2]).sum())
+    return float(np.arctan2(sine, cosine)) if sine or cosine else 0.0

@@ -1,0 +1,165 @@
+"""A performer's bones, seen from their own front: what is not seen keeps its direction, and nothing is flung.
+
+Directions do not know how tall somebody is, nor where they stand or look: a child moves a puppet as an adult
+does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.person.body import PARENTS, Body, Joint
+from enliven_edge.stage.placement import turn_about_y
+
+_UP, _DOWN, _AHEAD = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, -0.5, 0.866)
+_PARENT = np.maximum(np.array(PARENTS), 0)
+_SHORT = 1e-3
+"""Metres below which a bone points nowhere."""
+
+
+def standing() -> Float:
+    """(20, 3) unit directions of bones to their joints, of who stands upright facing +Z with hanging arms."""
+    at = np.tile(np.array(_DOWN), (len(Joint), 1))
+    for joint in (Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD):
+        at[joint] = _UP
+    for joint, way in (
+        (Joint.SHOULDER_LEFT, (0.94, -0.34, 0.0)),
+        (Joint.SHOULDER_RIGHT, (-0.94, -0.34, 0.0)),
+        (Joint.HIP_LEFT, (0.77, -0.64, 0.0)),
+        (Joint.HIP_RIGHT, (-0.77, -0.64, 0.0)),
+        (Joint.FOOT_LEFT, _AHEAD),
+        (Joint.FOOT_RIGHT, _AHEAD),
+    ):
+        at[joint] = way
+    return at
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A performer at one moment, from their own front.
+
+    Attributes:
+        ways: (20, 3) unit directions of the bones to the joints; front at +Z, left at +X.
+        pelvis, chest, head: (3, 3) how these are turned, upright the identity.
+        yaw: radians about +Y that they face, continuous.
+    """
+
+    ways: Float
+    pelvis: Float
+    chest: Float
+    head: Float
+    yaw: float
+
+
+class Bones:
+    """Follows one performer's bones.
+
+    Args:
+        ease: seconds in which a bone that is seen again counts fully.
+    """
+
+    def __init__(self, ease: float) -> None:
+        self._ease = ease
+        self._ways = standing()
+        self._trust = np.zeros(len(Joint))
+        self._turns = np.tile(np.eye(3), (3, 1, 1))
+        self._sure = np.zeros(3)
+        self._yaw: float | None = None
+        self._fresh = True
+
+    def see(self, body: Body, seconds: float) -> Seen:
+        """What is known now.
+
+        Args:
+            seconds: since the last time.
+        """
+        known = (body.confidence > 0) & np.isfinite(body.joints).all(1)
+        gain = 1.0 if self._fresh or self._ease <= 0.0 else seconds / self._ease
+        turns, sure = _trunk(body, known)
+        # Of who stands so near that the hips are not seen, the chest says where they look.
+        self._turn(turns[0] if sure[0] else turns[1], bool(sure[0] or sure[1]))
+        yaw = self._yaw or 0.0
+        back = turn_about_y(-yaw)
+        self._trunk(back @ turns, sure, gain)
+        joints = np.where(known[:, None], body.joints, 0.0)
+        vectors = (joints - joints[_PARENT]) @ back.T
+        lengths = np.linalg.norm(vectors, axis=1)
+        both = known & known[_PARENT] & (lengths > _SHORT)
+        self._trust = np.where(both, np.minimum(self._trust + gain, 1.0), 0.0)
+        ways = vectors / np.maximum(lengths, _SHORT)[:, None]
+        self._ways = _unit(self._ways + self._trust[:, None] * (ways - self._ways), self._ways)
+        self._fresh = False
+        return self.seen
+
+    @property
+    def seen(self) -> Seen:
+        """As they were last."""
+        pelvis, chest, head = self._turns
+        return Seen(self._ways, pelvis, chest, head, self._yaw or 0.0)
+
+    def _turn(self, pelvis: Float, sure: bool) -> None:
+        """The yaw goes on from what it was, without a jump from one half turn to the other."""
+        if not sure:
+            return
+        yaw = _yaw_of(pelvis)
+        before = yaw if self._yaw is None else self._yaw
+        self._yaw = before + float((yaw - before + np.pi) % (2.0 * np.pi) - np.pi)
+
+    def _trunk(self, turns: Float, sure: Bool, gain: float) -> None:
+        self._sure = np.where(sure, np.minimum(self._sure + gain, 1.0), 0.0)
+        mixed = self._turns + self._sure[:, None, None] * (turns - self._turns)
+        left, _, right = np.linalg.svd(mixed)
+        made = left @ right
+        fine = np.linalg.det(made) > 0
+        self._turns = np.where(fine[:, None, None], made, self._turns)
+
+
+def _trunk(body: Body, known: Bool) -> tuple[Float, Bool]:
+    """(3, 3, 3) world turns of pelvis, chest and head, and (3,) whether each is seen."""
+    at, j = body.joints, Joint
+    need = (
+        (j.HIP_CENTER, j.HIP_LEFT, j.HIP_RIGHT, j.SHOULDER_CENTER),
+        (j.SHOULDER_CENTER, j.SHOULDER_LEFT, j.SHOULDER_RIGHT, j.HIP_CENTER),
+        (j.HEAD, j.SHOULDER_CENTER, j.SHOULDER_LEFT, j.SHOULDER_RIGHT),
+    )
+    sure = np.array([known[list(joints)].all() for joints in need])
+    turns = np.tile(np.eye(3), (3, 1, 1))
+    ends = (
+        (j.HIP_LEFT, j.HIP_RIGHT, j.SHOULDER_CENTER, j.HIP_CENTER),
+        (j.SHOULDER_LEFT, j.SHOULDER_RIGHT, j.SHOULDER_CENTER, j.HIP_CENTER),
+        (j.SHOULDER_LEFT, j.SHOULDER_RIGHT, j.HEAD, j.SHOULDER_CENTER),
+    )
+    for k, (left, right, upper, lower) in enumerate(ends):
+        frame = _frame(at[left] - at[right], at[upper] - at[lower]) if sure[k] else None
+        sure[k] = frame is not None
+        if frame is not None:
+            turns[k] = frame
+    return turns, sure
+
+
+def _frame(left: Float, up: Float) -> Float | None:
+    """(3, 3) columns left, up, front; None where they say nothing."""
+    size = float(np.linalg.norm(up))
+    if size < _SHORT:
+        return None
+    y = up / size
+    x = left - (left @ y) * y
+    size = float(np.linalg.norm(x))
+    if size < _SHORT:
+        return None
+    x = x / size
+    return np.stack([x, y, np.cross(x, y)], axis=1)
+
+
+def _yaw_of(turn: Float) -> float:
+    """Radians of the part of a turn (3, 3) that is about +Y, as :func:`enliven.examples.performer.yaw_of`."""
+    return float(np.arctan2(turn[0, 2] - turn[2, 0], turn[0, 0] + turn[2, 2]))
+
+
+def _unit(vectors: Float, otherwise: Float) -> Float:
+    """(N, 3) of length one; what has none stays as it was."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(np.where(lengths > 1e-6, vectors / np.maximum(lengths, 1e-6), otherwise))

@@ -1,0 +1,59 @@
+"""From a session of examples, or a project, to a puppet on the stage."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+from enliven.document.project import Project
+from enliven.document.puppet import Puppet
+from enliven.errors import InputError
+from enliven.examples.puppet_motion import missing
+from enliven.formats.project.file import read_project
+from enliven.formats.session.session import read_session
+from enliven.wire.convert import character_to_message
+from enliven_edge.stage.puppet.puppet_actor import PuppetActor
+from enliven_edge.stage.puppet.settings import PuppetSettings
+from enliven_edge.stage.puppet.spec import MADE, file_of
+
+log = logging.getLogger(__name__)
+
+
+def cast_puppet(spec: str, settings: PuppetSettings | None = None) -> PuppetActor:
+    """The actor of a puppet, ready to be moved.
+
+    Args:
+        spec: a name of ``MADE``, a session (.toml), or a project (.enliven),
+            of several puppets with "#" and its name behind.
+
+    Raises:
+        InputError: for a file that cannot be read, and for a puppet that cannot move yet, with what it lacks.
+    """
+    project, puppet = _read(spec)
+    lacking = missing(project, puppet)
+    if lacking:
+        mend = f"{' '.join(lacking)} Do so in enliven studio, or in the session's file."
+        raise InputError("it cannot move yet", where=f"puppet {puppet.id!r} of {spec}", mend=mend)
+    actor = PuppetActor(project, puppet, settings)
+    character_to_message(actor.character, 0)  # what no viewer can be sent is said now
+    return actor
+
+
+def _read(spec: str) -> tuple[Project, Puppet]:
+    if spec in MADE:
+        made = MADE[spec]()
+        return made, made.puppet(spec)
+    file, name = file_of(spec)
+    if file.lower().endswith(".toml"):
+        session = read_session(Path(file))
+        for note in session.notes:
+            log.info("%s: %s", file, note)
+        return session.project, session.project.puppet(name or session.puppet)
+    project = read_project(Path(file))
+    if not project.puppets:
+        mend = "Make one in enliven studio, or give a session (.toml)."
+        raise InputError("it has no puppet", where=file, mend=mend)
+    if not name and len(project.puppets) > 1:
+        mend = f"Name one: {file}#{next(iter(project.puppets))}."
+        raise InputError(f"it has {len(project.puppets)} puppets", where=file, mend=mend)
+    return project, project.puppet(name or next(iter(project.puppets)))

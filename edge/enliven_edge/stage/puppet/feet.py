@@ -1,0 +1,118 @@
+"""On which feet a performer stands, and whether they are in the air."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.document.pin import ContactSettings
+from enliven.person.body import Body, Joint
+
+_SIDES = ((Joint.FOOT_LEFT, Joint.ANKLE_LEFT), (Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT))
+_CREEP = 0.01
+"""Metres a second by which what is taken for the floor may rise: nobody is in the air for long."""
+_DEAD = 0.025
+"""Share of a person's height below which feet are not in the air: heels come off, joints are not exact."""
+_SURE, _STILL_SURE = 0.5, 0.3
+"""Probability of contact from which a foot stands, and below which it no longer does."""
+_WINDOW = 0.1
+"""Seconds over which the speed of a foot is measured."""
+_LEG = 0.5
+"""Share of a person's height."""
+_HIGHEST = 1.0
+"""Share of their height that nobody jumps beyond."""
+_ADULT, _LOWEST = 1.7, 0.3
+"""Metres of a performer whose height is not known, and below which it is not."""
+LEFT_FOOT, RIGHT_FOOT, EITHER = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Footing:
+    """How the performer stands.
+
+    Attributes:
+        touches: whether the floor is touched.
+        lift: shares of their height that the feet are in the air.
+        stands: whether the left and the right foot stand; neither where that is not known.
+    """
+
+    touches: bool = True
+    lift: float = 0.0
+    stands: tuple[bool, bool] = (False, False)
+
+
+class Soles:
+    """Tells on which feet a performer stands; in the air is only whose feet are both seen off the floor."""
+
+    def __init__(self, settings: ContactSettings | None = None, runner: float = 0.4) -> None:
+        self._how, self._runner = settings or ContactSettings(), runner
+        self._floor = np.full((2, 2), np.inf)
+        self._seconds = 0.0
+        self._path: deque[tuple[float, Float]] = deque()
+        self._down = [False, False]
+
+    def see(self, body: Body, seconds: float) -> Footing:
+        """How they stand now, ``seconds`` after the last time."""
+        self._seconds += seconds
+        joints = np.array(_SIDES)
+        at = body.joints[joints]
+        seen = (body.confidence[joints] > 0) & np.isfinite(at).all(2)
+        heights = np.where(seen, at[..., 1], np.inf)
+        self._floor = np.minimum(self._floor + _CREEP * seconds, heights)
+        above = np.where(seen, heights - np.where(seen, self._floor, 0.0), np.inf).min(1)
+        self._stand(body, at, seen, above)
+        stands = self._down[0], self._down[1]
+        if not seen.any(1).all() or self._contacts(body).any():
+            return Footing(stands=stands)
+        lift = min(float(above.min()) / _height(body), _HIGHEST)
+        if lift <= _DEAD:
+            return Footing(stands=stands)
+        return Footing(False, lift - _DEAD)
+
+    def _stand(self, body: Body, at: Float, seen: Bool, above: Float) -> None:
+        """Which feet stand: as the tracker says, else what is low and slow, as in a take."""
+        if body.contacts is not None:
+            self._down = self._contacts(body).tolist()
+            return
+        places = np.where(seen[:, :1], at[:, 0], at[:, 1])
+        while self._path and self._seconds - self._path[0][0] > _WINDOW:
+            self._path.popleft()
+        self._path.append((self._seconds, places))
+        since = max(self._seconds - self._path[0][0], 1e-9)
+        velocity = (places - self._path[0][1]) / since
+        speeds = np.linalg.norm(velocity, axis=1)
+        leg = _LEG * _height(body)
+        # A runner's foot rolls fast while it stands: it is slow against the other.
+        slow = max(self._how.speed * leg, self._runner * float(np.linalg.norm(velocity.mean(0)[[0, 2]])))
+        for k in range(2):
+            more = self._how.release if self._down[k] else 1.0
+            low = above[k] <= self._how.height * leg * more
+            self._down[k] = bool(seen[k].any() and low and speeds[k] <= slow * more)
+
+    def _contacts(self, body: Body) -> Bool:
+        """(2,) whether the tracker says that a foot stands."""
+        if body.contacts is None:
+            return np.zeros(2, np.bool_)
+        least = np.where(self._down, _STILL_SURE, _SURE)
+        return np.asarray(body.contacts >= least)
+
+
+def _height(body: Body) -> float:
+    """Metres of the performer; an adult's where joints do not say."""
+    height = body.height
+    return height if np.isfinite(height) and height > _LOWEST else _ADULT
+
+
+def side_of_foot(joint: Joint) -> int:
+    """Which foot of a performer a joint goes with."""
+    if joint.name.endswith(("LEFT", "RIGHT")) and joint.name.split("_")[0] in (
+        "HIP",
+        "KNEE",
+        "ANKLE",
+        "FOOT",
+    ):
+        return LEFT_FOOT if joint.name.endswith("LEFT") else RIGHT_FOOT
+    return EITHER

@@ -1,0 +1,174 @@
+"""A tracked person seen as the performer of the examples: their directions on that skeleton's own bones.
+
+Takes are of any skeleton. Which of its bones goes with which of a tracked person's is found by anatomy:
+arms with arms, legs with legs, each bone by where along the limb it is. Takes of people who were tracked
+have the same bones, one for one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document.skeleton import Skeleton
+from enliven.errors import InputError
+from enliven.mapping.anatomy import Anatomy, Limb, anatomy_of
+from enliven.mapping.facing import facing_of
+from enliven.motion.takes.capture_clip import BODY_NAMES
+from enliven.person.body import Body, Joint
+from enliven_edge.stage.placement import turn_about_y
+from enliven_edge.stage.puppet.bones import Bones, Seen
+
+ARMS = (
+    (Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT),
+    (Joint.SHOULDER_RIGHT, Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT, Joint.HAND_RIGHT),
+)
+LEGS = (
+    (Joint.HIP_LEFT, Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.FOOT_LEFT),
+    (Joint.HIP_RIGHT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT, Joint.FOOT_RIGHT),
+)
+"""Left and right, from where a limb begins to where it ends."""
+_ARM, _LEG = np.array([0.29, 0.26, 0.08]), np.array([0.42, 0.42, 0.16])
+"""Metres of an average adult's bones, by which it is told how far along a limb each joint is."""
+_PELVIS, _CHEST, _HEAD = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class _Bone:
+    """What a bone of the take follows.
+
+    Attributes:
+        joint: the tracked joint whose bone it points along, or that it goes with.
+        turn: which part of the trunk it is turned with (pelvis, chest, head); -1: it points along the bone.
+    """
+
+    joint: Joint
+    turn: int = -1
+
+
+class Likeness:
+    """Poses of the joints that control points are paired with, as the examples have them.
+
+    Args:
+        skeleton: of the takes of the examples.
+        joints: (P,) names of the paired joints.
+
+    Attributes:
+        joints: (P,) the tracked joint that each of them is most like: by it parts of the body are named.
+
+    Raises:
+        InputError: for a joint that is not in the skeleton, or that a tracked person has nothing like.
+    """
+
+    def __init__(self, skeleton: Skeleton, joints: Sequence[str]) -> None:
+        self._skeleton = skeleton
+        numbers = [skeleton.index(name) for name in joints]
+        same = _same_bones(skeleton)
+        bones = same or _like_bones(skeleton)
+        self._facing = turn_about_y(_front(skeleton, same) if same else facing_of(skeleton))
+        self._paths = [skeleton.path(0, number)[1:] for number in numbers]
+        used = sorted({joint for path in self._paths for joint in path})
+        for joint in used:
+            if joint not in bones:
+                name = next(n for n, path in zip(joints, self._paths, strict=True) if joint in path)
+                raise InputError(
+                    f"a tracked person has nothing like joint {name!r} of the examples",
+                    where="puppet",
+                    mend="Pair its control points with joints of head, trunk, arms or legs.",
+                )
+        self.joints = tuple(bones[n].joint if n else Joint.HIP_CENTER for n in numbers)
+        self._used = np.array(used, np.int64)
+        self._directs = np.array([bones[j].turn < 0 for j in used], np.bool_)
+        self._followed = np.array([bones[j].joint for j in used], np.int64)
+        self._turns = np.array([max(bones[j].turn, 0) for j in used], np.int64)
+        self._rest = skeleton.vectors[self._used] @ self._facing
+        self._lengths = skeleton.lengths[self._used][:, None]
+        self._chains = np.zeros((len(joints), len(used)))
+        for row, path in enumerate(self._paths):
+            self._chains[row, [used.index(joint) for joint in path]] = 1.0
+
+    def pose(self, seen: Seen) -> Float:
+        """(P, 3) metres in the body frame, on the bones of the examples' performer."""
+        turns = np.stack([seen.pelvis, seen.chest, seen.head])[self._turns]
+        carried = np.einsum("nab,nb->na", turns, self._rest)
+        along = seen.ways[self._followed] * self._lengths
+        vectors = np.where(self._directs[:, None], along, carried)
+        return np.asarray(self._chains @ vectors @ self._facing.T)
+
+
+def _same_bones(skeleton: Skeleton) -> dict[int, _Bone]:
+    """Bone by bone, of a person who was tracked; empty for other skeletons."""
+    known = {_plain(name): Joint(k) for k, name in enumerate(BODY_NAMES)}
+    if {_plain(name) for name in skeleton.names} != set(known):
+        return {}
+    return {k: _Bone(known[_plain(name)]) for k, name in enumerate(skeleton.names)}
+
+
+def _front(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:
+    """Radians that who was tracked faces at rest: as later on, by the hips, whatever the arms do."""
+    joints = np.zeros((len(Joint), 3))
+    joints[[bone.joint for bone in bones.values()]] = skeleton.positions
+    return Bones(0.0).see(Body(0, joints, np.ones(len(Joint))), 0.0).yaw
+
+
+def _plain(name: str) -> str:
+    return name.lower().replace("_", "").replace(" ", "")
+
+
+def _like_bones(skeleton: Skeleton) -> dict[int, _Bone]:
+    """By anatomy; bones that belong to nothing a person has are left out."""
+    anatomy = anatomy_of(skeleton)
+    bones: dict[int, _Bone] = {}
+    _take_trunk(anatomy, bones)
+    for pairs, chains, lengths in ((anatomy.arms, ARMS, _ARM), (anatomy.legs, LEGS, _LEG)):
+        for pair in pairs[:1]:
+            for limb, chain in zip(pair, chains, strict=True):
+                _take_limb(skeleton, limb, chain, lengths, bones)
+    if anatomy.head is not None:
+        for joint in anatomy.head.chain[1:]:
+            bones[joint] = _Bone(Joint.HEAD, _HEAD)
+    _take_twigs(skeleton, anatomy, bones)
+    return bones
+
+
+def _take_trunk(anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
+    """The lower half of the trunk turns with the pelvis, the upper with the chest."""
+    trunk = anatomy.trunk[1:]
+    for k, joint in enumerate(trunk):
+        low = k < len(trunk) / 2 - 0.5
+        bones[joint] = _Bone(Joint.SPINE if low else Joint.SHOULDER_CENTER, _PELVIS if low else _CHEST)
+
+
+def _take_limb(
+    skeleton: Skeleton, limb: Limb, chain: Sequence[Joint], lengths: Float, bones: dict[int, _Bone]
+) -> None:
+    """The girdle goes with the trunk; each bone of the limb along the person's that is as far along."""
+    grounded = chain[0] in (Joint.HIP_LEFT, Joint.HIP_RIGHT)
+    for joint in limb.girdle[1:]:
+        bones[joint] = _Bone(chain[0], _PELVIS if grounded else _CHEST)
+    own = np.cumsum(skeleton.lengths[list(limb.proper[1:])])
+    if len(own) == 0:
+        return
+    middles = (own - 0.5 * skeleton.lengths[list(limb.proper[1:])]) / max(own[-1], 1e-9)
+    ends = np.cumsum(lengths) / lengths.sum()
+    for joint, middle in zip(limb.proper[1:], middles, strict=True):
+        bones[joint] = _Bone(chain[1 + min(int(np.searchsorted(ends, middle)), len(ends) - 1)])
+
+
+def _take_twigs(skeleton: Skeleton, anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
+    """What is small and hangs on a hand, a foot, the head or the root goes with it; a tail with nothing."""
+    tail = set(anatomy.tail.chain[1:]) if anatomy.tail is not None else set()
+    limbs = {
+        joint for pair in (*anatomy.arms[1:], *anatomy.legs[1:]) for limb in pair for joint in limb.chain
+    }
+    for joint in range(1, len(skeleton)):
+        parent = int(skeleton.parents[joint])
+        if joint in bones or joint in tail or joint in limbs - set(bones):
+            continue
+        if parent == 0:
+            bones[joint] = _Bone(Joint.HIP_CENTER, _PELVIS)
+        elif parent in bones:
+            bones[joint] = bones[parent]

@@ -1,0 +1,126 @@
+"""The examples' mapping at an even pace, whatever the pace of the sensor.
+
+A performer's poses come when frames come: late, twice as fast, with some left out. Here they are samples
+at an even rate, interpolated between the frames; the answers come ``lag`` samples later, and what is shown
+lies between the last two of them: ``lag + 1`` samples after the pose, always.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.examples.live import LiveExamples
+from enliven.examples.mapping import ExampleMap
+from enliven.examples.puppet_motion import State
+from enliven_edge.stage.puppet.feet import Footing
+from enliven_edge.stage.puppet.locomotion import Way
+
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """What performers did at one moment.
+
+    Attributes:
+        pose: (P, 3) metres, the paired joints in the body frame.
+        yaw: radians, which way the puppet is to look.
+        footing: how the performer stands.
+        size: metres that the puppet rises for a lift of 1.
+    """
+
+    pose: Float
+    yaw: float
+    footing: Footing
+    size: float
+
+
+class Live:
+    """A puppet's control points and its way in the world, while somebody performs.
+
+    Args:
+        rate: samples a second.
+        lag: samples from a pose to the answer.
+
+    Attributes:
+        loose: numbers of the control points that nobody moves: they are at ``rest``.
+        rest: (P, 3) metres.
+    """
+
+    def __init__(self, mapping: ExampleMap, way: Way, rate: float, lag: int) -> None:
+        self._mapping, self._way, self._lag = mapping, way, lag
+        self._step_ns = round(_NS / rate)
+        self._live: LiveExamples | None = None
+        self._waiting: deque[Sample] = deque()
+        self._last: tuple[int, Sample] | None = None
+        self._due_ns = 0
+        self._before = self._after = State(np.zeros((0, 3)), 0.0, np.zeros(3))
+        self.loose: Int = np.zeros(0, np.int64)
+        self.rest: Float = np.zeros((0, 3))
+
+    @property
+    def delay(self) -> float:
+        """Seconds from a performer's pose to the puppet's."""
+        return (self._lag + 1) * self._step_ns / _NS
+
+    def begin(self, time_ns: int, sample: Sample, state: State) -> State:
+        """The first sample, as if the performer had been like that for ever.
+
+        Args:
+            state: of the puppet until now: it stands where it stood.
+        """
+        self._live = LiveExamples(self._mapping, self._step_ns / _NS, self._lag)
+        self._waiting.clear()
+        self._way.begin(state.root)
+        self._after = State(np.zeros((0, 3)), 0.0, state.root)
+        self._last, self._due_ns = (time_ns, sample), time_ns + self._step_ns
+        for _ in range(self._lag + 2):
+            self._push(sample)
+        if self._way.goes:
+            by = (self._way.stands(state) - self._way.stands(self._after)) * np.array([1.0, 0.0, 1.0])
+            self._way.shift(by)
+            self._after = replace(self._after, root=self._after.root + by)
+        self._before = self._after
+        return self._after
+
+    def go_on(self, time_ns: int, sample: Sample) -> State:
+        """The next sample; what is to be shown now."""
+        assert self._last is not None
+        before_ns, before = self._last
+        while self._due_ns <= time_ns:
+            share = (self._due_ns - before_ns) / max(time_ns - before_ns, 1)
+            self._push(_between(before, sample, share))
+            self._due_ns += self._step_ns
+        self._last = time_ns, sample
+        share = 1.0 - (self._due_ns - time_ns) / self._step_ns
+        a, b = self._before, self._after
+        return State(
+            a.places + share * (b.places - a.places),
+            a.yaw + share * (b.yaw - a.yaw),
+            a.root + share * (b.root - a.root),
+        )
+
+    def _push(self, sample: Sample) -> None:
+        assert self._live is not None
+        places = self._live.push(sample.pose)
+        self._waiting.append(sample)
+        if places is None:
+            return
+        places[self.loose] = self.rest[self.loose]
+        out = self._waiting.popleft()
+        root = self._way.go(places, out.yaw, out.footing, out.size)
+        self._before, self._after = self._after, State(places, out.yaw, root)
+
+
+def _between(a: Sample, b: Sample, share: float) -> Sample:
+    lift = a.footing.lift + share * (b.footing.lift - a.footing.lift)
+    return Sample(
+        a.pose + share * (b.pose - a.pose),
+        a.yaw + share * (b.yaw - a.yaw),
+        replace((a if share < 0.5 else b).footing, lift=lift),
+        b.size,
+    )

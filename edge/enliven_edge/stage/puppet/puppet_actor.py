@@ -1,0 +1,284 @@
+"""A puppet on the stage: performers move its control points, by what its key poses say they mean."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.deformation.constraints.observed import Seen
+from enliven.document.character import Pose
+from enliven.document.project import Project
+from enliven.document.puppet import Puppet, character_of_puppet
+from enliven.errors import InputError
+from enliven.examples.mapping import ExampleMap
+from enliven.examples.puppet_examples import reference_of
+from enliven.examples.puppet_motion import State, examples_of, pose_of_state
+from enliven.person.body import MIRROR, Body, parts_named
+from enliven.rotation import rotate
+from enliven_edge.stage.easing import Fading
+from enliven_edge.stage.embedded_actor import Mode
+from enliven_edge.stage.highlights import Cues, cues_of
+from enliven_edge.stage.highlights import State as Held
+from enliven_edge.stage.puppet.bones import Bones
+from enliven_edge.stage.puppet.feet import Soles, side_of_foot
+from enliven_edge.stage.puppet.hold import Hold
+from enliven_edge.stage.puppet.likeness import Likeness
+from enliven_edge.stage.puppet.live import Live, Sample
+from enliven_edge.stage.puppet.locomotion import Way
+from enliven_edge.stage.puppet.settings import PuppetSettings
+
+_STEP = 33_333_333
+"""Nanoseconds between the frames of a rehearsal."""
+
+
+class PuppetActor:
+    """A mesh with control points and key poses; to the stage an ``Actor`` like any.
+
+    Args:
+        project: with the puppet, and the takes of its key poses.
+
+    Raises:
+        InputError: where the puppet lacks something, or follows joints that a tracked person does not have.
+    """
+
+    looks = False
+    """It follows skeletons, not surfaces."""
+    chosen_from: Literal[False] = False
+    """Performers choose no parts of it."""
+
+    def __init__(self, project: Project, puppet: Puppet, settings: PuppetSettings | None = None) -> None:
+        self.settings = settings or PuppetSettings()
+        self._project, self._puppet = project, puppet
+        self._examples = examples_of(project, puppet)
+        self._likeness = Likeness(reference_of(project, puppet), self._examples.joints)
+        self.character = character_of_puppet(puppet)
+        self.holds: list[Hold] = []
+        walks = self.settings.place == "walks"
+        feet = [k for k, point in enumerate(puppet.points) if point.foot and walks]
+        sides = [side_of_foot(self._likeness.joints[k]) for k in feet]
+        way = Way(puppet.rest, feet, 1.0 / self.settings.rate, puppet.locomotion, sides)
+        mapping = ExampleMap(self._examples, puppet.examples)
+        self._way, self._live = way, Live(mapping, way, self.settings.rate, self.settings.lag)
+        self._live.rest = puppet.rest
+        self._state = State(puppet.rest.copy(), 0.0, np.zeros(3))
+        self._fading = Fading(self.settings.fade, self.settings.fade_pace)
+        self._lead: Hold | None = None
+        self._turned = 0.0
+        self._anew = self._met = False
+        self._would: tuple[int | None, str] = (None, "all")
+        self._time_ns = 0
+
+    @property
+    def state(self) -> Held:
+        """Whether somebody moves it."""
+        return "possessed" if self.holds else "free"
+
+    @property
+    def would(self) -> tuple[int | None, str]:
+        """Who takes hold next, None for the first in view, and with what."""
+        return self._would
+
+    @property
+    def delay(self) -> float:
+        """Seconds from a performer's pose to the puppet's."""
+        return self._live.delay
+
+    def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> Pose:
+        """The pose at a moment; of performers who are out of view, the last."""
+        if not self._met and bodies and np.isfinite(bodies[0].joints).all():
+            self._meet(bodies[0])
+        self._hand_over(bodies, time_ns)
+        paused = not 0 < time_ns - self._time_ns <= self.settings.pause * 1e9
+        if paused:
+            self._fading.skip(time_ns)
+        self._look(bodies, time_ns)
+        if self.holds:
+            self._follow(time_ns, paused)
+        self._time_ns = time_ns
+        pose = pose_of_state(self._puppet, self._state, time_ns)
+        linear, positions = self._fading(
+            pose.linear.astype(np.float64), pose.positions.astype(np.float64), time_ns
+        )
+        return Pose(self.character.id, time_ns, linear.astype(np.float32), positions.astype(np.float32))
+
+    def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
+        """The performer moves the control points that go with these parts of the body from now on.
+
+        Args:
+            mode: "alone": nobody else moves any; "join": others keep what this performer does not take, and
+                what they moved themselves before is let go; "extend": that is kept too.
+
+        Raises:
+            InputError: for an unknown part, or one that no control point goes with.
+        """
+        points = self._points(parts)
+        if not points:
+            raise InputError(
+                f"no control point goes with {parts!r}",
+                where=f"possessing {self.character.id!r}",
+                mend=f"They go with: {', '.join(self._followed())}.",
+            )
+        if not ((body.confidence > 0) & np.isfinite(body.joints).all(1)).any():
+            where, mend = f"possessing {self.character.id!r}", "Step in front of the sensor again."
+            raise InputError(f"no joint of performer {body.id} is seen", where=where, mend=mend)
+        own = next((hold for hold in self.holds if hold.body == body.id), None)
+        if own is not None and mode == "extend":
+            points |= own.points
+        hold = own or self._new(body.id, points)
+        hold.points = points
+        hold.see(body, self._likeness, self._time_ns, mirror=self.settings.mirror)
+        others = [] if mode == "alone" else [other for other in self.holds if other is not hold]
+        for other in others:
+            other.points -= points
+        self._hold([*(other for other in others if other.points), hold])
+        self._would = (None, parts)
+
+    def release(self, body: int | None = None) -> None:
+        """A performer, or everybody, lets go; what nobody moves eases back to rest.
+
+        Raises:
+            InputError: where that performer moves nothing of it.
+        """
+        left = [hold for hold in self.holds if body is not None and hold.body != body]
+        if body is not None and len(left) == len(self.holds):
+            who = ", ".join(str(hold.body) for hold in self.holds) or "nobody"
+            what, mend = f"performer {body} does not move it", f"It is moved by: {who}."
+            raise InputError(what, where=f"releasing {self.character.id!r}", mend=mend)
+        self._hold(left)
+
+    def preview(self, body: int | None = None, parts: str = "all") -> None:
+        """From now on, show what this performer (whoever comes next where None) would move with these parts.
+
+        Raises:
+            InputError: for an unknown part.
+        """
+        parts_named(parts)
+        self._would = (body, parts)
+
+    def next_performer(self, bodies: list[Body]) -> Body | None:
+        """Who would take hold: the first who moves nothing of it."""
+        holders = {hold.body for hold in self.holds}
+        return next((body for body in bodies if body.id not in holders), None)
+
+    def cues(self, bodies: list[Body]) -> Cues:
+        """The control points that are moved, and those that the next performer would move."""
+        who, parts = self._would
+        body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
+        held = [(hold.body, self._strengths(hold.points)) for hold in self.holds]
+        preview = None if body is None else (body.id, self._strengths(self._points(parts)))
+        return cues_of(held, preview)
+
+    def warm_up(self) -> None:
+        """Runs everything once, so that no frame waits for a compiler."""
+        rehearsal = PuppetActor(self._project, self._puppet, self.settings)
+        joints = np.random.default_rng(0).normal(size=(20, 3))
+        body = Body(0, joints, np.ones(20))
+        for frame in range(6):
+            rehearsal.perform([body], frame * _STEP)
+            if frame == 1:
+                rehearsal.possess(body)
+
+    def _new(self, body: int, points: frozenset[int]) -> Hold:
+        """A hold of somebody who held nothing."""
+        how = self._puppet.locomotion
+        soles = Soles(how.contact, how.runner)
+        return Hold(body, points, Bones(self.settings.ease), soles, seen_ns=self._time_ns)
+
+    def _points(self, parts: str) -> frozenset[int]:
+        """The control points that go with some parts of the performer's own body."""
+        joints = {int(joint) for joint in parts_named(parts)}
+        if self.settings.mirror:
+            joints = {MIRROR[joint] for joint in joints}
+        return frozenset(k for k, joint in enumerate(self._likeness.joints) if int(joint) in joints)
+
+    def _followed(self) -> list[str]:
+        """Names of what control points go with."""
+        return sorted({joint.name.lower().replace("_", " ") for joint in self._likeness.joints})
+
+    def _strengths(self, points: frozenset[int]) -> Float:
+        """(P + 1,) one for the transforms of these control points."""
+        strengths = np.zeros(len(self._puppet.points) + 1)
+        strengths[[1 + point for point in points]] = 1.0
+        return strengths
+
+    def _hold(self, holds: list[Hold]) -> None:
+        """From now on these move it; what is shown eases over."""
+        self.holds = holds
+        held = frozenset[int]().union(*(hold.points for hold in holds))
+        count = len(self._puppet.points)
+        self._live.loose = np.array([k for k in range(count) if k not in held], np.int64)
+        self._anew = True
+        self._fading.tear()
+        if not holds:
+            self._lead = None
+            self._rest()
+
+    def _rest(self) -> None:
+        """The shape of nobody, where it is."""
+        still = State(self._puppet.rest.copy(), self._state.yaw, np.zeros(3))
+        if self._way.goes:
+            by = self._way.stands(self._state) - self._way.stands(still)
+            still = State(still.places, still.yaw, by * np.array([1.0, 0.0, 1.0]))
+        self._state = still
+
+    def _look(self, bodies: list[Body], time_ns: int) -> None:
+        """What everybody who moves it does; who comes back is eased in."""
+        present = {body.id: body for body in bodies}
+        for hold in self.holds:
+            body = present.get(hold.body)
+            if body is None:
+                continue
+            if hold.away(time_ns) > self.settings.pause:
+                self._anew = True
+            hold.see(body, self._likeness, time_ns, mirror=self.settings.mirror)
+
+    def _follow(self, time_ns: int, paused: bool) -> None:
+        """The state that follows from what performers did last."""
+        lead = self._leader()
+        if lead is not self._lead:
+            self._lead, self._turned = lead, self._state.yaw - lead.yaw
+        pose = lead.pose.copy()
+        for hold in self.holds:
+            rows = list(hold.points)
+            pose[rows] = hold.pose[rows]
+        yaw = self._turned + lead.yaw if self._way.goes else 0.0
+        size = self.settings.jump * float(np.ptp(self._puppet.mesh.vertices[:, 1]))
+        sample = Sample(pose, yaw, lead.footing, size)
+        if self._anew or paused:
+            self._anew = False
+            self._fading.tear()
+            self._state = self._live.begin(time_ns, sample, self._state)
+        else:
+            self._state = self._live.go_on(time_ns, sample)
+
+    def _leader(self) -> Hold:
+        """Who takes it through the world: who moves its feet, else who has moved it longest."""
+        feet = {k for k, point in enumerate(self._puppet.points) if point.foot}
+        return next((hold for hold in self.holds if hold.points & feet), self.holds[0])
+
+    def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
+        """Who alone moves nothing goes on for who has been away for long."""
+        patience, present = self.settings.hand_over, {body.id for body in bodies}
+        away = [h for h in self.holds if h.body not in present and h.away(time_ns) > patience]
+        idle = present - {hold.body for hold in self.holds}
+        if patience > 0 and away and len(idle) == 1:
+            old = max(away, key=lambda hold: hold.away(time_ns))
+            new = self._new(idle.pop(), old.points)
+            body = next(body for body in bodies if body.id == new.body)
+            new.see(body, self._likeness, time_ns, mirror=self.settings.mirror)
+            self._hold([new if hold is old else hold for hold in self.holds])
+
+    def _meet(self, body: Body) -> None:
+        """Stands beside the first performer, to the right as the sensor sees it."""
+        self._met = True
+        if not self.settings.meet:
+            return
+        where = rotate(self._puppet.turn, self._puppet.mesh.vertices)
+        low, high = where.min(0), where.max(0)
+        across = body.joints[0, 0] + self.settings.beside - low[0]
+        along = body.joints[0, 2] - (low[2] + high[2]) / 2
+        place = np.array([across, self._puppet.place[1], along])
+        self._puppet = self._puppet.with_changes(place=place)

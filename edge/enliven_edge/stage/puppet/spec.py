@@ -1,0 +1,32 @@
+"""What names a puppet on a command line: known without loading what a puppet needs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from enliven.document.project import Project
+
+
+def _cactus() -> Project:
+    from enliven.samples.cactus_puppet import cactus_project
+
+    return cactus_project()
+
+
+MADE = {"cactus": _cactus}
+"""The puppets that the project makes itself, by name instead of by path."""
+ENDINGS = (".toml", ".enliven")
+"""Of files that a puppet is read from."""
+
+
+def is_puppet(spec: str) -> bool:
+    """Whether what was asked for is a puppet: a session, or a project, perhaps with a name behind #."""
+    return spec in MADE or Path(file_of(spec)[0]).suffix.lower() in ENDINGS
+
+
+def file_of(spec: str) -> tuple[str, str]:
+    """The file, and the name of the puppet in it, empty where none is given."""
+    file, mark, name = spec.rpartition("#")
+    return (file, name) if mark and Path(file).suffix.lower() in ENDINGS else (spec, "")

@@ -1,0 +1,140 @@
+"""The stage: the characters and the performers who step into them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from enliven.deformation.constraints.observed import Seen
+from enliven.document.character import Pose
+from enliven.errors import InputError
+from enliven.matching.board import Board
+from enliven.matching.views import View
+from enliven.person.body import Body
+from enliven_edge.stage.embedded_actor import Cues, Mode
+
+if TYPE_CHECKING:
+    # What the actors need is loaded with the one that performs, and not with the others.
+    from enliven_edge.stage.embedded_actor import Actor
+    from enliven_edge.stage.puppet.puppet_actor import PuppetActor
+    from enliven_edge.stage.rig.rig_actor import RigActor
+
+    AnyActor = Actor | RigActor | PuppetActor
+    """A mesh that is possessed, a rigged model of which parts are chosen, or a puppet."""
+
+
+class Stage:
+    """Bodies in, one pose a character out."""
+
+    def __init__(self, actors: Sequence[AnyActor]) -> None:
+        self.actors: dict[str, AnyActor] = {actor.character.id: actor for actor in actors}
+        self._bodies: list[Body] = []
+
+    @property
+    def looks(self) -> bool:
+        """Whether some character follows what the sensor sees of its performers' surfaces."""
+        return any(actor.looks for actor in self.actors.values())
+
+    def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> list[Pose]:
+        """One pose a character.
+
+        Args:
+            bodies: everybody in view, world frame.
+            time_ns: the sensor's clock.
+            seen: the surface that the sensor sees of each performer, where it sees depth.
+        """
+        self._bodies = bodies
+        return [actor.perform(bodies, time_ns, seen) for actor in self.actors.values()]
+
+    @property
+    def occupied(self) -> bool:
+        """Whether a performer is in view."""
+        return bool(self._bodies)
+
+    @property
+    def holders(self) -> set[int]:
+        """The ids of the performers who hold a character."""
+        return {hold.body for actor in self.actors.values() for hold in actor.holds}
+
+    def cues(self) -> dict[str, Cues]:
+        """By character, what is held or would be."""
+        return {name: actor.cues(self._bodies) for name, actor in self.actors.items()}
+
+    def possess(
+        self, character: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
+    ) -> None:
+        """A performer takes hold of a character, now.
+
+        Args:
+            character: its id.
+            body: who; where None the first in view, for "join" the first who does not hold it yet.
+            parts: what takes hold, names of :data:`enliven.person.body.PARTS`.
+            mode: who else holds it then, see :meth:`Actor.possess`.
+
+        Raises:
+            InputError: where there is no such character or performer, or nothing is in reach.
+        """
+        actor = self._actor(character)
+        present = [b for b in self._bodies if body is None or b.id == body]
+        if not present:
+            who = "nobody is in view" if body is None else f"performer {body} is not in view"
+            raise InputError(
+                who, where=f"possessing {character!r}", mend="Step in front of the sensor first."
+            )
+        joining = actor.next_performer(present) if mode == "join" else None
+        actor.possess(joining or present[0], parts, mode)
+
+    def idle(self, character: str) -> Body | None:
+        """The first in view who does not hold a character."""
+        return self._actor(character).next_performer(self._bodies)
+
+    def would(self, character: str, mode: Mode = "alone") -> tuple[int | None, str]:
+        """Who takes hold of a character where nobody says it, and with what parts: as its cues show.
+
+        More limbs are for who has some, the first in view of them. Who is not in view is nobody (None).
+        """
+        actor = self._actor(character)
+        body, parts = actor.would
+        present = {one.id for one in self._bodies}
+        if mode == "extend":
+            body = next((hold.body for hold in actor.holds if hold.body in present), body)
+        return (body if body in present else None), parts
+
+    def preview(self, character: str, body: int | None = None, parts: str = "all") -> None:
+        """From now on the cues show what this performer, or whoever is next, would hold with these parts."""
+        self._actor(character).preview(body, parts)
+
+    def release(self, character: str, body: int | None = None) -> None:
+        """A performer, or everybody, lets a character go; it eases back to rest where it stands."""
+        self._actor(character).release(body)
+
+    def look(self, view: View) -> None:
+        """A viewer looks from there: what a pose means on a rigged character is decided on its screen."""
+        for actor in self._rigs():
+            actor.view = view
+
+    def browse(self, character: str, step: int) -> None:
+        """Another match of a rigged character is shown; step 0 follows the pose again.
+
+        Raises:
+            InputError: where there is no such character, or it is not rigged.
+        """
+        actor = self._actor(character)
+        if actor.chosen_from is False:
+            mend = "Give the edge a rigged model and --drive skeleton."
+            raise InputError("nothing is chosen from it", where=f"character {character!r}", mend=mend)
+        actor.browse(step)
+
+    def boards(self) -> list[Board]:
+        """What there is to choose from on each rigged character."""
+        return [actor.board() for actor in self._rigs()]
+
+    def _rigs(self) -> list[RigActor]:
+        return [actor for actor in self.actors.values() if actor.chosen_from is True]
+
+    def _actor(self, character: str) -> AnyActor:
+        if character not in self.actors:
+            known = ", ".join(self.actors) or "none"
+            what = f"there is no character {character!r}"
+            raise InputError(what, where="stage", mend=f"Known: {known}.")
+        return self.actors[character]

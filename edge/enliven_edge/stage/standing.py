@@ -1,0 +1,173 @@
+"""Where a person stands in a mesh: legs in legs, back in back, as far as the mesh has any.
+
+A mesh from a file has its origin anywhere. Who steps into the middle of a chair stands in its seat, and of a
+horse in its belly, and takes hold of little. So the mesh is moved and turned until a standing figure is as
+near to its surface as it gets, limb by limb.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.deformation.graph.sampling import scatter
+from enliven.meshes.mesh import Mesh
+from enliven.person.body import PARENTS, Joint
+from enliven_edge.stage.placement import turn_about_y
+
+_NEAR = 0.11
+"""Metres at which a bone counts a third of one that lies in the surface."""
+_CELL = 0.04
+_TURNS = 16
+_SAMPLES = 5
+_MOST_PLACES, _MOST_CELLS = 700, 300_000
+"""What is looked at of a mesh that is much wider than it is high gets coarser beyond these."""
+_HEIGHT = 1.75
+_UPRIGHT = {
+    "HIP_CENTER": (0.0, 0.97, 0.0), "SPINE": (0.0, 1.13, -0.01), "SHOULDER_CENTER": (0.0, 1.42, -0.01),
+    "HEAD": (0.0, 1.61, 0.02), "HIP_LEFT": (0.09, 0.91, 0.0), "KNEE_LEFT": (0.10, 0.49, 0.02),
+    "ANKLE_LEFT": (0.11, 0.08, 0.0), "FOOT_LEFT": (0.12, 0.03, 0.12),
+    "SHOULDER_LEFT": (0.17, 1.39, -0.01), "ELBOW_LEFT": (0.22, 1.10, 0.0), "WRIST_LEFT": (0.26, 0.86, 0.06),
+    "HAND_LEFT": (0.26, 0.78, 0.08),
+}  # fmt: skip
+_PAIRS = (("KNEE", 1.0), ("ANKLE", 1.0), ("ELBOW", 0.15), ("WRIST", 0.15))
+_MIDDLE = (("SPINE", 1.0), ("SHOULDER_CENTER", 1.0), ("HEAD", 0.5))
+"""The bones that count, by the joint each ends at, and how much; of a pair, twice the worse of the two."""
+_TOUCHED = 0.25
+"""Metres at which a piece of surface counts a third of one that a bone lies in."""
+_HEAD_FIRST, _MASS_FIRST, _AS_MODELLED = 0.4, 0.03, 0.004
+"""What is given away for a metre by which the head is ahead, or the whole is, and for half a turn less: who
+stands in a horse looks where it does, who stands in the back of a chair looks over its seat."""
+_HIGHEST, _NO_HEAD = 0.85, 0.15
+"""From this share of the height on, it is the head, unless it is no farther ahead or behind than so (m)."""
+_BEHIND = 0.5
+_LEAF = 32
+"""Points of a leaf of the tree: neighbours of a whole grid are found in three quarters of the usual time."""
+
+
+def standing_figure(height: float = _HEIGHT) -> Float:
+    """(20, 3) metres: the joints of a person who stands at the origin facing +Z, arms hanging."""
+    joints = np.empty((len(Joint), 3))
+    for joint in Joint:
+        x, y, z = _UPRIGHT[joint.name.replace("RIGHT", "LEFT")]
+        joints[joint] = (-x if "RIGHT" in joint.name else x, y, z)
+    return np.asarray(joints * (height / _HEIGHT))
+
+
+def stood_in(mesh: Mesh) -> tuple[Mesh, float]:
+    """The mesh, its floor at y = 0, moved so that who stands at the origin facing +Z fits in best.
+
+    Returns:
+        the mesh, and how well they fit: from 0, nothing of them is near, to 1, every bone is in the surface.
+    """
+    height = float(np.ptp(mesh.vertices[:, 1])) or 1.0
+    yaw, offset, score = best_stand(mesh, [standing_figure(height)])
+    vertices = (mesh.vertices - offset) @ turn_about_y(yaw)
+    return Mesh(vertices, mesh.faces, mesh.name, mesh.colours), score
+
+
+def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, float]:
+    """How figures are best put into a mesh, all in the same way: turned about +Y, then moved over the floor.
+
+    What counts is how near their bones are to the surface, how much of the surface is near to them, and, for
+    one figure, that the mesh is alike on both sides of it.
+
+    Args:
+        figures: (20, 3) metres each, as tall as the mesh wants them; about the origin, facing +Z.
+
+    Returns:
+        radians about +Y, (3,) metres, and the score, from 0 to 1.
+    """
+    unit = (float(np.ptp(mesh.vertices[:, 1])) or 1.0) / _HEIGHT
+    samples = scatter(mesh, 8000, np.random.default_rng(0))
+    points = samples.positions
+    near = _Nearness(points, _NEAR * unit, _CELL * unit, samples.normals)
+    touched = [_Nearness(_bone_points(figure), _TOUCHED * unit, _CELL * unit) for figure in figures]
+    low, high = mesh.bounds
+    wide = max(1.5 * near.cell, float(np.sqrt((high - low)[0] * (high - low)[2] / _MOST_PLACES)))
+    steps = [np.arange(low[a], high[a] + wide, wide) for a in (0, 2)]
+    shifts = np.stack(np.meshgrid(*steps, indexing="ij"), -1).reshape(-1, 2)
+    floor = np.insert(shifts, 1, 0.0, axis=1)
+    pieces = points[::27]
+    alike = float(near.over(pieces, np.zeros((1, 3))).mean())
+    head = points[points[:, 1] >= low[1] + _HIGHEST * (high[1] - low[1])].mean(0)[[0, 2]]
+    best, found = -np.inf, (0.0, np.zeros(3), 0.0)
+    for yaw in np.arange(_TURNS) * (2 * np.pi / _TURNS):
+        turn, front = turn_about_y(yaw), np.array([np.sin(yaw), np.cos(yaw)]) / unit
+        held = np.mean([_scores(near, figure @ turn.T, floor) for figure in figures], axis=0)
+        own, back = pieces @ turn, -floor @ turn
+        held *= np.max([field.over(own, back) for field in touched], axis=0).mean(1)
+        if len(figures) == 1:
+            mirror = turn @ np.diag([-1.0, 1.0, 1.0]) @ turn.T
+            across = near.over(pieces @ mirror, floor - floor @ mirror)
+            held *= (across.mean(1) / alike) ** 2
+        ahead = (head - shifts) @ front
+        ahead = np.sign(ahead) * np.maximum(np.abs(ahead) - _NO_HEAD, 0.0)
+        worth = held + _HEAD_FIRST * held * ahead
+        worth += _MASS_FIRST * held * ((pieces.mean(0)[[0, 2]] - shifts) @ front)
+        worth += _AS_MODELLED * held * np.cos(yaw)
+        top = int(worth.argmax())
+        if worth[top] > best:
+            best = float(worth[top])
+            found = float(yaw), np.array([shifts[top, 0], 0.0, shifts[top, 1]]), float(held[top])
+    return found
+
+
+def _bone_points(joints: Float) -> Float:
+    """(P, 3) points along all bones of (20, 3) joints."""
+    along = np.linspace(0.0, 1.0, 8)[:, None, None]
+    ends, starts = joints[1:], joints[list(PARENTS[1:])]
+    return np.asarray((starts * (1 - along) + ends * along).reshape(-1, 3))
+
+
+class _Nearness:
+    """exp(-(d / near)^2) of the distance d to the nearest of some points, on a grid around them.
+
+    Where points have ``normals``, what lies behind them is nearer: a spine belongs inside a trunk.
+    """
+
+    def __init__(self, points: Float, near: float, cell: float, normals: Float | None = None) -> None:
+        low, high = points.min(0), points.max(0)
+        self.cell = cell = max(cell, float(np.cbrt(np.prod(high - low + 6 * near) / _MOST_CELLS)))
+        self._low = low - 3 * near
+        shape = np.ceil((high - low + 6 * near) / cell).astype(int) + 1
+        axes = [self._low[a] + cell * np.arange(shape[a]) for a in range(3)]
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
+        grid = grid.reshape(-1, 3)
+        from scipy.spatial import cKDTree  # which no character needs that is made to fit
+
+        length, nearest = cKDTree(points, leafsize=_LEAF).query(grid, distance_upper_bound=4 * near)
+        if normals is not None:
+            at = np.minimum(nearest, len(points) - 1)
+            behind = np.einsum("gi,gi->g", grid - points[at], normals[at]) < 0
+            length = np.where(behind, _BEHIND * length, length)
+        # A border of nothing, in which every point beyond the grid is looked up.
+        self._values = np.pad(np.exp(-((length / near) ** 2)).reshape(shape), 1)
+
+    def over(self, points: Float, shifts: Float) -> Float:
+        """(S, P) at (P, 3) points that are moved over the floor by each of (S, 3) shifts; 0 off the grid."""
+        at: Int = np.zeros((), np.int64)
+        for axis, size in enumerate(self._values.shape):
+            along = (points[:, axis] - self._low[axis]) / self.cell
+            moved = along if axis == 1 else along + shifts[:, axis, None] / self.cell
+            at = at * size + np.clip(np.rint(moved) + 1, 0, size - 1).astype(np.int64)
+        return np.asarray(self._values.ravel()[at])
+
+
+def _scores(near: _Nearness, joints: Float, shifts: Float) -> Float:
+    """(S,) how well a figure fits when it is moved by each of (S, 3) metres over the floor."""
+
+    def bone(name: str) -> Float:
+        child = Joint[name]
+        along = (np.arange(_SAMPLES) + 0.5)[:, None] / _SAMPLES
+        points = joints[PARENTS[child]] * (1 - along) + joints[child] * along
+        return np.asarray(near.over(points, shifts).mean(1))
+
+    total = np.zeros(len(shifts))
+    for name, weight in _PAIRS:
+        total += 2 * weight * np.minimum(bone(f"{name}_LEFT"), bone(f"{name}_RIGHT"))
+    for name, weight in _MIDDLE:
+        total += weight * bone(name)
+    return np.asarray(total / (2 * sum(w for _, w in _PAIRS) + sum(w for _, w in _MIDDLE)))

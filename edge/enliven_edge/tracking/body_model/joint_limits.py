@@ -1,0 +1,95 @@
+"""How far each joint of a person turns, and how a person stands.
+
+Ranges are boxes of the rotation vector about the middle of the joint's range. A shoulder's middle is an arm
+held out and forward, so that hanging and overhead are both within a third of a turn and the logarithm stays
+smooth over everything a performer does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.posture import rotation
+
+_SIDE = np.diag([-1.0, 1.0, 1.0])
+_FREE = 10.0
+"""Radians: wider than any rotation vector, so no limit."""
+
+
+def mirrored(rotations: Float) -> Float:
+    """(13, 3, 3) the same posture seen in a mirror: left and right exchanged, x reversed."""
+    return _SIDE @ rotations[model.MIRROR] @ _SIDE
+
+
+def _middle() -> Float:
+    """(13, 3, 3) the middle of every range."""
+    middle = np.tile(np.eye(3), (13, 1, 1))
+    middle[model.CHEST] = rotation(x=0.2)
+    middle[model.UPPER_ARM_L] = rotation(x=-0.6, z=1.2)
+    middle[model.THIGH_L] = rotation(x=-0.5, z=0.6)
+    middle[model.FOREARM_L] = rotation(x=-1.25)
+    middle[model.SHIN_L] = rotation(x=1.15)
+    middle[model.FOOT_L] = rotation(x=0.2)
+    return _with_right_side(middle)
+
+
+def _with_right_side(rotations: Float) -> Float:
+    """The left limbs' rotations mirrored to the right."""
+    mirror = mirrored(rotations)
+    for right in (model.UPPER_ARM_R, model.FOREARM_R, model.THIGH_R, model.SHIN_R, model.FOOT_R):
+        rotations[right] = mirror[right]
+    return rotations
+
+
+def _reach() -> Float:
+    """(13, 3) half the width of every range, radians."""
+    reach = np.full((13, 3), _FREE)
+    reach[model.CHEST] = (0.7, 0.75, 0.6)
+    reach[model.HEAD] = (0.8, 1.2, 0.6)
+    for limb, half in (
+        (model.UPPER_ARM_L, (1.9, 1.3, 1.7)),
+        (model.FOREARM_L, (1.3, _FREE, _FREE)),
+        (model.THIGH_L, (1.5, 0.7, 1.25)),
+        (model.SHIN_L, (1.2, _FREE, _FREE)),
+        (model.FOOT_L, (0.6, _FREE, _FREE)),
+    ):
+        reach[limb] = reach[model.MIRROR[limb]] = half
+    return reach
+
+
+MIDDLE = _middle()
+REACH = _reach()
+
+
+def standing(
+    yaw: float = 0.0,
+    *,
+    arm_raise: float = 0.12,
+    arm_forward: float = 0.0,
+    elbow: float = 0.15,
+    hip: float = 0.0,
+    knee: float = 0.05,
+) -> Float:
+    """(13, 3, 3) a person standing, facing +Z turned by ``yaw`` about the vertical.
+
+    Args:
+        yaw: radians about +Y.
+        arm_raise: radians both upper arms are lifted sideways from hanging.
+        arm_forward: radians both upper arms are lifted forward.
+        elbow: radians both elbows are bent.
+        hip: radians both thighs are lifted forward.
+        knee: radians both knees are bent.
+    """
+    rotations = np.tile(np.eye(3), (13, 1, 1))
+    rotations[model.PELVIS] = rotation(y=yaw)
+    rotations[model.UPPER_ARM_L] = rotation(x=-arm_forward, z=arm_raise)
+    rotations[model.FOREARM_L] = rotation(x=-elbow)
+    rotations[model.THIGH_L] = rotation(x=-hip, z=0.06)
+    rotations[model.SHIN_L] = rotation(x=knee)
+    return _with_right_side(rotations)
+
+
+RELAXED = standing()
+"""(13, 3, 3) standing relaxed, facing +Z; to be copied."""

@@ -1,0 +1,220 @@
+"""Forward kinematics of the body model and the mathematics of small turns, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.kernels import copy_row, copy_rows, njit
+from enliven_edge.tracking.body_model.model import SHOULDER, UPPER_ARM_L, UPPER_ARM_R
+
+SHRUG = 0.3
+"""Radians by which an arm that points straight up has lifted its shoulder about the base of the neck."""
+_LEVEL = 0.0
+"""Height of the unit vector along the upper arm, in the chest's frame, from which on the shoulder lifts."""
+_SMALL = 1e-4
+"""Sine of an angle below which it is the angle, or a half turn less it."""
+
+
+@njit(cache=True, nogil=True)
+def forward_into(world, pivots, position, rotations, lengths, parents, offsets):  # type: ignore[no-untyped-def]
+    """Forward kinematics, parents first, into the first two arguments.
+
+    Args:
+        world: (13, 3, 3) receives world_from_frame.
+        pivots: (13, 3) receives the frames' origins.
+        position: (3,) metres, of the first frame's origin.
+        rotations: (13, 3, 3) parent_from_frame.
+        lengths: (12,) metres.
+        parents: (13,) of each frame.
+        offsets: (13, 3, 12) each frame's origin in its parent's frame, linear in the lengths.
+    """
+    copy_row(pivots[0], position)
+    copy_rows(world[0], rotations[0])
+    for f in range(1, len(parents)):
+        p = parents[f]
+        x, y, z = (
+            _along(offsets[f, 0], lengths),
+            _along(offsets[f, 1], lengths),
+            _along(offsets[f, 2], lengths),
+        )
+        if f in (UPPER_ARM_L, UPPER_ARM_R):
+            dx, dy = _shrugged(offsets[f], rotations[f], f)
+            x, y = x + dx * lengths[SHOULDER], y + dy * lengths[SHOULDER]
+        for a in range(3):
+            pivots[f, a] = pivots[p, a] + world[p, a, 0] * x + world[p, a, 1] * y + world[p, a, 2] * z
+            for c in range(3):
+                world[f, a, c] = (
+                    world[p, a, 0] * rotations[f, 0, c]
+                    + world[p, a, 1] * rotations[f, 1, c]
+                    + world[p, a, 2] * rotations[f, 2, c]
+                )
+
+
+@njit(cache=True, nogil=True)
+def pivots_by_length(out, world, rotations, parents, offsets):  # type: ignore[no-untyped-def]
+    """(13, 3, L) the derivatives of the frames' origins by the lengths, into ``out``; L is 0 or 12."""
+    out[:] = 0.0
+    for f in range(1, len(parents) if out.shape[2] > 0 else 0):
+        p = parents[f]
+        for a in range(3):
+            for term in range(out.shape[2]):
+                x, y, z = offsets[f, 0, term], offsets[f, 1, term], offsets[f, 2, term]
+                along = world[p, a, 0] * x + world[p, a, 1] * y + world[p, a, 2] * z
+                out[f, a, term] = out[p, a, term] + along
+        if f in (UPPER_ARM_L, UPPER_ARM_R):
+            dx, dy = _shrugged(offsets[f], rotations[f], f)
+            for a in range(3):
+                out[f, a, SHOULDER] += world[p, a, 0] * dx + world[p, a, 1] * dy
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def _along(row, lengths):  # type: ignore[no-untyped-def]
+    """A sum that may be taken in any order, and so many terms at once."""
+    total = 0.0
+    for term in range(len(lengths)):
+        total += row[term] * lengths[term]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _shrugged(offset, rotation, frame):  # type: ignore[no-untyped-def]
+    """Sideways and up, metres a metre of shoulder: where a raised arm has lifted its shoulder to."""
+    sine, cosine = shrug(rotation)
+    side = 1.0 if frame == UPPER_ARM_L else -1.0
+    x, y = offset[0, SHOULDER], offset[1, SHOULDER]
+    return cosine * x - side * sine * y - x, side * sine * x + cosine * y - y
+
+
+@njit(cache=True, nogil=True)
+def shrug(rotation):  # type: ignore[no-untyped-def]
+    """Sine and cosine of the angle by which a shoulder has risen with its arm.
+
+    A collar bone without an unknown of its own: it goes with the arm, as it does in people (the
+    scapulohumeral rhythm). The fit takes it for fixed within a step; it moves a tenth as much as the elbow.
+    """
+    share = max(0.0, (-rotation[1, 1] - _LEVEL) / (1.0 - _LEVEL))
+    angle = SHRUG * share * share * (3.0 - 2.0 * share)
+    return np.sin(angle), np.cos(angle)
+
+
+@njit(cache=True, nogil=True)
+def capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness):  # type: ignore[no-untyped-def]
+    """The capsules' (C, 2, 3) ends, world frame, and (C, 2) radii of a body in these frames.
+
+    Args:
+        frames: (C,) the frame that carries each capsule.
+        local: (C, 2, 3, 12) its ends there, linear in the lengths.
+        thickness: (C, 2) radii at girth 1; the girth is the last length.
+    """
+    girth = lengths[len(lengths) - 1]
+    for c in range(len(frames)):
+        f = frames[c]
+        for e in range(2):
+            radii[c, e] = thickness[c, e] * girth
+            of = local[c, e]
+            x, y, z = _along(of[0], lengths), _along(of[1], lengths), _along(of[2], lengths)
+            for a in range(3):
+                ends[c, e, a] = pivots[f, a] + world[f, a, 0] * x + world[f, a, 1] * y + world[f, a, 2] * z
+
+
+@njit(cache=True, nogil=True)
+def turn(rotations, step, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
+    """Right-multiplies every frame's rotation by the exponential of its part of the step."""
+    k = 0
+    while k < len(dof_frame):
+        frame = dof_frame[k]
+        vector = np.zeros(3)
+        while k < len(dof_frame) and dof_frame[k] == frame:
+            vector[dof_axis[k]] = step[k]
+            k += 1
+        copy_rows(rotations[frame], product(rotations[frame], exponential(vector)))
+
+
+@njit(cache=True, nogil=True)
+def carry_on(rotations, before, share, fastest):  # type: ignore[no-untyped-def]
+    """Turns every frame on by a share of its turn since ``before``, by at most so many radians, in place."""
+    for f in range(len(rotations)):
+        vector = share * deviation(before[f], rotations[f])
+        angle = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+        vector *= min(1.0, fastest / max(1e-9, angle))
+        copy_rows(rotations[f], product(rotations[f], exponential(vector)))
+
+
+@njit(cache=True, nogil=True)
+def product(a, b):  # type: ignore[no-untyped-def]
+    """(3, 3) a b, without a call of BLAS."""
+    out = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def deviation(reference, rotation):  # type: ignore[no-untyped-def]
+    """(3,) log(reference' rotation): the turn from one rotation to another, in the reference's axes."""
+    out = np.empty(3)
+    deviation_into(out, reference, rotation)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def deviation_into(out, reference, rotation):  # type: ignore[no-untyped-def]
+    """:func:`deviation` into (3,) ``out``: the fit asks for some forty a step."""
+    trace = 0.0
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        out[i] = 0.0
+        for a in range(3):
+            trace += reference[a, i] * rotation[a, i]
+            out[i] += reference[a, k] * rotation[a, j] - reference[a, j] * rotation[a, k]
+    sine = 0.5 * np.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
+    if sine < _SMALL and trace < 1.0:
+        copy_row(out, logarithm(product(reference.T, rotation)))  # near a half turn
+        return
+    scale = 0.5 if sine < _SMALL else 0.5 * np.arctan2(sine, 0.5 * (trace - 1.0)) / sine
+    for i in range(3):
+        out[i] *= scale
+
+
+@njit(cache=True, nogil=True)
+def exponential(v):  # type: ignore[no-untyped-def]
+    """(3, 3) the rotation by the rotation vector v (Rodrigues)."""
+    angle = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    a = 1.0 - angle * angle / 6.0 if angle < 1e-4 else np.sin(angle) / angle
+    b = 0.5 - angle * angle / 24.0 if angle < 1e-4 else (1.0 - np.cos(angle)) / (angle * angle)
+    out = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = b * v[i] * v[j]
+        out[i, i] += 1.0 - b * angle * angle
+    out[0, 1] -= a * v[2]
+    out[1, 0] += a * v[2]
+    out[0, 2] += a * v[1]
+    out[2, 0] -= a * v[1]
+    out[1, 2] -= a * v[0]
+    out[2, 1] += a * v[0]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def logarithm(r):  # type: ignore[no-untyped-def]
+    """(3,) the rotation vector of a (3, 3) rotation, of length at most pi."""
+    v = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+    sine = 0.5 * np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    cosine = 0.5 * (r[0, 0] + r[1, 1] + r[2, 2] - 1.0)
+    angle = np.arctan2(sine, cosine)
+    if sine > _SMALL:
+        return v * (0.5 * angle / sine)
+    if cosine > 0.0:
+        return v * 0.5
+    # Near a half turn r is nearly 2 a a' - 1: its largest column gives the axis a but for its sign, v that.
+    axis = 0
+    for i in range(1, 3):
+        if r[i, i] > r[axis, axis]:
+            axis = i
+    column = 0.5 * (r[:, axis] + r[axis])
+    column[axis] -= cosine
+    norm = np.sqrt(column[0] ** 2 + column[1] ** 2 + column[2] ** 2)
+    along = column[0] * v[0] + column[1] * v[1] + column[2] * v[2]
+    return column * (angle / norm if along >= 0.0 else -angle / norm)

@@ -1,0 +1,229 @@
+"""The articulated body that is fitted to depth: 13 frames, 27 angles, 12 lengths, 20 capsules.
+
+Every rigid frame turns about a pivot in its parent's frame. At zero rotation the person stands upright
+facing +Z with the arms hanging, so each limb lies along -Y of its frame. All offsets are linear in the
+vector of lengths (left and right share theirs), which makes their derivatives constant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.person.body import Joint
+
+PELVIS, CHEST, HEAD = 0, 1, 2
+UPPER_ARM_L, FOREARM_L, UPPER_ARM_R, FOREARM_R = 3, 4, 5, 6
+THIGH_L, SHIN_L, FOOT_L, THIGH_R, SHIN_R, FOOT_R = 7, 8, 9, 10, 11, 12
+
+FRAME_PARENTS = np.array([-1, 0, 1, 1, 3, 1, 5, 0, 7, 8, 0, 10, 11])
+"""(13,) the parent of each frame; parents come first."""
+HINGES = frozenset({FOREARM_L, FOREARM_R, SHIN_L, FOOT_L, SHIN_R, FOOT_R})
+"""Frames that turn about their own x axis only."""
+MIRROR = np.array([0, 1, 2, 5, 6, 3, 4, 10, 11, 12, 7, 8, 9])
+"""(13,) the frame on the other side of the body."""
+
+LENGTHS = (
+    "lower spine",
+    "upper spine",
+    "neck",
+    "half shoulders",
+    "upper arm",
+    "forearm",
+    "hand",
+    "half hips",
+    "thigh",
+    "shin",
+    "foot",
+    "girth",
+)
+SPINE_LOW, SPINE_UP, NECK, SHOULDER, ARM, FORE, HAND, HIP, THIGH, SHIN, FOOT, GIRTH = range(12)
+
+REFERENCE_HEIGHT = 1.75
+REFERENCE_LENGTHS = np.array([0.12, 0.31, 0.18, 0.185, 0.285, 0.25, 0.085, 0.085, 0.43, 0.41, 0.14, 1.0])
+"""(12,) metres of an adult of the reference height; the girth is a factor on every radius."""
+
+
+def lengths_for_height(height: float) -> Float:
+    """(12,) the average proportions of a person ``height`` metres tall."""
+    return REFERENCE_LENGTHS * (height / REFERENCE_HEIGHT)
+
+
+def height_of(lengths: Float) -> float:
+    """Metres from sole to crown of a person with these (12,) lengths, standing straight."""
+    crown = 1.25 * lengths[NECK] + 0.095 * lengths[GIRTH]
+    sole = 0.35 * lengths[FOOT] + 0.03 * lengths[GIRTH]
+    legs = 0.9 * lengths[HIP] + lengths[THIGH] + lengths[SHIN] + sole
+    return float(legs + lengths[SPINE_LOW] + lengths[SPINE_UP] + crown)
+
+
+def _offset(
+    x: dict[int, float] | None = None, y: dict[int, float] | None = None, z: dict[int, float] | None = None
+) -> Float:
+    """(3, 12) an offset whose coordinates are linear combinations of the lengths."""
+    made = np.zeros((3, len(LENGTHS)))
+    for row, terms in enumerate((x, y, z)):
+        for length, factor in (terms or {}).items():
+            made[row, length] = factor
+    return made
+
+
+def _pivots() -> Float:
+    """(13, 3, 12) where each frame turns, in its parent's frame."""
+    down_arm, down_thigh, down_shin = _offset(y={ARM: -1}), _offset(y={THIGH: -1}), _offset(y={SHIN: -1})
+    shoulder = {side: _offset(x={SHOULDER: side}, y={SPINE_UP: 1, SHOULDER: -0.25}) for side in (1, -1)}
+    hip = {side: _offset(x={HIP: side}, y={HIP: -0.9}) for side in (1, -1)}
+    return np.stack(
+        [
+            _offset(),
+            _offset(y={SPINE_LOW: 1}),
+            _offset(y={SPINE_UP: 1}),
+            shoulder[1],
+            down_arm,
+            shoulder[-1],
+            down_arm,
+            hip[1],
+            down_thigh,
+            down_shin,
+            hip[-1],
+            down_thigh,
+            down_shin,
+        ]
+    )
+
+
+@dataclass(frozen=True)
+class Capsules:
+    """Tapered capsules, each fixed in one frame.
+
+    Attributes:
+        frame: (C,) the frame that carries it.
+        ends: (C, 2, 3, 12) both ends in that frame, linear in the lengths.
+        radii: (C, 2) metres at girth 1.
+        joint: (C,) the joint whose confidence it supports.
+    """
+
+    frame: Int
+    ends: Float
+    radii: Float
+    joint: Int
+
+
+def _capsules() -> Capsules:
+    """The body's surface."""
+    rows: list[tuple[int, Float, Float, float, float, int]] = []
+    for side in (1, -1):
+        x = {HIP: 0.95 * side}
+        rows.append(
+            (PELVIS, _offset(x, {HIP: -0.7}), _offset(x, {SPINE_LOW: 1.0}), 0.115, 0.105, Joint.HIP_CENTER)
+        )
+        low, high = (
+            _offset({SHOULDER: 0.42 * side}, {SPINE_UP: 0.08}),
+            _offset({SHOULDER: 0.5 * side}, {SPINE_UP: 0.74}),
+        )
+        rows.append((CHEST, low, high, 0.10, 0.10, Joint.SPINE))
+        inner, outer = (
+            _offset({SHOULDER: 0.15 * side}, {SPINE_UP: 0.93}),
+            _offset({SHOULDER: 0.85 * side}, {SPINE_UP: 0.82}),
+        )
+        rows.append((CHEST, inner, outer, 0.065, 0.06, Joint.SHOULDER_CENTER))
+    rows.append((HEAD, _offset(y={NECK: 0.05}), _offset(y={NECK: 0.6}), 0.058, 0.055, Joint.SHOULDER_CENTER))
+    rows.append((HEAD, _offset(y={NECK: 0.85}), _offset(y={NECK: 1.25}), 0.085, 0.095, Joint.HEAD))
+    arms = ((UPPER_ARM_L, FOREARM_L, Joint.ELBOW_LEFT), (UPPER_ARM_R, FOREARM_R, Joint.ELBOW_RIGHT))
+    for upper, fore, elbow in arms:
+        wrist, tip = _offset(y={FORE: -1}), _offset(y={FORE: -1, HAND: -1.3})
+        rows.append((upper, _offset(), _offset(y={ARM: -1}), 0.055, 0.045, elbow))
+        rows.append((fore, _offset(), wrist, 0.045, 0.033, elbow + 1))
+        rows.append((fore, wrist, tip, 0.037, 0.03, elbow + 2))
+    legs = ((THIGH_L, Joint.KNEE_LEFT), (THIGH_R, Joint.KNEE_RIGHT))
+    for thigh, knee in legs:
+        rows.append((thigh, _offset(), _offset(y={THIGH: -1}), 0.085, 0.058, knee))
+        rows.append((thigh + 1, _offset(), _offset(y={SHIN: -1}), 0.055, 0.042, knee + 1))
+        heel, toe = _offset(y={FOOT: -0.28}, z={FOOT: -0.25}), _offset(y={FOOT: -0.35}, z={FOOT: 1.0})
+        rows.append((thigh + 2, heel, toe, 0.04, 0.03, knee + 2))
+    frame, a, b, ra, rb, joint = zip(*rows, strict=True)
+    return Capsules(
+        np.array(frame),
+        np.stack([np.stack(a), np.stack(b)], 1),
+        np.stack([ra, rb], 1).astype(float),
+        np.array([int(j) for j in joint]),
+    )
+
+
+def _joints() -> tuple[Int, Float]:
+    """(20,) frames and (20, 3, 12) offsets of the tracked joints.
+
+    Where the model turns and where a joint's name belongs differ by centimetres: the back bends below the
+    spine joint, the middle of the head lies before the neck's end.
+    """
+    zero, wrist, hand = _offset(), _offset(y={FORE: -1}), _offset(y={FORE: -1, HAND: -1})
+    ankle, toe = _offset(y={SHIN: -1.05}), _offset(y={FOOT: -0.4}, z={FOOT: 0.88})
+    spine, head = _offset(y={SPINE_UP: 0.12}), _offset(y={NECK: 1.1}, z={NECK: 0.07})
+    rows = [(PELVIS, zero), (CHEST, spine), (HEAD, zero), (HEAD, head)]
+    for upper, fore in ((UPPER_ARM_L, FOREARM_L), (UPPER_ARM_R, FOREARM_R)):
+        rows += [(upper, zero), (fore, zero), (fore, wrist), (fore, hand)]
+    for thigh in (THIGH_L, THIGH_R):
+        rows += [(thigh, zero), (thigh + 1, zero), (thigh + 1, ankle), (thigh + 2, toe)]
+    return np.array([f for f, _ in rows]), np.stack([o for _, o in rows])
+
+
+PIVOTS = _pivots()
+CAPSULES = _capsules()
+JOINT_FRAMES, JOINT_OFFSETS = _joints()
+
+
+def _degrees_of_freedom() -> tuple[Int, Int]:
+    """(27,) frames and (27,) local axes of the rotational degrees of freedom, frame by frame."""
+    rows = [(f, a) for f in range(13) for a in ((0,) if f in HINGES else (0, 1, 2))]
+    return np.array([f for f, _ in rows]), np.array([a for _, a in rows])
+
+
+DOF_FRAME, DOF_AXIS = _degrees_of_freedom()
+DOFS = 3 + len(DOF_FRAME)
+"""Translation, then rotations; the lengths follow in the fit's unknowns."""
+UNKNOWNS = DOFS + len(LENGTHS)
+
+
+def _ancestry() -> Int:
+    """(13, 27) 1 where a rotational degree of freedom moves a frame."""
+    moves = np.zeros((13, len(DOF_FRAME)), np.int64)
+    for frame in range(13):
+        ancestor = frame
+        while ancestor >= 0:
+            moves[frame, ancestor == DOF_FRAME] = 1
+            ancestor = int(FRAME_PARENTS[ancestor])
+    return moves
+
+
+MOVES = _ancestry()
+
+
+def _bone_frames() -> Int:
+    """(20,) the frame along which the bone that ends at each joint lies."""
+    trunk = [PELVIS, PELVIS, CHEST, HEAD]
+    arms = [CHEST, UPPER_ARM_L, FOREARM_L, FOREARM_L, CHEST, UPPER_ARM_R, FOREARM_R, FOREARM_R]
+    legs = [PELVIS, THIGH_L, SHIN_L, FOOT_L, PELVIS, THIGH_R, SHIN_R, FOOT_R]
+    return np.array(trunk + arms + legs)
+
+
+BONE_FRAMES = _bone_frames()
+
+
+def _frame_lengths() -> Int:
+    """(13, 1 + 12) for each frame: how many lengths move what it carries, and which, the girth last."""
+    table = np.zeros((13, 1 + len(LENGTHS)), np.int64)
+    of_pivot = np.zeros((13, len(LENGTHS)), bool)
+    for frame in range(13):
+        if frame > 0:
+            of_pivot[frame] = of_pivot[FRAME_PARENTS[frame]] | PIVOTS[frame].any(0)
+        moved = of_pivot[frame] | CAPSULES.ends[CAPSULES.frame == frame].any((0, 1, 2))
+        moved |= JOINT_OFFSETS[frame == JOINT_FRAMES].any((0, 1))
+        moved[GIRTH] = True
+        every = np.flatnonzero(moved)
+        table[frame, 0], table[frame, 1 : 1 + len(every)] = len(every), every
+    return table
+
+
+FRAME_LENGTHS = _frame_lengths()

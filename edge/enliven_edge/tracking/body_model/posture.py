@@ -1,0 +1,150 @@
+"""A posture of the model: where it is, how its frames turn, how long its bones are; forward kinematics."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.kernels import njit
+from enliven.rotation import nearest_quaternion
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.kinematics import capsules_into, carry_on, forward_into
+
+_BODY = (model.FRAME_PARENTS, model.PIVOTS)
+"""What :func:`frames_of` takes of the model."""
+_JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
+_SURFACE = (model.CAPSULES.frame, model.CAPSULES.ends, model.CAPSULES.radii)
+
+
+@dataclass
+class Posture:
+    """The unknowns of the fit.
+
+    Attributes:
+        position: (3,) metres, world frame, of the hip centre.
+        rotations: (13, 3, 3) parent_from_frame.
+        lengths: (12,) metres, ordered by ``model.LENGTHS``.
+    """
+
+    position: Float
+    rotations: Float
+    lengths: Float
+
+    def copy(self) -> Posture:
+        return Posture(self.position.copy(), self.rotations.copy(), self.lengths.copy())
+
+    def joints(self) -> Float:
+        """(20, 3) joint positions, world frame, metres."""
+        return np.asarray(_joints(self.position, self.rotations, self.lengths, *_BODY, *_JOINTS))
+
+    def orientations(self) -> Float:
+        """(20, 4) unit quaternions world_from_bone of the bone that ends at each joint.
+
+        All are the identity for a person who stands upright facing +Z with hanging arms: bones of the limbs
+        lie along -Y of their frame, those of the trunk along +Y, and +Z is the person's front.
+        """
+        turns = _turns(self.position, self.rotations, self.lengths, *_BODY)
+        return np.asarray(turns[model.BONE_FRAMES])
+
+    def capsules(self) -> tuple[Float, Float]:
+        """(C, 2, 3) capsule ends in the world frame and (C, 2) radii, metres."""
+        ends, radii = _capsules(self.position, self.rotations, self.lengths, *_BODY, *_SURFACE)
+        return ends, radii
+
+
+def forward(position: Float, rotations: Float, lengths: Float) -> tuple[Float, Float]:
+    """World rotations (13, 3, 3) and pivots (13, 3) of the frames."""
+    world, pivots = frames_of(position, rotations, lengths, *_BODY)
+    return world, pivots
+
+
+@njit(cache=True, nogil=True)
+def frames_of(position, rotations, lengths, parents, offsets):  # type: ignore[no-untyped-def]
+    """:func:`forward` for kernels; parents and offsets as of :func:`kinematics.forward_into`."""
+    count = len(parents)
+    world, pivots = np.empty((count, 3, 3)), np.empty((count, 3))
+    forward_into(world, pivots, position, rotations, lengths, parents, offsets)
+    return world, pivots
+
+
+@njit(cache=True, nogil=True)
+def joints_into(joints, world, pivots, lengths, frames, local):  # type: ignore[no-untyped-def]
+    """The (J, 3) places, world frame, of what the body carries.
+
+    Args:
+        frames: (J,) the frame that carries each.
+        local: (J, 3, 12) its place there, linear in the lengths.
+    """
+    for j in range(len(frames)):
+        f = frames[j]
+        for a in range(3):
+            joints[j, a] = pivots[f, a]
+        for b in range(3):
+            along = 0.0
+            for term in range(len(lengths)):
+                along += local[j, b, term] * lengths[term]
+            for a in range(3):
+                joints[j, a] += world[f, a, b] * along
+
+
+@njit(cache=True, nogil=True)
+def _joints(position, rotations, lengths, parents, offsets, frames, local):  # type: ignore[no-untyped-def]
+    """(20, 3) see :meth:`Posture.joints`."""
+    world, pivots = frames_of(position, rotations, lengths, parents, offsets)
+    joints = np.empty((len(frames), 3))
+    joints_into(joints, world, pivots, lengths, frames, local)
+    return joints
+
+
+@njit(cache=True, nogil=True)
+def _turns(position, rotations, lengths, parents, offsets):  # type: ignore[no-untyped-def]
+    """(13, 4) unit quaternions world_from_frame, w >= 0."""
+    world, _ = frames_of(position, rotations, lengths, parents, offsets)
+    turns = np.empty((len(world), 4))
+    for f in range(len(world)):
+        w, x, y, z = nearest_quaternion(world[f])
+        side = -1.0 if w < 0.0 else 1.0
+        turns[f, 0], turns[f, 1], turns[f, 2], turns[f, 3] = side * w, side * x, side * y, side * z
+    return turns
+
+
+@njit(cache=True, nogil=True)
+def _capsules(position, rotations, lengths, parents, offsets, frames, local, thickness):  # type: ignore[no-untyped-def]
+    """See :meth:`Posture.capsules`, and :func:`kinematics.capsules_into`."""
+    world, pivots = frames_of(position, rotations, lengths, parents, offsets)
+    ends, radii = np.empty((len(frames), 2, 3)), np.empty((len(frames), 2))
+    capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness)
+    return ends, radii
+
+
+def rotation(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Float:
+    """(3, 3) Rz(z) Ry(y) Rx(x): turns about the fixed x, then y, then z axis, radians."""
+    cx, sx, cy, sy, cz, sz = *_both(x), *_both(y), *_both(z)
+    return np.array(
+        [
+            [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
+            [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
+            [-sy, cy * sx, cy * cx],
+        ]
+    )
+
+
+def _both(angle: float) -> tuple[float, float]:
+    """Cosine and sine."""
+    return math.cos(angle), math.sin(angle)
+
+
+_CARRY_ON = 0.8
+_FASTEST_STEP, _FASTEST_TURN = 0.1, 0.25
+
+
+def continued(before: Posture, now: Posture) -> Posture:
+    """The posture one frame later if it moves on as it did, a little slower, at a person's speed at most."""
+    made = now.copy()
+    step = _CARRY_ON * (now.position - before.position)
+    made.position += step * min(1.0, _FASTEST_STEP / max(1e-9, math.hypot(*step)))
+    carry_on(made.rotations, before.rotations, _CARRY_ON, _FASTEST_TURN)
+    return made

@@ -1,0 +1,169 @@
+"""What a frame looks like to the network, at the points that the fit uses: parts, the way to face, joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven.kernels import njit
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.capsules import nearest_capsules
+from enliven_edge.tracking.body_model.chest import chest_axes
+from enliven_edge.tracking.body_model.posture import Posture, rotation
+from enliven_edge.tracking.estimator.estimator import Estimate
+from enliven_edge.tracking.estimator.labels import FACINGS, MIRRORED, PARTS, Part, facing_in_plan
+from enliven_edge.tracking.frame.observation import Observation
+
+
+def _capsule_parts() -> Float:
+    """(C, 17) 1 where a capsule carries a part."""
+    carries = np.zeros((len(model.CAPSULES.frame), PARTS))
+    for right in (0, 1):
+        pelvis, chest, girdle = 3 * right, 3 * right + 1, 3 * right + 2
+        arm, leg = 8 + 3 * right, 14 + 3 * right
+        carries[pelvis, Part.BELLY_LEFT + right] = 1.0
+        carries[chest, [Part.CHEST_LEFT + right, Part.BELLY_LEFT + right]] = 1.0
+        carries[girdle, Part.CHEST_LEFT + right] = 1.0
+        carries[6, [Part.CHEST_LEFT + right, Part.HEAD]] = 1.0
+        for k, part in enumerate((Part.UPPER_ARM_LEFT, Part.FOREARM_LEFT, Part.HAND_LEFT)):
+            carries[arm + k, part + right] = 1.0
+        for k, part in enumerate((Part.THIGH_LEFT, Part.SHANK_LEFT, Part.FOOT_LEFT)):
+            carries[leg + k, part + right] = 1.0
+    carries[7, Part.HEAD] = 1.0
+    return carries
+
+
+CARRIES = _capsule_parts()
+"""(20, 17) which parts each capsule of the model carries."""
+_CARRY = CARRIES.T.astype(np.float32)
+_CARRY_EITHER = np.maximum(_CARRY, _CARRY[MIRRORED])
+_TO_THE_SENSOR = 0.5
+"""What facing the sensor is worth before anything is seen, as a log probability; facing away costs it."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the network says of one observation.
+
+    Attributes:
+        estimate: where the joints are, and the rest.
+        points: (M, 3) metres, world frame: the observation's.
+        probabilities: (M, 17) float32 of the parts at the observation's points.
+        rays: (M, 2) x/z and y/z of the points in the image.
+    """
+
+    estimate: Estimate
+    points: Float32
+    probabilities: Float32
+    rays: Float
+
+    def of(self, estimate: Estimate) -> Seen:
+        """What another estimate of the same frame says at the same points."""
+        return replace(self, estimate=estimate, probabilities=estimate.parts_at(self.rays))
+
+    def thinned(self, step: int) -> Seen:
+        """The same of every ``step``-th point."""
+        points, shown = np.ascontiguousarray(self.points[::step]), self.probabilities[::step]
+        return replace(self, points=points, probabilities=np.ascontiguousarray(shown), rays=self.rays[::step])
+
+    @cached_property
+    def likelihood(self) -> Float32:
+        """(M, 20) how likely each point is on each capsule of the model."""
+        return np.asarray(self.probabilities @ _CARRY)
+
+    @cached_property
+    def surface(self) -> Float32:
+        """(6, M) the points without normals, as :func:`capsules.nearest_capsules` takes them."""
+        out = np.zeros((6, len(self.points)), np.float32)
+        out[:3] = self.points.T
+        return out
+
+    def affinity(self, metres: float) -> Float32:
+        """(20, M) metres by which a point is farther from a capsule than it seems, at most ``metres``."""
+        return np.ascontiguousarray((np.float32(metres) * (1.0 - self.likelihood)).T)
+
+    def sideless_affinity(self, metres: float) -> Float32:
+        """The same where a left part is as good as a right one."""
+        either = np.minimum(1.0, self.probabilities @ _CARRY_EITHER)
+        return np.ascontiguousarray((np.float32(metres) * (1.0 - either)).T, np.float32)
+
+
+def looked_at(observation: Observation, estimate: Estimate) -> Seen:
+    """What an estimate of the same frame says at the points of an observation."""
+    rays = _rays(observation.pixels, observation.view[3])
+    return Seen(estimate, observation.points, estimate.parts_at(rays), rays)
+
+
+@njit(cache=True, nogil=True)
+def _rays(pixels, camera):  # type: ignore[no-untyped-def]
+    """(M, 2) x/z and y/z of (M, 2) rows and columns."""
+    rays = np.empty((len(pixels), 2))
+    for i in range(len(pixels)):
+        rays[i, 0] = (pixels[i, 1] - camera[2]) / camera[0]
+        rays[i, 1] = (pixels[i, 0] - camera[3]) / camera[1]
+    return rays
+
+
+def agreement(seen: Seen, posture: Posture) -> float:
+    """The mean probability, over the points, of the part that the posture has there: in [0, 1].
+
+    The agreement of a posture and of one turned about tells front from back, and left from right.
+    """
+    return float(_agreement(seen.surface, seen.likelihood, *posture.capsules()))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _agreement(surface, likelihood, ends, radii):  # type: ignore[no-untyped-def]
+    """See :func:`agreement`, :attr:`Seen.surface`, :attr:`Seen.likelihood` and :meth:`Posture.capsules`."""
+    which = np.empty(len(likelihood), np.int32)
+    nearest_capsules(which, surface, np.zeros((0, 0), np.float32), ends, radii, np.float32(0.0))
+    total = 0.0
+    for i in range(len(which)):
+        total += likelihood[i, which[i]]
+    return total / len(which)
+
+
+def facing_score(seen: Seen, posture: Posture, eye: Float) -> float:
+    """How likely it is that somebody seen so faces as the posture does: 0 for the likeliest way, else less.
+
+    A log probability, interpolated between the eight ways that the network tells. Who might as well face
+    either way faces the sensor.
+    """
+    return float(likely_to_face(seen.estimate.facing, facing(posture, eye)))
+
+
+@njit(cache=True, nogil=True)
+def likely_to_face(ways, angle):  # type: ignore[no-untyped-def]
+    """See :func:`facing_score`.
+
+    Args:
+        ways: (8,) log probabilities of the ways to face.
+        angle: radians, as of :func:`facing`.
+    """
+    turns = angle * FACINGS / (2.0 * np.pi)
+    before = int(np.floor(turns))
+    share = turns - before
+    likely = (1.0 - share) * ways[before % FACINGS] + share * ways[(before + 1) % FACINGS]
+    return likely - ways.max() + _TO_THE_SENSOR * np.cos(angle)
+
+
+def facing(posture: Posture, eye: Float) -> float:
+    """Radians in plan from facing the sensor to the way the chest faces, anticlockwise from above."""
+    return float(_facing(posture.rotations, posture.position, eye))
+
+
+@njit(cache=True, nogil=True)
+def _facing(rotations, place, eye):  # type: ignore[no-untyped-def]
+    left, _ = chest_axes(rotations)
+    return facing_in_plan(left, place, eye)
+
+
+def turned_about(posture: Posture) -> Posture:
+    """The posture turned half about its trunk's axis, the limbs of either side where the other's were."""
+    made = posture.copy()
+    made.rotations = joint_limits.mirrored(posture.rotations)
+    made.rotations[model.PELVIS] = posture.rotations[model.PELVIS] @ rotation(y=np.pi)
+    return made

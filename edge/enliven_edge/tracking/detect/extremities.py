@@ -1,0 +1,164 @@
+"""Geodesic extremities of somebody's surface: hands, feet and head are farthest from the trunk along it.
+
+After Plagemann et al. 2010: shortest ways over the surface from its middle, the farthest point, then the
+farthest from both, and so on. A jump in depth may be crossed at a price, so that a forearm held before the
+chest is far from it although it is near in the image.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.kernels import njit
+from enliven_edge.tracking.frame.observation import world_points
+
+_NODES = 1200
+"""The surface is thinned to about so many points."""
+_PENALTY = 1.0
+"""Metres that it costs to jump."""
+
+
+@dataclass(frozen=True)
+class Extremities:
+    """The farthest points, the farthest first.
+
+    Attributes:
+        points: (K, 3) metres, world frame, on the surface.
+        far: (K,) metres along the surface from the middle and from every earlier one.
+    """
+
+    points: Float
+    far: Float
+
+
+def extremities(
+    z: Float, mask: Bool, camera: Float, pose: Float, count: int = 6, nearest: float = 0.25
+) -> Extremities:
+    """At most ``count`` extremities that are farther than ``nearest`` metres from all before them.
+
+    Args:
+        z: (h, w) metres along the optical axis.
+        mask: (h, w) the person's pixels.
+        camera: (4,) fx, fy, cx, cy in pixels of this image.
+        pose: (4, 4) world_from_camera.
+    """
+    step = max(1, int(np.sqrt(np.count_nonzero(mask) / _NODES)))
+    depth = np.ascontiguousarray(z[::step, ::step])
+    # One layout for all steps: a kernel is compiled, or loaded, anew for each.
+    thinned = _solid(depth, np.ascontiguousarray(mask[::step, ::step]), step)
+    if not thinned.any():
+        return Extremities(np.zeros((0, 3)), np.zeros(0))
+    points = _placed(depth, step, camera, pose)
+    known = points[thinned]
+    middle = np.median(known, axis=0)
+    source = int(np.flatnonzero(thinned)[np.argmin(np.linalg.norm(known - middle, axis=1))])
+    cell = np.empty(count, np.int64)
+    far = np.empty(count)
+    distance = np.full(thinned.shape, np.inf)
+    spread(points, depth, thinned, step, source, distance)
+    kept = 0
+    for k in range(count):
+        reached = np.where(np.isfinite(distance), distance, -1.0)
+        cell[k] = int(np.argmax(reached))
+        far[k] = reached.flat[cell[k]]
+        if far[k] < nearest:
+            break
+        kept += 1
+        spread(points, depth, thinned, step, cell[k], distance)
+    return Extremities(points.reshape(-1, 3)[cell[:kept]], far[:kept])
+
+
+def _placed(z: Float, step: int, camera: Float, pose: Float) -> Float:
+    """(h, w, 3) world-frame points of every ``step``-th pixel."""
+    fx, fy, cx, cy = camera
+    ray = np.empty((*z.shape, 2))
+    ray[..., 0] = (np.arange(z.shape[1]) * float(step) - cx) / fx
+    ray[..., 1] = ((np.arange(z.shape[0]) * float(step) - cy) / fy)[:, None]
+    return world_points(z, ray, pose)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _jumps(here, there, step):  # type: ignore[no-untyped-def]
+    """Whether two depths, metres, ``step`` pixels apart are not of one surface."""
+    return abs(there - here) > step * (0.02 + 0.008 * here * here)
+
+
+@njit(cache=True, nogil=True)
+def _solid(z, mask, step):  # type: ignore[no-untyped-def]
+    """(h, w) the masked pixels with three neighbours on the same surface: no stray depth at an edge."""
+    height, width = mask.shape
+    out = np.zeros((height, width), np.bool_)
+    for v in range(height):
+        for u in range(width):
+            beside = -1
+            for q in range(max(0, v - 1), min(height, v + 2)):
+                for p in range(max(0, u - 1), min(width, u + 2)):
+                    if mask[q, p] and mask[v, u] and not _jumps(z[v, u], z[q, p], step):
+                        beside += 1
+            out[v, u] = beside >= 3
+    return out
+
+
+@njit(cache=True, nogil=True)
+def spread(points, z, mask, step, source, distance):  # type: ignore[no-untyped-def]
+    """Dijkstra from one more source: lowers ``distance`` (h, w), metres, where the new way is shorter.
+
+    Args:
+        step: pixels of the working image between neighbours, for what is a jump.
+        source: row * w + column.
+    """
+    height, width = mask.shape
+    heap_key, heap_cell = np.empty(9 * height * width), np.empty(9 * height * width, np.int64)
+    distance.flat[source] = 0.0
+    size = _push(heap_key, heap_cell, 0, 0.0, source)
+    while size > 0:
+        key, cell = heap_key[0], heap_cell[0]
+        size = _pop(heap_key, heap_cell, size)
+        v, u = cell // width, cell % width
+        if key > distance[v, u]:
+            continue
+        for q in range(max(0, v - 1), min(height, v + 2)):
+            for p in range(max(0, u - 1), min(width, u + 2)):
+                if not mask[q, p]:
+                    continue
+                square = 0.0
+                for a in range(3):
+                    square += (points[q, p, a] - points[v, u, a]) ** 2
+                cost = np.sqrt(square)
+                if _jumps(z[v, u], z[q, p], step):
+                    cost += _PENALTY
+                if key + cost < distance[q, p] - 1e-9:
+                    distance[q, p] = key + cost
+                    size = _push(heap_key, heap_cell, size, key + cost, q * width + p)
+
+
+@njit(cache=True, nogil=True)
+def _push(key, cell, size, value, item):  # type: ignore[no-untyped-def]
+    """Adds to a binary heap; its new size."""
+    i = size
+    while i > 0 and key[(i - 1) // 2] > value:
+        key[i], cell[i] = key[(i - 1) // 2], cell[(i - 1) // 2]
+        i = (i - 1) // 2
+    key[i], cell[i] = value, item
+    return size + 1
+
+
+@njit(cache=True, nogil=True)
+def _pop(key, cell, size):  # type: ignore[no-untyped-def]
+    """Takes the least from a binary heap; its new size."""
+    size -= 1
+    value, item = key[size], cell[size]
+    i = 0
+    while 2 * i + 1 < size:
+        child = 2 * i + 1
+        if child + 1 < size and key[child + 1] < key[child]:
+            child += 1
+        if key[child] >= value:
+            break
+        key[i], cell[i] = key[child], cell[child]
+        i = child
+    key[i], cell[i] = value, item
+    return size

@@ -1,0 +1,105 @@
+"""Which way somebody faces: front and back look alike, so it is decided over many frames.
+
+Two things tell: what the network sees, and that people walk forward.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.kernels import njit
+from enliven_edge.tracking.body_model.chest import ahead_in_plan, chest_axes, chest_axes_about, leaning_back
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.detect.appearance import Seen, likely_to_face
+from enliven_edge.tracking.estimator.labels import facing_in_plan
+
+_MEMORY, _PATIENCE = 15.0, 12
+"""Frames over which the evidence is averaged, and before a first verdict."""
+_SETTLED, _WRONG, _WRONG_ALL_THE_SAME = 1.0, -2.6, -3.5
+"""Log probability by which the facing must be better than its opposite to be settled; below which it is
+wrong; and below which even a settled one is."""
+_STROLL, _WALK = 0.45, 0.9
+"""Metres a second from which walking says something, and from which it says all it can."""
+_FORWARD = 4.5
+"""What walking ahead is worth, as a log probability."""
+_UPRIGHT = 15.0
+"""What it costs to lean backward, as a log probability a sine."""
+
+
+class Facing:
+    """Watches whether a posture has been facing the wrong way."""
+
+    def __init__(self) -> None:
+        self._advantage = 0.0
+        self._frames = 0
+        self._settled = False
+
+    def is_wrong(self, seen: Seen, posture: Posture, eye: Float, velocity: Float) -> bool:
+        """Whether the posture has been facing the wrong way for a while.
+
+        Args:
+            eye: (3,) the sensor, world frame.
+            velocity: (3,) metres a second of the hip centre.
+        """
+        ways = seen.estimate.facing
+        advantage = float(_advantage(posture.rotations, posture.position, eye, velocity, ways))
+        self._frames += 1
+        self._advantage += max(1.0 / _MEMORY, 1.0 / self._frames) * (advantage - self._advantage)
+        if self._frames < _PATIENCE:
+            return False
+        self._settled = self._settled or self._advantage > _SETTLED
+        wrong = self._advantage < (_WRONG_ALL_THE_SAME if self._settled else _WRONG)
+        if wrong:
+            self._advantage, self._frames, self._settled = 0.0, 0, False
+        return wrong
+
+
+def forward_in_plan(posture: Posture) -> Float:
+    """(2,) see :func:`chest.ahead_in_plan`."""
+    left, _ = chest_axes(posture.rotations)
+    return np.array(ahead_in_plan(left))
+
+
+def backward(posture: Posture) -> float:
+    """See :func:`chest.leaning_back`."""
+    return float(_backward(posture.rotations))
+
+
+@njit(cache=True, nogil=True)
+def _backward(rotations):  # type: ignore[no-untyped-def]
+    left, up = chest_axes(rotations)
+    return leaning_back(left, up)
+
+
+@njit(cache=True, nogil=True)
+def _advantage(rotations, place, eye, velocity, ways):  # type: ignore[no-untyped-def]
+    """Log probability by which one frame speaks for a posture's facing and against its opposite.
+
+    Args:
+        rotations: (13, 3, 3) and
+        place: (3,) of the posture.
+        eye, velocity: as of :meth:`Facing.is_wrong`.
+        ways: (8,) log probabilities of the ways to face.
+    """
+    left, up = chest_axes(rotations)
+    other_left, other_up = chest_axes_about(rotations)
+    seen = likely_to_face(ways, facing_in_plan(left, place, eye))
+    seen -= likely_to_face(ways, facing_in_plan(other_left, place, eye))
+    leans = leaning_back(other_left, other_up) - leaning_back(left, up)
+    return seen + _FORWARD * _walking(velocity, ahead_in_plan(left)) + _UPRIGHT * leans
+
+
+@njit(cache=True, nogil=True)
+def _walking(velocity, ahead):  # type: ignore[no-untyped-def]
+    """In [-1, 1]: how plainly somebody walks the way they face.
+
+    Args:
+        velocity: (3,) metres a second.
+        ahead: the unit (x, z) direction that they face.
+    """
+    speed = np.sqrt(velocity[0] ** 2 + velocity[2] ** 2)
+    if speed < _STROLL:
+        return 0.0
+    along = (velocity[0] * ahead[0] + velocity[2] * ahead[1]) / speed
+    return min(1.0, (speed - _STROLL) / (_WALK - _STROLL)) * along

@@ -1,0 +1,212 @@
+"""Postures to begin from where nothing is known: standing in many ways, and a bank of other ones."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float, Float32, Int
+from enliven.matching.assignment import least_cost
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.capsules import misfits
+from enliven_edge.tracking.body_model.joint_limits import RELAXED, mirrored, standing
+from enliven_edge.tracking.body_model.posture import Posture, rotation
+from enliven_edge.tracking.detect.extremities import Extremities
+from enliven_edge.tracking.fit.alignment import align
+from enliven_edge.tracking.frame.observation import Observation
+
+_ARMS = (
+    {"arm_raise": 0.12, "elbow": 0.2},
+    {"arm_raise": 0.15, "arm_forward": 0.1, "elbow": 1.5},
+    {"arm_raise": 1.4, "elbow": 0.1},
+    {"arm_raise": 2.6, "elbow": 0.2},
+)
+"""Arms hanging, forearms forward, arms out, arms overhead."""
+_LEFT_ARM = [model.UPPER_ARM_L, model.FOREARM_L]
+_RIGHT_ARM = [model.UPPER_ARM_R, model.FOREARM_R]
+_SIDE_YAW = 1.2
+_YAWS = (0.0, 1.57, 3.14, -1.57)
+_THINNED, _FARTHEST_POINT = 100, 0.4
+"""Points that a posture of the bank is judged by, and metres beyond which one is just far."""
+
+
+def _bent(
+    *,
+    pitch: float = 0.0,
+    bend: float = 0.0,
+    thighs: tuple[float, float] = (0.0, 0.0),
+    knees: tuple[float, float] = (0.05, 0.05),
+    spread: tuple[float, float] = (0.06, 0.06),
+    arm_raise: float = 0.15,
+    arm_forward: float = 0.0,
+    elbow: float = 0.4,
+) -> Float:
+    """(13, 3, 3) a posture by the angles of trunk and legs, left and right, radians."""
+    rotations = standing(arm_raise=arm_raise, arm_forward=arm_forward, elbow=elbow)
+    rotations[model.PELVIS], rotations[model.CHEST] = rotation(x=pitch), rotation(x=bend)
+    for side, thigh in enumerate((model.THIGH_L, model.THIGH_R)):
+        outward = spread[side] * (1 - 2 * side)
+        rotations[thigh] = rotation(x=-thighs[side], z=outward)
+        rotations[thigh + 1] = rotation(x=knees[side])
+    return rotations
+
+
+def _bank() -> list[Float]:
+    """Crouching, kneeling, sitting, reaching for the floor, one leg up, lunging."""
+    both = [
+        _bent(pitch=0.3, bend=0.3, thighs=(2.0, 2.0), knees=(2.2, 2.2), spread=(0.3, 0.3), arm_forward=0.8),
+        _bent(pitch=0.3, bend=0.3, thighs=(1.2, 1.2), knees=(1.4, 1.4), spread=(0.2, 0.2), arm_forward=0.4),
+        _bent(thighs=(0.05, 0.05), knees=(1.6, 1.6)),
+        _bent(thighs=(1.5, 1.5), knees=(1.5, 1.5), arm_forward=0.3, elbow=0.8),
+        _bent(pitch=1.1, bend=0.7, thighs=(1.0, 1.0), knees=(0.1, 0.1), arm_forward=1.5, elbow=0.1),
+        _bent(pitch=0.6, bend=0.5, thighs=(0.6, 0.6), knees=(0.2, 0.2), arm_forward=1.0, elbow=0.1),
+    ]
+    left = [
+        _bent(thighs=(1.5, 0.05), knees=(1.5, 1.6)),
+        _bent(thighs=(1.4, 0.05), knees=(1.3, 0.1)),
+        _bent(thighs=(1.3, 0.05), knees=(0.1, 0.1)),
+        _bent(spread=(1.0, 0.0)),
+        _bent(thighs=(-0.4, 0.05), knees=(1.3, 0.1)),
+        _bent(pitch=0.1, thighs=(1.2, -0.4), knees=(1.2, 0.5)),
+    ]
+    return [*both, *left, *(mirrored(rotations) for rotations in left)]
+
+
+BANK = _bank()
+"""[(13, 3, 3)] facing +Z."""
+
+
+def standing_starts(observation: Observation, eye: Float, lengths: Float) -> list[Posture]:
+    """Standing under the crown: six ways to hold the arms facing the sensor, two turned to the sides.
+
+    Args:
+        eye: (3,) the sensor's position, world frame.
+        lengths: (12,) the person's, or an average person's.
+    """
+    centre = np.median(observation.points, axis=0).astype(np.float64)
+    facing = _towards(eye, centre)
+    return [
+        _under_crown(observation, centre, _turned(rotations, facing + yaw), lengths)
+        for rotations, yaw in _STANDING
+    ]
+
+
+def banked_starts(
+    observation: Observation, extremities: Extremities, eye: Float, lengths: Float, most: int
+) -> list[Posture]:
+    """The postures of the bank that are most like the points, brought to the extremities.
+
+    Args:
+        most: how many are returned.
+    """
+    points = np.ascontiguousarray(observation.points[:: max(1, len(observation.points) // _THINNED)])
+    centre = np.median(points, axis=0).astype(np.float64)
+    facing = _towards(eye, centre)
+    held = [Posture(np.zeros(3), rotations, lengths) for rotations in (*BANK, RELAXED)]
+    shapes = np.stack([posture.capsules()[0] for posture in held])
+    turns = np.stack([rotation(y=facing + yaw) for yaw in _YAWS])
+    ends = np.einsum("yij,pcej->pycei", turns, shapes).reshape(-1, *shapes.shape[1:])
+    radii = held[0].capsules()[1]
+    positions = _around(points, centre, ends, radii, eye)
+    misfit = misfits(np.ascontiguousarray(points.T), ends + positions[:, None, None], radii, _FARTHEST_POINT)
+    made = []
+    for index in np.argsort(misfit, kind="stable")[:most]:
+        rotations = _turned(held[index // len(turns)].rotations, facing + _YAWS[index % len(turns)])
+        made.append(_reaching(Posture(positions[index], rotations, lengths.copy()), extremities, eye))
+    return made
+
+
+def _towards(eye: Float, centre: Float) -> float:
+    """Radians about +Y from +Z to the direction of the eye."""
+    return float(np.arctan2(eye[0] - centre[0], eye[2] - centre[2]))
+
+
+def _turned(rotations: Float, yaw: float) -> Float:
+    """(13, 3, 3) the posture turned about the vertical."""
+    made = rotations.copy()
+    made[model.PELVIS] = rotation(y=yaw) @ rotations[model.PELVIS]
+    return made
+
+
+def _one_raised(limbs: list[int]) -> Float:
+    """(13, 3, 3) one arm up and out, the other hanging."""
+    rotations = standing()
+    rotations[limbs] = standing(arm_raise=2.2, elbow=0.2)[limbs]
+    return rotations
+
+
+_STANDING = [
+    *((standing(**arms), 0.0) for arms in _ARMS),
+    *((_one_raised(limbs), 0.0) for limbs in (_LEFT_ARM, _RIGHT_ARM)),
+    *((RELAXED, yaw) for yaw in (_SIDE_YAW, -_SIDE_YAW)),
+]
+"""Postures and radians from facing the sensor."""
+
+
+def _under_crown(observation: Observation, centre: Float, rotations: Float, lengths: Float) -> Posture:
+    """A posture whose head's top, or raised hands, are at the top of the observed points."""
+    posture = Posture(np.zeros(3), rotations, lengths.copy())
+    ends, radii = posture.capsules()
+    tops = (ends[..., 1] + radii).max(1)
+    highest = int(np.argmax(tops))
+    crown = observation.crown
+    # A head is the crown's neighbour sideways; a raised hand is not.
+    under = 0.5 * (crown[0] + centre[0]) if model.CAPSULES.frame[highest] == model.HEAD else centre[0]
+    head = np.array([under, crown[1] - tops[highest], 0.0])
+    behind_surface = 0.1
+    away = centre - observation.view[4][:3, 3]
+    away[1] = 0.0
+    head[2] = centre[2]
+    posture.position = head + behind_surface * away / max(1e-6, float(np.linalg.norm(away)))
+    return posture
+
+
+def _around(points: Float32, centre: Float, ends: Float, radii: Float, eye: Float) -> Float:
+    """(N, 3) where N postures have their middle, top and bottom where the points have theirs.
+
+    Behind the seen surface.
+
+    Args:
+        ends: (N, C, 2, 3) the capsules of the postures about the origin, of (C, 2) radii.
+    """
+    away = centre - eye
+    away[1] = 0.0
+    away /= max(1e-6, float(np.linalg.norm(away)))
+    positions = centre + 0.08 * away - ends.mean((1, 2))
+    low, high = (ends[..., 1] - radii).min((1, 2)), (ends[..., 1] + radii).max((1, 2))
+    positions[:, 1] = 0.5 * (points[:, 1].min() + points[:, 1].max()) - 0.5 * (low + high)
+    return np.asarray(positions)
+
+
+def _end_anchors() -> tuple[Int, Float]:
+    """(5,) frames and (5, 3, 12) offsets of the head's top, the hands and the feet."""
+    frames, local = np.zeros(5, np.int64), np.zeros((5, 3, len(model.LENGTHS)))
+    frames[0], local[0, 1, model.NECK] = model.HEAD, 1.3
+    for k, arm in enumerate((model.FOREARM_L, model.FOREARM_R)):
+        frames[1 + k], local[1 + k, 1, [model.FORE, model.HAND]] = arm, (-1.0, -1.2)
+    for k, foot in enumerate((model.FOOT_L, model.FOOT_R)):
+        frames[3 + k], local[3 + k, 1, model.FOOT], local[3 + k, 2, model.FOOT] = foot, -0.35, 0.8
+    return frames, local
+
+
+_END_FRAMES, _ENDS = _end_anchors()
+_HIPS = np.zeros((1, 3, len(model.LENGTHS)))
+_FARTHEST = 0.45
+
+
+def _reaching(posture: Posture, ends: Extremities, eye: Float) -> Posture:
+    """The posture with head, hands and feet at the extremities that each is nearest to."""
+    if len(ends.points) == 0:
+        return posture
+    capsules, _ = posture.capsules()
+    tips = capsules[[7, 10, 13, 16, 19], 1]
+    away = ends.points - eye
+    targets = ends.points + 0.04 * away / np.linalg.norm(away, axis=1, keepdims=True)
+    distance = np.linalg.norm(tips[:, None] - targets[None], axis=2)
+    limb, extremity = least_cost(np.minimum(distance, _FARTHEST))
+    matched = distance[limb, extremity] < _FARTHEST
+    frames = np.concatenate([_END_FRAMES[limb[matched]], [model.PELVIS]])
+    local = np.concatenate([_ENDS[limb[matched]], _HIPS])
+    wanted = np.concatenate([targets[extremity[matched]], posture.position[None]])
+    weights = np.full(len(frames), 0.02)
+    made, _ = align(posture, frames, local, wanted, weights, width=0.3, iterations=10)
+    return made

@@ -1,0 +1,213 @@
+"""Second thoughts: what explains the picture badly is tried elsewhere, one proposal a frame.
+
+Nearest-surface fitting cannot bring back a limb that has been caught by another one, nor a body that faces
+the wrong way, because every pixel of the real one is explained by something else nearby. A proposal that
+starts elsewhere can; it is taken where it explains the frame better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.joint_limits import mirrored, standing
+from enliven_edge.tracking.body_model.posture import Posture, rotation
+from enliven_edge.tracking.detect.appearance import Seen, agreement, turned_about
+from enliven_edge.tracking.detect.backoff import Patience
+from enliven_edge.tracking.detect.posing import drawn, posed
+from enliven_edge.tracking.fit.fit import FitReport, Fitter
+from enliven_edge.tracking.frame.observation import Observation
+
+_ARM_POSES = (
+    standing(arm_raise=0.15, arm_forward=0.1, elbow=1.5),
+    standing(arm_raise=0.2, elbow=0.15),
+    standing(arm_raise=1.4, elbow=0.1),
+    standing(arm_raise=0.2, arm_forward=1.5, elbow=0.2),
+    standing(arm_raise=2.5, elbow=0.4),
+    standing(arm_raise=0.3, arm_forward=1.0, elbow=2.2),
+)
+"""Forearm forward, hanging, out, forward, overhead, hand at the face. Before these come the limb as it was
+when last sure, and the other side's mirror image."""
+_LEG_POSES = (
+    standing(),
+    standing(hip=1.4, knee=1.5),
+    standing(hip=0.3, knee=1.4),
+    standing(hip=0.7, knee=0.1),
+)
+"""Standing, knee up, kneeling, kicking."""
+_ARMS = ((model.UPPER_ARM_L, model.FOREARM_L), (model.UPPER_ARM_R, model.FOREARM_R))
+_LEGS = (
+    (model.THIGH_L, model.SHIN_L, model.FOOT_L),
+    (model.THIGH_R, model.SHIN_R, model.FOOT_R),
+)
+_OUTER = {limb: np.flatnonzero(np.isin(model.CAPSULES.frame, limb[1:])).tolist() for limb in (*_ARMS, *_LEGS)}
+"""The capsules of each limb beyond its first bone."""
+_DOUBTFUL, _SURE = 0.5, 0.9
+_BETTER, _MUCH_BETTER = 0.985, 0.8
+"""Share of the energy that a limb, and a whole body, must fall below to be moved elsewhere."""
+_LOSES = 0.03
+"""Share of the points that no better posture leaves unexplained: a leg that the network does not know."""
+_STEPS = 6
+_WIDE_STEPS, _WIDE = 6, 0.25
+_RAREST = 4
+"""Frames between two ideas of the whole body that explain nothing better, at most."""
+_DISAGREEMENT = 4.0
+_BADLY = 0.9
+"""Share of the points explained (less what was seen through) below which the whole body is doubted."""
+_YAWS = (0.8, -0.8)
+
+
+class SecondThoughts:
+    """Takes turns over the limbs and the whole body, and over the proposals for each."""
+
+    def __init__(self, fitter: Fitter) -> None:
+        self._fitter = fitter
+        self._turn = 0
+        self._bodies = Patience(_RAREST)
+        self._remembered: dict[tuple[int, ...], Float] = {}
+        self._ideas: Iterator[Posture] = iter(())
+
+    def reconsider(
+        self,
+        observation: Observation,
+        posture: Posture,
+        report: FitReport,
+        confidence: Float,
+        seen: Seen | None = None,
+    ) -> tuple[Posture, FitReport]:
+        """The posture, or one with a doubtful part elsewhere where that explains the frame better.
+
+        Args:
+            confidence: (C,) of every capsule, in [0, 1].
+            seen: what the network says of the frame; None without one.
+        """
+        doubtful = self._doubtful(posture, confidence)
+        badly = report.explained - report.violated.mean() < _BADLY
+        elsewhere = seen is not None and seen.estimate.apart_from(posture.joints())
+        self._turn += 1
+        if not (badly or doubtful or elsewhere):
+            return posture, report
+        if seen is not None and elsewhere and (self._turn % 2 or not (badly or doubtful)):
+            tried = self._where_seen(observation, posture, seen)
+        elif badly and (not doubtful or self._turn % 4 < 2):
+            return self._whole_body(observation, posture, report, seen)
+        else:
+            start = self._limb_elsewhere(posture, doubtful) if doubtful else posture
+            tried = self._fitter.fit(observation, start, iterations=_STEPS)
+        if not (badly or _same_way(tried[0], posture)):
+            return posture, report
+        return tried if self._is_better(tried, observation, posture, seen, _BETTER) else (posture, report)
+
+    def _whole_body(
+        self, observation: Observation, posture: Posture, report: FitReport, seen: Seen | None
+    ) -> tuple[Posture, FitReport]:
+        """The posture, or the next idea of the whole body where it is due and much better."""
+        if not self._bodies.is_due(report.energy):
+            return posture, report
+        tried = self._elsewhere(observation, posture, seen)
+        taken = self._is_better(tried, observation, posture, seen, _MUCH_BETTER)
+        self._bodies.tried(report.energy, better=taken)
+        return tried if taken else (posture, report)
+
+    def _is_better(
+        self,
+        tried: tuple[Posture, FitReport],
+        observation: Observation,
+        posture: Posture,
+        seen: Seen | None,
+        share: float,
+    ) -> bool:
+        """Whether a posture costs less than such a share of another, both without what time predicts."""
+        _, same = self._fitter.fit(observation, posture, iterations=1)
+        before, after = cost(same, posture, seen), cost(tried[1], tried[0], seen)
+        return after < share * before and same.explained - tried[1].explained <= _LOSES
+
+    def _doubtful(self, posture: Posture, confidence: Float) -> list[tuple[int, ...]]:
+        """The limbs that explain little of the picture; those that explain much are remembered."""
+        doubtful: list[tuple[int, ...]] = []
+        sure_of = confidence.tolist()
+        for limb, capsules in _OUTER.items():
+            sure = min(sure_of[c] for c in capsules)
+            if sure > _SURE:
+                # Its frames follow each other: a slice is cheaper than a list of them.
+                self._remembered[limb] = posture.rotations[limb[0] : limb[-1] + 1].copy()
+            elif sure < _DOUBTFUL:
+                doubtful.append(limb)
+        return doubtful
+
+    def _where_seen(
+        self, observation: Observation, posture: Posture, seen: Seen
+    ) -> tuple[Posture, FitReport]:
+        """The posture brought to where the network sees the joints, then fitted."""
+        return self._fitter.fit(observation, drawn(posture, seen.estimate), iterations=_STEPS)
+
+    def _elsewhere(
+        self, observation: Observation, posture: Posture, seen: Seen | None
+    ) -> tuple[Posture, FitReport]:
+        """The next idea of how the whole body may be, fitted widely, then closely."""
+        idea = next(self._ideas, None)
+        if idea is None:
+            self._ideas = whole_bodies(observation, posture, seen)
+            idea = next(self._ideas)
+        wide, _ = self._fitter.fit(observation, idea, iterations=_WIDE_STEPS, width=_WIDE)
+        return self._fitter.fit(observation, wide, iterations=_STEPS)
+
+    def _limb_elsewhere(self, posture: Posture, doubtful: list[tuple[int, ...]]) -> Posture:
+        """The posture with the next doubtful limb at the next place where it may be."""
+        turn = self._turn // 2
+        limb = doubtful[turn % len(doubtful)]
+        index = list(limb)
+        poses = _ARM_POSES if limb in _ARMS else _LEG_POSES
+        places = [mirrored(posture.rotations)[index], *(pose[index] for pose in poses)]
+        if limb in self._remembered:
+            places.insert(0, self._remembered[limb])
+        start = posture.copy()
+        start.rotations[index] = places[(turn // len(doubtful)) % len(places)]
+        return start
+
+
+def cost(report: FitReport, posture: Posture, seen: Seen | None) -> float:
+    """Square centimetres a point: the fit's energy, and what it costs to be of other parts than are seen."""
+    return report.energy + (0.0 if seen is None else _DISAGREEMENT * (1.0 - agreement(seen, posture)))
+
+
+def whole_bodies(observation: Observation, posture: Posture, seen: Seen | None) -> Iterator[Posture]:
+    """Ideas of where the whole body may be: as the network sees it, turned a little, or standing anew.
+
+    Never half a turn: a body looks nearly the same from the back, and nobody turns that far in a frame.
+    """
+    if seen is not None:
+        proposed = posed(seen.estimate, posture.lengths)
+        yield proposed if _same_way(proposed, posture) else turned_about(proposed)
+    for yaw in _YAWS:
+        turned = posture.copy()
+        turned.rotations[model.PELVIS] = rotation(y=yaw) @ posture.rotations[model.PELVIS]
+        yield turned
+    ahead = posture.rotations[model.PELVIS][:, 2]
+    facing = float(np.arctan2(ahead[0], ahead[2]))
+    for yaw in (0.0, *_YAWS):
+        yield _standing_at(observation, posture, facing + yaw)
+
+
+def _same_way(one: Posture, other: Posture) -> bool:
+    """Whether two postures face within a right angle of each other, by hips and by shoulders."""
+    turns = [
+        (p.rotations[model.PELVIS], p.rotations[model.PELVIS] @ p.rotations[model.CHEST])
+        for p in (one, other)
+    ]
+    return all(bool(a[:, 0] @ b[:, 0] > 0) for a, b in zip(*turns, strict=True))
+
+
+def _standing_at(observation: Observation, posture: Posture, facing: float) -> Posture:
+    """A person who stands where the points are, turned to ``facing`` radians."""
+    made = Posture(posture.position.copy(), standing(facing), posture.lengths.copy())
+    centre = np.median(observation.points.astype(float), axis=0)
+    away = centre - observation.view[4][:3, 3]
+    away[1] = 0.0
+    made.position = centre + 0.1 * away / max(1e-6, float(np.linalg.norm(away)))
+    soles = made.joints()[:, 1].min() - made.position[1]
+    made.position[1] = 0.04 - soles
+    return made

@@ -1,0 +1,227 @@
+"""The shipped network at work: from a frame the joints, how sure each is, the facing, the parts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+
+from enliven.arrays import Bool, Float, Float32
+from enliven.errors import InputError
+from enliven.kernels import njit
+from enliven_edge.assets import ESTIMATOR
+from enliven_edge.tracking.estimator.crop import COLUMNS, Crop, crop_person
+from enliven_edge.tracking.estimator.labels import FACINGS
+
+_DISTANCE = 3.0
+"""The mean distance, in units of its scale, of the distribution that the network learns: density falls off
+exponentially with the distance, in space."""
+
+_FARTHEST = 1.0
+"""Metres: the most that a joint is said to be off."""
+_SUREST, _USUAL = 0.03, 0.05
+"""Metres of spread below which a joint is not believed more, and at which its weight is one of twenty."""
+_SUREST_BESIDE_DEPTH = 0.05
+"""And where the surface says better where a joint is: limbs of real people are off by more than is said."""
+TRUST = np.repeat([1.0, 0.4], [12, 8])
+"""(20,) shares of that weight: legs are found by their surface, and a crouch is easily taken for a kneel."""
+_DOUBTED, _WIDTHS = 3.0, (0.12, 0.4)
+"""The robust width in spreads, and metres between which it is."""
+
+_APART, _SPREADS = 0.08, 1.5
+"""Metres, and times how far a joint is off on average, from which it is plainly elsewhere."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What one frame shows of a person, as the network sees it.
+
+    Attributes:
+        joints: (20, 3) metres, world frame, ordered by :class:`enliven.person.body.Joint`.
+        spread: (20,) metres that each is off on average.
+        facing: (8,) log probabilities of the ways to face, see :func:`labels.facing_of`; whatever was told
+            of it.
+        parts: (17, 40, 32) logits of the parts at every second cell of the crop.
+        crop: what was looked at.
+        somebody: the probability that it is a person and no thing, in [0, 1]; whatever was told.
+    """
+
+    joints: Float
+    spread: Float
+    facing: Float
+    parts: Float32
+    crop: Crop
+    somebody: float = 1.0
+
+    @property
+    def landmarks(self) -> Float:
+        """(20, 5) what a posture is to keep near, as ``terms.near_landmarks`` takes them."""
+        return self._landmarks(_SUREST)
+
+    @property
+    def guides(self) -> Float:
+        """(20, 5) the same beside depth, which has the last word."""
+        return self._landmarks(_SUREST_BESIDE_DEPTH)
+
+    def _landmarks(self, surest: float) -> Float:
+        """(20, 5) no joint surer than so many metres."""
+        return np.asarray(_landmarks(self.joints, self.spread, surest, TRUST))
+
+    def apart_from(self, joints: Float) -> bool:
+        """Whether some of (20, 3) joints is plainly elsewhere than it is seen."""
+        return bool(_apart(joints, self.joints, self.spread))
+
+    def parts_at(self, rays: Float) -> Float32:
+        """(M, 17) probabilities of the parts at (M, 2) rays, x/z and y/z; between cells by four of them."""
+        rows, columns = self.parts.shape[1:]
+        cells = _cells_of_parts(self.crop.cells(rays), rows, columns)
+        return np.asarray(_between_cells(self.parts, cells))
+
+
+@njit(cache=True, nogil=True)
+def _landmarks(joints, spread, surest, trust):  # type: ignore[no-untyped-def]
+    """(J, 5) place, weight and robust width of the joints, see :attr:`Estimate.landmarks`."""
+    out = np.empty((len(joints), 5))
+    low, high = _WIDTHS
+    for j in range(len(joints)):
+        sure = max(spread[j], surest)
+        for a in range(3):
+            out[j, a] = joints[j, a]
+        out[j, 3] = trust[j] * (_USUAL / sure) ** 2 / len(joints)
+        out[j, 4] = min(high, max(low, _DOUBTED * sure))
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _apart(joints, seen, spread):  # type: ignore[no-untyped-def]
+    """See :meth:`Estimate.apart_from`."""
+    for j in range(len(joints)):
+        x, y, z = joints[j, 0] - seen[j, 0], joints[j, 1] - seen[j, 1], joints[j, 2] - seen[j, 2]
+        apart = np.sqrt(x * x + y * y + z * z)
+        if apart > _APART and apart > _SPREADS * spread[j]:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _cells_of_parts(cells, rows, columns):  # type: ignore[no-untyped-def]
+    """(M, 2) column and row among the middles of the parts' cells, of (M, 2) as of :meth:`Crop.cells`.
+
+    What is beyond the outermost of them is put on them.
+    """
+    out, share = np.empty(cells.shape), columns / COLUMNS
+    for i in range(len(cells)):
+        out[i, 0] = min(columns - 1.001, max(0.0, cells[i, 0] * share + columns / 2 - 0.5))
+        out[i, 1] = min(rows - 1.001, max(0.0, cells[i, 1] * share + rows / 2 - 0.5))
+    return out
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _between_cells(logits, cells):  # type: ignore[no-untyped-def]
+    """(M, P) softmax over (P, h, w) logits, interpolated at (M, 2) columns and rows."""
+    parts = len(logits)
+    out = np.empty((len(cells), parts), np.float32)
+    for i in range(len(cells)):
+        u, v = int(cells[i, 0]), int(cells[i, 1])
+        x, y = np.float32(cells[i, 0] - u), np.float32(cells[i, 1] - v)
+        most = np.float32(-1e9)
+        for p in range(parts):
+            above = (1 - x) * logits[p, v, u] + x * logits[p, v, u + 1]
+            below = (1 - x) * logits[p, v + 1, u] + x * logits[p, v + 1, u + 1]
+            out[i, p] = (1 - y) * above + y * below
+            most = max(most, out[i, p])
+        total = np.float32(0.0)
+        for p in range(parts):
+            out[i, p] = np.exp(out[i, p] - most)
+            total += out[i, p]
+        for p in range(parts):
+            out[i, p] /= total
+    return out
+
+
+class PoseEstimator:
+    """Runs a network by ONNX Runtime on one core; safe to call from several threads."""
+
+    def __init__(self, path: Path) -> None:
+        """Reads a network.
+
+        Raises:
+            InputError: where its file is missing or damaged.
+        """
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 3
+        try:
+            self._session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # ONNX Runtime has no common error
+            raise InputError(
+                f"the network cannot be read ({type(error).__name__})",
+                where=str(path),
+                mend="Install enliven again, or set tracker.estimator = false.",
+            ) from None
+
+    def estimates(self, crop: Crop, world_from_camera: Float, facings: list[float | None]) -> list[Estimate]:
+        """What a crop shows, for each way in which the person may face.
+
+        Args:
+            facings: radians from facing the sensor, anticlockwise from above; None: not known.
+        """
+        told = np.array(
+            [[0.0, 0.0, crop.cell] if f is None else [np.cos(f), np.sin(f), crop.cell] for f in facings],
+            np.float32,
+        )
+        image = np.repeat(crop.image[None], len(told), 0)
+        joints, spread, facing, parts = self._session.run(None, {"image": image, "told": told})
+        made = []
+        for n in range(len(told)):
+            here = crop.to_camera(joints[n].astype(np.float64))
+            world, off, ways, somebody = _told(here, spread[n], facing[n], world_from_camera)
+            made.append(Estimate(world, off, ways, parts[n], crop, somebody))
+        return made
+
+    def estimate(
+        self, z: Float, mask: Bool, camera: Float, world_from_camera: Float, facing: float | None
+    ) -> Estimate:
+        """What a frame shows of the masked person; arguments as of :func:`crop_person`, and the facing."""
+        crop = crop_person(z, mask, camera, world_from_camera)
+        return self.estimates(crop, world_from_camera, [facing])[0]
+
+
+@njit(cache=True, nogil=True)
+def _told(here, spread, facing, pose):  # type: ignore[no-untyped-def]
+    """What the network's numbers mean: joints, spread, facing and somebody, as of :class:`Estimate`.
+
+    Args:
+        here: (20, 3) metres, the joints in the camera's frame.
+        spread: (20,) float32 logarithms of the joints' scales, metres.
+        facing: (9,) float32 logits of the ways to face, and of being no person.
+        pose: (4, 4) world_from_camera.
+    """
+    world, off = np.empty(here.shape), np.empty(len(here))
+    for j in range(len(here)):
+        for a in range(3):
+            world[j, a] = pose[a, 0] * here[j, 0] + pose[a, 1] * here[j, 1] + pose[a, 2] * here[j, 2]
+            world[j, a] += pose[a, 3]
+        off[j] = min(_FARTHEST, _DISTANCE * np.exp(np.float64(spread[j])))
+    somebody = np.exp(_log_softmax(facing)[:FACINGS]).sum()
+    return world, off, _log_softmax(facing[:FACINGS]), somebody
+
+
+@njit(cache=True, nogil=True)
+def _log_softmax(logits):  # type: ignore[no-untyped-def]
+    """(N,) log probabilities, float64, of (N,) float32 logits."""
+    shifted = logits.astype(np.float64) - np.float64(logits.max())
+    return shifted - np.log(np.exp(shifted).sum())
+
+
+@lru_cache(maxsize=1)
+def shipped_estimator() -> PoseEstimator:
+    """The network trained by ``enliven train-estimator``.
+
+    Raises:
+        InputError: where its file is missing or damaged.
+    """
+    return PoseEstimator(ESTIMATOR)

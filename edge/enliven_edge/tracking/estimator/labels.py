@@ -1,0 +1,57 @@
+"""The parts that the network tells apart, the ways to face, and the part at each rendered pixel."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.kernels import njit
+
+
+class Part(IntEnum):
+    """Regions of the body's surface; left and right are the person's own."""
+
+    HEAD = 0
+    CHEST_LEFT = 1
+    CHEST_RIGHT = 2
+    BELLY_LEFT = 3
+    BELLY_RIGHT = 4
+    UPPER_ARM_LEFT = 5
+    UPPER_ARM_RIGHT = 6
+    FOREARM_LEFT = 7
+    FOREARM_RIGHT = 8
+    HAND_LEFT = 9
+    HAND_RIGHT = 10
+    THIGH_LEFT = 11
+    THIGH_RIGHT = 12
+    SHANK_LEFT = 13
+    SHANK_RIGHT = 14
+    FOOT_LEFT = 15
+    FOOT_RIGHT = 16
+
+
+PARTS = len(Part)
+NOBODY = 255
+"""The label of a pixel that shows no part."""
+FACINGS = 8
+"""Ways to face that are told apart, every 45 degrees."""
+MIRRORED = np.array([0, *(p + 1 if p % 2 else p - 1 for p in range(1, PARTS))])
+"""(17,) the part on the other side of the body."""
+
+
+def facing_of(left: Float, place: Float, eye: Float) -> float:
+    """Radians in plan from facing the sensor to the way somebody faces, anticlockwise from above.
+
+    Args:
+        left: (3,) towards their left side, world frame: unlike the front it stays level when they bend.
+        place, eye: (3,) where they and the sensor are.
+    """
+    return float(facing_in_plan(left, place, eye))
+
+
+@njit(cache=True, nogil=True)
+def facing_in_plan(left, place, eye):  # type: ignore[no-untyped-def]
+    """:func:`facing_of` for kernels; ``left`` may be a tuple."""
+    return np.arctan2(-left[2], left[0]) - np.arctan2(eye[0] - place[0], eye[2] - place[2])

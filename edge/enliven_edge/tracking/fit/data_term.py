@@ -1,0 +1,221 @@
+"""The data term of the fit, compiled: observed points lie on the surface of the body.
+
+A point on a capsule with the axis s + t d, outward normal n and parameter t has the residual r = distance -
+radius, which falls by n . dx where the axis moves by dx and by dR where the radius R grows. All that the
+points of a capsule say is in the weighted moments
+
+    sum t^k n n',  sum t^k n,  sum t^k  (k = 0, 1, 2)   and   sum r t^k n,  sum r t^k  (k = 0, 1):
+
+the wrench (n, (s + t d) cross n) is linear in n and t n, and the motion by a bone's length is linear along
+the axis. So a point costs a few products, and the rest is done once a capsule.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.kernels import njit
+from enliven_edge.tracking.body_model.capsules import FAST, nearest_capsules
+from enliven_edge.tracking.fit.normal_equations import of_frame
+from enliven_edge.tracking.fit.terms import body_girth
+
+_GIRTH = 11
+
+
+@njit(cache=True, nogil=True)
+def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):  # type: ignore[no-untyped-def]
+    """Every observed point lies on the surface of its nearest capsule.
+
+    ``support`` (C,) receives the number of points that each capsule explains within ``width``.
+    Returns (energy, share of the points that are explained).
+
+    Args:
+        sums: as :func:`wrenches.no_sums` makes them.
+        seen, affinity: as :func:`capsules.nearest_capsules` takes them.
+        surface: as the other terms take it, see :mod:`terms`.
+    """
+    total, pull, cross, own, tug = sums
+    ends, radii, capsule_frame, by_ends, lengths_of = surface
+    many = max(1, seen.shape[1])
+    which = np.empty(seen.shape[1], np.int32)
+    nearest_capsules(which, seen, affinity, ends, radii, np.float32(side))
+    points, first = _by_capsule(which, seen, len(ends))
+    squares, firsts, powers = np.empty((3, 3, 3)), np.empty((5, 3)), np.empty(5)
+    energy, explained = 0.0, 0.0
+    for c in range(len(ends)):
+        f, support[c] = capsule_frame[c], 0.0
+        if first[c] == first[c + 1]:
+            continue
+        here, axis = (first[c], first[c + 1]), (ends[c], radii[c])
+        cost, support[c] = _moments(squares, firsts, powers, points, here, axis, np.float32(width))
+        energy, explained = energy + cost, explained + support[c]
+        scale = weight / many
+        squares *= scale
+        firsts *= scale
+        powers *= scale
+        start, way = ends[c, 0], ends[c, 1] - ends[c, 0]
+        _add_wrenches(total[f], pull[f], squares, firsts, start, way)
+        if len(tug) > 0:
+            growth = radii[c] / body_girth(radii)
+            along, moved = (start, way, by_ends[c], growth), of_frame(lengths_of, f, len(tug))
+            _add_lengths(cross[f], own, tug, squares, firsts, powers, along, moved)
+    return weight / many * energy, explained / many
+
+
+@njit(cache=True, nogil=True)
+def _by_capsule(which, seen, count):  # type: ignore[no-untyped-def]
+    """(3, M) the points in the order of their capsules, and (C + 1,) where each capsule's begin."""
+    first = np.zeros(count + 1, np.int64)
+    for c in which:
+        first[c + 1] += 1
+    for c in range(count):
+        first[c + 1] += first[c]
+    points, filled = np.empty((3, len(which)), np.float32), first.copy()
+    for i in range(len(which)):
+        c = which[i]
+        for a in range(3):
+            points[a, filled[c]] = seen[a, i]
+        filled[c] += 1
+    return points, first
+
+
+@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+def _moments(squares, firsts, powers, points, here, axis, width):  # type: ignore[no-untyped-def]
+    """The moments of a capsule's points by their robust weights; returns (energy, points within ``width``).
+
+    Written out in single precision, so that many points are summed at once: this is what a frame's fit does
+    most.
+
+    Args:
+        squares: (3, 3, 3) receives sum w t^k n n'.
+        firsts: (5, 3) receives sum w t^k n for k = 0, 1, 2 and sum w r t^k n for k = 0, 1.
+        powers: (5,) receives sum w t^k and sum w r t^k likewise.
+        points: (3, M) float32, of all capsules: a part of each row would not be known to lie side by side.
+        here: the first point of the capsule, and the one after its last.
+        axis: (2, 3) and (2,) the capsule's ends and radii.
+        width: float32 metres.
+    """
+    ends, radii = axis
+    zero, one = np.float32(0.0), np.float32(1.0)
+    sx, sy, sz = np.float32(ends[0, 0]), np.float32(ends[0, 1]), np.float32(ends[0, 2])
+    dx, dy, dz = np.float32(ends[1, 0]) - sx, np.float32(ends[1, 1]) - sy, np.float32(ends[1, 2]) - sz
+    share = one / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
+    start, growth = np.float32(radii[0]), np.float32(radii[1] - radii[0])
+    xx0 = xy0 = xz0 = yy0 = yz0 = zz0 = xx1 = xy1 = xz1 = yy1 = yz1 = zz1 = zero
+    xx2 = xy2 = xz2 = yy2 = yz2 = zz2 = x0 = y0 = z0 = x1 = y1 = z1 = x2 = y2 = z2 = zero
+    rx0 = ry0 = rz0 = rx1 = ry1 = rz1 = w0 = w1 = w2 = r0 = r1 = energy = within = zero
+    for i in range(here[0], here[1]):
+        a, b, c = points[0, i] - sx, points[1, i] - sy, points[2, i] - sz
+        t = min(one, max(zero, (a * dx + b * dy + c * dz) * share))
+        a, b, c = a - t * dx, b - t * dy, c - t * dz
+        length = np.sqrt(a * a + b * b + c * c) + np.float32(1e-9)
+        scale = one / length
+        residual = length - start - t * growth
+        ratio = residual / width
+        kept = one / (one + ratio * ratio)
+        energy += residual * residual * kept
+        within += one if abs(residual) < width else zero
+        w = kept * kept
+        a, b, c = a * scale, b * scale, c * scale
+        wt = w * t
+        wtt, wr = wt * t, w * residual
+        wrt = wr * t
+        aa, ab, ac, bb, bc, cc = a * a, a * b, a * c, b * b, b * c, c * c
+        xx0, xy0, xz0 = xx0 + w * aa, xy0 + w * ab, xz0 + w * ac
+        yy0, yz0, zz0 = yy0 + w * bb, yz0 + w * bc, zz0 + w * cc
+        xx1, xy1, xz1 = xx1 + wt * aa, xy1 + wt * ab, xz1 + wt * ac
+        yy1, yz1, zz1 = yy1 + wt * bb, yz1 + wt * bc, zz1 + wt * cc
+        xx2, xy2, xz2 = xx2 + wtt * aa, xy2 + wtt * ab, xz2 + wtt * ac
+        yy2, yz2, zz2 = yy2 + wtt * bb, yz2 + wtt * bc, zz2 + wtt * cc
+        x0, y0, z0, x1, y1, z1 = x0 + w * a, y0 + w * b, z0 + w * c, x1 + wt * a, y1 + wt * b, z1 + wt * c
+        x2, y2, z2, w0, w1, w2 = x2 + wtt * a, y2 + wtt * b, z2 + wtt * c, w0 + w, w1 + wt, w2 + wtt
+        rx0, ry0, rz0, r0 = rx0 + wr * a, ry0 + wr * b, rz0 + wr * c, r0 + wr
+        rx1, ry1, rz1, r1 = rx1 + wrt * a, ry1 + wrt * b, rz1 + wrt * c, r1 + wrt
+    _fill_square(squares[0], xx0, xy0, xz0, yy0, yz0, zz0)
+    _fill_square(squares[1], xx1, xy1, xz1, yy1, yz1, zz1)
+    _fill_square(squares[2], xx2, xy2, xz2, yy2, yz2, zz2)
+    made = ((x0, y0, z0), (x1, y1, z1), (x2, y2, z2), (rx0, ry0, rz0), (rx1, ry1, rz1))
+    for k in range(5):
+        for a in range(3):
+            firsts[k, a] = made[k][a]
+    powers[0], powers[1], powers[2], powers[3], powers[4] = w0, w1, w2, r0, r1
+    return energy, within
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _fill_square(out, xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
+    """A symmetric (3, 3)."""
+    out[0, 0], out[0, 1], out[0, 2] = xx, xy, xz
+    out[1, 0], out[1, 1], out[1, 2] = xy, yy, yz
+    out[2, 0], out[2, 1], out[2, 2] = xz, yz, zz
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _turned(a, row):  # type: ignore[no-untyped-def]
+    """(3,) a cross a row, as a tuple."""
+    return a[1] * row[2] - a[2] * row[1], a[2] * row[0] - a[0] * row[2], a[0] * row[1] - a[1] * row[0]
+
+
+@njit(cache=True, nogil=True)
+def _add_wrenches(total, pull, squares, firsts, start, way):  # type: ignore[no-untyped-def]
+    """The sums of phi phi' and -r phi of a capsule's points, phi = (n, start cross n + way cross t n)."""
+    # By rows of n: u[a] = sum w n_a (x cross n), v the same with t; what is turned twice follows from both.
+    u, v = np.empty((3, 3)), np.empty((3, 3))
+    for a in range(3):
+        s0, s1 = _turned(start, squares[0, a]), _turned(start, squares[1, a])
+        d1, d2 = _turned(way, squares[1, a]), _turned(way, squares[2, a])
+        for b in range(3):
+            u[a, b], v[a, b] = s0[b] + d1[b], s1[b] + d2[b]
+    for b in range(3):
+        twice, more = _turned(start, u[:, b]), _turned(way, v[:, b])
+        for a in range(3):
+            total[a, b] += squares[0, a, b]
+            total[a, 3 + b] += u[a, b]
+            total[3 + b, a] += u[a, b]
+            total[3 + a, 3 + b] += twice[a] + more[a]
+    about, along = _turned(start, firsts[3]), _turned(way, firsts[4])
+    for a in range(3):
+        pull[a] -= firsts[3, a]
+        pull[3 + a] -= about[a] + along[a]
+
+
+@njit(cache=True, nogil=True)
+def _add_lengths(cross, own, tug, squares, firsts, powers, axis, lengths):  # type: ignore[no-untyped-def]
+    """What a capsule's points say of the lengths.
+
+    A length moves the axis by g + t h and makes the surface thicker by b + t e, at n . (g + t h) + b + t e of
+    the residual. Kept by length: sum w n (that), and the same with t.
+
+    Args:
+        axis: start and way (3,), (2, 3, L) their ends' derivatives, (2,) the radii's by the girth.
+        lengths: which ones move the capsule, the girth last.
+    """
+    start, way, by_ends, growth = axis
+    count = len(lengths)
+    here, beyond = np.empty((count, 3)), np.empty((count, 3))
+    for m in range(count):
+        p = lengths[m]
+        thick = growth[0] if p == _GIRTH else 0.0
+        more = growth[1] - growth[0] if p == _GIRTH else 0.0
+        tug[p] -= thick * powers[3] + more * powers[4]
+        for a in range(3):
+            here[m, a] = thick * firsts[0, a] + more * firsts[1, a]
+            beyond[m, a] = thick * firsts[1, a] + more * firsts[2, a]
+            g, h = by_ends[0, a, p], by_ends[1, a, p] - by_ends[0, a, p]
+            tug[p] -= g * firsts[3, a] + h * firsts[4, a]
+            for b in range(3):
+                g, h = by_ends[0, b, p], by_ends[1, b, p] - by_ends[0, b, p]
+                here[m, a] += squares[0, a, b] * g + squares[1, a, b] * h
+                beyond[m, a] += squares[1, a, b] * g + squares[2, a, b] * h
+        about, along = _turned(start, here[m]), _turned(way, beyond[m])
+        for a in range(3):
+            cross[a, p] += here[m, a]
+            cross[3 + a, p] += about[a] + along[a]
+        for n in range(m + 1):
+            q, value = lengths[n], 0.0
+            for a in range(3):
+                g, h = by_ends[0, a, q], by_ends[1, a, q] - by_ends[0, a, q]
+                value += here[m, a] * g + beyond[m, a] * h
+            if p == _GIRTH and q == _GIRTH:
+                value += thick * (thick * powers[0] + 2 * more * powers[1]) + more * more * powers[2]
+            own[q, p] += value

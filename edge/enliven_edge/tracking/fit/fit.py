@@ -1,0 +1,143 @@
+"""The articulated fit: damped Gauss-Newton of the body model on what one depth frame shows.
+
+After Ganapathi et al. 2012 (ray-constrained ICP): points to surfaces, and the surface kept out of the space
+that the camera saw through.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float, Int
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.fit.gauss_newton import assemble, minimise
+from enliven_edge.tracking.frame.observation import Observation
+from enliven_edge.tracking.settings import FitSettings
+
+_SQUARE_CM = 1e4
+_APART = 0.02
+"""Weight of limbs that enter each other against that of all points together."""
+_STIFF = np.ones(13)
+_STIFF[[model.PELVIS, model.CHEST, model.HEAD]] = 1.0, 3.0, 2.0
+_RELAXED = np.ones(13)
+_RELAXED[model.PELVIS] = 0.0
+_RELAXED[[model.CHEST, model.HEAD]] = 12.0, 6.0
+_RELAXED[[model.FOOT_L, model.FOOT_R]] = 3.0
+
+
+def _touching_pairs() -> Int:
+    """(K, 2) capsules that must stay apart: arms and torso, arm and arm, leg and leg."""
+    frame = model.CAPSULES.frame
+    groups = {
+        "torso": [c for c, f in enumerate(frame) if f in (model.PELVIS, model.CHEST, model.HEAD)],
+        "left arm": [c for c, f in enumerate(frame) if f == model.FOREARM_L],
+        "right arm": [c for c, f in enumerate(frame) if f == model.FOREARM_R],
+        "left leg": [c for c, f in enumerate(frame) if f in (model.SHIN_L, model.FOOT_L)],
+        "right leg": [c for c, f in enumerate(frame) if f in (model.SHIN_R, model.FOOT_R)],
+        "left thigh": [c for c, f in enumerate(frame) if f == model.THIGH_L],
+        "right thigh": [c for c, f in enumerate(frame) if f == model.THIGH_R],
+    }
+    meet = [
+        ("left arm", "torso"),
+        ("right arm", "torso"),
+        ("left arm", "right arm"),
+        ("left leg", "right leg"),
+    ]
+    meet += [("left arm", "left thigh"), ("right arm", "right thigh")]
+    return np.array([(i, j) for a, b in meet for i in groups[a] for j in groups[b]])
+
+
+def shape() -> tuple[AnyArray, ...]:
+    """The body as the compiled fit takes it."""
+    c = model.CAPSULES
+    skeleton = (model.FRAME_PARENTS, model.PIVOTS, model.MOVES, model.DOF_FRAME, model.DOF_AXIS)
+    surface = (c.frame, c.ends, c.radii, model.FRAME_LENGTHS, _touching_pairs())
+    return (*skeleton, *surface, model.JOINT_FRAMES, model.JOINT_OFFSETS)
+
+
+Prior = tuple[Float, Float, Float, Float, Float, Float, Float, Float]
+_SHAPE = shape()
+_REST = joint_limits.standing()
+_NO_LENGTHS = np.zeros(0)
+
+
+@dataclass(frozen=True)
+class FitReport:
+    """How well a posture explains a frame.
+
+    Attributes:
+        energy: the minimised energy, square centimetres a point.
+        explained: share of the person's points within the robust width of the model.
+        support: (C,) observed points that each capsule explains.
+        violated: (C,) share of each capsule that the camera saw through.
+    """
+
+    energy: float
+    explained: float
+    support: Float
+    violated: Float
+
+
+class Fitter:
+    """Fits the model to observations; keeps nothing between calls but its settings."""
+
+    def __init__(self, settings: FitSettings) -> None:
+        self.settings = settings
+
+    def fit(
+        self,
+        observation: Observation,
+        start: Posture,
+        *,
+        predicted: Posture | None = None,
+        iterations: int | None = None,
+        width: float | None = None,
+        proportions: Float | None = None,
+    ) -> tuple[Posture, FitReport]:
+        """The posture near ``start`` that explains the observation best.
+
+        Args:
+            predicted: the posture that time suggests; None where nothing is known (detection).
+            iterations: Gauss-Newton steps, the setting's where None.
+            width: metres at which residuals are doubted, the setting's where None.
+            proportions: (12,) weights that hold the lengths at ``start``'s; fixed where None.
+        """
+        made = start.copy()
+        prior = self._prior(start, predicted, proportions)
+        weights = self._weights(width)
+        support, violated = np.zeros(len(model.CAPSULES.frame)), np.zeros(len(model.CAPSULES.frame))
+        energy, explained = minimise(
+            made.position, made.rotations, made.lengths, observation.seen, _SHAPE, prior, weights,
+            self.settings.iterations if iterations is None else iterations, support, violated,
+        )  # fmt: skip
+        return made, FitReport(float(energy), float(explained), support, violated)
+
+    def information(self, posture: Posture, observation: Observation) -> Float:
+        """(30, 30) upper triangle of the Gauss-Newton matrix of what one frame says, lengths held."""
+        matrix, gradient = np.zeros((model.DOFS, model.DOFS)), np.zeros(model.DOFS)
+        count = len(model.CAPSULES.frame)
+        state = (posture.position, posture.rotations, posture.lengths)
+        prior = self._prior(posture, None, None)
+        of_capsules = (np.zeros(count), np.zeros(count))
+        assemble(matrix, gradient, state, observation.seen, _SHAPE, prior, self._weights(None), *of_capsules)
+        return matrix
+
+    def _prior(self, start: Posture, predicted: Posture | None, proportions: Float | None) -> Prior:
+        """What holds a posture besides the frame: time, relaxation, the joints' ranges, the build."""
+        s = self.settings
+        firmness = _NO_LENGTHS if proportions is None else proportions
+        stiffness = np.zeros(13) if predicted is None else s.temporal * _STIFF
+        expected = start.rotations if predicted is None else predicted.rotations
+        held = (expected, stiffness, _REST, s.rest * _RELAXED)
+        return (*held, joint_limits.MIDDLE, joint_limits.REACH, start.lengths.copy(), firmness)
+
+    def _weights(self, width: float | None) -> Float:
+        """(7,) as the compiled fit takes them."""
+        s = self.settings
+        doubted = s.width if width is None else width
+        pairs, floor = _APART * _SQUARE_CM, s.floor * _SQUARE_CM
+        surface = (_SQUARE_CM, s.free_space * _SQUARE_CM, pairs, s.ranges, doubted, floor)
+        return np.array([*surface, s.landmarks * _SQUARE_CM])

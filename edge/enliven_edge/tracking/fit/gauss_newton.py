@@ -1,0 +1,169 @@
+"""Levenberg-Marquardt over all terms of the fit, in one compiled loop.
+
+The unknowns are translation (3), rotations (27) and, while the person's build is not settled, lengths (12).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.kernels import copy_row, copy_rows, njit
+from enliven_edge.tracking.body_model.kinematics import capsules_into, forward_into, pivots_by_length, turn
+from enliven_edge.tracking.fit import data_term, terms
+from enliven_edge.tracking.fit.normal_equations import gather, no_sums
+
+_DOFS = 30
+_SIDE = 0.04
+"""Metres; see :func:`capsules.nearest_capsules`."""
+_FREE_WIDTH = 0.25
+"""Metres: the robust width of what is seen through; a whole forearm may be in the wrong place."""
+_SAMPLES, _PAIR_SAMPLES = np.int64(5), np.int64(3)
+"""Points along a capsule, and along the first of a pair. As plain ints they would be types of their own."""
+_SCALE = 0.1
+"""How much less a person's size is held than their proportions."""
+_FLOOR_SLACK = 0.02
+"""Metres that the floor may be wrong."""
+_ENOUGH = 1e-4
+"""Share of the energy that a step must gain for another one to be worth it."""
+_LARGEST_TURN = 0.5
+"""Radians a joint in one step."""
+
+
+@njit(cache=True, nogil=True)
+def minimise(  # type: ignore[no-untyped-def]
+    position, rotations, lengths, seen, shape, prior, weights, iterations, support, violated
+):
+    """Moves the posture (in place) to lower energy; returns (energy, explained).
+
+    Args:
+        position, rotations, lengths: (3,), (13, 3, 3), (12,), as in :class:`Posture`.
+        seen: (points with their normals, affinity, view, landmarks), as the terms take them.
+        shape: the body, see :func:`fit.shape`.
+        prior: (predicted rotations, stiffness (13,), rest rotations, relaxedness (13,), middle, reach,
+            reference lengths (12,), their weights (12,), or (0,) where the lengths are frozen).
+        weights: (7,) of a point, free space, self intersection, ranges; the robust width, metres; of the
+            floor and the landmarks.
+        support: (C,) receives the points that each capsule explains.
+        violated: (C,) receives the share of each capsule that was seen through.
+    """
+    count = _DOFS + len(prior[7])
+    matrix, gradient = np.zeros((count, count)), np.zeros(count)
+    trial_matrix, trial_gradient = np.zeros((count, count)), np.zeros(count)
+    step, factor = np.empty(count), np.empty((count, count))
+    tried, tried_violated = np.empty_like(support), np.empty_like(violated)
+    state = (position, rotations, lengths)
+    energy, explained = assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated)
+    damping = 1e-2
+    for _ in range(iterations):
+        solve_damped(step, factor, matrix, gradient, damping)
+        moved = stepped(position, rotations, lengths, step, shape[3], shape[4])
+        lower, better = assemble(
+            trial_matrix, trial_gradient, moved, seen, shape, prior, weights, tried, tried_violated
+        )
+        if not lower < energy:
+            damping *= 8.0
+            if damping > 1e4:
+                break
+            continue
+        gain = energy - lower
+        copy_row(position, moved[0])
+        for f in range(len(rotations)):
+            copy_rows(rotations[f], moved[1][f])
+        copy_row(lengths, moved[2])
+        copy_row(support, tried)
+        copy_row(violated, tried_violated)
+        matrix, trial_matrix = trial_matrix, matrix
+        gradient, trial_gradient = trial_gradient, gradient
+        energy, explained, damping = lower, better, max(1e-6, damping / 4.0)
+        if gain < _ENOUGH * energy:
+            break
+    return energy, explained
+
+
+@njit(cache=True, nogil=True)
+def assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated):  # type: ignore[no-untyped-def]
+    """The normal equations (upper triangle) and the energy at a posture; returns (energy, explained)."""
+    position, rotations, lengths = state
+    observed, affinity, view, landmarks = seen
+    dof_frame, dof_axis, pairs, joint_frames, joints = shape[3], shape[4], shape[9], shape[10], shape[11]
+    predicted, stiffness, rest, relaxedness, middle, reach, reference, firmness = prior
+    matrix[:], gradient[:] = 0.0, 0.0
+    free = len(firmness)
+    body, surface = _placed(position, rotations, lengths, shape, free)
+    sums = no_sums(len(rotations), free)
+    energy, explained = data_term.depth_to_model(
+        sums, observed, affinity, surface, weights[0], weights[4], _SIDE, support
+    )
+    energy += terms.free_space(sums, surface, view, weights[1], _FREE_WIDTH, _SAMPLES, violated)
+    energy += terms.above_floor(sums, surface, weights[5], _FLOOR_SLACK)
+    energy += terms.near_landmarks(sums, landmarks, joint_frames, joints, lengths, body, weights[6])
+    gather(matrix, gradient, sums, body)
+    energy += terms.self_intersection(matrix, gradient, surface, body, pairs, weights[2], _PAIR_SAMPLES)
+    energy += terms.joint_ranges(matrix, gradient, rotations, middle, reach, weights[3], dof_frame, dof_axis)
+    energy += terms.stay_near(matrix, gradient, rotations, rest, relaxedness, dof_frame, dof_axis)
+    energy += terms.stay_near(matrix, gradient, rotations, predicted, stiffness, dof_frame, dof_axis)
+    if free > 0:
+        energy += terms.hold_build(matrix, gradient, lengths, reference, firmness, _SCALE)
+    return energy, explained
+
+
+@njit(cache=True, nogil=True)
+def _placed(position, rotations, lengths, shape, free):  # type: ignore[no-untyped-def]
+    """(body, surface) of a posture as the terms take them, with so many lengths that are not frozen."""
+    parents, offsets, moves, dof_frame, dof_axis, frames, local, thickness, lengths_of = shape[:9]
+    world, pivots, of_pivots = np.empty((13, 3, 3)), np.empty((13, 3)), np.empty((13, 3, free))
+    forward_into(world, pivots, position, rotations, lengths, parents, offsets)
+    pivots_by_length(of_pivots, world, rotations, parents, offsets)
+    body = (world, pivots, of_pivots, moves, dof_frame, dof_axis, lengths_of, parents)
+    count = len(frames)
+    ends, radii, by_ends = np.empty((count, 2, 3)), np.empty((count, 2)), np.empty((count, 2, 3, free))
+    capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness)
+    terms.ends_by_length(by_ends, body, frames, local)
+    return body, (ends, radii, frames, by_ends, lengths_of)
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def cholesky(factor, matrix, damping):  # type: ignore[no-untyped-def]
+    """The lower factor of M + damping diag(M) + 0.001; only M's upper triangle is read."""
+    for i in range(len(matrix)):
+        for j in range(i + 1):
+            value = matrix[j, i]
+            if i == j:
+                value = value * (1.0 + damping) + 1e-3
+            for k in range(j):
+                value -= factor[i, k] * factor[j, k]
+            factor[i, j] = np.sqrt(max(value, 1e-12)) if i == j else value / factor[j, j]
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def solve_damped(step, factor, matrix, gradient, damping):  # type: ignore[no-untyped-def]
+    """step = -(M + damping diag(M) + 0.001)^-1 gradient; only M's upper triangle is read."""
+    count = len(gradient)
+    cholesky(factor, matrix, damping)
+    for i in range(count):
+        value = -gradient[i]
+        for k in range(i):
+            value -= factor[i, k] * step[k]
+        step[i] = value / factor[i, i]
+    for n in range(count):
+        i = count - 1 - n
+        value = step[i]
+        for k in range(i + 1, count):
+            value -= factor[k, i] * step[k]
+        step[i] = value / factor[i, i]
+
+
+@njit(cache=True, nogil=True)
+def stepped(position, rotations, lengths, step, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
+    """(position, rotations, lengths) after a step, which is cut to half a radian a joint."""
+    largest = 1e-9
+    for k in range(3, _DOFS):
+        largest = max(largest, abs(step[k]))
+    share = min(1.0, _LARGEST_TURN / largest)
+    moved, turned, longer = position.copy(), rotations.copy(), lengths.copy()
+    for a in range(3):
+        moved[a] += share * step[a]
+    turn(turned, share * step[3:_DOFS], dof_frame, dof_axis)
+    for p in range(len(step) - _DOFS):
+        longer[p] *= min(1.25, max(0.8, 1.0 + share * step[_DOFS + p] / lengths[p]))
+    return moved, turned, longer

@@ -1,0 +1,220 @@
+"""What one depth frame shows at the working resolution: points, normals, the person's silhouette."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Float32, Int, UInt16
+from enliven.camera import Intrinsics, rays
+from enliven.kernels import njit
+from enliven.masks import pixels_of
+from enliven_edge.tracking.frame.reduction import reduce_depth
+
+
+class WorkingCamera:
+    """The camera of the reduced image, with its rays; made once for a sensor.
+
+    Attributes:
+        stride: full-resolution pixels a working pixel.
+        intrinsics: of the reduced image.
+        ray: (h, w, 2) x/z and y/z of every working pixel.
+    """
+
+    def __init__(self, intrinsics: Intrinsics, width: int) -> None:
+        self.full = intrinsics
+        self.stride = max(1, round(intrinsics.width / width))
+        h, w = intrinsics.height // self.stride, intrinsics.width // self.stride
+        scaled = intrinsics.scaled(1.0 / self.stride)
+        self.intrinsics = Intrinsics(w, h, scaled.fx, scaled.fy, scaled.cx, scaled.cy, scaled.distortion)
+        self.ray = np.ascontiguousarray(rays(self.intrinsics))
+        self.camera = np.array([scaled.fx, scaled.fy, scaled.cx, scaled.cy])
+
+    def reduce(self, depth: UInt16) -> Float:
+        """(h, w) metres along the optical axis; 0 where nothing is known."""
+        h, w = self.intrinsics.height, self.intrinsics.width
+        return reduce_depth(depth, self.stride, h, w)
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The person in one frame.
+
+    Attributes:
+        points: (M, 3) float32 metres, world frame, on the person's surface.
+        normals: (M, 3) float32 outward unit normals of the points, world frame.
+        pixels: (M, 2) row and column of the points in the working image.
+        view: (z, mask, nearest, camera, world_from_camera) as ``terms.free_space`` takes it.
+        cut: whether the person runs out of the image at its lower border.
+        affinity: (C, M) float32 metres by which a point is farther from a capsule than it seems, by what it
+            looks like; (0, 0) where nothing says so.
+        landmarks: (20, 5) as ``terms.near_landmarks`` takes them; (0, 5) where there are none.
+    """
+
+    points: Float32
+    normals: Float32
+    pixels: Int
+    view: tuple[Float, Bool, Int, Float, Float]
+    cut: bool
+    affinity: Float32 = field(default_factory=lambda: np.zeros((0, 0), np.float32))
+    landmarks: Float = field(default_factory=lambda: np.zeros((0, 5)))
+
+    @cached_property
+    def seen(self) -> tuple[Any, ...]:
+        """(points with their normals (6, M), affinity, view, landmarks), as the compiled fit takes them."""
+        surface = np.empty((6, len(self.points)), np.float32)
+        surface[:3], surface[3:] = self.points.T, self.normals.T
+        return surface, self.affinity, self.view, self.landmarks
+
+    def thinned(self, step: int) -> Observation:
+        """The same with every ``step``-th of the points."""
+        return replace(
+            self,
+            points=np.ascontiguousarray(self.points[::step]),
+            normals=np.ascontiguousarray(self.normals[::step]),
+            pixels=np.ascontiguousarray(self.pixels[::step]),
+            affinity=np.ascontiguousarray(self.affinity[:, ::step]),
+        )
+
+    @cached_property
+    def crown(self) -> Float:
+        """(3,) the top of the head, or of whatever is highest: the mean of the topmost points."""
+        order = np.argsort(-self.points[:, 1])
+        return np.asarray(self.points[order[: max(3, len(order) // 40)]].mean(0))
+
+
+def world_points(z: Float, ray: Float, world_from_camera: Float) -> Float:
+    """(h, w, 3) world-frame points of an image of (h, w) metres along the optical axis."""
+    return np.asarray(_world_points(z, ray, np.ascontiguousarray(world_from_camera)))
+
+
+@njit(cache=True, nogil=True)
+def _world_points(z, ray, pose):  # type: ignore[no-untyped-def]
+    """Every pixel's ray scaled by its depth and moved by the (4, 4) pose."""
+    height, width = z.shape
+    out = np.empty((height, width, 3))
+    for v in range(height):
+        for u in range(width):
+            x, y, depth = ray[v, u, 0] * z[v, u], ray[v, u, 1] * z[v, u], z[v, u]
+            for a in range(3):
+                out[v, u, a] = pose[a, 0] * x + pose[a, 1] * y + pose[a, 2] * depth + pose[a, 3]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def nearest_columns(mask):  # type: ignore[no-untyped-def]
+    """(h, w) int16 the masked column nearest to every pixel in its row, the left one of two; -1: none is."""
+    height, width = mask.shape
+    out = np.empty((height, width), np.int16)
+    for v in range(height):
+        row, last = out[v], -1
+        for u in range(width):
+            if not mask[v, u]:
+                continue
+            row[u] = u
+            if last < 0:
+                row[:u] = u
+            elif u > last + 1:
+                middle = (last + u) // 2 + 1
+                row[last + 1 : middle], row[middle:u] = last, u
+            last = u
+        row[last + 1 :] = last
+    return out
+
+
+@njit(cache=True, nogil=True)
+def nearest_pixel(v, u, nearest):  # type: ignore[no-untyped-def]
+    """(row, column) of the masked pixel nearest to one, from :func:`nearest_columns`; -1 where none is."""
+    height = nearest.shape[0]
+    best, row, column = 1 << 60, -1, -1
+    for step in range(height):
+        if step * step >= best:
+            break
+        for side in range(2):
+            r = v + step if side == 0 else v - step
+            if r < 0 or r >= height or nearest[r, u] < 0:
+                continue
+            square = step * step + (nearest[r, u] - u) ** 2
+            if square < best:
+                best, row, column = square, r, nearest[r, u]
+    return row, column
+
+
+def observe(
+    z: Float, surface: Float, mask: Bool, camera: WorkingCamera, world_from_camera: Float, points: int
+) -> Observation:
+    """The observation of the masked person.
+
+    Args:
+        z: (h, w) metres along the optical axis.
+        surface: (h, w, 3) the same pixels in the world frame.
+        mask: (h, w) the person's pixels.
+        points: at most this many surface points are kept, evenly over the pixels.
+    """
+    pixels = sampled(mask, points)
+    found, normals = surface_samples(surface, z, pixels, world_from_camera[:3, 3].copy())
+    view = (z, mask, nearest_columns(mask), camera.camera, world_from_camera)
+    cut = bool(mask[-2:].sum() > 0.05 * mask.shape[1])
+    return Observation(found, normals, pixels, view, cut)
+
+
+@njit(cache=True, nogil=True)
+def sampled(mask, points):  # type: ignore[no-untyped-def]
+    """(M, 2) rows and columns of at most so many masked pixels, evenly spread in reading order."""
+    pixels, width = pixels_of(mask), mask.shape[1]
+    total = len(pixels)
+    kept = min(points, total)
+    out = np.empty((kept, 2), np.int64)
+    for n in range(kept):
+        # Number floor((n + 1/2) total / kept): evenly spread, and never twice.
+        pixel = pixels[((2 * n + 1) * total) // (2 * kept)]
+        out[n, 0], out[n, 1] = pixel // width, pixel % width
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def surface_samples(points, z, pixels, eye):  # type: ignore[no-untyped-def]
+    """(M, 3) float32 points at M pixels, and their unit normals from differences across two pixels.
+
+    Normals face the eye. Where a neighbour is unknown or across a depth edge, the direction to the eye
+    stands in.
+    """
+    height, width = z.shape
+    found, out = np.empty((len(pixels), 3), np.float32), np.empty((len(pixels), 3), np.float32)
+    for i in range(len(pixels)):
+        v, u = pixels[i, 0], pixels[i, 1]
+        here = points[v, u]
+        x, y, depth = eye[0] - here[0], eye[1] - here[1], eye[2] - here[2]
+        if 0 < v < height - 1 and 0 < u < width - 1:
+            right, left, down, up = z[v, u + 1], z[v, u - 1], z[v + 1, u], z[v - 1, u]
+            low, high = min(min(right, left), min(down, up)), max(max(right, left), max(down, up))
+            if low > 0.0 and high - low < 0.06 + 0.04 * low:
+                across = _between(points[v, u - 1], points[v, u + 1])
+                along = _between(points[v - 1, u], points[v + 1, u])
+                x, y, depth = _turned_to((x, y, depth), _cross(across, along))
+        length = np.sqrt(x**2 + y**2 + depth**2) + 1e-12
+        found[i, 0], found[i, 1], found[i, 2] = here[0], here[1], here[2]
+        out[i, 0], out[i, 1], out[i, 2] = x / length, y / length, depth / length
+    return found, out
+
+
+@njit(cache=True, nogil=True)
+def _between(a, b):  # type: ignore[no-untyped-def]
+    """The vector from one point to another."""
+    return b[0] - a[0], b[1] - a[1], b[2] - a[2]
+
+
+@njit(cache=True, nogil=True)
+def _cross(a, b):  # type: ignore[no-untyped-def]
+    """a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True, nogil=True)
+def _turned_to(a, b):  # type: ignore[no-untyped-def]
+    """b, turned about where it points away from a."""
+    side = 1.0 if b[0] * a[0] + b[1] * a[1] + b[2] * a[2] >= 0.0 else -1.0
+    return side * b[0], side * b[1], side * b[2]

@@ -1,0 +1,128 @@
+"""Alarms that do not flicker: raised after a while of trouble, cleared after a while without."""
+
+from __future__ import annotations
+
+import logging
+
+from enliven.health import NOBODY, HealthKind, HealthState, Severity, worst_first
+from enliven_edge.tracking.health.messages import COMPLAINTS
+
+log = logging.getLogger(__name__)
+
+Key = tuple[HealthKind, int]
+"""What is wrong, and with whom."""
+
+
+class Alarm:
+    """Hysteresis in time.
+
+    Args:
+        raise_after: seconds of trouble until it is raised.
+        clear_after: seconds without trouble until it is cleared.
+
+    Attributes:
+        active: whether it is raised.
+        since_ns: when the trouble began.
+    """
+
+    def __init__(self, raise_after: float, clear_after: float) -> None:
+        self._raise_ns, self._clear_ns = int(raise_after * 1e9), int(clear_after * 1e9)
+        self.active = False
+        self.since_ns = 0
+        self._wrong_ns: int | None = None
+        self._right_ns: int | None = None
+
+    def update(self, wrong: bool | None, time_ns: int) -> bool:
+        """Takes in a moment; whether the alarm is active now.
+
+        Args:
+            wrong: None where it cannot be told, which leaves everything as it is.
+        """
+        if wrong is None:
+            return self.active
+        if wrong:
+            self._right_ns = None
+            if self._wrong_ns is None or time_ns < self._wrong_ns:
+                self._wrong_ns = time_ns
+            if not self.active and time_ns - self._wrong_ns >= self._raise_ns:
+                self.active, self.since_ns = True, self._wrong_ns
+        else:
+            self._wrong_ns = None
+            if self._right_ns is None or time_ns < self._right_ns:
+                self._right_ns = time_ns
+            if time_ns - self._right_ns >= self._clear_ns:
+                self.active = False
+        return self.active
+
+
+class Alarms:
+    """One alarm for each thing that may be wrong with anybody, told in the log when it comes and goes.
+
+    Args:
+        sensor: what the sensor is called at the beginning of a sentence.
+    """
+
+    def __init__(self, sensor: str) -> None:
+        self._sensor = sensor
+        self._held: dict[Key, tuple[Alarm, dict[str, object]]] = {}
+        self._told: set[Key] = set()
+
+    @property
+    def states(self) -> list[HealthState]:
+        """What is wrong now, the gravest first."""
+        return worst_first([self._state(key) for key, held in self._held.items() if held[0].active])
+
+    def note(
+        self, kind: HealthKind, wrong: bool | None, now: int, performer: int = NOBODY, **facts: object
+    ) -> None:
+        """Takes in whether something is wrong at a moment; None: it cannot be told.
+
+        Args:
+            facts: what the sentence says, as it was when something was last wrong.
+        """
+        key = (kind, performer)
+        held = self._held.get(key)
+        if held is None:
+            if not wrong:
+                return
+            complaint = COMPLAINTS[kind]
+            held = self._held[key] = (Alarm(complaint.raise_after, complaint.clear_after), {})
+        if wrong and facts:
+            held[1].update(facts)
+        held[0].update(wrong, now)
+
+    def between(
+        self, kind: HealthKind, value: float | None, good: float, bad: float, performer: int = NOBODY
+    ) -> bool | None:
+        """Whether a value is too low: below ``bad``, and then until it is above ``good``; None: not known."""
+        if value is None:
+            return None
+        held = self._held.get((kind, performer))
+        return value < (good if held is not None and held[0].active else bad)
+
+    def tell(self) -> None:
+        """Logs what is new and what is over, once."""
+        active = {key for key, held in self._held.items() if held[0].active}
+        for key in active - self._told:
+            state = self._state(key)
+            log.log(logging.INFO if state.severity is Severity.NOTE else logging.WARNING, "%s", state)
+        for kind, performer in self._told - active:
+            log.info("over: %s%s", kind, "" if performer == NOBODY else f" (performer {performer})")
+        self._told = active
+
+    def keep(self, present: set[int]) -> None:
+        """Drops what was said of performers who are not there."""
+        for key in [k for k in self._held if k[1] != NOBODY and k[1] not in present]:
+            del self._held[key]
+
+    def clear(self) -> None:
+        """Drops everything."""
+        self._held.clear()
+
+    def _state(self, key: Key) -> HealthState:
+        kind, performer = key
+        alarm, facts = self._held[key]
+        complaint = COMPLAINTS[kind]
+        words = {**facts, "performer": f"Performer {performer}", "sensor": self._sensor}
+        what, mend = complaint.what.format(**words), complaint.mend.format(**words)
+        return HealthState(kind, complaint.severity, alarm.since_ns, what, mend, performer)

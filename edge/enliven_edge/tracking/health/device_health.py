@@ -1,0 +1,51 @@
+"""What a device says of itself: its link, its temperature, and which way down is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.health import HealthKind
+from enliven_edge.sensors.base import Condition
+from enliven_edge.tracking.health.alarm import Alarms
+
+_COOLER = 5.0
+"""Degrees Celsius below its limit at which a device is called hot, and by which it must cool again."""
+_LEVEL, _TILTED = 4.0, 6.0
+"""Degrees between floor and accelerometer at which they agree again, and do not: mounting and bias of the
+accelerometers of depth cameras are 1 to 3 degrees, a ramp or a table's edge taken for the floor is more."""
+_OVERHEAD = -0.5
+"""Cosine between what is taken for downwards and gravity below which a sensor hangs the other way up."""
+
+
+def judge_condition(
+    alarms: Alarms, condition: Condition, world_from_camera: Float, floor_known: bool, now: int
+) -> None:
+    """Notes what is wrong with a device at a moment.
+
+    Args:
+        world_from_camera: (4, 4) where the sensor stands, by its floor or by the settings.
+        floor_known: whether its floor was found.
+    """
+    alarms.note(HealthKind.SLOW_LINK, condition.slow_link, now, link=condition.link or "a slow link")
+    alarms.note(HealthKind.NOT_CALIBRATED, not condition.calibrated, now)
+    if condition.temperature is not None and condition.hot is not None:
+        room = condition.hot - condition.temperature
+        hot = alarms.between(HealthKind.HOT, room, 2 * _COOLER, _COOLER)
+        alarms.note(HealthKind.HOT, hot, now, celsius=condition.temperature, limit=condition.hot)
+    down = _direction(condition.gravity)
+    if down is None:
+        return
+    agreement = float(-np.asarray(world_from_camera)[1, :3] @ down)
+    alarms.note(HealthKind.UPSIDE_DOWN, agreement < _OVERHEAD, now)
+    tilt = float(np.degrees(np.arccos(np.clip(agreement, -1.0, 1.0)))) if floor_known else None
+    level = alarms.between(HealthKind.NOT_LEVEL, None if tilt is None else -tilt, -_LEVEL, -_TILTED)
+    alarms.note(HealthKind.NOT_LEVEL, level, now, degrees=tilt or 0.0)
+
+
+def _direction(gravity: tuple[float, float, float] | None) -> Float | None:
+    """(3,) gravity's direction in the camera's frame; None where nothing usable was measured."""
+    if gravity is None:
+        return None
+    length = float(np.linalg.norm(gravity))
+    return np.array(gravity) / length if np.isfinite(length) and length > 0 else None

@@ -1,0 +1,269 @@
+"""Says what is wrong: with the sensor, with what it sees, with where the performers stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from enliven.arrays import Float
+from enliven.camera import Intrinsics
+from enliven.errors import EnlivenError, InputError
+from enliven.frames import DepthFrame, Frame
+from enliven.health import HealthKind, HealthState
+from enliven.person.body import Body
+from enliven.settings import setting
+from enliven_edge.sensors.base import CHECK_IT, Condition
+from enliven_edge.tracking.frame.frame_check import FrameCheck
+from enliven_edge.tracking.frame.frame_timing import Rhythm
+from enliven_edge.tracking.frame.survey import Survey, survey
+from enliven_edge.tracking.health.alarm import Alarms
+from enliven_edge.tracking.health.device_health import judge_condition
+from enliven_edge.tracking.health.framing import WATCHED, cut_off, touching
+
+_FROZEN_FRAMES, _REPEATED = 4, 8
+_NORMAL_FALLS = 60.0
+"""Seconds in which less depth than before becomes the usual."""
+
+
+@dataclass(frozen=True)
+class HealthSettings:
+    """When something is said to be wrong."""
+
+    frame_rate: float = setting(
+        30.0, "Frames a second that the sensor promises, where it does not say.", unit="Hz", low=0.1
+    )
+    silent: float = setting(1.0, "Without a frame for this long, the sensor is silent.", unit="s", low=0.05)
+    frozen: float = setting(0.7, "The same image for this long is a frozen sensor.", unit="s", low=0.1)
+    missing: float = setting(0.28, "The share of the usual depth that may be missing.", low=0.01, high=1.0)
+    near: float = setting(0.9, "A performer nearer than this is too near.", unit="m", low=0.0)
+    far_margin: float = setting(
+        0.3, "A performer this close to the farthest depth that is used is too far.", unit="m", low=0.0
+    )
+    unclear: float = setting(0.35, "Below this mean confidence a performer is unclear.", low=0.0, high=1.0)
+    learning: float = setting(2.0, "A room younger than this is still being learnt.", unit="s", low=0.0)
+
+
+@dataclass(frozen=True)
+class TrackerState:
+    """What the tracker says of itself after a frame.
+
+    Attributes:
+        floor_known: whether the floor was found, or told.
+        room_age: seconds for which the room has been learnt.
+        moved: whether this frame showed that the sensor was moved.
+        joined: the ids of performers that cannot be told apart.
+    """
+
+    floor_known: bool = True
+    room_age: float = float("inf")
+    moved: bool = False
+    joined: tuple[int, ...] = ()
+
+
+class HealthMonitor:
+    """Looks at every frame before the tracker does, and at the bodies after.
+
+    Args:
+        fps: frames a second that the sensor promises; None: the settings' number.
+        far: metres beyond which depth is not used.
+        name: of the sensor, for edges with several.
+
+    Attributes:
+        late: frames that came out of order so far, and were to be dropped.
+        fault: why the last frame or read was of no use, one sentence; empty where it was, or came late.
+    """
+
+    def __init__(
+        self,
+        settings: HealthSettings | None = None,
+        *,
+        fps: float | None = None,
+        far: float = 4.5,
+        name: str = "",
+    ) -> None:
+        self.settings = settings or HealthSettings()
+        self._fps = fps or self.settings.frame_rate
+        self._far = far
+        self._rhythm = Rhythm()
+        self._alarms = Alarms(f"Sensor {name}" if name else "The sensor")
+        self.fault = ""
+        self._check = FrameCheck()
+        self._now_ns = 0
+        self._mark: int | None = None
+        self._same, self._same_ns = 0, 0
+        self._normal = 0.0
+        self._late_ns: int | None = None
+        self._moved_ns: int | None = None
+
+    @property
+    def late(self) -> int:
+        return self._rhythm.late
+
+    @property
+    def states(self) -> list[HealthState]:
+        """What is wrong now, the gravest first."""
+        return self._alarms.states
+
+    def admit(self, frame: Frame, fps: float | None = None) -> bool:
+        """Looks at a frame before the tracker does.
+
+        Args:
+            fps: frames a second that the sensor promises now; None: as before.
+
+        Returns:
+            whether the tracker should see it: False for one that is out of order, or came before, and for
+            one that cannot be used.
+        """
+        self._fps = fps or self._fps
+        flaw = self._check.flaw(frame)
+        if flaw is not None:
+            self._note_fault(*flaw)
+            return False
+        self._note_fault(None, "")
+        late = self._rhythm.late
+        good = self._rhythm.admit(frame.time_ns)
+        if good:
+            if frame.time_ns < self._now_ns:
+                self._forget_times()
+            self._now_ns = frame.time_ns
+        elif self._rhythm.late > late:
+            self._late_ns = self._now_ns
+        now = self._now_ns
+        self._alarms.note(HealthKind.NO_FRAMES, False, now)
+        self._judge_rhythm(now)
+        seen = survey(frame.depth) if good and isinstance(frame, DepthFrame) else None
+        self._judge_freeze(seen, now)
+        if seen is not None:
+            self._judge_image(seen, now)
+        self._alarms.tell()
+        return good
+
+    def failed(self, error: Exception) -> None:
+        """A read raised ``error`` in place of a frame."""
+        why, mend = str(error) or type(error).__name__, ""
+        if isinstance(error, EnlivenError):
+            why, mend = error.what, error.mend
+        kind = HealthKind.BAD_FRAME if isinstance(error, InputError) else HealthKind.SENSOR_LOST
+        self._note_fault(kind, why, mend)
+
+    def silent(self, seconds: float) -> None:
+        """No frame has come for so long, by the wall clock."""
+        wrong = seconds >= self.settings.silent
+        self._alarms.note(HealthKind.NO_FRAMES, wrong, self._now_ns, seconds=seconds)
+        self._alarms.tell()
+
+    def judge(
+        self,
+        frame: Frame,
+        bodies: list[Body],
+        world_from_camera: Float | None = None,
+        tracker: TrackerState | None = None,
+    ) -> None:
+        """Looks at what the tracker made of a frame.
+
+        Args:
+            bodies: the performers, world frame, not mirrored.
+            world_from_camera: (4, 4) where the sensor stands; None: nothing is said of where they stand.
+            tracker: what the tracker says of itself.
+        """
+        now = frame.time_ns
+        if tracker is not None:
+            self._judge_tracker(tracker, now)
+        together = (tracker.joined if tracker is not None else ()) or touching(bodies)
+        names = " and ".join(str(i) for i in sorted(together))
+        self._alarms.note(HealthKind.JOINED, len(together) > 1, now, names=names)
+        # What sensors that track people themselves, or fused ones, are sure of is not for this one to judge.
+        if isinstance(frame, DepthFrame):
+            for body in bodies:
+                self._judge_body(body, now)
+                if world_from_camera is not None:
+                    self._judge_place(body, frame.intrinsics, world_from_camera, now)
+        self._alarms.keep({body.id for body in bodies})
+        self._alarms.tell()
+
+    def fares(self, condition: Condition | None, world_from_camera: Float, floor_known: bool) -> None:
+        """Takes in how the device says it fares; None: it says nothing.
+
+        Args:
+            world_from_camera: (4, 4) where the sensor stands, by its floor or by the settings.
+            floor_known: whether its floor was found.
+        """
+        if condition is not None:
+            judge_condition(self._alarms, condition, world_from_camera, floor_known, self._now_ns)
+
+    # --- the sensor ----------------------------------------------------------------------------------------
+
+    def _note_fault(self, kind: HealthKind | None, why: str, mend: str = "") -> None:
+        """The last frame or read was of no use, or was (None)."""
+        self.fault, do = why, mend or CHECK_IT
+        for each in (HealthKind.SENSOR_LOST, HealthKind.BAD_FRAME, HealthKind.RESIZED):
+            # A frame of any kind shows that the sensor is there; a lost sensor says nothing of its frames.
+            wrong = None if kind is HealthKind.SENSOR_LOST and each is not kind else each is kind
+            self._alarms.note(each, wrong, self._now_ns, why=why.rstrip("."), mend=do.rstrip("."))
+        self._alarms.tell()
+
+    def _judge_rhythm(self, now: int) -> None:
+        rate, lost = self._rhythm.rate, self._rhythm.lost
+        slow = self._alarms.between(HealthKind.SLOW, rate, 0.75 * self._fps, 0.6 * self._fps)
+        self._alarms.note(HealthKind.SLOW, slow, now, rate=rate or 0.0, promised=self._fps)
+        dropped = None if rate is None else self._alarms.between(HealthKind.DROPPED, -lost, -0.05, -0.10)
+        self._alarms.note(HealthKind.DROPPED, dropped, now, percent=100 * lost)
+        late = self._late_ns is not None and 0 <= now - self._late_ns < 2_000_000_000
+        self._alarms.note(HealthKind.OUT_OF_ORDER, late, now, count=self._rhythm.late)
+
+    def _judge_freeze(self, seen: Survey | None, now: int) -> None:
+        """The same image again and again, or the same time."""
+        if seen is not None:
+            same = seen.mark == self._mark and seen.usable > 0
+            self._same, self._same_ns = (self._same + 1, self._same_ns) if same else (1, now)
+            self._mark = seen.mark
+        still = self._same > _FROZEN_FRAMES and now - self._same_ns >= self.settings.frozen * 1e9
+        self._alarms.note(HealthKind.FROZEN, still or self._rhythm.repeated >= _REPEATED, now)
+
+    def _judge_image(self, seen: Survey, now: int) -> None:
+        covered = self._alarms.between(HealthKind.COVERED, seen.usable, 0.10, 0.04)
+        self._alarms.note(HealthKind.COVERED, covered, now)
+        if covered:
+            return
+        rate = self._rhythm.rate or self._fps
+        share = 0.5 if seen.known > self._normal else 1.0 / (rate * _NORMAL_FALLS)
+        self._normal += share * (seen.known - self._normal)
+        enough = 1.0 - self.settings.missing
+        least = self._alarms.between(
+            HealthKind.MISSING_DEPTH, seen.known, (enough + 0.1) * self._normal, enough * self._normal
+        )
+        holes = self._alarms.between(HealthKind.MISSING_DEPTH, -seen.speckle, -0.05, -0.09)
+        self._alarms.note(HealthKind.MISSING_DEPTH, least or holes, now, percent=100 * (1 - seen.known))
+
+    # --- the tracker and the performers --------------------------------------------------------------------
+
+    def _judge_tracker(self, tracker: TrackerState, now: int) -> None:
+        if tracker.moved:
+            self._moved_ns = now
+        moved = self._moved_ns is not None and 0 <= now - self._moved_ns < 3_000_000_000
+        self._alarms.note(HealthKind.MOVED, moved, now)
+        self._alarms.note(HealthKind.NO_FLOOR, not tracker.floor_known, now)
+        self._alarms.note(HealthKind.LEARNING_ROOM, tracker.room_age < self.settings.learning, now)
+
+    def _judge_body(self, body: Body, now: int) -> None:
+        sure = float(body.confidence.mean())
+        limit = self.settings.unclear
+        unclear = self._alarms.between(HealthKind.UNCLEAR, sure, limit + 0.1, limit, body.id)
+        self._alarms.note(HealthKind.UNCLEAR, unclear, now, body.id)
+
+    def _judge_place(self, body: Body, camera: Intrinsics, world_from_camera: Float, now: int) -> None:
+        """Too near, too far, or cut off by the image's border."""
+        local = (body.joints[WATCHED] - world_from_camera[:3, 3]) @ world_from_camera[:3, :3]
+        distance = float(local[0, 2])
+        near, far = self.settings.near, self._far - self.settings.far_margin
+        close = self._alarms.between(HealthKind.TOO_NEAR, distance, near + 0.1, near, body.id)
+        self._alarms.note(HealthKind.TOO_NEAR, close, now, body.id, metres=distance)
+        away = self._alarms.between(HealthKind.TOO_FAR, -distance, 0.1 - far, -far, body.id)
+        self._alarms.note(HealthKind.TOO_FAR, away, now, body.id, metres=distance)
+        what, side = cut_off(local, camera)
+        self._alarms.note(HealthKind.CUT_OFF, bool(what), now, body.id, what=what, side=side)
+
+    def _forget_times(self) -> None:
+        """The sensor's clock was set back: nothing that was measured by it holds."""
+        self._alarms.clear()
+        self._late_ns = self._moved_ns = None
+        self._same = 0

@@ -1,0 +1,110 @@
+"""Which feet stand on the floor: low, slow, and for long enough to be believed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.kernels import copy_row, njit
+from enliven.person.body import Joint
+from enliven_edge.tracking.settings import ContactSettings
+
+_POINTS = np.array([[Joint.FOOT_LEFT, Joint.ANKLE_LEFT], [Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT]])
+"""(2, 2) ball and ankle of each foot: a foot stands on either."""
+_ABOVE = np.array([0.0, 0.06])
+"""Metres that an ankle is above the ball of a foot that stands."""
+_FORGETS = 0.03
+"""Metres a second by which the place where a foot stands is forgotten, so that one low frame is not final."""
+_SPEED_CUTOFF = 6.0
+_STEEP = 5.0
+_LONGEST_GAP = 1.0
+_SEEN = 0.1
+
+
+class Contacts:
+    """The probability that each foot of one person stands on the floor.
+
+    A foot's height is taken from where it stood before, because the fit puts soles a few centimetres too high
+    or too low. Hysteresis: what stands must be clearly lifted or moved to leave.
+    """
+
+    def __init__(self, settings: ContactSettings) -> None:
+        self._last: Float | None = None
+        limits = (settings.floor, settings.lift, settings.speed, settings.hysteresis)
+        self._limits = tuple(float(limit) for limit in limits)
+        self._speed = np.zeros((2, 2))
+        self._ground = np.zeros((2, 2))
+        self._stands = np.zeros(2, bool)
+        self._time_ns = 0
+
+    def __call__(self, joints: Float, confidence: Float, time_ns: int) -> Float:
+        """(2,) left and right, in [0, 1]; 0 for a foot that is not seen.
+
+        Args:
+            joints: (20, 3) metres, world frame, the floor at y = 0.
+            confidence: (20,) of the joints.
+        """
+        seconds = (time_ns - self._time_ns) * 1e-9
+        self._time_ns = time_ns
+        if self._last is None or not 0.0 < seconds < _LONGEST_GAP:
+            self._last, seconds = np.zeros((2, 2, 3)), 0.0
+        feet = (self._last, self._speed, self._ground, self._stands)
+        return np.asarray(step_feet(joints, confidence, *feet, seconds, *self._limits))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def step_feet(  # type: ignore[no-untyped-def]
+    joints, confidence, last, speed, ground, stands, seconds, floor, lift, fastest, hysteresis
+):
+    """(2,) see :meth:`Contacts.__call__`; what is known of the feet is moved on by a frame, in place.
+
+    Args:
+        last: (2, 2, 3) metres, where the points of the feet were.
+        speed: (2, 2) metres a second, of late.
+        ground: (2, 2) metres, how high they are while they stand.
+        stands: (2,) whether each foot stood.
+        seconds: since the last frame; 0 where nothing is known of one.
+        floor, lift, fastest, hysteresis: as of :class:`ContactSettings`.
+    """
+    out = np.empty(2)
+    if seconds == 0.0:
+        _begin(joints, speed, ground, stands, floor)
+    else:
+        _go_on(joints, last, speed, ground, seconds, floor)
+    for foot in range(2):
+        stiff = hysteresis if stands[foot] else 1.0
+        lowest, seen = np.inf, 0.0
+        for k in range(2):
+            place, highest = joints[_POINTS[foot, k]], floor + _ABOVE[k]
+            excess = max((place[1] - ground[foot, k]) / lift, speed[foot, k] / fastest) / stiff
+            lowest = min(lowest, max(excess, place[1] / highest))
+            seen = max(seen, confidence[_POINTS[foot, k]] / _SEEN)
+            copy_row(last[foot, k], place)
+        likely = 1.0 / (1.0 + np.exp(min(_STEEP * (lowest - 1.0), 50.0)))
+        stands[foot] = likely > 0.5
+        out[foot] = likely * min(1.0, seen)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _begin(joints, speed, ground, stands, floor):  # type: ignore[no-untyped-def]
+    """What is taken of the feet at first: what is low stands, and stands where it is."""
+    for foot in range(2):
+        stands[foot] = False
+        for k in range(2):
+            height, highest = joints[_POINTS[foot, k], 1], floor + _ABOVE[k]
+            ground[foot, k], speed[foot, k] = min(height, highest), 0.0
+            stands[foot] |= height < 0.6 * highest
+
+
+@njit(cache=True, nogil=True)
+def _go_on(joints, last, speed, ground, seconds, floor):  # type: ignore[no-untyped-def]
+    """The speed of the feet, low-passed, and the lowest that they were of late."""
+    follow = 1.0 / (1.0 + 1.0 / (2.0 * np.pi * _SPEED_CUTOFF * seconds))
+    for foot in range(2):
+        for k in range(2):
+            place, before = joints[_POINTS[foot, k]], last[foot, k]
+            x, y, z = place[0] - before[0], place[1] - before[1], place[2] - before[2]
+            moved = np.sqrt(x * x + y * y + z * z) / seconds
+            speed[foot, k] += follow * (moved - speed[foot, k])
+            ground[foot, k] = min(place[1], ground[foot, k] + _FORGETS * seconds, floor + _ABOVE[k])

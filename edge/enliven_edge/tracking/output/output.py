@@ -1,0 +1,142 @@
+"""From the fits of the people in view to the bodies that leave the tracker.
+
+A body goes: take out what is no number, limit the speed, smooth, say which feet stand, look ahead, mirror.
+Every step is per person and may be off; with smoothing 0 and nothing else asked for, what leaves is the fit.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.person.body import Body
+from enliven.person.orientation import mirrored
+from enliven_edge.tracking.output.contact import Contacts
+from enliven_edge.tracking.output.prediction import Ahead
+from enliven_edge.tracking.output.smoothing import OneEuro, OneEuroTurns
+from enliven_edge.tracking.output.speed_limit import SpeedLimit, finite_joints, finite_turns
+from enliven_edge.tracking.settings import TrackerSettings
+
+_FORGOTTEN_NS = 10_000_000_000
+"""Nanoseconds after which somebody who is not in view is not remembered."""
+_LONGEST_LATENCY = 0.3
+_LEAST = 1e-3
+"""Less smoothing than this is none."""
+
+
+class Output:
+    """What leaves the tracker, or any other source of bodies, for as many people as there are.
+
+    Attributes:
+        latency: seconds from the sensor's frame to the published pose, as the edge measures them; looked
+            ahead by where the settings say so.
+    """
+
+    def __init__(self, settings: TrackerSettings | None = None) -> None:
+        self.settings = settings or TrackerSettings()
+        self.latency = 0.0
+        self._amounts = {i + 1: a for i, a in enumerate(self.settings.smoothing.amounts) if a >= 0.0}
+        self._people: dict[int, _Person] = {}
+        self._time_ns: int | None = None
+
+    def smooth(self, person: int, amount: float | None) -> None:
+        """Another amount of smoothing for one performer from now on; None: the settings' own."""
+        self._amounts.pop(person, None)
+        if amount is not None:
+            self._amounts[person] = max(0.0, amount)
+        if person in self._people:
+            self._people[person].set_amount(self.amount(person))
+
+    def amount(self, person: int) -> float:
+        """How much a performer is smoothed; 0 is off."""
+        amount = self._amounts.get(person, self.settings.smoothing.amount)
+        return amount if amount >= _LEAST else 0.0
+
+    @property
+    def ahead(self) -> float:
+        """Seconds that are looked ahead."""
+        wanted = self.settings.output.predict
+        return min(max(self.latency, 0.0), _LONGEST_LATENCY) if wanted == "measured" else float(wanted)
+
+    def __call__(
+        self, bodies: list[Body], time_ns: int, world_from_camera: Float | None = None
+    ) -> list[Body]:
+        """The bodies as they are reported.
+
+        Args:
+            bodies: the fits of one frame, world frame.
+            time_ns: the sensor's clock.
+            world_from_camera: (4, 4) where the sensor stands, for the mirror; None: the world's origin.
+        """
+        self._forget(time_ns)
+        made = [self._person(body.id)(body, time_ns, self.ahead) for body in bodies]
+        if self.settings.output.mirror:
+            plane = mirror_of(world_from_camera)
+            made = [mirrored(body, *plane) for body in made]
+        return made
+
+    def forget(self) -> None:
+        """Forgets everybody; what is next is not smoothed with what was."""
+        self._people.clear()
+
+    def _person(self, person: int) -> _Person:
+        if person not in self._people:
+            self._people[person] = _Person(self.settings, self.amount(person))
+        return self._people[person]
+
+    def _forget(self, time_ns: int) -> None:
+        """Lets go of who was not in view for long; of everybody where the clock was set back."""
+        if self._time_ns is not None and time_ns < self._time_ns:
+            self._people.clear()
+        self._time_ns = time_ns
+        gone = [p for p, state in self._people.items() if time_ns - state.time_ns > _FORGOTTEN_NS]
+        for person in gone:
+            del self._people[person]
+
+
+class _Person:
+    """The memory of one person's output."""
+
+    def __init__(self, settings: TrackerSettings, amount: float) -> None:
+        self.time_ns = 0
+        self._limit = SpeedLimit(settings.output)
+        self._joints = OneEuro(settings.smoothing, amount)
+        self._turns = OneEuroTurns(settings.smoothing, amount)
+        self._contacts = Contacts(settings.output.contact)
+        self._ahead = Ahead()
+        self._last: Float | None = None
+        self._last_turns: Float | None = None
+
+    def set_amount(self, amount: float) -> None:
+        self._joints.amount = self._turns.amount = amount
+
+    def __call__(self, body: Body, time_ns: int, ahead: float) -> Body:
+        """One frame of this person."""
+        self.time_ns = time_ns
+        joints, confidence = finite_joints(body.joints, body.confidence, self._last)
+        turns = None if body.orientations is None else finite_turns(body.orientations, self._last_turns)
+        self._last, self._last_turns = joints, turns
+        if self._joints.amount > 0.0:
+            joints, confidence = self._limit(joints, confidence, time_ns)
+            self._last = joints
+        joints = self._joints(joints, time_ns)
+        turns = None if turns is None else self._turns(turns, time_ns)
+        contacts = self._contacts(joints, confidence, time_ns)
+        if ahead > 0.0:
+            joints, turns = self._ahead(joints, turns, time_ns, ahead)
+        return dataclasses.replace(
+            body, joints=joints, confidence=confidence, orientations=turns, contacts=contacts
+        )
+
+
+def mirror_of(world_from_camera: Float | None) -> tuple[Float, Float]:
+    """A point and the unit normal of the upright plane in which the sensor looks straight ahead."""
+    if world_from_camera is None:
+        return np.zeros(3), np.array([1.0, 0.0, 0.0])
+    forward = world_from_camera[:3, 2] * np.array([1.0, 0.0, 1.0])
+    length = float(np.linalg.norm(forward))
+    if length < 0.1:  # it looks straight down: the world's own x
+        return world_from_camera[:3, 3], np.array([1.0, 0.0, 0.0])
+    return world_from_camera[:3, 3], np.array([-forward[2], 0.0, forward[0]]) / length

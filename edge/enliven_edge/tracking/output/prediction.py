@@ -1,0 +1,107 @@
+"""Prediction: where the joints will be when the picture is seen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.kernels import njit
+from enliven.person.body import PARENTS
+from enliven_edge.tracking.output.smoothing import step_between, turn
+
+_PARENTS = np.array(PARENTS)
+_CUTOFF = 3.0
+"""Hz of the low-pass on the speeds: what is extrapolated must not shake."""
+_FASTEST, _FASTEST_TURN = 6.0, 10.0
+"""Metres and radians a second: no more is extrapolated."""
+_LONGEST_GAP = 0.5
+
+
+class Ahead:
+    """Extrapolates one person's joints and orientations by their smoothed speeds; bones keep their length."""
+
+    def __init__(self) -> None:
+        self._joints: Float | None = None
+        self._turns: Float | None = None
+        self._speed = np.zeros((20, 3))
+        self._spin = np.zeros((20, 3))
+        self._time_ns = 0
+
+    def __call__(
+        self, joints: Float, turns: Float | None, time_ns: int, seconds: float
+    ) -> tuple[Float, Float | None]:
+        """(20, 3) joints and (20, 4) orientations expected ``seconds`` after ``time_ns``."""
+        self._learn(joints, turns, time_ns)
+        if seconds <= 0.0:
+            return joints, turns
+        moved = moved_on(joints, self._speed, seconds)
+        return moved, None if turns is None else turned_on(turns, self._spin, seconds)
+
+    def _learn(self, joints: Float, turns: Float | None, time_ns: int) -> None:
+        """The speeds, from this frame and the last."""
+        passed = (time_ns - self._time_ns) * 1e-9
+        if self._joints is None or not 0.0 < passed < _LONGEST_GAP:
+            self._speed[:] = 0.0
+            self._spin[:] = 0.0
+        else:
+            share = 1.0 / (1.0 + 1.0 / (2 * np.pi * _CUTOFF * passed))
+            self._speed += share * ((joints - self._joints) / passed - self._speed)
+            if turns is not None and self._turns is not None:
+                learn_spin(self._spin, self._turns, turns, passed, share)
+        self._joints, self._turns, self._time_ns = joints, turns, time_ns
+
+
+@njit(cache=True, nogil=True)
+def learn_spin(spin, before, turns, passed, share):  # type: ignore[no-untyped-def]
+    """Low-pass on (J, 3) spins, radians a second about each bone's own axes, in place.
+
+    Args:
+        before, turns: (J, 4) unit quaternions, ``passed`` seconds apart.
+        share: of the difference that is taken over.
+    """
+    for j in range(len(spin)):
+        x, y, z = step_between(before[j], turns[j])
+        spin[j, 0] += share * (x / passed - spin[j, 0])
+        spin[j, 1] += share * (y / passed - spin[j, 1])
+        spin[j, 2] += share * (z / passed - spin[j, 2])
+
+
+@njit(cache=True, nogil=True)
+def turned_on(turns, spin, seconds):  # type: ignore[no-untyped-def]
+    """(J, 4) turns after as many seconds at (J, 3) spins."""
+    out = turns.copy()
+    for j in range(len(out)):
+        far = seconds * _limit(spin[j], _FASTEST_TURN)
+        turn(out[j], far * spin[j, 0], far * spin[j, 1], far * spin[j, 2])
+    return out
+
+
+@njit(cache=True, nogil=True)
+def moved_on(joints, speed, seconds):  # type: ignore[no-untyped-def]
+    """(J, 3) joints after as many seconds at (J, 3) speeds; every bone as long as it is now."""
+    out = np.empty(joints.shape)
+    for j in range(len(out)):
+        far = seconds * _limit(speed[j], _FASTEST)
+        for a in range(3):
+            out[j, a] = joints[j, a] + far * speed[j, a]
+    for j in range(len(out)):  # parents come first
+        parent = _PARENTS[j]
+        if parent < 0:
+            continue
+        length = _length(out[j] - out[parent])
+        if length > 1e-9:
+            wanted = _length(joints[j] - joints[parent])
+            for a in range(3):
+                out[j, a] = out[parent, a] + (out[j, a] - out[parent, a]) * (wanted / length)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _limit(velocity, most):  # type: ignore[no-untyped-def]
+    """The share of a (3,) velocity that is no faster than ``most``."""
+    return min(1.0, most / max(_length(velocity), 1e-9))
+
+
+@njit(cache=True, nogil=True)
+def _length(v):  # type: ignore[no-untyped-def]
+    return np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])

@@ -1,0 +1,120 @@
+"""What cannot be is not reported: numbers that are none, and limbs that leap across the room."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.kernels import njit
+from enliven.person.body import PARENTS, Joint
+from enliven.rotation import normalized
+from enliven_edge.tracking.settings import OutputSettings
+
+_PARENTS = np.array([max(p, 0) for p in PARENTS])
+_LONGEST_GAP = 1.0
+"""Seconds without a frame after which a joint may be anywhere."""
+
+
+def finite_joints(joints: Float, confidence: Float, last: Float | None) -> tuple[Float, Float]:
+    """(20, 3) and (20,) without a NaN: such a joint stays where it last was, and is not sure of it.
+
+    Without a last place it is put where its parent is; the root, at the middle of the others.
+    """
+    known, sure, every = _known(joints, confidence)
+    if every:
+        return joints, sure
+    made = np.where(known[:, None], joints, 0.0 if last is None else last)
+    if last is None:
+        if not known[Joint.HIP_CENTER]:
+            made[Joint.HIP_CENTER] = joints[known].mean(0) if known.any() else 0.0
+        for joint in np.flatnonzero(~known):
+            if joint:
+                made[joint] = made[_PARENTS[joint]]
+    return made, sure
+
+
+@njit(cache=True, nogil=True)
+def _known(joints, confidence):  # type: ignore[no-untyped-def]
+    """(J,) whether each joint is a number, (J,) confidence in [0, 1], 0 where it is none; whether all are."""
+    known, sure, every = np.empty(len(joints), np.bool_), np.zeros(len(joints)), True
+    for j in range(len(joints)):
+        known[j] = np.isfinite(joints[j, 0]) and np.isfinite(joints[j, 1]) and np.isfinite(joints[j, 2])
+        every &= known[j]
+        if known[j] and np.isfinite(confidence[j]):
+            sure[j] = min(1.0, max(0.0, confidence[j]))
+    return known, sure, every
+
+
+def finite_turns(orientations: Float, last: Float | None) -> Float:
+    """(20, 4) unit quaternions: one that is none stays as it last was, or is the identity."""
+    if _are_units(orientations):
+        return orientations
+    length = np.einsum("ji,ji->j", orientations, orientations)
+    usable = np.isfinite(length) & (length > 1e-12)
+    made = normalized(orientations)
+    return made if last is None else np.where(usable[:, None], made, last)
+
+
+@njit(cache=True, nogil=True)
+def _are_units(turns):  # type: ignore[no-untyped-def]
+    """Whether all of (J, 4) quaternions are of unit length."""
+    for j in range(len(turns)):
+        w, x, y, z = turns[j]
+        # Not (good) also where the length is NaN.
+        if not abs(w * w + x * x + y * y + z * z - 1.0) < 1e-6:
+            return False
+    return True
+
+
+class SpeedLimit:
+    """Holds back a joint that moves as no person can.
+
+    A joint that is farther from its last reported place than a limb can move in the time waits where it was
+    (carried along with the hips), for ``hold`` seconds: one bad frame throws no limb across the room. Where
+    it is still there after that, it follows at the highest speed. Meanwhile its confidence is lowered: to 0
+    while it waits, by the share of the way that it is allowed while it follows.
+    """
+
+    def __init__(self, settings: OutputSettings) -> None:
+        self._settings = settings
+        self._last: Float | None = None
+        self._waited = np.zeros(20)
+        self._time_ns = 0
+
+    def reset(self) -> None:
+        """Forgets the past."""
+        self._last = None
+
+    def __call__(self, joints: Float, confidence: Float, time_ns: int) -> tuple[Float, Float]:
+        """(20, 3) joints and (20,) confidence as they may be reported at ``time_ns``."""
+        seconds = (time_ns - self._time_ns) * 1e-9
+        fastest = self._settings.fastest
+        last, self._time_ns = self._last, time_ns
+        if last is None or fastest == 0.0 or not 0.0 < seconds < _LONGEST_GAP:
+            self._last, self._waited[:] = joints, 0.0
+            return joints, confidence
+        allowed = fastest * seconds
+        if not _leaps(joints, last, allowed):
+            self._last, self._waited[:] = joints, 0.0
+            return joints, confidence
+        step = joints - last
+        distance = np.sqrt(np.einsum("ji,ji->j", step, step))
+        leaps = distance > allowed
+        self._waited = np.where(leaps, self._waited + seconds, 0.0)
+        waits = leaps & (self._waited <= self._settings.hold)
+        share = np.where(waits, 0.0, np.minimum(1.0, allowed / np.maximum(distance, 1e-9)))
+        carried = np.zeros(3) if leaps[Joint.HIP_CENTER] else step[Joint.HIP_CENTER]
+        made = last + share[:, None] * step
+        made[waits] += carried
+        self._last = made
+        return made, confidence * share
+
+
+@njit(cache=True, nogil=True)
+def _leaps(joints, last, allowed):  # type: ignore[no-untyped-def]
+    """Whether any of (J, 3) joints is farther than ``allowed`` metres from where it was."""
+    for j in range(len(joints)):
+        x, y, z = joints[j, 0] - last[j, 0], joints[j, 1] - last[j, 1], joints[j, 2] - last[j, 2]
+        if np.sqrt(x * x + y * y + z * z) > allowed:
+            return True
+    return False

@@ -1,0 +1,58 @@
+"""What a frame shows of each performer's surface, for meshes that follow it without a skeleton."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.deformation.constraints.observed import Seen
+from enliven.kernels import njit
+from enliven_edge.tracking.frame.observation import sampled, surface_samples
+from enliven_edge.tracking.frame.view import View
+
+
+def seen_surfaces(view: View, owner: Int, ids: Int, points: int = 1200) -> dict[int, Seen]:
+    """Points and normals of each performer, by id; world frame.
+
+    Args:
+        owner: (h, w) whose each pixel is, an index into ``ids``; -1 nobody's.
+        ids: (K,) the people's ids; below 0 for who is no performer.
+        points: at most so many of each.
+    """
+    surfaces = {}
+    for index, person in enumerate(ids.tolist()):
+        mask = inner_pixels(view.z, owner, index)
+        if person >= 0 and mask.any():
+            found, normals = surface_samples(view.points, view.z, sampled(mask, points), view.eye)
+            surfaces[person] = Seen(found, normals)
+    return surfaces
+
+
+def mirrored_surfaces(surfaces: dict[int, Seen], point: Float, normal: Float) -> dict[int, Seen]:
+    """The surfaces in a mirror through ``point`` (3,) with the unit ``normal`` (3,)."""
+    flip = np.eye(3) - 2 * np.outer(normal, normal)
+    return {
+        person: Seen((seen.points - point) @ flip + point, seen.normals @ flip)
+        for person, seen in surfaces.items()
+    }
+
+
+@njit(cache=True, nogil=True)
+def inner_pixels(z, owner, index):  # type: ignore[no-untyped-def]
+    """(h, w) the pixels of one person whose normals can be measured: all around are theirs, and as far.
+
+    At a silhouette a normal is a guess, and guesses pull a surface that follows them ever farther.
+    """
+    height, width = z.shape
+    out = np.zeros((height, width), np.bool_)
+    for v in range(1, height - 1):
+        for u in range(1, width - 1):
+            if owner[v, u] != index or z[v, u] <= 0.0:
+                continue
+            low, high, own = z[v, u], z[v, u], True
+            for dv in range(-1, 2):
+                for du in range(-1, 2):
+                    own = own and owner[v + dv, u + du] == index
+                    low, high = min(low, z[v + dv, u + du]), max(high, z[v + dv, u + du])
+            out[v, u] = own and low > 0.0 and high - low < 0.03 + 0.02 * low
+    return out

@@ -1,0 +1,74 @@
+"""How likely each joint is where it is said to be: the probability of an error below ten centimetres.
+
+A logistic regression on what the frame says for and against the joint (:mod:`evidence`). Its weights are
+fitted on synthetic sequences whose truth is known by ``tests/benchmarks/calibrate_confidence.py``, for the
+left and the right side alike, and checked on others.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.kernels import njit
+from enliven_edge.tracking.people.evidence import NAMES
+
+GROUPS = (
+    "hip centre",
+    "spine",
+    "shoulder centre",
+    "head",
+    "shoulder",
+    "elbow",
+    "wrist",
+    "hand",
+    "hip",
+    "knee",
+    "ankle",
+    "foot",
+)
+GROUP_OF_JOINT = np.array([0, 1, 2, 3, 4, 5, 6, 7, 4, 5, 6, 7, 8, 9, 10, 11, 8, 9, 10, 11])
+"""(20,) which of :data:`GROUPS` each joint belongs to."""
+WITH_NETWORK, ALONE = "weights", "weights alone"
+"""The tables of weights: with the network's estimate as evidence, and without one."""
+_OUTSIDE = NAMES.index("outside")
+_NOT_SEEN = 0.99
+
+
+def confidence(evidence: Float, *, alone: bool = False) -> Float:
+    """(20,) in [0, 1] from (20, 17) evidence; 0 where a joint's bone is outside the image altogether.
+
+    Args:
+        alone: whether the fit had no network beside it.
+    """
+    return np.asarray(_likely(evidence, _weights_of_joints(ALONE if alone else WITH_NETWORK)))
+
+
+@njit(cache=True, nogil=True)
+def _likely(evidence, weights):  # type: ignore[no-untyped-def]
+    """(J,) see :func:`confidence`, by (J, F) weights."""
+    out = np.empty(len(evidence))
+    for j in range(len(evidence)):
+        score = 0.0
+        for f in range(evidence.shape[1]):
+            score += evidence[j, f] * weights[j, f]
+        likely = 1.0 / (1.0 + np.exp(-min(30.0, max(-30.0, score))))
+        out[j] = 0.0 if evidence[j, _OUTSIDE] > _NOT_SEEN else likely
+    return out
+
+
+@cache
+def _weights_of_joints(table_name: str) -> Float:
+    """(20, 17) the weights of each joint's group."""
+    return np.ascontiguousarray(_weights(table_name)[GROUP_OF_JOINT])
+
+
+def _weights(table_name: str) -> Float:
+    """(12, 17) ordered by :data:`GROUPS` and :data:`evidence.NAMES`."""
+    text = files("enliven_edge.assets").joinpath("confidence.json").read_text()
+    table = json.loads(text)[table_name]
+    return np.array([[table[group][name] for name in NAMES] for group in GROUPS])

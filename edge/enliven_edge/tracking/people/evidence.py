@@ -1,0 +1,239 @@
+"""What a frame says for and against every joint of a fitted posture; the ground of its confidence."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.kernels import njit
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.posture import Posture, frames_of, joints_into
+from enliven_edge.tracking.estimator.estimator import Estimate
+from enliven_edge.tracking.fit.fit import FitReport, Fitter
+from enliven_edge.tracking.fit.gauss_newton import cholesky
+from enliven_edge.tracking.fit.terms import point_row
+from enliven_edge.tracking.frame.observation import Observation
+
+NAMES = (
+    "constant",
+    "support",
+    "visible",
+    "hidden",
+    "seen through",
+    "outside",
+    "support beside",
+    "visible beside",
+    "hidden beside",
+    "seen through beside",
+    "outside beside",
+    "uncertainty",
+    "explained",
+    "violated",
+    "unsupported",
+    "spread",
+    "apart",
+)
+"""What each column of :func:`evidence` is; "beside" is the neighbouring part of the body. The last two are of
+the network's estimate, 0 without one."""
+_COUNT = len(NAMES)
+_CLOSE = 0.02
+"""Metres below which it says little how near a joint is to where it is seen."""
+_ENOUGH = 0.35
+"""Share of the points that a capsule would get, of a body that is all seen, which support it fully."""
+_SAMPLES = 5
+_SAME = 0.07
+"""Metres between the model's surface and the observed one that still are the same."""
+
+
+def _beside() -> tuple[Float, Float]:
+    """(20, C) whose mean speaks for each joint: of the bone that ends there, and of the part beside it."""
+    first, second = np.zeros((20, 20)), np.zeros((20, 20))
+    pelvis, chest, girdle, neck, head = [0, 3], [1, 4], [2, 5], [6], [7]
+    for joint, near, next_to in ((0, pelvis, chest), (1, chest, pelvis), (2, girdle, neck), (3, head, neck)):
+        first[joint, near], second[joint, next_to] = 1 / len(near), 1 / len(next_to)
+    for joint, limb, trunk in ((4, 8, 2), (8, 11, 5), (12, 14, 0), (16, 17, 3)):
+        chain = [(limb, trunk), (limb, limb + 1), (limb + 1, limb + 2), (limb + 2, limb + 1)]
+        for k, (end, other) in enumerate(chain):
+            first[joint + k, end], second[joint + k, other] = 1.0, 1.0
+    return first, second
+
+
+_FIRST, _SECOND = _beside()
+_SKELETON = (model.FRAME_PARENTS, model.PIVOTS)
+_TURNS = (model.MOVES, model.DOF_FRAME, model.DOF_AXIS, model.FRAME_LENGTHS)
+_JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
+"""Of the model, what :func:`_joint_spread` takes."""
+_UNSEEN, _NO_SPREAD = np.zeros((0, 3)), np.zeros(0)
+"""The network's joints and spread, where it saw nothing."""
+
+
+def evidence(
+    fitter: Fitter,
+    posture: Posture,
+    report: FitReport,
+    observation: Observation,
+    unsupported: Float,
+    estimate: Estimate | None = None,
+) -> Float:
+    """(20, 17) what speaks for and against each joint, ordered by :data:`NAMES`.
+
+    Args:
+        unsupported: (20,) frames since each joint was last supported.
+        estimate: what the network sees in the frame; None without one.
+    """
+    shares = capsule_shares(*posture.capsules(), observation.view)
+    told = (_UNSEEN, _NO_SPREAD) if estimate is None else (estimate.joints, estimate.spread)
+    fit = (report.support, report.violated, report.explained)
+    joints, loose = _joints_held(fitter, posture, observation)
+    return np.asarray(gathered(shares, *fit, loose, unsupported, joints, *told, _FIRST, _SECOND))
+
+
+@njit(cache=True, nogil=True)
+def gathered(  # type: ignore[no-untyped-def]
+    shares, support, violated, explained, loose, unsupported, joints, seen, spread, first, second
+):
+    """(20, 17) see :func:`evidence`.
+
+    Args:
+        shares: (C, 4) as of :func:`capsule_shares`.
+        support, violated, explained: (C,), (C,) and a number, as of :class:`FitReport`.
+        loose: (20,) as of :func:`uncertainty`.
+        joints: (20, 3) metres, of the posture.
+        seen, spread: (20, 3) and (20,) metres, the network's joints; both empty without a network.
+        first, second: (20, C) as of :func:`_beside`.
+    """
+    out = np.zeros((len(joints), _COUNT))
+    through = violated.mean()
+    for j in range(len(joints)):
+        out[j, 0] = 1.0
+        for c in range(len(shares)):
+            for column, near in ((1, first[j, c]), (6, second[j, c])):
+                if near == 0.0:
+                    continue
+                out[j, column] += near * np.log1p(support[c])
+                for kind in range(4):
+                    out[j, column + 1 + kind] += near * shares[c, kind]
+        out[j, 11] = np.log(loose[j])
+        out[j, 12], out[j, 13] = explained, through
+        out[j, 14] = np.log1p(unsupported[j])
+        if len(seen) > 0:
+            x, y, z = joints[j, 0] - seen[j, 0], joints[j, 1] - seen[j, 1], joints[j, 2] - seen[j, 2]
+            out[j, 15] = np.log(spread[j])
+            out[j, 16] = np.log(_CLOSE + np.sqrt(x * x + y * y + z * z))
+    return out
+
+
+@njit(cache=True, nogil=True)
+def capsule_shares(ends, radii, view):  # type: ignore[no-untyped-def]
+    """(C, 4) of the samples along each capsule: visible, hidden by something, seen through, not in the image.
+
+    Args:
+        view: as :func:`terms.free_space` takes it.
+    """
+    depth, mask, _, camera, pose = view
+    height, width = depth.shape
+    out = np.zeros((len(ends), 4))
+    for c in range(len(ends)):
+        for s in range(_SAMPLES):
+            t = (s + 0.5) / _SAMPLES
+            radius = radii[c, 0] + t * (radii[c, 1] - radii[c, 0])
+            x, y, z = 0.0, 0.0, 0.0
+            for b in range(3):
+                offset = ends[c, 0, b] + t * (ends[c, 1, b] - ends[c, 0, b]) - pose[b, 3]
+                x += pose[b, 0] * offset
+                y += pose[b, 1] * offset
+                z += pose[b, 2] * offset
+            kind = 3
+            if z > 0.2:
+                u = int(np.floor(camera[0] * x / z + camera[2] + 0.5))
+                v = int(np.floor(camera[1] * y / z + camera[3] + 0.5))
+                if 0 <= u < width and 0 <= v < height:
+                    seen = depth[v, u]
+                    if mask[v, u] and abs(seen - (z - radius)) < _SAME:
+                        kind = 0
+                    elif seen == 0.0 or seen < z - radius:
+                        kind = 1
+                    else:
+                        kind = 2
+            out[c, kind] += 1.0 / _SAMPLES
+    return out
+
+
+def capsule_confidence(report: FitReport, observation: Observation, posture: Posture) -> Float:
+    """(C,) how far each capsule is supported by the points it explains, and not seen through."""
+    count = len(observation.points)
+    return np.asarray(_supported(report.support, report.violated, *posture.capsules(), count))
+
+
+@njit(cache=True, nogil=True)
+def _supported(support, violated, ends, radii, count):  # type: ignore[no-untyped-def]
+    """See :func:`capsule_confidence`.
+
+    A capsule is supported by a third of the points that it would get if all of the body were seen: its share
+    of the ``count`` points, by its frontal area.
+    """
+    area = np.empty(len(ends))
+    for c in range(len(ends)):
+        x, y, z = ends[c, 1, 0] - ends[c, 0, 0], ends[c, 1, 1] - ends[c, 0, 1], ends[c, 1, 2] - ends[c, 0, 2]
+        width = radii[c, 0] + radii[c, 1]
+        area[c] = (np.sqrt(x * x + y * y + z * z) + width) * width
+    enough, out = _ENOUGH * count / area.sum(), np.empty(len(ends))
+    for c in range(len(ends)):
+        out[c] = min(1.0, support[c] / max(1.0, enough * area[c])) * (1.0 - violated[c])
+    return out
+
+
+def uncertainty(fitter: Fitter, posture: Posture, observation: Observation) -> Float:
+    """(20,) how loosely each joint is held: the root of the trace of its covariance, relative.
+
+    The covariance is J H^-1 J' with the Gauss-Newton matrix H of the frame alone, without what time predicts:
+    a joint that nothing in the picture holds is loose, however steadily it has been predicted.
+    """
+    return _joints_held(fitter, posture, observation)[1]
+
+
+def _joints_held(fitter: Fitter, posture: Posture, observation: Observation) -> tuple[Float, Float]:
+    """(20, 3) the joints, world frame, and (20,) how loosely each is held, see :func:`uncertainty`."""
+    matrix = fitter.information(posture, observation)
+    state = (posture.position, posture.rotations, posture.lengths)
+    joints, loose = _joint_spread(matrix, *state, *_SKELETON, _TURNS, *_JOINTS)
+    return joints, loose
+
+
+@njit(cache=True, nogil=True)
+def _joint_spread(  # type: ignore[no-untyped-def]
+    matrix, position, rotations, lengths, parents, offsets, turns, frames, local
+):
+    """(J, 3) joints and (J,) sqrt(trace(J H^-1 J')) of each, by the Cholesky factor L of H: |L^-1 J'|.
+
+    Args:
+        matrix: (30, 30) upper triangle of H.
+        parents, offsets: as of :func:`kinematics.forward_into`.
+        turns: (moves, dof_frame, dof_axis, frame_lengths) as of :func:`terms.point_row`.
+        frames, local: as of :func:`posture.joints_into`.
+    """
+    world, pivots = frames_of(position, rotations, lengths, parents, offsets)
+    body = (world, pivots, np.empty((len(world), 3, 0)), *turns, parents)
+    joints = np.empty((len(frames), 3))
+    joints_into(joints, world, pivots, lengths, frames, local)
+    factor = np.zeros(matrix.shape)
+    cholesky(factor, matrix, 0.0)
+    # A column for every joint and axis: the triangle is solved for all of them side by side.
+    columns, row, axis = np.empty((len(matrix), 3 * len(joints))), np.empty(len(matrix)), np.zeros(3)
+    for k in range(columns.shape[1]):
+        j, a = k // 3, k % 3
+        row[:], axis[:] = 0.0, 0.0
+        axis[a] = 1.0
+        point_row(row, 1.0, frames[j], joints[j], axis, local[j], body)
+        for i in range(len(row)):
+            columns[i, k] = row[i]
+    loose = np.zeros(len(joints))
+    for i in range(len(matrix)):
+        for k in range(i):
+            held = factor[i, k]
+            for c in range(columns.shape[1]):
+                columns[i, c] -= held * columns[k, c]
+        for c in range(columns.shape[1]):
+            columns[i, c] /= factor[i, i]
+            loose[c // 3] += columns[i, c] ** 2
+    return joints, np.sqrt(loose)

@@ -1,0 +1,88 @@
+"""The search for new people, a part of it in each frame."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from enliven.arrays import Float
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.people.follower import Follower
+from enliven_edge.tracking.people.search import Found, Search
+from enliven_edge.tracking.segment.candidates import Newcomer
+from enliven_edge.tracking.work_budget import Budget, Spread
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """A body that was found.
+
+    Attributes:
+        newcomer: in which it was found, as it is now.
+        shown: the same as it was in the frame in which the body was found.
+        centre: (3,) metres, world frame, of the newcomer in that frame.
+        follower: the fit to that frame.
+    """
+
+    newcomer: Newcomer
+    shown: Newcomer
+    centre: Float
+    follower: Follower
+
+
+class Lookout:
+    """Looks for bodies in the newcomers of one frame until all is done, then in those of another.
+
+    Attributes:
+        view: the frame that is looked at.
+    """
+
+    def __init__(self, search: Search) -> None:
+        self._search = search
+        self._task: Spread[None] | None = None
+        self._tried: list[tuple[Newcomer, Newcomer, Float]] = []
+        self._made: list[Found] = []
+        self.view: View | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a search is under way."""
+        return self._task is not None
+
+    @property
+    def sought(self) -> list[Newcomer]:
+        """The newcomers that are looked at."""
+        return [newcomer for newcomer, _, _ in self._tried]
+
+    def stop(self) -> None:
+        """Gives up what is under way."""
+        self._task, self._tried, self._made, self.view = None, [], [], None
+
+    def start(
+        self, view: View, sure: Sequence[Newcomer], others: Sequence[Newcomer], *, alone: bool, most: int
+    ) -> None:
+        """Looks at a frame from now on; arguments as of :meth:`Search.looked`."""
+        self.stop()
+        self._tried = [(n, copy.copy(n), n.centre) for n in (*sure, *others)]
+        shown = [copied for _, copied, _ in self._tried]
+        here, there = shown[: len(sure)], shown[len(sure) :]
+        self._task = Spread(self._search.looked(view, here, there, self._made, alone=alone, most=most))
+        self.view = view
+
+    def go_on(self, budget: Budget) -> list[Sighting]:
+        """Goes on with the search; the bodies that were found, all at once when it is done.
+
+        Of two who hold hands, one who was followed first would be taken for both.
+        """
+        if self._task is None or not self._task.go_on(budget):
+            return []
+        for newcomer, tried, _ in self._tried:
+            newcomer.settle(tried)
+        found = [self._sighting(each) for each in self._made]
+        self._task, self._tried = None, []
+        return found
+
+    def _sighting(self, found: Found) -> Sighting:
+        newcomer, centre = next((n, at) for n, shown, at in self._tried if shown is found[0])
+        return Sighting(newcomer, found[0], centre, found[1])

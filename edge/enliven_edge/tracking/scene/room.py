@@ -1,0 +1,263 @@
+"""The room without people: its depth at every working pixel, learnt and kept up to date."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Bool, Float, UInt8
+from enliven.kernels import njit
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.scene.room_prior import guessed
+from enliven_edge.tracking.settings import RoomSettings
+
+ROOM, BEFORE, UNSEEN, UNLIKELY = 0, 1, 2, 3
+"""What a pixel is: the room (or nothing); before the room; before where the room was never seen, but nearer
+than it is around there; or about as near as it is around there."""
+_FLICKERS = 6.0
+"""A pixel that has come to the same nearer depth and gone so often is an edge: the nearer is the room."""
+_FILL_EVERY_NS, _FILL_SHARE, _FILL_AFTER = 300_000_000, 0.002, 6
+"""Between two looks at how much of the room is known; the change, as a share of the image, at which what is
+guessed of the rest is made anew; and the looks after which it is made anew all the same."""
+_AT_ONCE, _SEEN_FOR = 0.1, 0.25
+"""Seconds in which everything is new and learnt at once; later what was never seen is learnt where it stays
+the same for so long: an arm that was lost, before a hall too deep for the sensor, is on its way."""
+_DARK, _MEASURED = 2.0, 0.5
+"""Seconds for which nothing is measured where the room was, before it is forgotten there, and the share of
+the known room that is to be measured meanwhile: else the lens is covered."""
+_LONGEST_STEP = 0.5
+"""Seconds: a gap in the stream ages nothing by more."""
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How a frame agrees with the room that was known.
+
+    Attributes:
+        compared: pixels that are known in both and nobody's.
+        nearer, farther: the shares of them that are plainly nearer or farther than the room.
+    """
+
+    compared: int
+    nearer: float
+    farther: float
+
+
+class Room:
+    """The room's depth, learnt from what is not a person.
+
+    A pixel's depth follows small changes slowly. Farther depth that stays for ``clear_after`` seconds
+    replaces it (something was taken away; a flickering edge never stays); nearer depth that stays for
+    ``absorb_after`` seconds is absorbed (something was put there), but not where somebody was last seen who
+    has not been seen elsewhere since, until the room is seen there again: they may stand still. Where nothing
+    is measured any more, it is forgotten after a while.
+    """
+
+    def __init__(self, shape: tuple[int, int], settings: RoomSettings | None = None) -> None:
+        self.settings = settings or RoomSettings()
+        self.z = np.zeros(shape)
+        self.age = 0.0
+        self._guess = np.zeros(shape)
+        self._nearer, self._waited, self._away = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        self._flips = np.zeros(shape)
+        self._guarded, self._guard_z = np.full(shape, -1, np.int64), np.zeros(shape)
+        self._learnt_ns: int | None = None
+        self._filled_ns: int | None = None
+        self._known = self._stale = 0
+
+    def classify(self, view: View, near: float, far: float, floor_band: float) -> UInt8:
+        """(h, w) what every pixel is: ROOM, BEFORE, UNSEEN or UNLIKELY."""
+        self._fill(view, floor_band)
+        return np.asarray(_classify(view.z, view.points, self.z, self._guess, near, far, floor_band))
+
+    def learn(
+        self, z: Float, person: Bool, time_ns: int | None = None, hold: Bool | None = None
+    ) -> Agreement:
+        """Takes in a frame whose ``person`` pixels, widened by two, are left out.
+
+        Args:
+            hold: (h, w) pixels that may become somebody: what was never seen there is not learnt at once.
+        """
+        step = 1 / 30 if time_ns is None or self._learnt_ns is None else (time_ns - self._learnt_ns) * 1e-9
+        step = min(max(step, 0.0), _LONGEST_STEP)
+        self._learnt_ns = time_ns
+        self.age += step
+        hold = np.zeros(z.shape, bool) if hold is None else hold
+        seen_for = _SEEN_FOR if self.age > _AT_ONCE else 0.0
+        measured = np.count_nonzero(z > 0.0) > _MEASURED * np.count_nonzero(self.z > 0.0)
+        compared, nearer, farther = _learn(
+            self.z, z, widened(person, 2), hold, self._nearer, self._waited, self._away, self._guarded,
+            self._guard_z, self._flips, step, self.settings.absorb_after, self.settings.clear_after,
+            seen_for, _DARK if measured else np.inf,
+        )  # fmt: skip
+        return Agreement(compared, nearer / max(1, compared), farther / max(1, compared))
+
+    def guard(self, owner: AnyArray, ids: AnyArray, z: Float) -> None:
+        """Remembers who was seen where.
+
+        Args:
+            owner: (h, w) whose pixel it is, an index of ``ids``, or -1.
+            ids: (K,) the people's ids.
+        """
+        _guard(owner, ids, z, self._guarded, self._guard_z)
+
+    def forget(self, where: Bool) -> None:
+        """What was learnt at the (h, w) pixels is not the room; it is learnt anew there."""
+        self.z[where] = 0.0
+        self._waited[where] = self._away[where] = 0.0
+
+    def release(self, identity: int) -> None:
+        """Somebody is seen elsewhere, or gone for good: what is left where they were is not them."""
+        self._guarded[self._guarded == identity] = -1
+
+    def _fill(self, view: View, floor_band: float) -> None:
+        """Renews the guess of what was never seen, now and then."""
+        time_ns = view.time_ns
+        if self._filled_ns is None or not 0 <= time_ns - self._filled_ns < _FILL_EVERY_NS:
+            known = int(np.count_nonzero(self.z))
+            if abs(known - self._known) > _FILL_SHARE * self.z.size or self._stale > _FILL_AFTER:
+                self._guess = guessed(self.z, view.camera.ray, view.world_from_camera, floor_band)
+                self._known, self._stale = known, 0
+            self._stale += 1
+            self._filled_ns = time_ns if known else None
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _classify(z, points, room, guess, near, far, floor_band):  # type: ignore[no-untyped-def]
+    """See :meth:`Room.classify`; without a branch, so that many pixels are compared at once."""
+    height, width = z.shape
+    out = np.empty((height, width), np.uint8)
+    for v in range(height):
+        for u in range(width):
+            d, known, likely = z[v, u], room[v, u], guess[v, u]
+            margin = 0.05 + 0.012 * d * d
+            seen = BEFORE if d < known - margin else ROOM
+            never_seen = UNSEEN if (likely == 0.0) | (d < likely - margin) else UNLIKELY
+            counts = (d > near) & (d < far) & (points[v, u, 1] > floor_band)
+            out[v, u] = (seen if known > 0.0 else never_seen) if counts else ROOM
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _learn(
+    room,
+    z,
+    person,
+    hold,
+    nearer,
+    waited,
+    away,
+    guarded,
+    guard_z,
+    flips,
+    step,
+    absorb_after,
+    clear_after,
+    seen_for,
+    dark,
+):  # type: ignore[no-untyped-def]
+    """One frame into the room; the numbers of pixels compared, plainly nearer and plainly farther."""
+    height, width = z.shape
+    compared, count_nearer, count_farther = 0, 0, 0
+    follow = min(1.0, 0.3 * step)
+    for v in range(height):
+        for u in range(width):
+            d = z[v, u]
+            if person[v, u]:
+                continue
+            if d <= 0.0:
+                _not_measured(room, waited, away, v, u, step, dark)
+                continue
+            if room[v, u] == 0.0:
+                same = abs(d - nearer[v, u]) <= 0.04 + 0.010 * d * d
+                if not hold[v, u] and (seen_for == 0.0 or (same and waited[v, u] + step > seen_for)):
+                    room[v, u], waited[v, u] = d, 0.0
+                    continue
+            else:
+                compared += 1
+            margin = 0.04 + 0.010 * d * d
+            if room[v, u] > 0.0 and abs(d - room[v, u]) <= margin:
+                room[v, u] += follow * (d - room[v, u])
+                # The sign of the number of flips is where the pixel was last.
+                flips[v, u] = -abs(flips[v, u]) * (1.0 - 0.1 * step)
+                waited[v, u] = max(0.0, waited[v, u] - step)
+                away[v, u], guarded[v, u] = 0.0, -1
+            elif room[v, u] > 0.0 and d > room[v, u]:
+                count_farther += 1
+                guarded[v, u] = -1
+                waited[v, u] = max(0.0, waited[v, u] - step)
+                away[v, u] += step
+                if away[v, u] > clear_after:
+                    # What was there comes back sooner than something new: an edge that flickers slowly.
+                    nearer[v, u], waited[v, u] = room[v, u], 0.7 * absorb_after
+                    room[v, u], away[v, u] = d, 0.0
+            else:
+                count_nearer += room[v, u] > 0.0
+                away[v, u] = 0.0
+                if guarded[v, u] >= 0 and abs(d - guard_z[v, u]) <= 2.0 * margin:
+                    continue
+                if flips[v, u] <= 0.0 and not hold[v, u] and abs(d - nearer[v, u]) <= 2.0 * margin:
+                    flips[v, u] = 1.0 - flips[v, u]
+                    if flips[v, u] > _FLICKERS and room[v, u] > 0.0:
+                        room[v, u], flips[v, u] = nearer[v, u], 0.0
+                        continue
+                if abs(d - nearer[v, u]) <= margin:
+                    waited[v, u] += step
+                    nearer[v, u] += 0.2 * (d - nearer[v, u])
+                    if waited[v, u] > absorb_after:
+                        room[v, u], waited[v, u] = nearer[v, u], 0.0
+                else:
+                    waited[v, u] -= 2.0 * step
+                    if waited[v, u] <= 0.0:
+                        nearer[v, u], waited[v, u] = d, 0.0
+    return compared, count_nearer, count_farther
+
+
+@njit(cache=True, nogil=True)
+def _not_measured(room, waited, away, v, u, step, dark):  # type: ignore[no-untyped-def]
+    """A pixel of which nothing is known now: after ``dark`` seconds of it the room is forgotten there."""
+    if room[v, u] == 0.0:
+        waited[v, u] = max(0.0, waited[v, u] - 2.0 * step)
+    elif dark < np.inf:
+        away[v, u] += step
+        if away[v, u] > dark:
+            room[v, u], away[v, u], waited[v, u] = 0.0, 0.0, 0.0
+
+
+@njit(cache=True, nogil=True)
+def _guard(owner, ids, z, guarded, guard_z):  # type: ignore[no-untyped-def]
+    """See :meth:`Room.guard`; who is followed guards nothing but where they are."""
+    height, width = owner.shape
+    for v in range(height):
+        for i in ids:
+            for u in range(width):
+                guarded[v, u] = -1 if guarded[v, u] == i else guarded[v, u]
+        for u in range(width):
+            if owner[v, u] >= 0:
+                guarded[v, u], guard_z[v, u] = ids[owner[v, u]], z[v, u]
+
+
+def widened(mask: Bool, pixels: int) -> Bool:
+    """The mask grown by a square of ``pixels`` to every side."""
+    return np.asarray(_widened(mask, pixels))
+
+
+@njit(cache=True, nogil=True)
+def _widened(mask, pixels):  # type: ignore[no-untyped-def]
+    """Each row is made of those around it, and then of itself moved by up to so many pixels."""
+    height, width = mask.shape
+    out, row = np.zeros((height, width), np.bool_), np.empty(width + 2 * pixels, np.bool_)
+    middle = row[pixels : pixels + width]
+    for v in range(height):
+        row[:] = False
+        for near in range(max(0, v - pixels), min(height, v + pixels + 1)):
+            beside = mask[near]
+            for u in range(width):
+                middle[u] |= beside[u]
+        made = out[v]
+        for first in range(2 * pixels + 1):
+            moved = row[first : first + width]
+            for u in range(width):
+                made[u] |= moved[u]
+    return out

@@ -1,0 +1,371 @@
+"""Groups of pixels that may be somebody new, watched until they have proven it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, UInt8
+from enliven.kernels import njit
+from enliven.masks import pixels_of
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.scene.room import BEFORE, ROOM, UNLIKELY, widened
+from enliven_edge.tracking.scene.walls import without_walls
+from enliven_edge.tracking.segment.columns import parted
+from enliven_edge.tracking.segment.person_shape import SMALLEST_AREA, Shape, shape_of
+from enliven_edge.tracking.segment.segmentation import Loose, Segments, loose_groups
+
+_SAME, _FORGET_NS = 0.45, 400_000_000
+_MOST, _MOST_AT_FIRST = 8, 16
+YOUNG = 1.0
+"""Seconds: in so young a room nobody can prove to have come in."""
+_TALL, _FRAMES, _LONG = 1.05, 3, 10
+_STEADY, _LARGE, _LEAST = 0.15, 0.33, 0.14
+_STOUT, _BULKY = 0.1, 0.5
+"""Square metres seen of somebody a metre tall, from the side and at most; with the square of the height."""
+_STANDS = 1.3
+_CHECK_NS = 250_000_000
+"""A thing that stands there is looked at again so often."""
+_REFUSED, _REFUSED_NS = 0.4, 20_000_000_000
+_BEHIND, _PATIENCE_NS = 0.25, 800_000_000
+_BACK_OFF_NS, _LONGEST_NS = 150_000_000, 2_000_000_000
+_PARTED_AREA = 0.45
+_TOUCHING = 3
+"""Pixels within which a fragment touches a group."""
+_TIGHTNESS, _PIECES = 0.35, 6
+
+
+class Newcomer:
+    """A group of pixels of a person's size.
+
+    Attributes:
+        pixels: (h, w).
+        centre: (3,) metres, world frame.
+        shape: what it looks like.
+        area: square metres that are seen.
+        crowns: metres above the floor of its top, frame by frame.
+        bystander: whether it is out of the zone, or locked out.
+        awaited: whether somebody was lost about here, who may be in any posture.
+        recognised: whether the network takes it for a person.
+        parts: (h, w) itself and the others that it was parted from; [] where it was not.
+    """
+
+    def __init__(self, centre: Float, time_ns: int) -> None:
+        self.centre = centre
+        self.crowns: list[float] = []
+        self.frames, self.area = 0, 0.0
+        self.bystander = self.awaited = self.refused = self.recognised = False
+        self.seen_ns = self.first_ns = time_ns
+        self.before = self.plain = 0.0
+        self.group: Loose | None = None
+        self.parts: list[Bool] = []
+        self.checked_ns = time_ns
+        self.shape: Shape
+        self.pixels: Bool
+        self._next_ns, self._wait_ns = time_ns, _BACK_OFF_NS
+        self._asked_ns: int | None = None
+
+    def update(
+        self,
+        pixels: Bool,
+        centre: Float,
+        shape: Shape,
+        area: float,
+        shares: tuple[float, float],
+        time_ns: int,
+    ) -> None:
+        """The group in another frame; its shares that stand before the known room, and before any."""
+        self.area, (self.before, self.plain) = area, shares
+        self.pixels, self.centre, self.shape = pixels, centre, shape
+        self.frames, self.seen_ns, self.checked_ns = self.frames + 1, time_ns, time_ns
+        self.crowns = [*self.crowns[-_LONG:], shape.crown]
+
+    def grow(self, view: View, pixels: Bool) -> None:
+        """It turned out to be all of these (h, w) pixels."""
+        self.pixels = pixels
+        self.centre, self.area, _ = measured(view, pixels, np.zeros(pixels.shape, np.uint8))
+        self.shape = shape_of(view, pixels, self.area)
+
+    @property
+    def proven(self) -> bool:
+        """Whether it came into a room that was known, with a person's shape; or may be who was lost here."""
+        steady = self.frames >= _FRAMES and float(np.ptp(self.crowns[-_FRAMES:])) < _STEADY
+        if not steady or self.refused:
+            return False
+        if self.awaited and self.shape.possible and self.area > _LEAST and self.plain > 0.5:
+            return True
+        tall = (self.shape.crown > _TALL or self.shape.cut) and self.area > _LEAST
+        return (
+            tall and self.before > 0.5 and (self.shape.upright or (self.shape.human and self.frames >= _LONG))
+        )
+
+    @property
+    def unions(self) -> list[Bool]:
+        """[(h, w)] it with others that it was parted from, the largest first: raised arms look like people of
+        their own from above."""
+        return _unions(self.pixels, self.parts)
+
+    def dull(self, group: Loose, time_ns: int) -> bool:
+        """Whether a group is this one as it was looked at just now: a thing that stands there."""
+        if self.group is None or self.frames < _LONG or not 0 <= time_ns - self.checked_ns < _CHECK_NS:
+            return False
+        if self.proven or self.convincing or self.seen_ns == time_ns:
+            return False
+        moved = float(np.linalg.norm(group.centre - self.group.centre))
+        return moved < 0.05 and abs(group.area - self.group.area) < 0.1 * self.group.area
+
+    @property
+    def convincing(self) -> bool:
+        """Whether it is so much like somebody who stands there that it need not come in to be believed."""
+        stout = self.area > _STOUT * self.shape.crown**2
+        whole = self.shape.cut or (self.shape.crown > _TALL and stout)
+        slim = self.shape.cut or self.area < _BULKY * self.shape.crown**2
+        stands = self.shape.upright and whole and slim
+        known = self.recognised and self.shape.possible and (self.shape.cut or self.shape.crown > _TALL)
+        return (stands or known) and self.area > _LEAST and not self.refused
+
+    def puzzles(self, time_ns: int) -> bool:
+        """Whether its shape does not convince, so that the network is to be asked, now and then."""
+        if self.area < _LEAST or self.refused or (self.convincing and not self.recognised):
+            return False
+        if self._asked_ns is not None and 0 <= time_ns - self._asked_ns < _CHECK_NS:
+            return False
+        self._asked_ns = time_ns
+        return True
+
+    @property
+    def tall(self) -> bool:
+        """Whether it is as tall as somebody who stands, or may be."""
+        return self.shape.crown > _STANDS or self.shape.cut
+
+    @property
+    def _stands(self) -> bool:
+        """Whether it is as tall as somebody who stands, and not too little of them."""
+        return self.shape.crown > _STANDS and self.area > _LEAST
+
+    @property
+    def imaginable(self) -> bool:
+        """Whether it may be somebody in any posture, bent or on the knees say, where nobody else is."""
+        large = self.shape.crown > _TALL or self.shape.cut or self.area > _LARGE
+        return self.shape.human and large and not self.refused
+
+    def due(self, time_ns: int, room_age: float, *, alone: bool, missing: bool) -> bool:
+        """Whether a body should be looked for in it now.
+
+        Args:
+            room_age: seconds since the room is learnt; in a new one nobody can prove to have come in.
+            alone: nobody else is followed, so that what may be a person in any posture is better than nobody.
+            missing: somebody is hidden or away, who it may be.
+        """
+        there = self.convincing or (self.imaginable and (alone or self.awaited or self._stands))
+        late = self.convincing and self._stands and self.plain > 0.5
+        if not (self.proven or late or (room_age < YOUNG and there)):
+            return False
+        # Who comes out from behind something is waited for until it can be told who it is.
+        if missing and self.shape.behind > _BEHIND and 0 <= time_ns - self.first_ns < _PATIENCE_NS:
+            return False
+        return not 0 < self._next_ns - time_ns < 2 * _LONGEST_NS
+
+    def settle(self, tried: Newcomer) -> None:
+        """Is looked for again when a copy of it that was tried is."""
+        self._next_ns, self._wait_ns = max(self._next_ns, tried._next_ns), tried._wait_ns
+
+    def failed(self, time_ns: int) -> None:
+        """No body was found in it: the next try is later and later."""
+        self._next_ns, self._wait_ns = time_ns + self._wait_ns, min(2 * self._wait_ns, _LONGEST_NS)
+
+
+class Newcomers:
+    """Everything that may be somebody new."""
+
+    def __init__(self) -> None:
+        self._known: list[Newcomer] = []
+        self._refused: list[tuple[Float, int]] = []
+
+    def clear(self) -> None:
+        self._known.clear()
+        self._refused.clear()
+
+    def refuse(self, place: Float, time_ns: int) -> None:
+        """What is at a place was taken for somebody and is a thing."""
+        self._refused.append((place.copy(), time_ns))
+
+    def drop(self, newcomer: Newcomer) -> None:
+        """It is somebody now."""
+        self._known = [other for other in self._known if other is not newcomer]
+
+    @property
+    def bystanders(self) -> int:
+        """How many that have proven to be people are no performers."""
+        return sum(1 for n in self._known if n.bystander and n.proven)
+
+    def update(
+        self,
+        view: View,
+        kind: UInt8,
+        segments: Segments,
+        admits: Callable[[Float], bool],
+        awaits: Callable[[Float], bool],
+        *,
+        young: bool,
+    ) -> list[Newcomer]:
+        """Those that are in this frame, the likeliest first; ``young``: the room is new."""
+        groups = [g for g in segments.loose if g.area > SMALLEST_AREA and g.tall > 0.3]
+        groups = groups[: _MOST_AT_FIRST if young else _MOST]
+        present = []
+        for group in groups:
+            same = next((n for n in self._known if n.dull(group, view.time_ns)), None)
+            if same is not None:
+                same.seen_ns = view.time_ns
+                present.append(same)
+                continue
+            mask = _all_of(segments, group, view)
+            if not mask.any():  # a person has taken all of it back
+                continue
+            bare = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
+            parts: list[tuple[Bool, Bool | None]] = [(part, None) for part in bare]
+            if young and group.area > _PARTED_AREA and not shape_of(view, mask, 0.5).possible:
+                rest = without_walls(view, mask)
+                wall = mask & ~rest
+                parts += [(part, wall) for part in _before_walls(view, kind, rest, wall)]
+                parts += [(part, None) for part in _tight(view, kind, mask)]
+            for part, walls in parts:
+                if any(
+                    (part & other.pixels).sum() > 0.5 * part.sum() for other in present if other.convincing
+                ):
+                    continue
+                found = self._one(view, kind, part, walls)
+                if found is not None and found not in present:
+                    found.parts = bare if walls is None else []
+                    found.bystander = not admits(found.centre)
+                    found.awaited = awaits(found.centre)
+                    found.group = group if len(parts) == 1 else None
+                    present.append(found)
+        self._known = [n for n in self._known if n in present or 0 <= view.time_ns - n.seen_ns < _FORGET_NS]
+        return sorted(present, key=lambda n: -n.shape.likeness)
+
+    def _one(self, view: View, kind: UInt8, part: Bool, walls: Bool | None) -> Newcomer | None:
+        """The newcomer that a group of pixels is, None where it has not a person's size."""
+        if np.count_nonzero(part) < 30:
+            return None
+        centre, area, shares = measured(view, part, kind)
+        shape = shape_of(view, part, area, walls)
+        # Everything is free before the walls that were taken away from it: it has to have a head as well.
+        if shape.likeness == 0 or (walls is not None and not shape.upright):
+            return None
+        known = [n for n in self._known if n.seen_ns != view.time_ns]
+        near = min(known, key=lambda n: float(np.linalg.norm(n.centre - centre)), default=None)
+        if near is None or np.linalg.norm(near.centre - centre) > _SAME:
+            near = Newcomer(centre, view.time_ns)
+            self._known.append(near)
+        near.refused = self._is_refused(centre, view.time_ns)
+        near.update(part, centre, shape, area, shares, view.time_ns)
+        return near
+
+    def _is_refused(self, centre: Float, time_ns: int) -> bool:
+        """Whether a thing is there that was taken for somebody."""
+        self._refused = [(at, t) for at, t in self._refused if 0 <= time_ns - t < _REFUSED_NS]
+        return any(float(np.linalg.norm((at - centre)[[0, 2]])) < _REFUSED for at, _ in self._refused)
+
+
+def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
+    """All parts of a group, and ``part`` with each of the others, the largest first; [] where it is alone."""
+    others = [other for other in parts if other is not part]
+    if not others or len(others) == len(parts):
+        return []
+    pairs = [part | other for other in others] if len(others) > 1 else []
+    return [np.logical_or.reduce(parts), *sorted(pairs, key=lambda pair: -int(pair.sum()))]
+
+
+def measured(view: View, pixels: Bool, kind: UInt8) -> tuple[Float, float, tuple[float, float]]:
+    """Of the (h, w) pixels: (3,) metres, their middle; square metres towards the sensor; and two shares.
+
+    The shares are of what stands before the known room, and before what is known or guessed.
+
+    Args:
+        kind: (h, w) from :meth:`Room.classify`.
+    """
+    centre, squares, before, plain = _measured(view.points, view.z, kind, pixels)
+    camera = view.camera.intrinsics
+    return centre, squares / (camera.fx * camera.fy), (before, plain)
+
+
+@njit(cache=True, nogil=True)
+def _measured(points, z, kind, part):  # type: ignore[no-untyped-def]
+    """See :func:`measured`; the sum of the depths' squares in place of the area."""
+    pixels = pixels_of(part)
+    centre, squares, before, plain, width = np.zeros(3), 0.0, 0, 0, part.shape[1]
+    for i in range(len(pixels)):
+        v, u = divmod(pixels[i], width)
+        for a in range(3):
+            centre[a] += points[v, u, a]
+        squares += z[v, u] * z[v, u]
+        before += kind[v, u] == BEFORE
+        plain += kind[v, u] != UNLIKELY
+    count = max(1, len(pixels))
+    return centre / count, squares, before / count, plain / count
+
+
+def _before_walls(view: View, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool]:
+    """What is left of a group without the walls that it has in it: people who stand before them, say."""
+    if not walls.any():
+        return []
+    parts = [part for group in _pieces(view, kind, rest, 1.0) for part in parted(view.points, group)]
+    return [part for part in parts if np.percentile(view.points[part][:, 1], 99) > _STANDS]
+
+
+def _tight(view: View, kind: UInt8, mask: Bool) -> list[Bool]:
+    """The parts of a group that hang together more closely: somebody who stands beside a wall, say."""
+    return _pieces(view, kind, mask, _TIGHTNESS)
+
+
+def _pieces(view: View, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]:
+    """The largest parts of a mask that hang together, by steps in depth that small."""
+    inside = np.where(mask, kind, ROOM).astype(np.uint8)
+    labels, count = loose_groups(view.z, inside, np.full(mask.shape, -1), tightness)
+    size = np.bincount(labels.ravel(), minlength=count + 1)
+    size[0] = 0
+    return [labels == index for index in np.argsort(-size)[:_PIECES] if size[index] > 100]
+
+
+def _all_of(segments: Segments, main: Loose, view: View) -> Bool:
+    """The main group with the fragments that seem to be its own, unless it is more like a person without."""
+    bare, mask = segments.group(main), _with_fragments(segments, main, view)
+    if mask.sum() == bare.sum() or shape_of(view, mask, main.area).upright:
+        return mask
+    return bare if shape_of(view, bare, main.area).upright else mask
+
+
+def _with_fragments(segments: Segments, main: Loose, view: View) -> Bool:
+    """The main group and smaller ones that touch it in the image within 0.6 m, a forearm held forward say."""
+    mask = segments.group(main)
+    top, left, bottom, right = main.box
+    near = [
+        other
+        for other in segments.loose
+        if other.label != main.label
+        and other.area < 0.6 * main.area
+        and other.box[0] <= bottom + _TOUCHING
+        and other.box[2] >= top - _TOUCHING
+        and other.box[1] <= right + _TOUCHING
+        and other.box[3] >= left - _TOUCHING
+    ]
+    for other in near:
+        # What touches it is so near to its box: the rest of the image need not be looked at.
+        top, left, bottom, right = other.box
+        window = np.s_[
+            max(0, top - _TOUCHING) : bottom + _TOUCHING, max(0, left - _TOUCHING) : right + _TOUCHING
+        ]
+        part, points = segments.labels[window] == other.label, view.points[window]
+        contact = widened(part, _TOUCHING) & mask[window]
+        if contact.any():
+            gap = abs(float(np.median(points[part][:, 2]) - np.median(points[contact][:, 2])))
+            if gap < 0.6 and _reaches(points[part], points[contact]):
+                mask[window] |= part
+    return mask
+
+
+def _reaches(part: Float, contact: Float) -> bool:
+    """Whether a fragment stays within an arm's length of where it touches, unlike a wall."""
+    return bool(np.percentile(np.linalg.norm(part - contact.mean(0), axis=1), 90) < 0.8)

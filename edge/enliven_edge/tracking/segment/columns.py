@@ -1,0 +1,119 @@
+"""People who stand side by side in one group of pixels, joined at a hand say, parted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.kernels import njit
+from enliven_edge.tracking.segment.person_shape import samples
+
+_SAMPLES = 3000
+"""Points that the people are looked for in, about."""
+_CELL, _APART, _RADIUS = 0.06, 0.42, 0.24
+"""Metres: of a cell of the map from above, between two people, and about a person's axis."""
+_STANDING, _NECK, _HIGHER = 0.7, 0.3, 0.2
+"""Metres: the lowest crown, and how much higher what is so near it makes it a shoulder."""
+_TOP, _HEAD = 0.15, 0.2
+"""Metres below a peak, and in plan from it, within which a head is."""
+_PEAKS = 200
+"""Cells that are looked at, the highest first."""
+_LAYER, _KNEES, _MET = 0.1, 0.35, 0.8
+"""Metres of a layer, the share of the height where the knees are, and that of the layers above them that
+are met at the least where a person is."""
+
+
+def parted(points: Float, mask: Bool) -> list[Bool]:
+    """The (h, w) mask, or its parts where several people stand side by side in it, joined at a hand say.
+
+    Seen from above, each person is a column that reaches from a head to the legs; a pixel belongs to the
+    nearest column.
+
+    Args:
+        points: (h, w, 3) world frame.
+    """
+    columns = columns_of(samples(points, mask, _SAMPLES))
+    if len(columns) < 2:
+        return [mask]
+    nearest = _nearest(points, mask, columns)
+    return [nearest == k for k in range(len(columns))]
+
+
+def columns_of(points: Float) -> Float:
+    """(N, 2) x and z of the people in (3, M) points: peaks of the height map over a filled column."""
+    flat = points[::2]
+    origin = flat.min(1)
+    cells = np.floor((flat - origin[:, None]) / _CELL).astype(int)
+    height = np.zeros(cells.max(1) + 1)
+    np.maximum.at(height, (cells[0], cells[1]), points[1])
+    order = np.argsort(-height, axis=None)[:_PEAKS]
+    return np.asarray(_columns(points, height, order, origin))
+
+
+@njit(cache=True, nogil=True)
+def _columns(points, height, order, origin):  # type: ignore[no-untyped-def]
+    """(N, 2) see :func:`columns_of`.
+
+    Args:
+        points: (3, M) metres, world frame.
+        height: (X, Z) metres, the highest point of each cell, 0 where there is none.
+        order: (P,) the flat places of the highest cells, the highest first.
+        origin: (2,) x and z of the first cell's corner.
+    """
+    kept, count = np.empty((len(order), 2)), 0
+    for index in order:
+        i, j = divmod(index, height.shape[1])
+        top = height[i, j]
+        if top < _STANDING:
+            break
+        x, z = _summit(points, origin[0] + (i + 0.5) * _CELL, origin[1] + (j + 0.5) * _CELL, top)
+        new = True
+        for k in range(count):
+            new &= np.hypot(x - kept[k, 0], z - kept[k, 1]) > _APART
+        if new and _filled(points, x, z, top):
+            kept[count, 0], kept[count, 1] = x, z
+            count += 1
+    return kept[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def _summit(points, x, z, top):  # type: ignore[no-untyped-def]
+    """x and z of the middle of what is highest about a place, of a head say."""
+    right, deep, count = 0.0, 0.0, 0
+    for i in range(points.shape[1]):
+        if points[1, i] > top - _TOP:
+            dx, dz = points[0, i] - x, points[2, i] - z
+            if dx * dx + dz * dz < _HEAD * _HEAD:
+                right, deep, count = right + points[0, i], deep + points[2, i], count + 1
+    return right / count, deep / count
+
+
+@njit(cache=True, nogil=True)
+def _filled(points, x, z, top):  # type: ignore[no-untyped-def]
+    """Whether a person is under a peak: no shoulder, and most heights from the knees up are met."""
+    first, last = int(np.ceil(_KNEES * top / _LAYER)), int(np.floor(top / _LAYER))
+    met = np.zeros(max(0, last - first), np.bool_)
+    for i in range(points.shape[1]):
+        dx, dz = points[0, i] - x, points[2, i] - z
+        away = dx * dx + dz * dz
+        if away < _NECK * _NECK and points[1, i] > top + _HIGHER:
+            return False
+        layer = int(np.floor(points[1, i] / _LAYER)) - first
+        if away < _RADIUS * _RADIUS and 0 <= layer < len(met):
+            met[layer] = True
+    return len(met) > 0 and np.count_nonzero(met) > _MET * len(met)
+
+
+@njit(cache=True, nogil=True)
+def _nearest(points, mask, columns):  # type: ignore[no-untyped-def]
+    """(h, w) which of (N, 2) columns is nearest to each of the masked points; -1 elsewhere."""
+    out = np.full(mask.shape, -1, np.int32)
+    for v in range(mask.shape[0]):
+        for u in range(mask.shape[1]):
+            if mask[v, u]:
+                least = np.inf
+                for k in range(len(columns)):
+                    dx, dz = points[v, u, 0] - columns[k, 0], points[v, u, 2] - columns[k, 1]
+                    if dx * dx + dz * dz < least:
+                        least, out[v, u] = dx * dx + dz * dz, k
+    return out

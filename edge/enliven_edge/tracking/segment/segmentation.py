@@ -1,0 +1,239 @@
+"""Pixels to people: each candidate pixel goes to the person whose predicted body it lies on.
+
+What lies on nobody is grouped in three dimensions; a small group that touches somebody is theirs (an arm
+that was lost hangs together with the body), a large one may be somebody new.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int, UInt8
+from enliven.kernels import njit
+from enliven.masks import pixels_of
+from enliven.union_find import join, root_of
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.scene.room import ROOM, UNLIKELY, UNSEEN
+from enliven_edge.tracking.segment.pixel_labels import claim, image_boxes
+from enliven_edge.tracking.segment.surface_growing import given_back, grown
+
+REACH = 0.22
+"""Metres from the predicted surface within which a pixel is taken for the person's."""
+_REACH_UNLIKELY = 0.08
+_LIMB_AREA, _LIMB_LENGTH = 0.12, 0.95
+"""A group that touches somebody is a limb of theirs up to this visible area and extent."""
+SPECKLE = 0.004
+"""Square metres: smaller loose groups are noise."""
+
+
+@dataclass(frozen=True)
+class Loose:
+    """A group of pixels that are nobody's.
+
+    Attributes:
+        label: its number in ``Segments.labels``.
+        area: square metres that are seen.
+        low, high: (3,) the corners of its box in the world.
+        centre: (3,) the mean of its points.
+        contact: (K,) pixels that touch each person.
+        box: (top, left, bottom, right) pixels, the last two exclusive.
+    """
+
+    label: int
+    area: float
+    low: Float
+    high: Float
+    centre: Float
+    contact: Int
+    box: tuple[int, int, int, int]
+
+    @property
+    def tall(self) -> float:
+        """Metres from its lowest to its highest point."""
+        return float(self.high[1] - self.low[1])
+
+
+@dataclass(frozen=True)
+class Segments:
+    """Whose the pixels of a frame are.
+
+    Attributes:
+        owner: (h, w) the index of the person, or -1.
+        labels: (h, w) the number of the loose group, or 0.
+        loose: the loose groups that are no speckles, the largest first.
+        counts: (K,) each person's pixels.
+    """
+
+    owner: Int
+    labels: Int
+    loose: list[Loose]
+    counts: Int
+
+    def pixels(self, person: int) -> Bool:
+        """(h, w) the pixels of a person, by index."""
+        return np.asarray(self.owner == person)
+
+    def group(self, loose: Loose) -> Bool:
+        """(h, w) the pixels of a loose group."""
+        return np.asarray(self.labels == loose.label)
+
+
+def segmented(
+    view: View, kind: UInt8, postures: Sequence[Posture], handicap: Float | None = None
+) -> Segments:
+    """Whose the pixels of a frame are.
+
+    Args:
+        kind: (h, w) from :meth:`Room.classify`.
+        postures: where each person is expected, world frame.
+        handicap: (K,) metres by which a person's claim is weaker, one who is probably hidden say.
+    """
+    shape, count = kind.shape, len(postures)
+    handicap = np.zeros(count) if handicap is None else handicap
+    owner, distance = np.full(shape, -1, np.int64), np.full(shape, np.inf)
+    if count:
+        capsules = [posture.capsules() for posture in postures]
+        ends, radii = np.stack([c[0] for c in capsules]), np.stack([c[1] for c in capsules])
+        boxes = image_boxes(view, ends, radii, REACH)
+        claim(view.points, kind, boxes, ends, radii, handicap, REACH, _REACH_UNLIKELY, owner, distance)
+    if count > 1:
+        grown(owner, distance, view.z)
+    pixels = _candidates(kind, owner)
+    labels, groups = _grouped(view.z, pixels, 1.0)
+    loose, joined = _judged(_table(view, pixels, labels, groups, owner, count))
+    counts = _join(owner, labels, pixels, joined, count)
+    if count > 1:
+        kept, counts = counts, given_back(owner, view.z, counts)
+        if (kept != counts).any():
+            # What touched one person may touch another one now.
+            table = _table(view, pixels, labels, groups, owner, count)
+            loose = [replace(each, contact=table[each.label, 15:].astype(np.int64)) for each in loose]
+    return Segments(owner, labels, loose, counts)
+
+
+def lying_on(view: View, postures: Sequence[Posture], above: float, reach: float) -> Bool:
+    """(h, w) pixels within ``reach`` metres of somebody's surface and more than ``above`` metres high."""
+    kind = np.where(view.points[..., 1] > above, UNSEEN, ROOM).astype(np.uint8)
+    kind[view.z <= 0.0] = ROOM
+    owner, distance = np.full(kind.shape, -1, np.int64), np.full(kind.shape, np.inf)
+    ends, radii = (np.stack(each) for each in zip(*(p.capsules() for p in postures), strict=True))
+    boxes, none = image_boxes(view, ends, radii, reach), np.zeros(len(postures))
+    claim(view.points, kind, boxes, ends, radii, none, reach, reach, owner, distance)
+    return np.asarray(owner >= 0)
+
+
+def loose_groups(z: Float, kind: UInt8, owner: Int, tightness: float = 1.0) -> tuple[Int, int]:
+    """(h, w) groups 1..n of nobody's candidate pixels that touch with a small step in depth, and n."""
+    labels, groups = _grouped(z, _candidates(kind, owner), tightness)
+    return np.asarray(labels), int(groups)
+
+
+@njit(cache=True, nogil=True)
+def _candidates(kind, owner):  # type: ignore[no-untyped-def]
+    """(M,) the places, in reading order, of nobody's pixels that may be somebody's."""
+    kind, owner = kind.ravel(), owner.ravel()
+    mask = np.empty(len(kind), np.bool_)
+    for i in range(len(kind)):
+        mask[i] = (kind[i] != ROOM) & (kind[i] != UNLIKELY) & (owner[i] < 0)
+    return pixels_of(mask)
+
+
+@njit(cache=True, nogil=True)
+def _grouped(z, pixels, tightness):  # type: ignore[no-untyped-def]
+    """(h, w) the number of the group of each of (M,) pixels, 0 for all others; how many groups there are."""
+    shape, width, z = z.shape, z.shape[1], z.ravel()
+    # Until the groups are numbered a pixel's label is its number among the pixels, from 1.
+    labels, parent = np.zeros(len(z), np.int64), np.arange(len(pixels))
+    for n in range(len(pixels)):
+        here = pixels[n]
+        labels[here] = n + 1
+        step = (0.035 + 0.012 * z[here] * z[here]) * tightness
+        left, above = here - 1 if here % width > 0 else -1, here - width
+        if left >= 0 and labels[left] > 0 and abs(z[here] - z[left]) < step:
+            join(parent, n, n - 1)
+        if above >= 0 and labels[above] > 0 and abs(z[here] - z[above]) < step:
+            join(parent, n, labels[above] - 1)
+    count = 0
+    for n in range(len(pixels)):
+        root = root_of(parent, n)
+        # A root is the first pixel of its group, so it was numbered before all others.
+        count += root == n
+        labels[pixels[n]] = count if root == n else labels[pixels[root]]
+    return labels.reshape(shape), count
+
+
+def _table(view: View, pixels: Int, labels: Int, groups: int, owner: Int, people: int) -> Float:
+    """(groups + 1, 15 + K) area, low and high corner, sum of points, pixels, box, contacts."""
+    camera = view.camera.intrinsics
+    pixel = 1.0 / (camera.fx * camera.fy)
+    return np.asarray(_measured(view.z, view.points, pixels, labels, groups, owner, people, pixel))
+
+
+@njit(cache=True, nogil=True)
+def _measured(z, points, pixels, labels, groups, owner, people, pixel):  # type: ignore[no-untyped-def]
+    """See :func:`_table`."""
+    height, width = z.shape
+    out = np.zeros((groups + 1, 15 + people))
+    out[:, 1:4], out[:, 4:7] = np.inf, -np.inf
+    out[:, 11:13] = 1e9
+    for n in range(len(pixels)):
+        v, u = pixels[n] // width, pixels[n] % width
+        row = out[labels[v, u]]
+        row[0] += z[v, u] * z[v, u] * pixel
+        for a in range(3):
+            p = points[v, u, a]
+            row[1 + a], row[4 + a] = min(row[1 + a], p), max(row[4 + a], p)
+            row[7 + a] += p
+        row[10] += 1.0
+        row[11], row[12] = min(row[11], v), min(row[12], u)
+        row[13], row[14] = max(row[13], v + 1.0), max(row[14], u + 1.0)
+        step = 0.035 + 0.012 * z[v, u] * z[v, u]
+        for q, p in ((v - 1, u), (v + 1, u), (v, u - 1), (v, u + 1)):
+            if 0 <= q < height and 0 <= p < width and owner[q, p] >= 0 and abs(z[q, p] - z[v, u]) < step:
+                row[15 + owner[q, p]] += 1.0
+    return out
+
+
+def _judged(table: Float) -> tuple[list[Loose], Int]:
+    """The loose groups that stay, and (groups + 1,) whose the others are, -1 for nobody's."""
+    area, joined = table[:, 0], _limbs(table)
+    large = np.flatnonzero((area >= SPECKLE) & (joined < 0))
+    return [_loose(int(g), table[g]) for g in sorted(large, key=lambda g: -area[g])], joined
+
+
+@njit(cache=True, nogil=True)
+def _limbs(table):  # type: ignore[no-untyped-def]
+    """(groups + 1,) whose limb a group is, who is touched by most of its pixels; -1: it is no limb."""
+    joined = np.full(len(table), -1)
+    for g in range(len(table)):
+        row, contacts = table[g], table[g, 15:]
+        length = np.sqrt((row[4] - row[1]) ** 2 + (row[5] - row[2]) ** 2 + (row[6] - row[3]) ** 2)
+        if row[0] < _LIMB_AREA and length < _LIMB_LENGTH and contacts.any():
+            joined[g] = np.argmax(contacts)
+    return joined
+
+
+def _loose(g: int, row: Float) -> Loose:
+    top, left, bottom, right = (int(x) for x in row[11:15])
+    centre, contact = row[7:10] / row[10], row[15:].astype(np.int64)
+    return Loose(g, float(row[0]), row[1:4], row[4:7], centre, contact, (top, left, bottom, right))
+
+
+@njit(cache=True, nogil=True)
+def _join(owner, labels, pixels, joined, people):  # type: ignore[no-untyped-def]
+    """Gives the (M,) pixels of joined groups to their owners, in place; each person's number of pixels."""
+    width = owner.shape[1]
+    for n in range(len(pixels)):
+        v, u = pixels[n] // width, pixels[n] % width
+        whose = joined[labels[v, u]]
+        if whose >= 0:
+            owner[v, u], labels[v, u] = whose, 0
+    counts = np.zeros(people, np.int64)
+    for k in owner.ravel():
+        if k >= 0:
+            counts[k] += 1
+    return counts

@@ -1,0 +1,353 @@
+"""A coarse surface within a fine one: some of its vertices, evenly spread along it, and who follows them.
+
+Samples are thrown in a fixed random order, none nearer than a spacing along the surface to those before; then
+come the control points that are none yet. Three samples whose lands meet in a face of the fine mesh make a
+face of the coarse one; two whose lands meet otherwise (around a thin limb) are linked. Shells smaller than a
+few spacings that no control point holds are no surface of their own: they ride on what is nearest.
+
+A fine vertex follows the samples near it *along the surface*, so that fingers that touch do not stick. The
+weights are those of R. Franke and G. Nielson, "Smooth interpolation of large sets of scattered data", 1980:
+w_k ~ ((r - d_k) / (r d_k))², which blends without creases and gives a sample itself exactly.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Bool, Float, Float32, Int, Int32
+from enliven.deformation.graph.surface_kernels import _room, _settle, ways
+from enliven.errors import InputError
+from enliven.kernels import njit
+from enliven.meshes.kernels import shells, space_curve
+from enliven.meshes.mesh import Mesh, weld
+
+_WHERE = "puppet surface"
+_DENSITY = 0.45
+"""Samples to the square of a spacing, as dart throwing leaves them."""
+_REACH = 1.5
+"""Spacings within which a vertex follows a sample; one is always nearer than 1."""
+_DETOUR = 1.25
+"""A way along edges that is this much longer than the straight one is still a straight one."""
+_DUST = 2.0
+"""Spacings; a shell that is smaller rides."""
+_MOST_ROUNDS = 6
+_FINEST = 1.5
+"""Edges of the mesh; samples are not nearer."""
+
+
+class Search(NamedTuple):
+    """What is known of a mesh of V vertices before there are control points.
+
+    Attributes:
+        whole: the mesh welded, W vertices, in an order that has neighbours near in memory.
+        welded: (V,) the vertex of ``whole`` of each.
+        net: the edges of ``whole`` as :func:`edges_around` gives them.
+        spacing: metres between samples.
+        samples: (B,) vertices of ``whole``.
+        riding: (W,) the vertices of tiny shells.
+        start, near, way: CSR over ``whole``: the samples near each vertex, and metres along the surface.
+    """
+
+    whole: Mesh
+    welded: Int
+    net: tuple[Int, Int32, Float]
+    spacing: float
+    samples: Int
+    riding: Bool
+    start: Int
+    near: Int32
+    way: Float
+
+
+class Coarse(NamedTuple):
+    """M samples of a mesh of V vertices; the same for the same control points, in whatever order they came.
+
+    Attributes:
+        mesh: the coarse surface, (M, 3) positions of samples.
+        links: (L, 2) neighbours that share no coarse face.
+        held: (P,) the sample of each control point.
+        start: (V + 1,) where each vertex's samples begin.
+        near: (K,) the samples that it follows.
+        weights: (K,) above 0, of sum 1 for each vertex.
+        notes: sentences for the user about what was done.
+        base: what serves for other control points too.
+        added: (A,) the samples that are there for control points, vertices of ``base.whole``.
+    """
+
+    mesh: Mesh
+    links: Int
+    held: Int
+    start: Int
+    near: Int32
+    weights: Float32
+    notes: tuple[str, ...]
+    base: Search
+    added: Int
+
+
+def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -> Coarse:
+    """About ``count`` samples of the mesh, those of ``held`` (P,) among them.
+
+    Args:
+        before: of the same mesh; what does not change is taken from it.
+
+    Raises:
+        InputError: for a control point that is not there, or that no face uses.
+    """
+    base = _search(mesh, count) if before is None else before.base
+    _check_held(held, base)
+    own = base.welded[held]
+    if base.riding[own].any():
+        base = _search(mesh, count, base.whole.vertices[own])
+        own = base.welded[held]
+    added = np.setdiff1d(own, base.samples)
+    samples = np.concatenate([base.samples, added])
+    order = np.argsort(samples)
+    numbers = order[np.searchsorted(samples, own, sorter=order)]
+    if before is not None and before.base is base and np.array_equal(before.added, added):
+        return before._replace(held=numbers)
+    start, near, way = _with_more(base, added)
+    points, reach = base.whole.vertices, _REACH * base.spacing
+    faces, links = _lands(base.whole.faces, _nearest(start, near, way))
+    start, near, weights = followed(points, points[samples], start, near, way, reach, _DETOUR)
+    if base.riding.any():
+        start, near, weights = _with_riders(base.whole, base.riding, start, near, weights)
+    start, near, weights = _spread(base.welded, start, near, weights)
+    coarse = Mesh(points[samples], faces, mesh.name)
+    notes = _notes(base, len(samples))
+    return Coarse(coarse, links, numbers, start, near, weights, notes, base, added)
+
+
+def _search(mesh: Mesh, count: int, awake: Float | None = None) -> Search:
+    """Samples of the mesh, and who is near them; the shells at the positions ``awake`` (A, 3) do not ride."""
+    whole, welded = _in_order(*weld(mesh))
+    net = edges_around(whole.vertices, whole.faces)
+    label = shells(whole.faces, len(whole.vertices))
+    held = np.empty(0, np.int64)
+    if awake is not None:
+        held = label[cKDTree(whole.vertices).query(awake)[1]]
+    spacing = float(np.sqrt(whole.area / (_DENSITY * count)))
+    finest = _FINEST * float(net[2].mean()) if len(net[2]) else 0.0
+    for _ in range(_MOST_ROUNDS):
+        riding = _riding(whole.vertices, label, held, spacing)
+        order = np.random.default_rng(0).permutation(np.flatnonzero(~riding))
+        samples = thrown(*net, order, spacing)
+        if 0.85 * count <= len(samples) <= 1.15 * count or spacing <= finest:
+            break
+        spacing = max(spacing * float(np.sqrt(len(samples) / count)), finest)
+    near = ways(*net, samples, len(whole.vertices), _DETOUR * _REACH * spacing)
+    return Search(whole, welded, net, spacing, samples, riding, *near)
+
+
+def _in_order(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
+    """The mesh and its welding, vertices and faces along a curve through space, for searches in the cache."""
+    order = space_curve(whole.vertices)
+    place = np.empty(len(order), np.int64)
+    place[order] = np.arange(len(order))
+    faces: Int = place[whole.faces]
+    faces = faces[np.argsort(faces.min(1), kind="stable")]
+    return Mesh(whole.vertices[order], faces.astype(np.int32), whole.name), place[welded]
+
+
+def _with_more(base: Search, added: Int) -> tuple[Int, Int32, Float]:
+    """The base's CSR with the samples ``added`` (A,), numbered after its own."""
+    if not len(added):
+        return base.start, base.near, base.way
+    limit = _DETOUR * _REACH * base.spacing
+    start, near, way = ways(*base.net, added, len(base.whole.vertices), limit)
+    sizes = np.diff(base.start), np.diff(start)
+    offsets = np.concatenate([[0], np.cumsum(sizes[0] + sizes[1])])
+    every, ways_to = np.empty(offsets[-1], np.int32), np.empty(offsets[-1])
+    for own, size, shift, number, metres in (
+        (base.start, sizes[0], 0, base.near, base.way),
+        (start, sizes[1], sizes[0], near + len(base.samples), way),
+    ):
+        to = np.repeat(offsets[:-1] + shift - own[:-1], size) + np.arange(own[-1])
+        every[to], ways_to[to] = number, metres
+    return offsets, every, ways_to
+
+
+def _check_held(held: Int, base: Search) -> None:
+    count, offsets = len(base.welded), base.net[0]
+    for vertex in held.tolist():
+        if not 0 <= vertex < count:
+            raise InputError(f"there is no vertex {vertex}; the mesh has {count}", where=_WHERE)
+        own = base.welded[vertex]
+        if offsets[own] == offsets[own + 1]:
+            raise InputError(
+                f"vertex {vertex} is loose: no face uses it, so that nothing would follow it",
+                where=_WHERE,
+                mend="Choose a vertex of the surface.",
+            )
+
+
+def _notes(base: Search, count: int) -> tuple[str, ...]:
+    """What the user is told."""
+    vertices, points = len(base.welded), len(base.riding)
+    notes = [f"{vertices:,} vertices: {count:,} of them are solved and carry the others with their detail."]
+    if points < vertices:
+        notes.append(f"{vertices - points} vertices were welded to others at the same position.")
+    if base.riding.any():
+        notes.append(f"{int(base.riding.sum())} vertices of tiny shells follow the surface nearest to them.")
+    return tuple(notes)
+
+
+@njit(cache=True, nogil=True)
+def edges_around(points, faces):  # type: ignore[no-untyped-def]
+    """CSR over vertices: offsets (V + 1,), (E,) neighbours, each once, and (E,) metres to them."""
+    count = points.shape[0]
+    room = np.zeros(count + 1, np.int64)
+    for f in range(faces.shape[0]):
+        for c in range(3):
+            room[faces[f, c] + 1] += 2
+    for v in range(count):
+        room[v + 1] += room[v]
+    other, fill = np.empty(room[count], np.int32), room[:-1].copy()
+    for f in range(faces.shape[0]):
+        for c in range(3):
+            v = faces[f, c]
+            other[fill[v]], other[fill[v] + 1] = faces[f, (c + 1) % 3], faces[f, (c + 2) % 3]
+            fill[v] += 2
+    offsets, size = np.zeros(count + 1, np.int64), 0
+    for v in range(count):
+        begin = size
+        for e in range(room[v], room[v + 1]):
+            u, fresh = other[e], other[e] != v
+            for k in range(begin, size):
+                if other[k] == u:
+                    fresh = False
+                    break
+            if fresh:
+                other[size] = u
+                size += 1
+        offsets[v + 1] = size
+    lengths = np.empty(size)
+    for v in range(count):
+        for e in range(offsets[v], offsets[v + 1]):
+            total = 0.0
+            for c in range(3):
+                total += (points[v, c] - points[other[e], c]) ** 2
+            lengths[e] = np.sqrt(total)
+    return offsets, other[:size].copy(), lengths
+
+
+@njit(cache=True, nogil=True)
+def thrown(offsets, neighbours, lengths, order, spacing):  # type: ignore[no-untyped-def]
+    """(M,) of ``order`` each that is no nearer than ``spacing`` to those before, along the surface."""
+    metres, keys, items, reached = _room(offsets, neighbours)
+    covered = np.zeros(metres.shape[0], np.bool_)
+    chosen, size = np.empty(order.shape[0], np.int64), 0
+    for v in order:
+        if covered[v]:
+            continue
+        chosen[size] = v
+        size += 1
+        settled = _settle(offsets, neighbours, lengths, v, spacing, metres, keys, items, reached)
+        for r in range(settled):
+            covered[reached[r]] = True
+            metres[reached[r]] = np.inf
+    return chosen[:size].copy()
+
+
+@njit(cache=True, nogil=True)
+def _nearest(start, near, way):  # type: ignore[no-untyped-def]
+    """(V,) the sample with the shortest way to each vertex; -1 where none reaches."""
+    out = np.full(start.shape[0] - 1, -1, np.int64)
+    for v in range(out.shape[0]):
+        best = np.inf
+        for k in range(start[v], start[v + 1]):
+            if way[k] < best:
+                best, out[v] = way[k], near[k]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def followed(points, samples, start, near, way, reach, detour):  # type: ignore[no-untyped-def]
+    """The CSR of samples that each vertex follows, with weights, from those near along the surface."""
+    count = points.shape[0]
+    offsets, kept, weights = (
+        np.zeros(count + 1, np.int64),
+        np.empty_like(near),
+        np.empty(len(near), np.float32),
+    )
+    room = np.empty(len(near))
+    size = 0
+    for v in range(count):
+        begin, total, same = size, 0.0, -1
+        for k in range(start[v], start[v + 1]):
+            d = 0.0
+            for c in range(3):
+                d += (points[v, c] - samples[near[k], c]) ** 2
+            d = max(np.sqrt(d), way[k] / detour)
+            if d < 1e-9 * reach:
+                same = near[k]
+                break
+            if d < reach:
+                w = ((reach - d) / (reach * d)) ** 2
+                kept[size], room[size] = near[k], w
+                total += w
+                size += 1
+        if same >= 0:
+            kept[begin], room[begin], total, size = same, 1.0, 1.0, begin + 1
+        for k in range(begin, size):
+            weights[k] = room[k] / total
+        offsets[v + 1] = size
+    return offsets, kept[:size].copy(), weights[:size].copy()
+
+
+def _riding(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
+    """(W,) the vertices of shells, numbered by ``label``, that are small and not ``awake``."""
+    count = int(label.max()) + 1
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    for c in range(3):
+        np.minimum.at(low[:, c], label, points[:, c])
+        np.maximum.at(high[:, c], label, points[:, c])
+    size = np.linalg.norm(high - low, axis=1)
+    small = size < _DUST * spacing
+    small[size.argmax()] = False
+    small[awake] = False
+    return np.asarray(small[label])
+
+
+def _lands(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
+    """(G, 3) the coarse faces, and (L, 2) neighbours that share none."""
+    corners = nearest[faces]
+    corners = corners[((corners != corners[:, [1, 2, 0]]).any(1)) & (corners >= 0).all(1)]
+    count = int(nearest.max()) + 1
+    three = corners[(corners != corners[:, [1, 2, 0]]).all(1)]
+    low, middle, high = np.sort(three, 1).T
+    made = three[np.unique((low * count + middle) * count + high, return_index=True)[1]]
+    pairs = np.setdiff1d(_sides(corners, count), _sides(made, count))
+    pairs = np.stack([pairs // count, pairs % count], 1)
+    return made.astype(np.int32), pairs[pairs[:, 0] != pairs[:, 1]]
+
+
+def _sides(corners: Int, count: int) -> Int:
+    """(S,) the sides of faces, each once, as lower * count + higher."""
+    turned = corners[:, [1, 2, 0]]
+    return np.unique(np.minimum(corners, turned) * count + np.maximum(corners, turned))
+
+
+def _with_riders(
+    whole: Mesh, riding: Bool, start: Int, near: Int32, weights: Float32
+) -> tuple[Int, Int32, Float32]:
+    """The same CSR, where each tiny shell follows, as one, what the nearest vertex of the surface does."""
+    rest = np.flatnonzero(~riding)
+    label = shells(whole.faces, len(whole.vertices))[riding]
+    number = np.unique(label, return_inverse=True)[1].reshape(-1)
+    share = np.bincount(number).astype(float)
+    middle = np.stack([np.bincount(number, whole.vertices[riding, c]) / share for c in range(3)], 1)
+    host = np.arange(len(riding))
+    host[riding] = rest[cKDTree(whole.vertices[rest]).query(middle)[1]][number]
+    return _spread(host, start, near, weights)
+
+
+def _spread(of: Int, start: Int, near: Int32, weights: Float32) -> tuple[Int, Int32, Float32]:
+    """The CSR whose row v is row ``of[v]`` of the one given."""
+    sizes = np.diff(start)[of]
+    offsets = np.concatenate([[0], np.cumsum(sizes)])
+    rows = np.repeat(start[of] - offsets[:-1], sizes) + np.arange(offsets[-1])
+    return offsets, near[rows], weights[rows]

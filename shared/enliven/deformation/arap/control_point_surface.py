@@ -1,0 +1,193 @@
+"""The surface of a puppet: a mesh of any size that follows control points, one handle each.
+
+    surface = PuppetSurface(mesh, held=[4711, 12, 980])
+    vertices = surface.solve(places)        # (V, 3), the next frame of a drag or a performance
+    vertices = surface.settle(places)       # the same whatever came before, for scrubbing and export
+
+A mesh of more than ``coarse_above`` vertices is solved coarsely, on some of its own vertices, evenly spread
+(:mod:`enliven.deformation.arap.coarse`); the others are carried by the cells near them, with all detail.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from time import perf_counter
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.deformation.arap.coarse import Coarse, coarse_of
+from enliven.deformation.arap.detail import carry
+from enliven.deformation.arap.guide import Guide, come, handles_of, rows_of
+from enliven.deformation.arap.solver import ArapSolver
+from enliven.deformation.arap.surface import check_mesh
+from enliven.deformation.arap.threads import Pace, shared
+from enliven.document.surface_settings import ArapSettings
+from enliven.errors import InputError
+from enliven.meshes.mesh import Mesh
+
+_WHERE = "puppet surface"
+_GUIDED = 3
+"""A guide is worth its time where it has at most a third of the vertices."""
+_LOCAL = 6
+"""Frames in which what is local settles."""
+
+
+class PuppetSurface:
+    """Deforms one mesh by its control points.
+
+    Args:
+        mesh: any triangle mesh, in its own frame, metres.
+        held: (P,) the vertex of each control point.
+        weights: (P,) how hard each pulls as a soft handle, None is hard; without them all are hard.
+        settings: of the solver.
+
+    Attributes:
+        mesh: as it was given.
+        notes: sentences about what had to be mended in the mesh.
+        pose: (V, 3) the last good answer, read-only.
+
+    Raises:
+        InputError: for a mesh that cannot be deformed, a vertex that is not there or that no face uses.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        held: Sequence[int],
+        weights: Sequence[float | None] | None = None,
+        settings: ArapSettings | None = None,
+    ) -> None:
+        self.mesh, self._settings = mesh, settings or ArapSettings()
+        check_mesh(mesh, self._settings.most_carried)
+        self._aside: PuppetSurface | None = None
+        self._pace = Pace()
+        self._body: tuple[ArapSolver, Coarse | None] | None = None
+        self.hold(held, weights)
+
+    def hold(self, held: Sequence[int], weights: Sequence[float | None] | None = None) -> None:
+        """Exactly these control points from now on, and the mesh at rest.
+
+        Raises:
+            InputError: as when it is made; nothing has changed then.
+        """
+        vertices = np.array(held, np.int64).reshape(-1)
+        pulls = [None] * len(vertices) if weights is None else list(weights)
+        if len(pulls) != len(vertices):
+            raise InputError(f"{len(pulls)} weights for {len(vertices)} control points", where=_WHERE)
+        solver, coarse = self._solved(vertices)
+        solved = vertices if coarse is None else coarse.held
+        solver.set_handles(handles_of(solved, pulls))
+        solver.reset()
+        self._solver, self._coarse, self._guide = solver, coarse, None
+        if len(vertices) and len(solver.mesh.vertices) > _GUIDED * self._settings.guide_vertices:
+            self._guide = Guide(solver, solved, pulls)
+        hard = np.array([k for k, weight in enumerate(pulls) if weight is None], np.int64)
+        self._pins = (hard, hard) if coarse is None else _welded_to(coarse.base.welded, vertices, hard)
+        self._body, self._held, self._aside = (solver, coarse), vertices, None
+        self.notes = solver.notes if coarse is None else coarse.notes
+        self.pose = _frozen(self.mesh.vertices.copy())
+
+    def _solved(self, held: Int) -> tuple[ArapSolver, Coarse | None]:
+        """The solver, and the coarse surface that it is of; those that are there where they serve."""
+        if len(self.mesh.vertices) <= self._settings.coarse_above:
+            return (ArapSolver(self.mesh, self._settings), None) if self._body is None else self._body
+        before = None if self._body is None else self._body[1]
+        coarse = coarse_of(self.mesh, held, self._settings.coarse_vertices, before)
+        if self._body is not None and before is not None and coarse.mesh is before.mesh:
+            return self._body[0], coarse
+        return ArapSolver(coarse.mesh, self._settings, coarse.links), coarse
+
+    def solve(self, places: Float) -> Float:
+        """The next frame, from the last one's shape.
+
+        Args:
+            places: (P, 3) metres in the mesh's frame.
+
+        Returns:
+            (V, 3) the mesh's vertices, read-only; hard control points are exactly where they are wanted.
+
+        Raises:
+            InputError: for places that cannot be meant. The last good pose stays.
+        """
+        wanted = self._checked(places)
+        if len(wanted):
+            if self._guide is not None:
+                self._guide.take(self._solver, wanted)
+            self._solver.solve(rows_of(wanted))
+            self.pose = self._carried(wanted)
+        return self.pose
+
+    def settle(self, places: Float) -> Float:
+        """The surface at ``places`` (P, 3), come from rest in small steps: the same whatever was before.
+
+        Raises:
+            InputError: for places that cannot be meant. The last good pose stays.
+        """
+        wanted = self._checked(places)
+        if not len(wanted):
+            return self.pose
+        self._solver.check(rows_of(wanted))
+        if self._guide is None:
+            come(self._solver, self.mesh.vertices[self._held], wanted)
+        else:
+            self._solver.start_from(self._guide.settle(wanted), self._guide.pressure)
+        for _ in range(_LOCAL):
+            self._solver.solve(rows_of(wanted))
+        self.pose = self._carried(wanted)
+        return self.pose
+
+    def aside(self, places: Float) -> Float:
+        """What :meth:`settle` would give, while what is being dragged stays as it is.
+
+        It may be called from another thread than the other methods, one call at a time.
+        """
+        if self._aside is None:
+            self._aside = self._twin()
+        return self._aside.settle(places)
+
+    def _twin(self) -> PuppetSurface:
+        """Another one at rest, with the same control points; it shares what does not change."""
+        other = copy(self)
+        other._solver = self._solver.twin()
+        other._guide = None if self._guide is None else self._guide.twin()
+        return other
+
+    def _carried(self, wanted: Float) -> Float:
+        """(V, 3) what the solver's pose makes of the mesh."""
+        coarse = self._coarse
+        if coarse is None:
+            return self._solver.pose
+        out, maps = np.empty_like(self.mesh.vertices), self._solver.maps()
+        follow = (maps, coarse.start, coarse.near, coarse.weights, self.mesh.vertices, out)
+        threads, start = self._settings.threads or self._pace.threads(), perf_counter()
+        shared(carry, len(out), threads, *follow)
+        self._pace.note(threads, perf_counter() - start)
+        vertices, rows = self._pins
+        out[vertices] = wanted[rows]
+        return _frozen(out)
+
+    def _checked(self, places: Float) -> Float:
+        wanted = np.array(places, np.float64)
+        if wanted.shape != (len(self._held), 3):
+            raise InputError(
+                f"places are {wanted.shape}, expected ({len(self._held)}, 3)",
+                where=_WHERE,
+                mend="Give one row a control point.",
+            )
+        return wanted
+
+
+def _welded_to(welded: Int, held: Int, hard: Int) -> tuple[Int, Int]:
+    """(X,) the vertices at the place of a hard control point, and (X,) its number."""
+    number = np.full(int(welded.max()) + 1, -1)
+    number[welded[held[hard]]] = hard
+    numbers = number[welded]
+    vertices = np.flatnonzero(numbers >= 0)
+    return vertices, numbers[vertices]
+
+
+def _frozen(array: Float) -> Float:
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,127 @@
+"""A small likeness of a surface that finds the large bends, for which a fine one takes hundreds of frames.
+
+Alternating between turns and positions moves a bend about one edge a time: on ten thousand vertices an arm
+is on its way for hundreds of iterations. A likeness of a few hundred vertices has it there at once, and
+takes the fine surface along (:mod:`enliven.deformation.arap.detail`), which then settles what is local.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.deformation.arap.coarse import coarse_of
+from enliven.deformation.arap.detail import carry
+from enliven.deformation.arap.input import Handle
+from enliven.deformation.arap.solver import ArapSolver
+from enliven.meshes.mesh import Mesh
+from enliven.rotation import nearest_quaternion, to_matrix
+
+_STEPS = 24
+"""From rest to where the handles are wanted: some eight degrees a step where a limb is turned right round."""
+_SETTLING = 40
+_ITERATIONS = 6
+_FOLLOW = 0.01
+
+
+class Guide:
+    """Takes a mesh along by a solver of a few hundred of its vertices.
+
+    Args:
+        fine: the solver of the mesh.
+        held: (P,) the vertex of each control point.
+        weights: (P,) None is hard.
+
+    Attributes:
+        carried: (V, 3) the mesh as the likeness leaves it.
+    """
+
+    def __init__(
+        self,
+        fine: ArapSolver,
+        held: Int,
+        weights: Sequence[float | None],
+    ) -> None:
+        mesh, settings = fine.mesh, fine.settings
+        faces = np.concatenate([mesh.faces, fine.joints[:, [0, 1, 1]]]).astype(np.int32)
+        self._coarse = coarse_of(Mesh(mesh.vertices, faces, mesh.name), held, settings.guide_vertices)
+        own = replace(settings, iterations=_ITERATIONS, follow=max(settings.follow, _FOLLOW))
+        self._solver = ArapSolver(self._coarse.mesh, own, self._coarse.links)
+        self._solver.set_handles(handles_of(self._coarse.held, weights))
+        self._rest, self._home, self._places = mesh.vertices, mesh.vertices[held], mesh.vertices[held]
+        self.carried = mesh.vertices
+
+    def take(self, fine: ArapSolver, places: Float) -> None:
+        """Take the fine surface along with the handles, from where they were to ``places`` (P, 3).
+
+        What it has beside the likeness is turned as the handles turn on the whole.
+
+        Raises:
+            InputError: for places that cannot be meant; nothing has changed.
+        """
+        self._solver.solve(rows_of(places))
+        turn, _, _ = rigid_between(self._places, places)
+        before, self.carried, self._places = self.carried, self._carry(), places
+        fine.go_along(before, self.carried, turn)
+
+    def settle(self, places: Float) -> Float:
+        """(V, 3) the mesh at ``places``, come from rest in small steps: the same whatever was before."""
+        come(self._solver, self._home, places)
+        self.carried, self._places = self._carry(), places
+        return self.carried
+
+    @property
+    def pressure(self) -> float:
+        """What holds the likeness's volume; for a surface of any resolution it is the same."""
+        return self._solver.pressure
+
+    def _carry(self) -> Float:
+        out, coarse = np.empty_like(self._rest), self._coarse
+        maps = self._solver.maps()
+        carry(maps, coarse.start, coarse.near, coarse.weights, self._rest, out, 0, len(out))
+        return out
+
+    def twin(self) -> Guide:
+        """Another one, at rest, that shares what does not change."""
+        other = object.__new__(Guide)
+        other.__dict__.update(self.__dict__)
+        other._solver, other._places, other.carried = self._solver.twin(), self._home, self._rest
+        return other
+
+
+def come(solver: ArapSolver, home: Float, places: Float) -> None:
+    """Take a solver from rest to ``places`` (P, 3) in small steps, and let it settle.
+
+    A limb that is turned far in one step is turned inside out. What all handles do together as one rigid
+    motion is done at the end; on the way there it would press the figure through its own middle.
+    """
+    solver.reset()
+    turn, old, new = rigid_between(home, places)
+    near = (places - new) @ turn + old
+    for step in range(1, _STEPS + 1):
+        solver.solve(rows_of(home + (near - home) * (step / _STEPS)))
+    for _ in range(_SETTLING):
+        solver.solve()
+    solver.solve(rows_of(places))
+
+
+def handles_of(vertices: Int, weights: Sequence[float | None]) -> list[Handle]:
+    """One handle a control point, named by its number."""
+    return [Handle(str(k), (int(v),), w) for k, (v, w) in enumerate(zip(vertices, weights, strict=True))]
+
+
+def rows_of(places: Float) -> dict[str, Float]:
+    """Targets (P, 3) for :func:`handles_of`."""
+    return {str(k): place[None] for k, place in enumerate(places)}
+
+
+def rigid_between(home: Float, places: Float) -> tuple[Float, Float, Float]:
+    """The rotation (3, 3) and the two middles (3,) of the best rigid motion of points (P, 3)."""
+    old, new = home.mean(0), places.mean(0)
+    covariance = (places - new).T @ (home - old)
+    # Points on a line leave a turn open: take the least.
+    covariance += 1e-12 * max(float(np.abs(covariance).max()), 1e-300) * np.eye(3)
+    return to_matrix(np.array(nearest_quaternion(covariance))), old, new

@@ -1,0 +1,187 @@
+"""Handles upon a factor that knows nothing of them.
+
+The factor is of the Laplacian alone (with vertex 0 held, which gives one of its solutions). What pulls at
+the handles, forces f on the handle vertices E, and a shift c of the whole are found from
+
+    [ EᵀGE + D   1 ] [ f ]   [ wanted - EᵀG r ]
+    [ 1ᵀ         0 ] [ c ] = [ -1ᵀ r          ]        x = G (r + E f) + c
+
+with G the factor's inverse, D = 0 for a hard handle and 2 / weight for a soft one. That is exact, hard or
+soft. With U = C⁻¹ E, which is not zero only on the way from a handle to the root of the elimination tree (a
+few hundred places), EᵀGE is UᵀU, and a frame needs one forward and one backward pass with a few thousand
+multiplications between them. Adding a handle is one column of U and the inverse of a matrix of the handles'
+size: neither a symbolic nor a numeric factorisation.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from enliven.arrays import Float, Int, Int32
+from enliven.deformation.arap.factor import Factor
+from enliven.deformation.arap.solves import unit_column
+from enliven.kernels import njit
+from enliven.rotation import nearest_quaternion
+
+
+class Held(NamedTuple):
+    """H handle vertices.
+
+    Attributes:
+        places: (H,) each vertex's place in the solver's order.
+        start: (H + 1,) where its column of U begins.
+        rows: (K,) its places in elimination order.
+        values: (K,) its values.
+        inverse: (H + 1, H + 1) of the matrix above.
+        soft: (H,) 2 / weight; 0 where hard.
+    """
+
+    places: Int32
+    start: Int
+    rows: Int32
+    values: Float
+    inverse: Float
+    soft: Float
+
+
+def hold(
+    factor: Factor, eliminated: Int32, places: Int, soft: Float, known: dict[int, tuple[Int32, Float]]
+) -> Held:
+    """The handles at ``places`` (H,), no hard one twice.
+
+    Args:
+        eliminated: (V,) the place of each vertex in elimination order.
+        soft: (H,) 2 / weight; 0 where hard.
+        known: columns of U by place, kept for the next change.
+    """
+    for place in set(places.tolist()) - known.keys():
+        known[place] = unit_column(factor, int(eliminated[place]))
+    columns = [known[place] for place in places.tolist()]
+    start = np.concatenate([[0], np.cumsum([len(rows) for rows, _ in columns])]).astype(np.int64)
+    rows = np.concatenate([rows for rows, _ in columns])
+    values = np.concatenate([column for _, column in columns])
+    count = len(places)
+    matrix = np.ones((count + 1, count + 1))
+    matrix[-1, -1] = 0.0
+    _products(start, rows, values, len(factor.order), matrix)
+    matrix[np.arange(count), np.arange(count)] += soft
+    return Held(
+        places.astype(np.int32), start, rows, values, np.asarray(np.linalg.inv(matrix), np.float64), soft
+    )
+
+
+@njit(cache=True, nogil=True)
+def _products(start, rows, values, count, matrix):  # type: ignore[no-untyped-def]
+    """The upper left of ``matrix`` <- UᵀU."""
+    work = np.zeros(count)
+    for i in range(len(start) - 1):
+        for k in range(start[i], start[i + 1]):
+            work[rows[k]] = values[k]
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(start[j], start[j + 1]):
+                total += work[rows[k]] * values[k]
+            matrix[i, j] = matrix[j, i] = total
+        for k in range(start[i], start[i + 1]):
+            work[rows[k]] = 0.0
+
+
+@njit(cache=True, nogil=True)
+def pull(held, frames, targets, z):  # type: ignore[no-untyped-def]
+    """z = C⁻¹ r <- C⁻¹ (r + E f); the answer is the shift c of the whole.
+
+    Args:
+        frames: (16 V,) with the positions that r was taken at.
+        targets: (H, 3) where the handles are wanted.
+        z: (4 V,) float32, in elimination order. The sum of r is 0: what an edge gives to one end
+            it takes from the other.
+    """
+    count = len(held.places)
+    right, answer = np.empty((count, 3)), np.zeros((count + 1, 3))
+    for h in range(count):
+        x = y = w = 0.0
+        for k in range(held.start[h], held.start[h + 1]):
+            p, u = 4 * held.rows[k], held.values[k]
+            x += u * z[p]
+            y += u * z[p + 1]
+            w += u * z[p + 2]
+        at = 16 * held.places[h] + 12
+        right[h, 0] = targets[h, 0] - frames[at] - x
+        right[h, 1] = targets[h, 1] - frames[at + 1] - y
+        right[h, 2] = targets[h, 2] - frames[at + 2] - w
+    for i in range(count + 1):
+        for j in range(count):
+            for c in range(3):
+                answer[i, c] += held.inverse[i, j] * right[j, c]
+    for h in range(count):
+        for k in range(held.start[h], held.start[h + 1]):
+            p, u = 4 * held.rows[k], held.values[k]
+            for c in range(3):
+                z[p + c] += u * answer[h, c]
+    return answer[count, 0], answer[count, 1], answer[count, 2]
+
+
+@njit(cache=True, nogil=True)
+def follow(held, frames, shown, targets, share):  # type: ignore[no-untyped-def]
+    """Move the whole as the handles moved, where one rigid motion explains all but ``share`` of it (squared).
+
+    Without it, a turn of all handles would reach the inner cells only over many frames.
+
+    Args:
+        shown: (V, 3) the positions as they were shown last, which move too.
+    """
+    count = len(held.places)
+    old, new = np.zeros(3), np.zeros(3)
+    for h in range(count):
+        for c in range(3):
+            old[c] += frames[16 * held.places[h] + 12 + c] / count
+            new[c] += targets[h, c] / count
+    m, before = np.zeros((3, 3)), 0.0
+    for h in range(count):
+        for r in range(3):
+            before += (targets[h, r] - frames[16 * held.places[h] + 12 + r]) ** 2
+            for c in range(3):
+                m[r, c] += (targets[h, r] - new[r]) * (frames[16 * held.places[h] + 12 + c] - old[c])
+    # Handles on a line leave a turn open: take the least.
+    push = 1e-12 * np.abs(m).max()
+    for r in range(3):
+        m[r, r] += push
+    w, x, y, z = nearest_quaternion(m)
+    _turn(w, x, y, z, m)
+    after = 0.0
+    for h in range(count):
+        at = 16 * held.places[h] + 12
+        for r in range(3):
+            gap = targets[h, r] - new[r]
+            for c in range(3):
+                gap -= m[r, c] * (frames[at + c] - old[c])
+            after += gap * gap
+    # Between share and twice that a part of the motion, for small changes to stay small.
+    part = 2.0 - after / (share * before) if before > 0.0 and share > 0.0 else 0.0
+    if part <= 0.0:
+        return
+    if part < 1.0:
+        length = math.sqrt(x * x + y * y + z * z)
+        half = part * math.atan2(length, abs(w))
+        bend = math.copysign(math.sin(half) / length, w) if length > 0.0 else 0.0
+        _turn(math.cos(half), bend * x, bend * y, bend * z, m)
+        for c in range(3):
+            new[c] = old[c] + part * (new[c] - old[c])
+    for i in range(len(shown)):
+        at = 16 * i + 12
+        x, y, z = frames[at] - old[0], frames[at + 1] - old[1], frames[at + 2] - old[2]
+        u, v, w = shown[i, 0] - old[0], shown[i, 1] - old[1], shown[i, 2] - old[2]
+        for r in range(3):
+            frames[at + r] = m[r, 0] * x + m[r, 1] * y + m[r, 2] * z + new[r]
+            shown[i, r] = m[r, 0] * u + m[r, 1] * v + m[r, 2] * w + new[r]
+
+
+@njit(cache=True, nogil=True)
+def _turn(w, x, y, z, out):  # type: ignore[no-untyped-def]
+    """``out`` (3, 3) <- the rotation of a unit quaternion."""
+    out[0, 0], out[0, 1], out[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    out[1, 0], out[1, 1], out[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    out[2, 0], out[2, 1], out[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)

@@ -1,0 +1,73 @@
+"""Handles, and what is asked of them before they may pull."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.deformation.arap.surface import Surface
+from enliven.errors import InputError
+
+WHERE = "deformation"
+_FAR = 1e3
+"""Times the mesh's own size; no handle goes farther from it."""
+
+
+@dataclass(frozen=True)
+class Handle:
+    """Vertices that are put somewhere.
+
+    Attributes:
+        name: unique among the solver's handles.
+        vertices: of the mesh.
+        weight: how hard a soft handle pulls, beside the surface's cotangent weights of about 1; None is hard.
+    """
+
+    name: str
+    vertices: tuple[int, ...]
+    weight: float | None = None
+
+
+def check_handle(handle: Handle, surface: Surface) -> None:
+    """That the handle's vertices can be held."""
+    who, count = f"handle {handle.name!r}", len(surface.place_of)
+    if not handle.vertices:
+        raise InputError("it holds no vertex", where=who, mend="Choose a vertex of the mesh.")
+    if handle.weight is not None and not (np.isfinite(handle.weight) and handle.weight > 0):
+        raise InputError(f"its weight is {handle.weight}", where=who, mend="Give a number above 0.")
+    for vertex in handle.vertices:
+        if not 0 <= vertex < count:
+            raise InputError(f"there is no vertex {vertex}; the mesh has {count}", where=who)
+        if surface.loose[vertex]:
+            raise InputError(
+                f"vertex {vertex} is loose: no face uses it, so that nothing would follow it",
+                where=who,
+                mend="Choose a vertex of the surface.",
+            )
+
+
+def checked_target(name: str, value: Float, handles: Mapping[str, Handle], surface: Surface) -> Float:
+    """(K, 3) the checked target of a handle."""
+    if name not in handles:
+        known = ", ".join(handles) or "none"
+        raise InputError(f"there is no handle {name!r}", where=WHERE, mend=f"Known: {known}.")
+    handle = handles[name]
+    target = np.array(value, np.float64)
+    if target.shape == (3,) and len(handle.vertices) == 1:
+        target = target[None]
+    who = f"handle {name!r}"
+    if target.shape != (len(handle.vertices), 3):
+        raise InputError(f"targets {target.shape} for {len(handle.vertices)} vertices", where=who)
+    if not np.isfinite(target).all():
+        raise InputError("its target is not finite", where=who, mend="The last good pose stays.")
+    farthest = float(np.abs(target - surface.centre).max())
+    if farthest > _FAR * surface.extent:
+        raise InputError(
+            f"its target is {farthest:.3g} m away from a mesh of {surface.extent:.3g} m",
+            where=who,
+            mend="Check the units.",
+        )
+    return target

@@ -1,0 +1,197 @@
+"""Where a deformed surface passes through itself.
+
+A tree of boxes over the faces, in the order of a space-filling curve at rest. It is built once for a mesh;
+each pose only grows the boxes again from the leaves up. Faces that share a vertex, or a position, are
+neighbours and never cross; faces that only touch, or lie in one plane, do not cross either.
+
+    crossing = SelfIntersection(mesh)
+    faces = crossing.newly_crossing(surface)       # (K,) that cross and did not at rest
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float, Int, Int32
+from enliven.kernels import njit
+from enliven.meshes.kernels import first_of_position, space_curve
+from enliven.meshes.mesh import Mesh
+
+
+class SelfIntersection:
+    """Asks one mesh, pose by pose, which of its faces cross.
+
+    Args:
+        mesh: at rest, where its own crossings are known from the first question on.
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._mesh = mesh
+        self._order = _curve(mesh.vertices, mesh.faces)
+        self._corners = _welded(mesh.vertices, mesh.faces[self._order])
+        self._rest: Int | None = None
+
+    def crossing(self, vertices: Float) -> Int:
+        """(K,) the faces that pass through others in a pose (V, 3), ascending."""
+        moved = np.array(vertices, np.float64, order="C")
+        return np.sort(self._order[_crossing(moved, self._corners, *_boxes(moved, self._corners))])
+
+    def newly_crossing(self, vertices: Float) -> Int:
+        """(K,) those of :meth:`crossing` that do not cross at rest."""
+        if self._rest is None:
+            self._rest = self.crossing(self._mesh.vertices)
+        return newly_crossing(self._rest, self.crossing(vertices))
+
+
+def crossing_faces(vertices: Float, faces: Int32) -> Int:
+    """(K,) the faces of a surface that pass through others, ascending.
+
+    Args:
+        vertices: (V, 3); vertices at one position count as one.
+        faces: (F, 3).
+    """
+    moved = np.array(vertices, np.float64, order="C")
+    order = _curve(moved, faces)
+    corners = _welded(moved, faces[order])
+    return np.sort(order[_crossing(moved, corners, *_boxes(moved, corners))])
+
+
+def newly_crossing(rest_crossings: Int, crossings: Int) -> Int:
+    """(K,) the faces that cross now and did not at rest: a mesh made of parts stuck into each other is."""
+    return np.setdiff1d(crossings, rest_crossings)
+
+
+def _welded(vertices: Float, faces: Int32) -> Int32:
+    """(F, 3) the faces, by the first vertex at each position."""
+    first = first_of_position(np.ascontiguousarray(vertices + 0.0))
+    return np.ascontiguousarray(first[faces], np.int32)
+
+
+def _curve(vertices: Float, faces: Int32) -> Int:
+    """(F,) the faces in the order of a Z-curve through their middles."""
+    middles = vertices[faces[:, 0]] + vertices[faces[:, 1]] + vertices[faces[:, 2]]
+    if not len(middles):
+        return np.empty(0, np.int64)
+    return np.asarray(space_curve(middles))
+
+
+@njit(cache=True, nogil=True)
+def _boxes(vertices, corners):  # type: ignore[no-untyped-def]
+    """Low and high corners: (F, 6) of the faces, and (2 L, 6) of the nodes of a full binary tree over them.
+
+    Node 1 is the root, the L leaves come last; a leaf has four faces.
+    """
+    count = corners.shape[0]
+    leaves = 1
+    while leaves * 4 < count:
+        leaves *= 2
+    of_face, boxes = np.empty((count, 6)), np.empty((2 * leaves, 6))
+    boxes[:, :3], boxes[:, 3:] = np.inf, -np.inf
+    for f in range(count):
+        node, (i, j, k) = leaves + f // 4, (corners[f, 0], corners[f, 1], corners[f, 2])
+        for c in range(3):
+            x, y, z = vertices[i, c], vertices[j, c], vertices[k, c]
+            of_face[f, c], of_face[f, 3 + c] = min(x, y, z), max(x, y, z)
+            boxes[node, c] = min(boxes[node, c], of_face[f, c])
+            boxes[node, 3 + c] = max(boxes[node, 3 + c], of_face[f, 3 + c])
+    for node in range(leaves - 1, 0, -1):
+        for c in range(3):
+            boxes[node, c] = min(boxes[2 * node, c], boxes[2 * node + 1, c])
+            boxes[node, 3 + c] = max(boxes[2 * node, 3 + c], boxes[2 * node + 1, 3 + c])
+    return of_face, boxes
+
+
+@njit(cache=True, nogil=True)
+def _apart(boxes, a, b):  # type: ignore[no-untyped-def]
+    """Whether two boxes have nothing in common."""
+    return (
+        boxes[a, 0] > boxes[b, 3]
+        or boxes[b, 0] > boxes[a, 3]
+        or boxes[a, 1] > boxes[b, 4]
+        or boxes[b, 1] > boxes[a, 4]
+        or boxes[a, 2] > boxes[b, 5]
+        or boxes[b, 2] > boxes[a, 5]
+    )
+
+
+@njit(cache=True, nogil=True)
+def _crossing(vertices, corners, of_face, boxes):  # type: ignore[no-untyped-def]
+    """(K,) the rows of ``corners`` (F, 3) whose faces cross others."""
+    count, leaves = corners.shape[0], boxes.shape[0] // 2
+    hit = np.zeros(count, np.bool_)
+    stack = np.empty((128, 2), np.int64)
+    stack[0, 0], stack[0, 1] = 1, 1
+    size = 1
+    # The tree against itself: a pair of nodes is parted until it is two leaves.
+    while size > 0:
+        size -= 1
+        a, b = stack[size]
+        if a != b and _apart(boxes, a, b):
+            continue
+        if a >= leaves:
+            _leaves_cross(vertices, corners, of_face, 4 * (a - leaves), 4 * (b - leaves), hit)
+        elif a == b:
+            for i in range(2):
+                for j in range(i, 2):
+                    stack[size, 0], stack[size, 1] = 2 * a + i, 2 * a + j
+                    size += 1
+        else:
+            for i in range(2):
+                for j in range(2):
+                    stack[size, 0], stack[size, 1] = 2 * a + i, 2 * b + j
+                    size += 1
+    return np.flatnonzero(hit)
+
+
+@njit(cache=True, nogil=True)
+def _leaves_cross(vertices, corners, of_face, a, b, hit):  # type: ignore[no-untyped-def]
+    """Mark the crossing ones among the faces of two leaves, which begin at ``a`` and ``b``."""
+    count = corners.shape[0]
+    for f in range(a, min(a + 4, count)):
+        for g in range(f + 1 if a == b else b, min(b + 4, count)):
+            if hit[f] and hit[g]:
+                continue
+            if _apart(of_face, f, g) or _neighbours(corners, f, g):
+                continue
+            if _pierces(vertices, corners, f, g) or _pierces(vertices, corners, g, f):
+                hit[f] = hit[g] = True
+
+
+@njit(cache=True, nogil=True)
+def _neighbours(corners, f, g):  # type: ignore[no-untyped-def]
+    """Whether two faces share a position of the mesh."""
+    for i in range(3):
+        for j in range(3):
+            if corners[f, i] == corners[g, j]:
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _side(vertices, a, b, c, d):  # type: ignore[no-untyped-def]
+    """Six times the volume of a tetrahedron: on which side of the plane a, b, c the point d is."""
+    x, y, z = vertices[d, 0], vertices[d, 1], vertices[d, 2]
+    ax, ay, az = vertices[a, 0] - x, vertices[a, 1] - y, vertices[a, 2] - z
+    bx, by, bz = vertices[b, 0] - x, vertices[b, 1] - y, vertices[b, 2] - z
+    cx, cy, cz = vertices[c, 0] - x, vertices[c, 1] - y, vertices[c, 2] - z
+    return ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+
+
+@njit(cache=True, nogil=True)
+def _pierces(vertices, corners, f, g):  # type: ignore[no-untyped-def]
+    """Whether an edge of face ``f`` goes through the inside of face ``g``."""
+    a, b, c = corners[g, 0], corners[g, 1], corners[g, 2]
+    p, q, r = corners[f, 0], corners[f, 1], corners[f, 2]
+    sp, sq, sr = _side(vertices, a, b, c, p), _side(vertices, a, b, c, q), _side(vertices, a, b, c, r)
+    return (
+        (sp * sq < 0.0 and _through(vertices, a, b, c, p, q))
+        or (sq * sr < 0.0 and _through(vertices, a, b, c, q, r))
+        or (sr * sp < 0.0 and _through(vertices, a, b, c, r, p))
+    )
+
+
+@njit(cache=True, nogil=True)
+def _through(vertices, a, b, c, p, q):  # type: ignore[no-untyped-def]
+    """Whether the line through p and q meets the inside of the face a, b, c."""
+    u, v, w = _side(vertices, p, q, a, b), _side(vertices, p, q, b, c), _side(vertices, p, q, c, a)
+    return (u > 0.0 and v > 0.0 and w > 0.0) or (u < 0.0 and v < 0.0 and w < 0.0)

@@ -1,0 +1,296 @@
+"""Squash-and-stretch deformation of a surface by handles: factor once, drag in real time.
+
+U. Celikcan, I. O. Yaz and T. Capin, "Example-based retargeting of human motion to arbitrary mesh models",
+2015, section 4, upon O. Sorkine and M. Alexa, "As-rigid-as-possible surface modeling", 2007:
+
+    solver = ArapSolver(mesh)
+    solver.add_handle(Handle("hand", (4711,)))
+    solver.add_handle(Handle("feet", (12, 980)))
+    vertices = solver.solve({"hand": [[0.3, 1.2, 0.1]]})      # the feet stay
+
+A frame takes a few iterations from the last frame's shape. In the shape state each cell takes its best
+rotation and uniform scale (eq. 4 to 9), which never raises the energy; the last iteration is the pose
+state's (eq. 10 to 13), whose volume-preserving V_i R_i make what is shown. The pose is never fed back.
+
+Solved are corrections: what is left of eq. 9 at the positions as they are, in float64, through a factor in
+float32. Handles are put upon the factor exactly (arap_handles); adding one costs less than a frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import Float, Int, Int32
+from enliven.deformation.arap.cells import energy, residual, turn_and_scale, turn_and_squash
+from enliven.deformation.arap.detail import cell_maps
+from enliven.deformation.arap.handles import Held, follow, hold, pull
+from enliven.deformation.arap.input import WHERE, Handle, check_handle, checked_target
+from enliven.deformation.arap.solves import backward, forward
+from enliven.deformation.arap.step import give, gone_along, moved, plain
+from enliven.deformation.arap.surface import surface_of
+from enliven.deformation.arap.threads import Pace, shared
+from enliven.deformation.arap.volume import press
+from enliven.document.surface_settings import ArapSettings
+from enliven.errors import InputError
+from enliven.meshes.mesh import Mesh
+
+__all__ = ["ArapSettings", "ArapSolver", "Handle"]
+
+_SAME = 1e-6
+"""Part of the mesh's size within which two hard handles on one vertex agree."""
+_MOST_HELD = 2000
+_MOST_KEPT = 4000
+"""Columns of handles that went; one takes some 10 kB."""
+
+
+class ArapSolver:
+    """Deforms one mesh by its handles, warm from frame to frame.
+
+    Args:
+        mesh: any triangle mesh, in metres; soups, several shells, open borders, needles.
+        settings: may be replaced between frames (all but ``most_vertices``).
+        links: (L, 2) vertices that hang together though no face says so; then no vertex is loose.
+
+    Attributes:
+        notes: sentences about what had to be mended in the mesh.
+        pose: (V, 3) the last good answer, read-only.
+        handles: by name.
+        pressure: of the last frame (:mod:`enliven.deformation.arap.volume`).
+    """
+
+    def __init__(self, mesh: Mesh, settings: ArapSettings | None = None, links: Int | None = None) -> None:
+        self.mesh, self.settings = mesh, settings or ArapSettings()
+        self._surface = surface_of(mesh, self.settings.most_vertices, links)
+        self.notes = self._surface.notes
+        count = len(self._surface.rest)
+        self._frames = np.zeros((count, 16))
+        self._shown, self._forces, self.pressure = np.zeros((count, 3)), np.zeros((count, 3)), 0.0
+        self._z = np.zeros(4 * (count + 4), np.float32)
+        self._room = np.zeros(4 * (self._surface.factor.tallest + 4), np.float32)
+        self._columns: dict[int, tuple[Int32, Float]] = {}
+        self._pace, self._threads = Pace(), 1
+        self.handles: dict[str, Handle] = {}
+        self._held: Held | None = None
+        self._wanted: dict[str, Float] = {}
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to rest, every handle to where it was in the mesh."""
+        self._frames[:] = 0.0
+        self._frames[:, [0, 5, 10]] = 1.0
+        self._frames[:, 12:15] = self._surface.rest
+        self.pose = self.mesh.vertices.copy()
+        self.pose.setflags(write=False)
+        self._shown[:], self.pressure = self._surface.rest, 0.0
+        self._wanted = {name: self.mesh.vertices[list(h.vertices)] for name, h in self.handles.items()}
+
+    def add_handle(self, handle: Handle) -> None:
+        """One handle more; until it is moved it wants its vertices where they are.
+
+        Raises:
+            InputError: for a name that is taken, or a vertex that is not there or belongs to no face.
+        """
+        if handle.name in self.handles:
+            raise InputError(f"there is already a handle {handle.name!r}", where=WHERE)
+        self.set_handles([*self.handles.values(), handle])
+
+    def remove_handle(self, name: str) -> None:
+        """One handle less."""
+        if name not in self.handles:
+            known = ", ".join(self.handles) or "none"
+            raise InputError(f"there is no handle {name!r}", where=WHERE, mend=f"Known: {known}.")
+        self.set_handles([handle for handle in self.handles.values() if handle.name != name])
+
+    def set_handles(self, handles: Sequence[Handle]) -> None:
+        """Exactly these handles; those that were there before keep their targets."""
+        for handle in handles:
+            check_handle(handle, self._surface)
+        names = [handle.name for handle in handles]
+        if len(set(names)) < len(names):
+            raise InputError(f"two handles have one name: {', '.join(names)}", where=WHERE)
+        places = np.array([self._surface.place_of[v] for h in handles for v in h.vertices], np.int64)
+        soft = np.array([0.0 if h.weight is None else 2.0 / h.weight for h in handles for _ in h.vertices])
+        # A vertex that several hard handles hold is held once; solve() checks that they agree.
+        chosen = np.ones(len(places), bool)
+        hard = np.flatnonzero(soft == 0.0)
+        chosen[np.setdiff1d(hard, hard[np.unique(places[hard], return_index=True)[1]])] = False
+        if chosen.sum() > _MOST_HELD:
+            raise InputError(
+                f"the handles hold {chosen.sum()} vertices, more than {_MOST_HELD}",
+                where=WHERE,
+                mend="Give fewer vertices a handle; a few dozen hold as well.",
+            )
+        held = None
+        if len(self._columns) > _MOST_KEPT:
+            self._columns.clear()
+        if chosen.any():
+            factor, eliminated = self._surface.factor, self._surface.cells.eliminated
+            held = hold(factor, eliminated, places[chosen], soft[chosen], self._columns)
+        kept = {h.name: self._wanted[h.name] for h in handles if self.handles.get(h.name) == h}
+        self._held, self._chosen, self._places = held, np.flatnonzero(chosen), places
+        self._exact = self._hard_vertices(places, np.flatnonzero(chosen & (soft == 0.0)))
+        self.handles = {handle.name: handle for handle in handles}
+        self._wanted = {h.name: kept.get(h.name, self.pose[list(h.vertices)]) for h in handles}
+
+    def solve(self, targets: Mapping[str, Float] | None = None) -> Float:
+        """The next frame.
+
+        Args:
+            targets: for the handles that move, (K, 3) metres, a row a vertex of the handle; the others stay.
+
+        Returns:
+            (V, 3) the mesh's vertices; hard handles are exactly where they are wanted.
+
+        Raises:
+            InputError: for targets that cannot be meant. The last good pose stays.
+        """
+        wanted, held, rows = self.check(targets)
+        settings, surface = self.settings, self._surface
+        self._threads, start = settings.threads or self._pace.threads(), perf_counter()
+        frames = self._frames.reshape(-1)
+        follow(held, frames, self._shown, rows, settings.follow)
+        for _ in range(max(settings.iterations - settings.squash_and_stretch, 1)):
+            self._fit()
+            shift = self._global(held, rows)
+            moved(frames, self._z, shift, surface.cells.eliminated)
+        shift = (0.0, 0.0, 0.0)
+        if settings.squash_and_stretch:
+            exaggeration, most = settings.exaggeration, settings.most_stretch
+            self._share(turn_and_squash, surface.cells, frames, exaggeration, most)
+            shift = self._global(held, rows, settings.volume)
+        else:
+            plain(self._z)
+        pose: Float = np.empty_like(self.pose)
+        give(frames, self._z, shift, surface.cells.eliminated, surface.place_of, surface.centre, pose)
+        if not np.isfinite(pose).all():
+            self.start_from(self.pose, 0.0)
+            raise InputError("the handles leave no finite shape", where=WHERE, mend="Move them less far.")
+        vertices, of = self._exact
+        pose[vertices] = np.concatenate([wanted[name] for name in self.handles])[of]
+        pose.setflags(write=False)
+        self._shown[surface.place_of] = pose - surface.centre
+        self._wanted, self.pose = wanted, pose
+        self._pace.note(self._threads, perf_counter() - start)
+        return pose
+
+    def check(self, targets: Mapping[str, Float] | None = None) -> tuple[dict[str, Float], Held, Float]:
+        """What :meth:`solve` is to do, refused as there, before anything has changed."""
+        wanted = self._wanted | {
+            name: checked_target(name, value, self.handles, self._surface)
+            for name, value in (targets or {}).items()
+        }
+        held, rows = self._together(wanted)
+        return wanted, held, rows
+
+    def _fit(self) -> None:
+        """Each cell's best turn and scale at the positions as they are."""
+        most = self.settings.most_stretch if self.settings.squash_and_stretch else 1.0
+        frames, hold = self._frames.reshape(-1), float(self.settings.hold)
+        self._share(turn_and_scale, self._surface.cells, frames, hold, 1 / most, float(most))
+
+    def _share(self, kernel: Callable[..., Any], *arguments: Any) -> None:
+        """The kernel over all vertices."""
+        shared(kernel, len(self._surface.rest), self._threads, *arguments)
+
+    def _global(self, held: Held, rows: Float, volume: float = 0.0) -> tuple[float, float, float]:
+        """The correction of eq. 9 (or 13, with a pressure) into ``_z``, and the shift of the whole."""
+        surface, frames = self._surface, self._frames.reshape(-1)
+        self._share(residual, surface.cells, frames, self._z)
+        if volume > 0.0 and surface.volume is not None:
+            about = (surface.volume, frames, surface.cells.eliminated, self._shown, self._forces)
+            self.pressure = press(*about, self.pressure, volume, self._z)
+        forward(surface.factor, self._z, self._room)
+        shift: tuple[float, float, float] = pull(held, frames, rows, self._z)
+        backward(surface.factor, self._z, self._room)
+        return shift
+
+    def energy(self) -> float:
+        """Eq. 4 of the shape state, each cell at its best turn and scale, with what soft handles add."""
+        self._fit()
+        total = float(energy(self._surface.cells, self._frames.reshape(-1), float(self.settings.hold)))
+        for name, handle in self.handles.items():
+            if handle.weight is not None:
+                now = self._frames[self._surface.place_of[list(handle.vertices)], 12:15]
+                total += handle.weight * float(((now + self._surface.centre - self._wanted[name]) ** 2).sum())
+        return total
+
+    def shape(self) -> Float:
+        """(V, 3) the surface of the shape state, which the next frame starts from."""
+        return self._frames[self._surface.place_of, 12:15] + self._surface.centre
+
+    @property
+    def joints(self) -> Int:
+        """(J, 2) vertices that hang together though no face says so: what joins shells, and ``links``."""
+        return self._surface.joints
+
+    def start_from(self, shown: Float, pressure: float) -> None:
+        """The next frame is made of a pose (V, 3), whose volume a pressure holds, and of nothing before."""
+        self._frames[:] = 0.0
+        self._frames[:, [0, 5, 10]] = 1.0
+        self.pressure = pressure
+        self._frames[self._surface.place_of, 12:15] = shown - self._surface.centre
+        self._shown[:] = self._frames[:, 12:15]
+
+    def go_along(self, before: Float, after: Float, turn: Float) -> None:
+        """Take the shape along: each vertex from where a likeness had it (V, 3) to where it has it.
+
+        Args:
+            turn: (3, 3), how what the shape has beside the likeness turns.
+        """
+        surface, frames = self._surface, self._frames.reshape(-1)
+        gone_along(frames, self._shown, surface.place_of, surface.centre, before, after, turn)
+
+    def twin(self) -> ArapSolver:
+        """Another solver of the same mesh and handles, at rest; it shares the factor."""
+        other = copy(self)
+        other._frames, other._z, other._room = self._frames.copy(), self._z.copy(), self._room.copy()
+        other._shown, other._forces = self._shown.copy(), self._forces.copy()
+        other._columns, other.handles = dict(self._columns), dict(self.handles)
+        other.reset()
+        return other
+
+    def maps(self) -> Float:
+        """(16 V,) how each vertex takes along what is near it: see :func:`arap_detail.cell_maps`."""
+        surface, out = self._surface, np.empty(16 * len(self.pose))
+        frames = self._frames.reshape(-1)
+        cell_maps(surface.cells, frames, self.pose, surface.place_of, self.mesh.vertices, out)
+        return out
+
+    def _hard_vertices(self, places: Int, hard: Int) -> tuple[Int, Int]:
+        """(X,) the mesh's vertices that hard handles hold, welded ones too, and (X,) the rows of each."""
+        row_at = np.full(len(self._surface.rest), -1)
+        row_at[places[hard]] = hard
+        rows = row_at[self._surface.place_of]
+        vertices = np.flatnonzero(rows >= 0)
+        return vertices, rows[vertices]
+
+    def _together(self, wanted: Mapping[str, Float]) -> tuple[Held, Float]:
+        """(H, 3) the targets about the centre, or an InputError where hard handles contradict each other."""
+        if self._held is None:
+            raise InputError("there is no handle", where=WHERE, mend="Add one, or the mesh stays at rest.")
+        everything = np.concatenate([wanted[name] for name in self.handles]) - self._surface.centre
+        if len(self._chosen) < len(everything):
+            self._check_agreement(everything)
+        return self._held, np.ascontiguousarray(everything[self._chosen])
+
+    def _check_agreement(self, everything: Float) -> None:
+        """That hard handles on one (welded) vertex want the same."""
+        names = [name for name, handle in self.handles.items() for _ in handle.vertices]
+        hard = [handle.weight is None for handle in self.handles.values() for _ in handle.vertices]
+        first: dict[int, int] = {}
+        for k, place in enumerate(self._places.tolist()):
+            if not hard[k]:
+                continue
+            other = first.setdefault(place, k)
+            gap = float(np.linalg.norm(everything[k] - everything[other]))
+            if gap > _SAME * self._surface.extent:
+                raise InputError(
+                    f"handles {names[other]!r} and {names[k]!r} hold the same vertex, {gap:.3g} m apart",
+                    where=WHERE,
+                    mend="Remove one, or give it a weight.",
+                )

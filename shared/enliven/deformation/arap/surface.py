@@ -1,0 +1,135 @@
+"""A mesh made ready for deformation: welded, joined to one piece, well ordered, factorised."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+from enliven.arrays import Bool, Float, Int
+from enliven.deformation.arap.cells import Cells, cells_of
+from enliven.deformation.arap.factor import Factor, factorise
+from enliven.deformation.arap.volume import Volume, volume_of
+from enliven.deformation.arap.weights import VIRTUAL, shells_of, surface_edges, virtual_edges
+from enliven.errors import InputError
+from enliven.meshes.mesh import Mesh, weld
+
+
+class Surface(NamedTuple):
+    """What the solver needs of a mesh.
+
+    Attributes:
+        place_of: (V,) the place of each vertex of the mesh in the solver's order; welded ones share it.
+        rest: (P, 3) metres about ``centre``, in the solver's order.
+        centre: (3,) the middle of the mesh's box, so that a mesh far from the origin loses no digits.
+        extent: metres, the box's diagonal.
+        loose: (V,) vertices that no face uses.
+        edges: (E, 2) places; virtual ones last.
+        weights: (E,) above 0.
+        joints: (J, 2) vertices of the mesh that hang together though no face says so.
+        volume: what it encloses, or None.
+        notes: sentences for the user about what was mended.
+    """
+
+    place_of: Int
+    rest: Float
+    centre: Float
+    extent: float
+    loose: Bool
+    edges: Int
+    weights: Float
+    joints: Int
+    cells: Cells
+    factor: Factor
+    volume: Volume | None
+    notes: tuple[str, ...]
+
+
+def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> Surface:
+    """The surface of any mesh that has a face.
+
+    Args:
+        links: (L, 2) vertices that hang together though no face says so; then no vertex is loose.
+
+    Raises:
+        InputError: without faces, with positions that are not finite, or with too many vertices.
+    """
+    check_mesh(mesh, most_vertices)
+    welded, of = weld(mesh)
+    points, notes = welded.vertices, []
+    if len(points) < len(of):
+        notes.append(f"{len(of) - len(points)} vertices were welded to others at the same position.")
+    low, high = points.min(0), points.max(0)
+    centre, extent = (low + high) / 2, float(np.linalg.norm(high - low))
+    if not extent > 0:
+        raise InputError(
+            "all vertices are at one position", where=mesh.name, mend="Export the mesh again, in any unit."
+        )
+    used = np.zeros(len(points), bool)
+    used[welded.faces] = True
+    more = np.empty((0, 2), np.int64) if links is None else of[links]
+    used |= links is not None
+    if not used.all():
+        notes.append(f"{(~used).sum()} vertices belong to no face; they follow the nearest surface.")
+    edges, weights = surface_edges(points, welded.faces)
+    edges = np.concatenate([edges, more])
+    weights = np.concatenate([weights, np.full(len(more), VIRTUAL)])
+    shells, _ = shells_of(len(points), edges)
+    links, held = virtual_edges(points, edges)
+    if shells > 1:
+        notes.append(f"{shells} separate shells were joined by {len(links)} virtual edges.")
+    edges, weights = np.concatenate([edges, links]), np.concatenate([weights, held])
+    joints = np.unique(of, return_index=True)[1][np.concatenate([more, links])]
+    order = _neighbours_near(len(points), edges)
+    place = np.empty(len(points), np.int64)
+    place[order] = np.arange(len(points))
+    edges, rest = place[edges], np.ascontiguousarray((points - centre)[order])
+    factor = factorise(len(points), edges, weights)
+    eliminated = np.empty(len(points), np.int32)
+    eliminated[factor.order] = np.arange(len(points))
+    cells = cells_of(rest, edges, weights, eliminated)
+    volume = volume_of(rest, place[welded.faces], cells, factor)
+    return Surface(
+        place[of],
+        rest,
+        centre,
+        extent,
+        ~used[of],
+        edges,
+        weights,
+        joints,
+        cells,
+        factor,
+        volume,
+        tuple(notes),
+    )
+
+
+def _neighbours_near(count: int, edges: Int) -> Int:
+    """(P,) an order in which the neighbours of a vertex are near in memory."""
+    ones = np.ones(len(edges), bool)
+    graph = coo_matrix((ones, (edges[:, 0], edges[:, 1])), (count, count)).tocsr()
+    return np.asarray(reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True), np.int64)
+
+
+def check_mesh(mesh: Mesh, most_vertices: int) -> None:
+    """That the mesh can be deformed at all.
+
+    Raises:
+        InputError: without faces, with positions that are not finite, or with too many vertices.
+    """
+    if not len(mesh.faces):
+        raise InputError("it has no faces", where=mesh.name, mend="Give a triangle mesh.")
+    if len(mesh.vertices) > most_vertices:
+        raise InputError(
+            f"{len(mesh.vertices):,} vertices are too many to drag; at most {most_vertices:,} are allowed",
+            where=mesh.name,
+            mend="Give a mesh with fewer vertices, or raise most_vertices and wait.",
+        )
+    broken = np.flatnonzero(~np.isfinite(mesh.vertices).all(1))
+    if len(broken):
+        raise InputError(
+            f"vertex {broken[0]} (and {len(broken) - 1} more) is not at a finite position", where=mesh.name
+        )

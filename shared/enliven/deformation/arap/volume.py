@@ -1,0 +1,129 @@
+"""The volume that a surface encloses, kept where it is stretched: a pressure in the pose state.
+
+V_i of eq. 12 keeps the volume of a cell, but a surface has none: a ball that is drawn out between two hands
+gets its length by straightening its curves, which no cell notices, and grows. So the pose state has a
+pressure: eq. 13 with - 4 p Vol(x'), whose gradient at a vertex is a third of the area vectors of its faces.
+It acts only where cells are stretched, so that a squashed head does not blow up the tail, as one constraint
+for all would (J. Huang et al., "Subspace gradient domain mesh deformation", 2006). From frame to frame p goes
+to where the volume is that of rest. It is on the right side of the pose's solve: no further one is needed.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from enliven.arrays import Float, Int, Int32
+from enliven.deformation.arap.cells import Cells
+from enliven.deformation.arap.factor import Factor
+from enliven.deformation.arap.solves import backward, forward
+from enliven.kernels import njit
+
+_OPEN = 0.02
+"""Part of the edges that may be open where a surface still counts as closed."""
+_FLAT = 1e-3
+"""Part of a ball's volume, for its area, that a closed surface encloses at least."""
+_STEP = 0.7
+"""How much of what is missing is taken back in a frame."""
+_STRETCHED = 0.05**2
+"""The squared stretch at which a cell is pressed half."""
+_MOST = 0.35
+"""The most part of the volume that the pressure is meant to move."""
+
+
+class Volume(NamedTuple):
+    """What a closed surface encloses.
+
+    Attributes:
+        faces: (F, 3) of the solver's places.
+        border: (B,) places at open edges; about their middle the volume is taken. Empty where closed.
+        rest: cubic metres at rest, above 0.
+        ease: by how much volume a pressure of 1 on the whole surface grows it, at rest.
+    """
+
+    faces: Int32
+    border: Int
+    rest: float
+    ease: float
+
+
+def volume_of(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Volume | None:
+    """The volume of a surface of places (P, 3), or None where it encloses nothing."""
+    sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
+    keys, uses = np.unique(sides[:, 0] * len(rest) + sides[:, 1], return_counts=True)
+    bare = keys[uses == 1]
+    if len(bare) > _OPEN * len(keys):
+        return None
+    border = np.unique(np.concatenate([bare // len(rest), bare % len(rest)]))
+    triangles = np.ascontiguousarray(faces, np.int32)
+    forces = np.zeros((len(rest), 3))
+    enclosed = gradient(rest, triangles, border, forces)
+    a, b, c = (rest[faces[:, k]] for k in range(3))
+    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+    if not enclosed > _FLAT * area**1.5 / (6 * np.sqrt(np.pi)):
+        return None
+    forces -= forces.mean(0)
+    z = np.zeros(4 * (len(rest) + 4), np.float32)
+    z[: 4 * len(rest)].reshape(-1, 4)[cells.eliminated, :3] = forces
+    room = np.zeros(4 * (factor.tallest + 4), np.float32)
+    forward(factor, z, room)
+    backward(factor, z, room)
+    answer = z[: 4 * len(rest)].reshape(-1, 4)[cells.eliminated, :3]
+    ease = float((answer * forces).sum())
+    return Volume(triangles, border, enclosed, ease) if ease > 0 else None
+
+
+@njit(cache=True, nogil=True)
+def gradient(x, faces, border, out):  # type: ignore[no-untyped-def]
+    """The volume, and ``out`` (P, 3) <- its gradient, of places x (P, 3)."""
+    ox = oy = oz = 0.0
+    for k in border:
+        ox, oy, oz = ox + x[k, 0] / len(border), oy + x[k, 1] / len(border), oz + x[k, 2] / len(border)
+    if len(border) == 0:
+        ox, oy, oz = x[0, 0], x[0, 1], x[0, 2]
+    out[:] = 0.0
+    total = 0.0
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ux, uy, uz = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]
+        vx, vy, vz = x[k, 0] - x[i, 0], x[k, 1] - x[i, 1], x[k, 2] - x[i, 2]
+        nx, ny, nz = (uy * vz - uz * vy) / 6.0, (uz * vx - ux * vz) / 6.0, (ux * vy - uy * vx) / 6.0
+        total += nx * (x[i, 0] - ox) + ny * (x[i, 1] - oy) + nz * (x[i, 2] - oz)
+        for p in (i, j, k):
+            out[p, 0] += nx
+            out[p, 1] += ny
+            out[p, 2] += nz
+    return total
+
+
+@njit(cache=True, nogil=True)
+def press(volume, frames, eliminated, pose, forces, pressure, kept, z):  # type: ignore[no-untyped-def]
+    """z (4 V,) += the pressure on the cells that are stretched; the answer is the pressure.
+
+    Args:
+        frames: (16 V,) the solver's; the fourth number of a cell is its stretch less 1.
+        pose: (V, 3) positions as they were shown last, in the solver's order; ``forces`` (V, 3) room.
+        pressure: the last frame's.
+        kept: 0 to 1, how much of the change of volume is taken back.
+    """
+    missing = volume.rest - gradient(pose, volume.faces, volume.border, forces)
+    whole = pressed = 0.0
+    for i in range(len(forces)):
+        size = forces[i, 0] ** 2 + forces[i, 1] ** 2 + forces[i, 2] ** 2
+        d = frames[16 * i + 3] ** 2
+        share = d / (d + _STRETCHED)
+        whole, pressed = whole + size, pressed + share * size
+    if pressed < 1e-3 * whole:
+        return 0.0
+    most = _MOST * volume.rest / volume.ease
+    # Without pressure the volume would be what it is less what the pressure does.
+    ease = volume.ease * pressed / whole
+    pressure += _STEP * (kept * missing - (1.0 - kept) * pressure * ease) / ease
+    pressure = min(max(pressure, -most), most)
+    for i in range(len(forces)):
+        d, at = frames[16 * i + 3] ** 2, 4 * eliminated[i]
+        push = pressure * d / (d + _STRETCHED)
+        for c in range(3):
+            z[at + c] += push * forces[i, c]
+    return pressure

@@ -1,0 +1,178 @@
+"""The mesh's own feet on the floor: nothing sinks into it, and a foot that stands does not slide.
+
+A mesh can be raised as a whole by what would sink, which keeps its shape and never jumps, or bent by planes.
+A straight leg that is pushed up from below can bend to either side, and does so from one frame to the next:
+bend what is soft or hangs from somewhere, raise what stands on stiff legs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from enliven.arrays import Float, Int
+from enliven.deformation.constraints.planes import PlaneConstraints
+from enliven.deformation.constraints.soft import Points, joined_planes, spread
+from enliven.document.character import Character
+from enliven.settings import setting
+
+_SOLES = 96
+"""Points that stand for all feet."""
+_ELSEWHERE = 160
+"""Points that stand for the rest of the mesh."""
+_LOW = 0.04
+"""Share of the height up to which a vertex belongs to a foot."""
+
+
+@dataclass(frozen=True)
+class FloorSettings:
+    """What the mesh does on the floor; lengths are shares of the mesh's height."""
+
+    use: Literal["off", "raised", "above", "stand"] = setting(
+        "off",
+        "'raised': the whole mesh is lifted so that nothing of it sinks into the floor; 'above': what would "
+        "sink bends; 'stand': and feet that stand do not slide.",
+    )
+    touch: float = setting(0.02, "A foot so near the floor may stand.", low=0.0, high=1.0)
+    still: float = setting(0.12, "A foot slower than this, in heights a second, stands.", low=0.0, high=10.0)
+    dwell: float = setting(0.1, "After so long.", unit="s", low=0.0, high=10.0)
+    give: float = setting(0.08, "A foot that the mesh leaves so far behind lets go.", low=0.0, high=1.0)
+    ease: float = setting(0.2, "Time to let go, and to stand.", unit="s", low=0.0, high=10.0)
+    weight: float = setting(50.0, "How hard the floor holds, times embedded.planes.", low=0.0, high=1000.0)
+
+
+@dataclass
+class Foot:
+    """One foot, and whether it stands.
+
+    Attributes:
+        points: which of the soles' points.
+        stood: (P, 2) metres, x and z where it stands; None while it does not.
+        whole: (N, 2) metres, x and z of all nodes when it came to stand.
+        firm: 0..1 how firmly it is held; while it lets go, how far it still is from where it is drawn to.
+        drawn: (P, 2) metres, x and z where the mesh as a whole would take it.
+        since: seconds for which it has been still.
+        last: (P, 3) metres, where its points were a frame ago.
+    """
+
+    points: Int
+    stood: Float | None = None
+    whole: Float | None = None
+    firm: float = 0.0
+    since: float = 0.0
+    last: Float | None = None
+    drawn: Float | None = None
+    letting_go: bool = False
+
+
+class FloorContact:
+    """The floor under one mesh, in its rest space."""
+
+    def __init__(self, character: Character, settings: FloorSettings | None = None) -> None:
+        self.settings = settings or FloorSettings()
+        y = character.vertices[:, 1].astype(np.float64)
+        self.height = float(np.ptp(y)) or 1.0
+        low = np.flatnonzero(y < y.min() + _LOW * self.height)
+        soles = low[spread(character.vertices[low], _SOLES)]
+        rest = spread(character.vertices, _ELSEWHERE)
+        self.soles = Points.of(character, soles)
+        self._all = Points.of(character, np.concatenate([soles, np.setdiff1d(rest, soles)]))
+        self._lowest = float(y.min())
+        groups = _groups(self.soles.at, 2.0 * _LOW * self.height)
+        self.feet = [Foot(group) for group in groups]
+        nodes = self.soles.pivots[:, 1]
+        upper = np.flatnonzero(nodes > self._lowest + 0.4 * self.height)
+        self._upper = upper if len(upper) > 2 else np.arange(len(nodes))
+
+    def reset(self) -> None:
+        """No foot stands any more: the mesh was put elsewhere."""
+        self.feet = [Foot(foot.points) for foot in self.feet]
+
+    def raised(self, linear: Float, positions: Float, floor: float = 0.0) -> Float:
+        """(N, 3) metres, the positions, lifted together until no point is below the floor; see ``planes``."""
+        lowest = float(self._all.moved(linear, positions)[:, 1].min())
+        return np.asarray(positions + np.array([0.0, max(min(floor, self._lowest) - lowest, 0.0), 0.0]))
+
+    def planes(
+        self, linear: Float, positions: Float, seconds: float, floor: float = 0.0
+    ) -> PlaneConstraints | None:
+        """The floor's planes for the mesh as it is.
+
+        Args:
+            linear: (N, 3, 3) of the nodes now.
+            positions: (N, 3) of the nodes now.
+            seconds: since the last call.
+            floor: metres, the floor's height in the rest space.
+        """
+        own = self.settings
+        floor = min(floor, self._lowest)
+        now = self._all.moved(linear, positions)
+        low = now[:, 1] < floor + 0.1 * self.height
+        # A foot that the floor has pushed high up would fall through it in the frame that forgets it.
+        low[: len(self.soles)] |= low.any()
+        near = np.flatnonzero(low)
+        up = np.tile([0.0, 1.0, 0.0], (len(near), 1))
+        sets = [self._all.planes(near, up, floor, own.weight, True)]
+        if own.use == "stand":
+            for foot in self.feet:
+                self._judge(foot, now[foot.points], positions[self._upper][:, [0, 2]], seconds, floor)
+            sets += [planes for foot in self.feet if foot.firm > 0 for planes in self._pins(foot)]
+        return joined_planes(sets)
+
+    def _judge(self, foot: Foot, now: Float, whole: Float, seconds: float, floor: float) -> None:
+        """Whether a foot stands, from where its points (P, 3), and x and z of the nodes above (M, 2), are."""
+        own, tall = self.settings, self.height
+        speed = np.inf
+        if foot.last is not None and seconds > 0:
+            speed = float(np.linalg.norm((now - foot.last).mean(0))) / seconds
+        foot.last = now
+        down = now[:, 1].min() < floor + own.touch * tall
+        if foot.stood is not None and foot.whole is not None:
+            foot.drawn = _carried(foot.whole, whole, foot.stood)
+            far = float(np.linalg.norm((foot.drawn - foot.stood).mean(0))) > own.give * tall
+            foot.letting_go = foot.letting_go or not down or far
+        step = seconds / own.ease if own.ease > 0 else 1.0
+        if foot.stood is None:
+            foot.since = foot.since + seconds if down and speed < own.still * tall else 0.0
+            if foot.since > own.dwell:
+                foot.stood, foot.whole = now[:, [0, 2]].copy(), whole
+                foot.firm, foot.letting_go = min(step, 1.0), False
+        else:
+            foot.firm = max(0.0, foot.firm - step) if foot.letting_go else min(1.0, foot.firm + step)
+            if foot.firm == 0.0:
+                foot.stood, foot.whole, foot.since = None, None, 0.0
+
+    def _pins(self, foot: Foot) -> list[PlaneConstraints]:
+        """Planes across x and z that hold a foot where it stands, or take it to where it is drawn."""
+        assert foot.stood is not None
+        weight, places = self.settings.weight * foot.firm**4, foot.stood
+        if foot.letting_go and foot.drawn is not None:
+            share = 1.0 - foot.firm
+            share = share * share * (3 - 2 * share)
+            weight = self.settings.weight * foot.firm**2
+            places = places + share * (foot.drawn - places)
+        count = len(foot.points)
+        return [
+            self.soles.planes(foot.points, np.tile(way, (count, 1)), places[:, k], weight, False)
+            for k, way in enumerate(([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]))
+        ]
+
+
+def _carried(start: Float, end: Float, points: Float) -> Float:
+    """(P, 2) the points moved as (M, 2) others were: turned and shifted over the floor (Procrustes)."""
+    a, b = start - start.mean(0), end - end.mean(0)
+    cosine, sine = float((a * b).sum()), float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
+    length = np.hypot(cosine, sine)
+    c, s = (cosine / length, sine / length) if length > 1e-12 else (1.0, 0.0)
+    return np.asarray((points - start.mean(0)) @ np.array([[c, s], [-s, c]]) + end.mean(0))
+
+
+def _groups(points: Float, gap: float) -> list[Int]:
+    """The points in groups that are no farther than ``gap`` from one another over the floor."""
+    apart = np.linalg.norm(points[:, None, [0, 2]] - points[None][:, :, [0, 2]], axis=2)
+    count, label = connected_components(csr_matrix(apart < gap), directed=False)
+    return [np.flatnonzero(label == k) for k in range(count)]

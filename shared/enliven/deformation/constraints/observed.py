@@ -1,0 +1,123 @@
+"""Constraints straight from depth: the surface follows the points that are seen, without any skeleton.
+
+KinÊtre's own idea for the future ("data could be derived directly from the depth map"): non-rigid ICP with
+the deformation graph as its prior. Each frame every seen point looks for the nearest compatible point of the
+mesh as it is, which then is drawn onto the plane through the seen point (Y. Chen and G. Medioni 1992), with
+a Geman-McClure weight.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven.deformation.constraints.planes import PlaneConstraints
+from enliven.deformation.constraints.soft import Points, spread
+from enliven.document.character import Character
+from enliven.kernels import njit
+from enliven.meshes.mesh import Mesh
+from enliven.settings import setting
+
+
+@dataclass(frozen=True)
+class ObservedSettings:
+    """How the surface follows what is seen of the performer."""
+
+    farthest: float = setting(
+        0.25, "How far from the mesh a seen point may be to draw it.", unit="m", low=0.0, high=5.0
+    )
+    angle: float = setting(
+        math.pi / 3, "How far the two normals may be apart.", unit="rad", low=0.0, high=math.pi
+    )
+    doubt: float = setting(
+        0.08, "A point so far away counts a quarter of a near one.", unit="m", low=0.001, high=5.0
+    )
+    points: int = setting(500, "Most seen points a frame that draw.", low=10, high=20_000)
+    surface: int = setting(1500, "Points of the mesh that can be drawn.", low=10, high=100_000)
+    weight: float = setting(3.0, "How hard they draw, times embedded.planes.", low=0.0, high=1000.0)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a sensor sees of one performer.
+
+    Attributes:
+        points: (M, 3) metres, world frame, on their surface.
+        normals: (M, 3) outward unit normals.
+    """
+
+    points: Float | Float32
+    normals: Float | Float32
+
+
+class ObservedSurface:
+    """The points of a mesh that can follow what is seen."""
+
+    def __init__(self, character: Character, settings: ObservedSettings | None = None) -> None:
+        self.settings = settings or ObservedSettings()
+        which = spread(character.vertices, self.settings.surface)
+        self.points = Points.of(character, which)
+        mesh = Mesh(character.vertices.astype(np.float64), character.faces, character.id)
+        self._tips = Points(
+            self.points.at + _STEP * mesh.vertex_normals()[which],
+            self.points.nodes,
+            self.points.weights,
+            self.points.pivots,
+        )
+
+    def planes(
+        self, linear: Float, positions: Float, points: Float, normals: Float, metre: float = 1.0
+    ) -> PlaneConstraints:
+        """The planes that draw the surface, as it is, onto what is seen.
+
+        Args:
+            linear: (N, 3, 3) of the nodes now.
+            positions: (N, 3) of the nodes now.
+            points: (M, 3) metres, rest space, on the surface that is seen.
+            normals: (M, 3) their outward unit normals.
+            metre: of the rest space for one of the performer.
+        """
+        own = self.settings
+        fine = np.flatnonzero(np.isfinite(points).all(1) & np.isfinite(normals).all(1))
+        few = fine[:: max(1, math.ceil(len(fine) / own.points))]
+        points, normals = np.ascontiguousarray(points[few], np.float64), normals[few].astype(np.float64)
+        surface = self.points.moved(linear, positions)
+        facing = self._tips.moved(linear, positions) - surface
+        facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-12)
+        farthest = own.farthest * metre
+        nearest, lengths = _compatible(points, normals, surface, facing, farthest, math.cos(own.angle))
+        met = nearest >= 0
+        nearest, points, normals, lengths = nearest[met], points[met], normals[met], lengths[met]
+        gap = np.einsum("ma,ma->m", normals, surface[nearest] - points) / (own.doubt * metre)
+        # Nothing comes or goes at once: at the farthest reach a point draws no more.
+        fade = 1.0 - (lengths / max(farthest, 1e-12)) ** 2
+        weights = own.weight * fade / (1.0 + gap * gap) ** 2
+        offsets = np.einsum("ma,ma->m", normals, points)
+        return self.points.planes(nearest, normals, offsets, weights, False)
+
+
+_STEP = 1e-3
+"""Metres along a normal, to see where it turns."""
+
+
+@njit(cache=True, nogil=True)
+def _compatible(points, normals, surface, facing, farthest, cosine):  # type: ignore[no-untyped-def]
+    """(M,) the nearest point of the surface that faces as each point does, -1 for none; (M,) metres to it."""
+    nearest = np.full(points.shape[0], -1, np.int64)
+    lengths = np.zeros(points.shape[0])
+    for i in range(points.shape[0]):
+        best = farthest * farthest
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for j in range(surface.shape[0]):
+            dx, dy, dz = surface[j, 0] - x, surface[j, 1] - y, surface[j, 2] - z
+            square = dx * dx + dy * dy + dz * dz
+            if square >= best:
+                continue
+            n = normals[i]
+            if n[0] * facing[j, 0] + n[1] * facing[j, 1] + n[2] * facing[j, 2] > cosine:
+                best, nearest[i] = square, j
+        lengths[i] = np.sqrt(best)
+    return nearest, lengths

@@ -1,0 +1,130 @@
+"""Limbs that keep out of each other: balls inside the mesh, and one-sided planes where two would overlap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from enliven.arrays import Bool, Float
+from enliven.deformation.constraints.planes import PlaneConstraints
+from enliven.deformation.constraints.soft import Points, spread
+from enliven.deformation.graph.graph import DeformationGraph
+from enliven.document.character import Character
+from enliven.kernels import njit
+from enliven.settings import setting
+
+
+@dataclass(frozen=True)
+class SelfContactSettings:
+    """How limbs keep out of each other."""
+
+    use: bool = setting(False, "Whether parts of the mesh that touch push each other away.")
+    detour: float = setting(
+        3.0, "Parts may touch that are so many times farther apart along the mesh.", low=1.0, high=100.0
+    )
+    weight: float = setting(10.0, "How hard they push, times embedded.planes.", low=0.0, high=1000.0)
+
+
+class SelfContact:
+    """One ball a node, inside the mesh; pairs that lie far apart along the graph and apart at rest."""
+
+    def __init__(
+        self, character: Character, graph: DeformationGraph, settings: SelfContactSettings | None = None
+    ) -> None:
+        self.settings = settings or SelfContactSettings()
+        surface = character.vertices[spread(character.vertices, 3000)].astype(np.float64)
+        spacing = _mean_edge(graph)
+        self.radii = _inner_radii(graph.positions, graph.normals, surface, 2.0 * spacing)
+        count = len(graph.positions)
+        nodes = np.zeros((count, 4), np.int32)
+        nodes[:, 0] = np.arange(count)
+        weights = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
+        centres = graph.positions - self.radii[:, None] * graph.normals
+        self._balls = Points(centres, nodes, weights, graph.positions)
+        self.pairs = np.argwhere(np.triu(self._may_touch(graph, centres, spacing), 1)).astype(np.int32)
+        self._sides = np.zeros((len(self.pairs), 3))
+
+    def _may_touch(self, graph: DeformationGraph, centres: Float, spacing: float) -> Bool:
+        """(N, N) the pairs of balls that are apart at rest, and far apart along the graph."""
+        a, b = graph.edges[:, 0], graph.edges[:, 1]
+        lengths = np.maximum(np.linalg.norm(graph.positions[a] - graph.positions[b], axis=1), 1e-9)
+        count = len(graph.positions)
+        ways = dijkstra(csr_matrix((lengths, (a, b)), (count, count)), directed=False)
+        reach = self.radii[:, None] + self.radii[None]
+        apart = np.linalg.norm(centres[:, None] - centres[None], axis=2)
+        return np.asarray((apart > reach) & (ways > self.settings.detour * np.maximum(reach, spacing)))
+
+    def planes(self, linear: Float, positions: Float) -> PlaneConstraints:
+        """Two planes for each pair that overlaps, or nearly does: each ball stays on its side."""
+        centres = self._balls.moved(linear, positions)
+        near = _near_pairs(centres, self.radii, self.pairs, self._sides)
+        first, second = self.pairs[near, 0], self.pairs[near, 1]
+        sides, a, b = self._sides[near], self.radii[first], self.radii[second]
+        between = (b[:, None] * centres[first] + a[:, None] * centres[second]) / (a + b)[:, None]
+        middle = np.einsum("pa,pa->p", sides, between)
+        return self._balls.planes(
+            np.concatenate([first, second]),
+            np.concatenate([sides, -sides]),
+            np.concatenate([middle + a, -middle + b]),
+            self.settings.weight,
+            True,
+        )
+
+
+def _mean_edge(graph: DeformationGraph) -> float:
+    """Metres, the mean length of the graph's edges."""
+    ends = graph.positions[graph.edges]
+    return float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean()) if len(ends) else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _inner_radii(points, normals, surface, largest):  # type: ignore[no-untyped-def]
+    """(N,) the radius of the largest ball inside that touches the surface at each point.
+
+    J. Ma et al., "3D medial axis point approximation using nearest neighbors and the normal field", 2012:
+    the ball through p and q, tangent at p, has the radius |p - q|^2 / (2 n·(p - q)); the least of them is
+    empty. No larger than ``largest``.
+    """
+    out = np.full(points.shape[0], largest)
+    for i in range(points.shape[0]):
+        for j in range(surface.shape[0]):
+            square, deep = 0.0, 0.0
+            for a in range(3):
+                d = points[i, a] - surface[j, a]
+                square += d * d
+                deep += normals[i, a] * d
+            # What lies beside the point says little of the thickness, and much of the roughness.
+            if deep > 0.3 * np.sqrt(square) and square < 2.0 * deep * out[i]:
+                out[i] = square / (2.0 * deep)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _near_pairs(centres, radii, pairs, sides):  # type: ignore[no-untyped-def]
+    """(P,) whether each pair nearly overlaps; ``sides`` (P, 3) takes the way from the second to the first.
+
+    While a pair is near, its side turns but never flips, and deep in each other it does not even turn: balls
+    that went through each other are pushed back the way they came.
+    """
+    near = np.zeros(pairs.shape[0], np.bool_)
+    for p in range(pairs.shape[0]):
+        i, j = pairs[p, 0], pairs[p, 1]
+        x = centres[i, 0] - centres[j, 0]
+        y = centres[i, 1] - centres[j, 1]
+        z = centres[i, 2] - centres[j, 2]
+        reach = 1.25 * (radii[i] + radii[j])
+        square = x * x + y * y + z * z
+        kept = sides[p, 0] * x + sides[p, 1] * y + sides[p, 2] * z
+        known = sides[p, 0] != 0.0 or sides[p, 1] != 0.0 or sides[p, 2] != 0.0
+        if square >= reach * reach:
+            sides[p] = 0.0
+            continue
+        length = np.sqrt(square)
+        near[p] = True
+        if (known and (kept <= 0.0 or length < 0.5 * reach)) or length < 1e-9:
+            continue
+        sides[p, 0], sides[p, 1], sides[p, 2] = x / length, y / length, z / length
+    return near

@@ -1,0 +1,124 @@
+"""What soft terms have in common: points of a mesh, where they are now, and sets of planes joined."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Float32, Int, Int32
+from enliven.deformation.constraints.planes import PlaneConstraints
+from enliven.document.character import Character
+from enliven.kernels import njit
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points of a mesh at rest, and the nodes that move them.
+
+    Attributes:
+        at: (P, 3) metres, rest space.
+        nodes: (P, 4) int32.
+        weights: (P, 4) they sum to one.
+        pivots: (N, 3) metres, the nodes at rest.
+    """
+
+    at: Float
+    nodes: Int32
+    weights: Float
+    pivots: Float
+
+    @staticmethod
+    def of(character: Character, which: Int) -> Points:
+        """Vertices of a character, by index."""
+        return Points(
+            character.vertices[which].astype(np.float64),
+            character.skin.indices[which].astype(np.int32),
+            character.skin.weights[which].astype(np.float64),
+            character.pivots.astype(np.float64),
+        )
+
+    def __len__(self) -> int:
+        return len(self.at)
+
+    def moved(self, linear: Float, positions: Float) -> Float:
+        """(P, 3) metres, where they are while the nodes are at ``linear`` and ``positions``."""
+        linear, positions = np.ascontiguousarray(linear), np.ascontiguousarray(positions)
+        return np.asarray(_moved(self.at, self.nodes, self.weights, self.pivots, linear, positions))
+
+    def planes(
+        self,
+        which: Int | Bool,
+        normals: Float,
+        offsets: Float | float,
+        weights: Float | float,
+        one_sided: bool,
+    ) -> PlaneConstraints:
+        """A plane for each of some of the points."""
+        count = len(normals)
+        return PlaneConstraints(
+            self.at[which],
+            self.nodes[which],
+            self.weights[which],
+            np.ascontiguousarray(normals),
+            np.broadcast_to(offsets, count).astype(np.float64),
+            np.broadcast_to(weights, count).astype(np.float64),
+            np.full(count, one_sided),
+        )
+
+
+def joined_planes(sets: Sequence[PlaneConstraints]) -> PlaneConstraints | None:
+    """Several sets as one; None where there is nothing."""
+    sets = [planes for planes in sets if len(planes)]
+    if len(sets) < 2:
+        return sets[0] if sets else None
+    return PlaneConstraints(
+        np.concatenate([p.points for p in sets]),
+        np.concatenate([p.node_indices for p in sets]),
+        np.concatenate([p.node_weights for p in sets]),
+        np.concatenate([p.normals for p in sets]),
+        np.concatenate([p.offsets for p in sets]),
+        np.concatenate([p.weights for p in sets]),
+        np.concatenate([p.one_sided for p in sets]),
+    )
+
+
+def spread(points: Float | Float32, most: int) -> Int:
+    """At most so many of (P, 3) points, evenly spread: one in each cell of a grid that is made to fit."""
+    if len(points) <= most:
+        return np.arange(len(points))
+    low = points.min(0)
+    cell = float(np.linalg.norm(np.ptp(points, axis=0))) / max(most, 1) ** 0.5 + 1e-12
+    few = _one_a_cell(points, low, cell)
+    while len(few) < most:
+        cell, last = cell / 1.25, few
+        few = _one_a_cell(points, low, cell)
+        if len(few) > most:
+            return last
+    while len(few) > most:
+        cell *= 1.1
+        few = _one_a_cell(points, low, cell)
+    return few
+
+
+def _one_a_cell(points: Float | Float32, low: Float | Float32, cell: float) -> Int:
+    """The first point in each cell of a grid."""
+    cells = np.floor((points - low) / cell).astype(np.int64)
+    return np.sort(np.unique(cells, axis=0, return_index=True)[1])
+
+
+@njit(cache=True, nogil=True)
+def _moved(at, nodes, weights, pivots, linear, positions):  # type: ignore[no-untyped-def]
+    """Kernel of :meth:`Points.moved`: the deformation map of KinÊtre, eq. 2."""
+    out = np.zeros((at.shape[0], 3))
+    for i in range(at.shape[0]):
+        for k in range(4):
+            w, j = weights[i, k], nodes[i, k]
+            if w == 0.0:
+                continue
+            x, y, z = at[i, 0] - pivots[j, 0], at[i, 1] - pivots[j, 1], at[i, 2] - pivots[j, 2]
+            for a in range(3):
+                m = linear[j, a]
+                out[i, a] += w * (positions[j, a] + m[0] * x + m[1] * y + m[2] * z)
+    return out

@@ -1,0 +1,219 @@
+"""The energy of KinÊtre's embedded deformation (eq. 3-8), and its gradient.
+
+The unknowns are x (N, 4, 4), flattened: x[j, c, :3] is column c of R_j for c < 3, and x[j, 3, :3] is where
+node j has moved to, g_j + t_j; the fourth lane of each is 0, so that a column fills one vector register
+(:mod:`enliven.lanes`). In these unknowns the residuals of E_reg and E_con are linear, and the same for each
+coordinate; those of E_rot and E_rig are quadratic.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from enliven.arrays import Bool, Float, Int32
+from enliven.kernels import njit
+from enliven.lanes import fma4, load4, splat4, store4, total4
+
+
+class Planes(NamedTuple):
+    """Soft planes, as the solver takes them; see ``PlaneConstraints``.
+
+    Attributes:
+        nodes: (M, 4) int32 in elimination order, ascending.
+        rows: (M, 4, 4) the coefficients, as of the constraints.
+        normals: (M, 4) unit normals and a 0.
+        offsets: (M,) metres.
+        weights: (M,) with the solver's own weight.
+        one_sided: (M,).
+    """
+
+    nodes: Int32
+    rows: Float
+    normals: Float
+    offsets: Float
+    weights: Float
+    one_sided: Bool
+
+
+class Terms(NamedTuple):
+    """What the energy is made of, beside the unknowns.
+
+    Attributes:
+        edges: (E, 2) int32 nodes i, j.
+        offsets: (E, 3) g_j - g_i.
+        rigid: (K,) int32 the edges of E_rig.
+        turning: 1.0 where the translations of E_rig are compared in the middle of the edge, which any rigid
+            motion leaves at zero; 0.0 for eq. 7 as printed, |t_k - t_j|^2.
+        nodes: (L, 4) int32 the nodes of each constraint, ascending; those without weight are skipped.
+        rows: (L, 4, 4) the constraint's coefficients: w (p - g) and w for each of its nodes.
+        targets: (L, 4) q_l and a 0.
+        pulls: (L,) w_con times the weight of each constraint, 0 where it is lost.
+        stretch: (N,) w_rot of each node.
+        smooth: (E,) w_reg of each edge.
+        hanging: (K,) w_rig of each rigid edge.
+    """
+
+    edges: Int32
+    offsets: Float
+    rigid: Int32
+    turning: float
+    nodes: Int32
+    rows: Float
+    targets: Float
+    pulls: Float
+    stretch: Float
+    smooth: Float
+    hanging: Float
+
+
+@njit(cache=True, nogil=True)
+def gradient(x, t, planes, out):  # type: ignore[no-untyped-def]
+    """Kernel: ``out`` (16 N,) takes dE/dx; returns (E_rot, E_reg, E_con, E_rig, E_planes, E), weighted."""
+    rot = _rotation(x, t.stretch, out)
+    reg = _smoothness(x, t.edges, t.offsets, t.smooth, out)
+    con = _constraints(x, t.nodes, t.rows, t.targets, t.pulls, out)
+    rig = _rigidity(x, t, out) if t.rigid.shape[0] > 0 else 0.0
+    side = _planes(x, planes, out)
+    return rot, reg, con, rig, side, rot + reg + con + rig + side
+
+
+@njit(cache=True, nogil=True)
+def _rotation(x, w, out):  # type: ignore[no-untyped-def]
+    """E_rot, eq. 3: |RᵀR - I|^2; dE/dR = 4 R (RᵀR - I). Sets ``out``."""
+    energy = 0.0
+    zero = splat4(0.0)
+    for j in range(w.shape[0]):
+        at = 16 * j
+        a, b, c = load4(x, at), load4(x, at + 4), load4(x, at + 8)
+        aa, bb, cc = total4(a * a) - 1.0, total4(b * b) - 1.0, total4(c * c) - 1.0
+        ab, bc, ca = total4(a * b), total4(b * c), total4(c * a)
+        energy += w[j] * (aa * aa + bb * bb + cc * cc + 2 * (ab * ab + bc * bc + ca * ca))
+        k = 4 * w[j]
+        store4(out, at, fma4(k * aa, a, fma4(k * ab, b, fma4(k * ca, c, zero))))
+        store4(out, at + 4, fma4(k * ab, a, fma4(k * bb, b, fma4(k * bc, c, zero))))
+        store4(out, at + 8, fma4(k * ca, a, fma4(k * bc, b, fma4(k * cc, c, zero))))
+        store4(out, at + 12, zero)
+    return energy
+
+
+@njit(cache=True, nogil=True)
+def _smoothness(x, edges, offsets, w, out):  # type: ignore[no-untyped-def]
+    """E_reg, eq. 4, both ways of every edge: |R_i (g_j - g_i) + p_i - p_j|^2."""
+    energy = splat4(0.0)
+    for e in range(edges.shape[0]):
+        i, j = 16 * edges[e, 0], 16 * edges[e, 1]
+        a, b, c = offsets[e, 0], offsets[e, 1], offsets[e, 2]
+        apart = load4(x, i + 12) - load4(x, j + 12)
+        forth = fma4(a, load4(x, i), fma4(b, load4(x, i + 4), fma4(c, load4(x, i + 8), apart)))
+        # The way back with its sign turned: |-v| = |v|.
+        back = fma4(a, load4(x, j), fma4(b, load4(x, j + 4), fma4(c, load4(x, j + 8), apart)))
+        energy = fma4(w[e], forth * forth + back * back, energy)
+        k = splat4(2 * w[e])
+        forth, back = k * forth, k * back
+        store4(out, i, fma4(a, forth, load4(out, i)))
+        store4(out, i + 4, fma4(b, forth, load4(out, i + 4)))
+        store4(out, i + 8, fma4(c, forth, load4(out, i + 8)))
+        store4(out, j, fma4(a, back, load4(out, j)))
+        store4(out, j + 4, fma4(b, back, load4(out, j + 4)))
+        store4(out, j + 8, fma4(c, back, load4(out, j + 8)))
+        both = forth + back
+        store4(out, i + 12, load4(out, i + 12) + both)
+        store4(out, j + 12, load4(out, j + 12) - both)
+    return total4(energy)
+
+
+@njit(cache=True, nogil=True)
+def _moved(x, nodes, rows, m):  # type: ignore[no-untyped-def]
+    """phi(p), eq. 2, of point ``m``."""
+    point = splat4(0.0)
+    for k in range(4):
+        at = 16 * nodes[m, k]
+        if rows[m, k, 3] != 0.0:
+            for c in range(4):
+                point = fma4(rows[m, k, c], load4(x, at + 4 * c), point)
+    return point
+
+
+@njit(cache=True, nogil=True)
+def _pull(nodes, rows, m, force, out):  # type: ignore[no-untyped-def]
+    """Hand the derivative by phi(p) on to the nodes of point ``m``."""
+    for k in range(4):
+        at = 16 * nodes[m, k]
+        if rows[m, k, 3] != 0.0:
+            for c in range(4):
+                store4(out, at + 4 * c, fma4(rows[m, k, c], force, load4(out, at + 4 * c)))
+
+
+@njit(cache=True, nogil=True)
+def _constraints(x, nodes, rows, targets, pulls, out):  # type: ignore[no-untyped-def]
+    """E_con, eq. 5: |phi(p) - q|^2, times the constraint's own weight."""
+    energy = splat4(0.0)
+    flat = targets.reshape(-1)
+    for m in range(nodes.shape[0]):
+        if pulls[m] > 0.0:
+            off = _moved(x, nodes, rows, m) - load4(flat, 4 * m)
+            energy = fma4(pulls[m], off * off, energy)
+            _pull(nodes, rows, m, splat4(2 * pulls[m]) * off, out)
+    return total4(energy)
+
+
+@njit(cache=True, nogil=True)
+def constraint_energy(x, t):  # type: ignore[no-untyped-def]
+    """Kernel: E_con alone, weighted; all that new targets change where the nodes stay."""
+    energy = splat4(0.0)
+    flat = t.targets.reshape(-1)
+    for m in range(t.nodes.shape[0]):
+        if t.pulls[m] > 0.0:
+            off = _moved(x, t.nodes, t.rows, m) - load4(flat, 4 * m)
+            energy = fma4(t.pulls[m], off * off, energy)
+    return total4(energy)
+
+
+@njit(cache=True, nogil=True)
+def _planes(x, planes, out):  # type: ignore[no-untyped-def]
+    """w (n.phi(p) - b)^2, of a one-sided plane only where n.phi(p) < b."""
+    energy = 0.0
+    flat = planes.normals.reshape(-1)
+    for m in range(planes.nodes.shape[0]):
+        w = planes.weights[m]
+        normal = load4(flat, 4 * m)
+        gap = total4(normal * _moved(x, planes.nodes, planes.rows, m)) - planes.offsets[m]
+        if w > 0.0 and (gap < 0.0 or not planes.one_sided[m]):
+            energy += w * gap * gap
+            _pull(planes.nodes, planes.rows, m, splat4(2 * w * gap) * normal, out)
+    return energy
+
+
+@njit(cache=True, nogil=True)
+def _rigidity(x, t, out):  # type: ignore[no-untyped-def]
+    """E_rig, eq. 7: |R_kᵀR_j - I|^2 and the translations' difference."""
+    energy = 0.0
+    for m in range(t.rigid.shape[0]):
+        e, w = t.rigid[m], t.hanging[m]
+        j, k = 16 * t.edges[e, 0], 16 * t.edges[e, 1]
+        for c in range(3):
+            for d in range(3):
+                left, right = load4(x, k + 4 * c), load4(x, j + 4 * d)
+                s = total4(left * right) - (1.0 if c == d else 0.0)
+                energy += w * s * s
+                store4(out, k + 4 * c, fma4(2 * w * s, right, load4(out, k + 4 * c)))
+                store4(out, j + 4 * d, fma4(2 * w * s, left, load4(out, j + 4 * d)))
+        energy += _slip(x, t.offsets[e], t.turning, w, j, k, out)
+    return energy
+
+
+@njit(cache=True, nogil=True)
+def _slip(x, offset, turning, w, j, k, out):  # type: ignore[no-untyped-def]
+    """How far apart the nodes at ``j`` and ``k`` move their edge's middle (turning 1), or their positions."""
+    energy = 0.0
+    for a in range(3):
+        r = x[j + 12 + a] - x[k + 12 + a] + (1 - turning) * offset[a]
+        for c in range(3):
+            r += 0.5 * turning * offset[c] * (x[j + 4 * c + a] + x[k + 4 * c + a])
+        energy += w * r * r
+        out[j + 12 + a] += 2 * w * r
+        out[k + 12 + a] -= 2 * w * r
+        for c in range(3):
+            out[j + 4 * c + a] += w * r * turning * offset[c]
+            out[k + 4 * c + a] += w * r * turning * offset[c]
+    return energy

@@ -1,0 +1,125 @@
+"""Where a frame's descent begins: as the last frame went on, or wherever else the energy is lower."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.deformation.embedded.energy import constraint_energy, gradient
+from enliven.kernels import copy_row, njit
+from enliven.lanes import fma4, load4, store4
+from enliven.rotation import nearest_rotations
+
+_FAR = 4.0
+"""Times the last frame's energy beyond which a start counts as bad, and more places are tried."""
+
+
+@njit(cache=True, nogil=True)
+def choose_start(x, rest, t, planes, room):  # type: ignore[no-untyped-def]
+    """Kernel: start from the best of: the last frame; that, gone on as before; either moved rigidly; the rest
+    pose moved rigidly.
+
+    The rigid motion is the one that best brings the points to their targets. E_rot and E_reg do not change
+    in it, so a body that leaps costs nothing; and a state that wild targets have spoilt is left as soon as
+    the rest pose does better. The rigid ones are tried only where the others are bad. Returns whether
+    ``room.raw`` and ``room.energies`` are of the start already.
+    """
+    before = room.energies
+    least = before[0] + before[1] + constraint_energy(x, t) + before[3] + before[4]
+    settled = before[5]
+    _go_on(x, room.last, room.trial)
+    copy_row(room.last, x)
+    energies = gradient(room.trial, t, planes, room.raw)
+    goes_on = energies[5] < least or not np.isfinite(least)
+    if goes_on:
+        least = energies[5]
+        copy_row(x, room.trial)
+    if least <= _FAR * settled + 1e-6:
+        if goes_on:
+            for i in range(6):
+                before[i] = energies[i]
+        return goes_on
+    turn, middle, goal = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for origin in (x, rest):
+        if _rigid_motion(origin, t, turn, middle, goal):
+            _moved(origin, turn, middle, goal, room.trial)
+            energy = gradient(room.trial, t, planes, room.raw)[5]
+            if energy < least or not np.isfinite(least):
+                least = energy
+                copy_row(x, room.trial)
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _go_on(x, last, out):  # type: ignore[no-untyped-def]
+    """``out`` takes where the nodes would be if they moved and turned as they did between two frames.
+
+    R(1) = R + d + w x (w x R) to second order, where d = R - R(-1) and w is its turn.
+    """
+    for j in range(x.shape[0] // 16):
+        at = 16 * j
+        u = v = w = 0.0
+        for c in range(0, 12, 4):
+            r0, r1, r2 = x[at + c], x[at + c + 1], x[at + c + 2]
+            d0, d1, d2 = r0 - last[at + c], r1 - last[at + c + 1], r2 - last[at + c + 2]
+            u += 0.5 * (r1 * d2 - r2 * d1)
+            v += 0.5 * (r2 * d0 - r0 * d2)
+            w += 0.5 * (r0 * d1 - r1 * d0)
+        square = u * u + v * v + w * w
+        for c in range(0, 12, 4):
+            r0, r1, r2 = x[at + c], x[at + c + 1], x[at + c + 2]
+            along = u * r0 + v * r1 + w * r2
+            out[at + c] = 2 * r0 - last[at + c] + u * along - r0 * square
+            out[at + c + 1] = 2 * r1 - last[at + c + 1] + v * along - r1 * square
+            out[at + c + 2] = 2 * r2 - last[at + c + 2] + w * along - r2 * square
+            out[at + c + 3] = 0.0
+        here = load4(x, at + 12)
+        store4(out, at + 12, fma4(-1.0, load4(last, at + 12), here + here))
+
+
+@njit(cache=True, nogil=True)
+def _moved(x, turn, middle, goal, out):  # type: ignore[no-untyped-def]
+    """``out`` takes ``x`` turned about ``middle``, which goes to ``goal``."""
+    for j in range(x.shape[0] // 16):
+        for c in range(4):
+            at = 16 * j + 4 * c
+            out[at + 3] = 0.0
+            for a in range(3):
+                total = goal[a] if c == 3 else 0.0
+                for b in range(3):
+                    total += turn[a, b] * (x[at + b] - (middle[b] if c == 3 else 0.0))
+                out[at + a] = total
+
+
+@njit(cache=True, nogil=True)
+def _rigid_motion(x, t, turn, middle, goal):  # type: ignore[no-untyped-def]
+    """The rotation about ``middle``, which goes to ``goal``; False where nothing pulls."""
+    count = t.nodes.shape[0]
+    points = np.zeros((count, 3))
+    middle[:] = 0.0
+    goal[:] = 0.0
+    total = 0.0
+    for m in range(count):
+        total += t.pulls[m]
+        for a in range(3):
+            for k in range(4):
+                for c in range(4):
+                    points[m, a] += t.rows[m, k, c] * x[16 * t.nodes[m, k] + 4 * c + a]
+            middle[a] += t.pulls[m] * points[m, a]
+            goal[a] += t.pulls[m] * t.targets[m, a]
+    if not total > 0.0:
+        return False
+    for a in range(3):
+        middle[a] /= total
+        goal[a] /= total
+    spread = np.zeros((1, 3, 3))
+    size = 0.0
+    for m in range(count):
+        for a in range(3):
+            size += t.pulls[m] * (points[m, a] - middle[a]) ** 2
+            for b in range(3):
+                spread[0, a, b] += t.pulls[m] * (t.targets[m, a] - goal[a]) * (points[m, b] - middle[b])
+    # A pull to "no turn": the points may lie on a line, about which any turn would be as good.
+    for a in range(3):
+        spread[0, a, a] += 1e-6 * size + 1e-12
+    nearest_rotations(spread, turn.reshape(1, 3, 3))
+    return True

@@ -1,0 +1,211 @@
+"""Orientation-aware Poisson-disk sampling of a surface (KinÊtre, "Orientation-Aware Sampling", eq. 6)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from enliven.arrays import Float, Int, Int32
+from enliven.errors import InputError
+from enliven.kernels import njit
+from enliven.meshes.kernels import face_areas, face_vectors, normals_of
+from enliven.meshes.mesh import Mesh, weld
+
+_DARTS_PER_NODE = 80
+_SMOOTH = 0.75
+"""Least cosine between a vertex normal and its faces' normals where the surface counts as smooth."""
+
+
+class SurfaceSamples(NamedTuple):
+    """Points on a mesh.
+
+    Attributes:
+        positions: (N, 3) metres.
+        normals: (N, 3) outward unit normals.
+        faces: (N,) the face that each point lies on.
+        radius: metres; no two points are nearer under D.
+    """
+
+    positions: Float
+    normals: Float
+    faces: Int32
+    radius: float
+
+
+def scatter(
+    mesh: Mesh, count: int, rng: np.random.Generator, welded: tuple[Mesh, Int] | None = None
+) -> SurfaceSamples:
+    """``count`` independent points, uniform over the area, with interpolated normals (radius 0).
+
+    A corner takes the welded vertex normal where the surface is smooth there, and the face's own normal at a
+    crease, so that a sphere of few faces is round and a box keeps its edges.
+    """
+    along = np.cumsum(face_areas(mesh.vertices, mesh.faces))
+    total = float(along[-1]) if len(along) else 0.0
+    if not (np.isfinite(total) and total > 0):
+        raise InputError("the mesh has no area", where=mesh.name, mend="Give a mesh with faces.")
+    # Stratified along the area: the same distribution, with less chance of holes.
+    chosen = (np.arange(count) + rng.random(count)) / count * total
+    faces = np.minimum(np.searchsorted(along, chosen), len(along) - 1)
+    a, b = rng.random((2, count))
+    over = a + b > 1
+    a, b = np.where(over, 1 - a, a), np.where(over, 1 - b, b)
+    weights = np.stack([1 - a - b, a, b], -1)[..., None]
+    positions = (mesh.vertices[mesh.faces[faces]] * weights).sum(1)
+    normals = (_corner_normals(mesh, faces, welded or weld(mesh)) * weights).sum(1)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return SurfaceSamples(positions, normals, faces.astype(np.int32), 0.0)
+
+
+def _corner_normals(mesh: Mesh, faces: Int, welded: tuple[Mesh, Int]) -> Float:
+    """(N, 3, 3) unit normals at the corners of ``faces`` (N,)."""
+    whole, welded_of = welded
+    corners = welded_of[mesh.faces[faces]]
+    wanted, number = np.unique(corners, return_inverse=True)
+    normals, sharpest = normals_of(whole.vertices, whole.faces, wanted)
+    own = _unit(face_vectors(mesh.vertices, mesh.faces[faces]))[:, None]
+    number = number.reshape(corners.shape)
+    return np.where((sharpest[number] > _SMOOTH)[..., None], normals[number], own)
+
+
+def _unit(vectors: Float) -> Float:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0, length, 1.0))
+
+
+def poisson_disk(
+    mesh: Mesh,
+    nodes: int = 128,
+    radius: float | None = None,
+    seed: int = 0,
+    welded: tuple[Mesh, Int] | None = None,
+) -> SurfaceSamples:
+    """Points that are no nearer to each other than R under the orientation-aware distance D of eq. 6.
+
+    Dart throwing in a fixed random order over area-weighted candidates. With ``radius`` the number of points
+    follows. Without, there are exactly ``nodes``: R starts at the paper's sqrt(A / N), which gives fewer
+    points on a plane and more where the surface bends; it is bisected until the maximal pattern over the
+    same candidates has N points, or the fewest above N, of which those thrown last are left out.
+    ``welded`` is what :func:`enliven.meshes.mesh.weld` makes of the mesh, where it is known.
+
+    Raises:
+        InputError: for a mesh without area, no nodes, or a radius that is not positive.
+    """
+    if nodes < 1 or (radius is not None and not radius > 0):
+        raise InputError(
+            f"{nodes} nodes, radius {radius}", where="sampling", mend="Give 1 node or more, a radius above 0."
+        )
+    rng = np.random.default_rng(seed)
+    area = mesh.area
+    wanted = nodes if radius is None else max(1, min(int(4 * area / radius**2), 20_000))
+    darts = scatter(mesh, max(4000, _DARTS_PER_NODE * wanted), rng, welded)
+    order = rng.permutation(len(darts.positions))
+    positions, normals = darts.positions[order], darts.normals[order]
+    if radius is None:
+        radius, chosen = _exactly(nodes, positions, normals, np.sqrt(area / nodes))
+    else:
+        chosen = throw(positions, normals, radius)
+    return SurfaceSamples(positions[chosen], normals[chosen], darts.faces[order][chosen], float(radius))
+
+
+def _exactly(count: int, positions: Float, normals: Float, radius: float) -> tuple[float, Int]:
+    """The largest radius found whose maximal pattern has at least ``count`` points, and ``count`` of them."""
+    low, high = radius, radius
+    chosen = throw(positions, normals, low)
+    while len(chosen) < count and low > 1e-9 * radius:
+        high, low = low, low / 1.3
+        chosen = throw(positions, normals, low)
+    while low == high or len(throw(positions, normals, high)) > count:
+        low, high = high, high * 1.3
+        if high > 1e3 * radius:
+            break
+    chosen = throw(positions, normals, low)
+    for _ in range(24):
+        if len(chosen) == count:
+            break
+        middle = (low + high) / 2
+        trial = throw(positions, normals, middle)
+        if len(trial) >= count:
+            low, chosen = middle, trial
+        else:
+            high = middle
+    return low, chosen[:count]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def distance(p, n_p, q, n_q):  # type: ignore[no-untyped-def]
+    """D(p, q) of eq. 6 for points p, q (3,) with unit normals; infinite for normals 90 degrees apart.
+
+    dist_q(p) = |p - q + 2 ((p - q).n_q) n_q| counts what leaves q's tangent plane three times.
+    """
+    facing = n_p[0] * n_q[0] + n_p[1] * n_q[1] + n_p[2] * n_q[2]
+    if facing <= 1e-9:
+        return np.inf
+    dx, dy, dz = p[0] - q[0], p[1] - q[1], p[2] - q[2]
+    along_p = dx * n_p[0] + dy * n_p[1] + dz * n_p[2]
+    along_q = dx * n_q[0] + dy * n_q[1] + dz * n_q[2]
+    along = min(abs(along_p), abs(along_q))
+    # |d + 2 (d.n) n|^2 = |d|^2 + 8 (d.n)^2, so the smaller d.n gives the smaller distance.
+    return np.sqrt(dx * dx + dy * dy + dz * dz + 8.0 * along * along) / facing
+
+
+def throw(positions: Float, normals: Float, radius: float) -> Int:
+    """(K,) the candidates kept, in order: each that is no nearer than ``radius`` (D) to one kept before."""
+    low = positions.min(0)
+    # D >= the Euclidean distance, so a conflict lies in the same or a neighbouring cell of side R.
+    size = max(radius, float((positions.max(0) - low).max()) / 500)
+    cells = ((positions - low) / size).astype(np.int64) + 1
+    shape = cells.max(0) + 2
+    flat = (cells[:, 0] * shape[1] + cells[:, 1]) * shape[2] + cells[:, 2]
+    unique, cell = np.unique(flat, return_inverse=True)
+    around = np.array([[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)])
+    steps = (around[:, 0] * shape[1] + around[:, 1]) * shape[2] + around[:, 2]
+    near = np.searchsorted(unique, unique[:, None] + steps)
+    near = np.minimum(near, len(unique) - 1)
+    near[unique[near] != unique[:, None] + steps] = -1
+    return np.asarray(_throw(positions, normals, cell.reshape(-1), near, radius))
+
+
+@njit(cache=True, nogil=True)
+def _throw(positions, normals, cell, near, radius):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`throw`: ``cell`` (M,) of each candidate, ``near`` (C, 27) cells around each cell."""
+    head = np.full(near.shape[0], -1, np.int64)
+    below = np.empty(positions.shape[0], np.int64)
+    kept = np.empty(positions.shape[0], np.int64)
+    count = 0
+    for i in range(positions.shape[0]):
+        free = True
+        for m in range(27):
+            c = near[cell[i], m]
+            if c < 0:
+                continue
+            j = head[c]
+            while j >= 0 and free:
+                if distance(positions[i], normals[i], positions[j], normals[j]) < radius:
+                    free = False
+                j = below[j]
+            if not free:
+                break
+        if free:
+            below[i] = head[cell[i]]
+            head[cell[i]] = i
+            kept[count] = i
+            count += 1
+    return kept[:count].copy()
+
+
+def distance_matrix(samples: SurfaceSamples) -> Float:
+    """(N, N) D between all samples; infinite on the diagonal."""
+    return np.asarray(_distance_matrix(samples.positions, samples.normals))
+
+
+@njit(cache=True, nogil=True)
+def _distance_matrix(positions, normals):  # type: ignore[no-untyped-def]
+    count = positions.shape[0]
+    out = np.full((count, count), np.inf)
+    for i in range(count):
+        for j in range(i):
+            out[i, j] = distance(positions[i], normals[i], positions[j], normals[j])
+            out[j, i] = out[i, j]
+    return out

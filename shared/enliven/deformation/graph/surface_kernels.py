@@ -1,0 +1,394 @@
+"""Compiled loops of :mod:`enliven.deformation.graph.surface`: clusters of vertices, links, shortest ways."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.kernels import njit
+from enliven.union_find import join, root_of
+
+
+@njit(cache=True, nogil=True)
+def grid_cells(vertices, size):  # type: ignore[no-untyped-def]
+    """(V,) int64 the number of the cell of side ``size`` that each vertex is in; at most 2^20 a side."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for v in range(vertices.shape[0]):
+        for a in range(3):
+            low[a], high[a] = min(low[a], vertices[v, a]), max(high[a], vertices[v, a])
+    per = 1.0 / max(size, (high - low).max() / 1048000.0, 1e-300)
+    out = np.empty(vertices.shape[0], np.int64)
+    for v in range(vertices.shape[0]):
+        x = np.int64((vertices[v, 0] - low[0]) * per)
+        y = np.int64((vertices[v, 1] - low[1]) * per)
+        z = np.int64((vertices[v, 2] - low[2]) * per)
+        out[v] = (x << 40) | (y << 20) | z
+    return out
+
+
+@njit(cache=True, nogil=True)
+def clusters(faces, cells):  # type: ignore[no-untyped-def]
+    """(V,) int32 the cluster of each vertex, and how many there are: what hangs together within a cell."""
+    parent = np.arange(cells.shape[0]).astype(np.int32)
+    for f in range(faces.shape[0]):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        if cells[a] == cells[b]:
+            join(parent, a, b)
+        if cells[b] == cells[c]:
+            join(parent, b, c)
+        if cells[c] == cells[a]:
+            join(parent, c, a)
+    label = np.empty(cells.shape[0], np.int32)
+    count = 0
+    for v in range(cells.shape[0]):
+        # The smallest vertex is the root, so its label is known before it is asked for.
+        r = root_of(parent, v)
+        if r == v:
+            label[v] = count
+            count += 1
+        else:
+            label[v] = label[r]
+    return label, count
+
+
+@njit(cache=True, nogil=True)
+def means(vertices, label, count):  # type: ignore[no-untyped-def]
+    """(C, 3) the mean of each cluster's vertices, and (C,) float32 the distance of the farthest from it."""
+    points, members = np.zeros((count, 3)), np.zeros(count)
+    for v in range(vertices.shape[0]):
+        c = label[v]
+        members[c] += 1.0
+        for a in range(3):
+            points[c, a] += vertices[v, a]
+    for c in range(count):
+        for a in range(3):
+            points[c, a] /= members[c]
+    radii = np.zeros(count)
+    for v in range(vertices.shape[0]):
+        c = label[v]
+        x, y, z = (
+            vertices[v, 0] - points[c, 0],
+            vertices[v, 1] - points[c, 1],
+            vertices[v, 2] - points[c, 2],
+        )
+        radii[c] = max(radii[c], x * x + y * y + z * z)
+    return points, np.sqrt(radii).astype(np.float32)
+
+
+@njit(cache=True, nogil=True)
+def by_label(label, count):  # type: ignore[no-untyped-def]
+    """(C + 1,) where each label's items start, and (V,) int32 the items, ascending at each label."""
+    starts = np.zeros(count + 1, np.int64)
+    for v in range(label.shape[0]):
+        starts[label[v] + 1] += 1
+    for c in range(count):
+        starts[c + 1] += starts[c]
+    fill = starts[:-1].copy()
+    order = np.empty(label.shape[0], np.int32)
+    for v in range(label.shape[0]):
+        order[fill[label[v]]] = v
+        fill[label[v]] += 1
+    return starts, order
+
+
+@njit(cache=True, nogil=True)
+def joined(vertices, faces, label, count):  # type: ignore[no-untyped-def]
+    """(E, 2) the pairs of clusters that an edge joins, and (C, 3) the sums of the normals on their rims."""
+    size = 1024
+    while size < 16 * count:
+        size *= 2
+    table = np.full(size, -1, np.int64)
+    pairs = np.empty((size // 2, 2), np.int32)
+    found = 0
+    normals = np.zeros((count, 3))
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        corners = (label[i], label[j], label[k])
+        if corners[0] == corners[1] and corners[1] == corners[2]:
+            continue
+        x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        ux, uy, uz = vertices[j, 0] - x, vertices[j, 1] - y, vertices[j, 2] - z
+        vx, vy, vz = vertices[k, 0] - x, vertices[k, 1] - y, vertices[k, 2] - z
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        for c in range(3):
+            a, b = corners[c], corners[(c + 1) % 3]
+            normals[a, 0] += nx
+            normals[a, 1] += ny
+            normals[a, 2] += nz
+            if a == b:
+                continue
+            if a > b:
+                a, b = b, a
+            key = np.int64(a) * count + b
+            slot = (key * np.int64(-7046029254386353131) >> np.int64(20)) & (size - 1)
+            while table[slot] >= 0 and table[slot] != key:
+                slot = (slot + 1) & (size - 1)
+            if table[slot] < 0:
+                table[slot] = key
+                pairs[found, 0], pairs[found, 1] = a, b
+                found += 1
+                if 2 * found >= size:
+                    size, table, pairs = _grown(size, pairs, found, count)
+    return pairs[:found].copy(), normals
+
+
+@njit(cache=True, nogil=True)
+def _grown(size, pairs, found, count):  # type: ignore[no-untyped-def]
+    """The hash table of :func:`joined`, twice as large."""
+    size *= 2
+    table = np.full(size, -1, np.int64)
+    larger = np.empty((size // 2, 2), np.int32)
+    for p in range(found):
+        larger[p, 0], larger[p, 1] = pairs[p, 0], pairs[p, 1]
+        key = np.int64(pairs[p, 0]) * count + pairs[p, 1]
+        slot = (key * np.int64(-7046029254386353131) >> np.int64(20)) & (size - 1)
+        while table[slot] >= 0:
+            slot = (slot + 1) & (size - 1)
+        table[slot] = key
+    return size, table, larger
+
+
+def grid(points: Float, size: float) -> tuple[Int, Int, Any]:
+    """Points by cell of side ``size``: their order, (K + 1,) starts of the cells, (K, 27) cells around."""
+    low = points.min(0)
+    size = max(size, float((points.max(0) - low).max()) / 1000, 1e-300)
+    cells = ((points - low) / size).astype(np.int64) + 1
+    shape = cells.max(0) + 2
+    flat = (cells[:, 0] * shape[1] + cells[:, 1]) * shape[2] + cells[:, 2]
+    order = np.argsort(flat, kind="stable")
+    unique, first = np.unique(flat[order], return_index=True)
+    steps = np.array(
+        [(i * shape[1] + j) * shape[2] + k for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)]
+    )
+    near = np.minimum(np.searchsorted(unique, unique[:, None] + steps), len(unique) - 1)
+    near[unique[near] != unique[:, None] + steps] = -1
+    return order, np.append(first, len(points)), near
+
+
+_SHELLS = 3
+
+
+@njit(cache=True, nogil=True)
+def near_pairs(points, normals, shell, order, starts, around, reach):  # type: ignore[no-untyped-def]
+    """(L, 2) links between points, i < j, at most one through the part and three to other shells for each.
+
+    Args:
+        order, starts, around: of :func:`grid`, with cells no smaller than any reach.
+        reach: metres: of links through a part, across a seam, and between what touches.
+    """
+    thin, seam, touch = reach[0], reach[1], reach[2]
+    farthest = max(thin, seam, touch) ** 2
+    out = np.empty(((1 + _SHELLS) * points.shape[0], 2), np.int64)
+    best, who = np.empty(_SHELLS), np.empty(_SHELLS, np.int64)
+    found = 0
+    for cell in range(starts.shape[0] - 1):
+        for at in range(starts[cell], starts[cell + 1]):
+            i = order[at]
+            through, through_length = -1, thin
+            best[:] = np.inf
+            who[:] = -1
+            for m in range(27):
+                other = around[cell, m]
+                if other < 0:
+                    continue
+                for there in range(starts[other], starts[other + 1]):
+                    j = order[there]
+                    if j == i:
+                        continue
+                    x, y, z = (
+                        points[j, 0] - points[i, 0],
+                        points[j, 1] - points[i, 1],
+                        points[j, 2] - points[i, 2],
+                    )
+                    length = x * x + y * y + z * z
+                    if length > farthest:
+                        continue
+                    depth_i = -(x * normals[i, 0] + y * normals[i, 1] + z * normals[i, 2])
+                    depth_j = x * normals[j, 0] + y * normals[j, 1] + z * normals[j, 2]
+                    behind = depth_i > 0.0 and depth_j > 0.0
+                    same = shell[i] == shell[j]
+                    if same and not behind:
+                        continue
+                    length = np.sqrt(length)
+                    facing = 0.0
+                    for a in range(3):
+                        facing += normals[i, a] * normals[j, a]
+                    if behind and facing < 0.0 and (length, j) < (through_length, through):
+                        through, through_length = j, length
+                    if same:
+                        continue
+                    if length < touch or (length < seam and (behind or facing > 0.5)):
+                        _keep(best, who, length, j)
+            if through >= 0:
+                out[found, 0], out[found, 1] = min(i, through), max(i, through)
+                found += 1
+            for m in range(_SHELLS):
+                if who[m] >= 0:
+                    out[found, 0], out[found, 1] = min(i, who[m]), max(i, who[m])
+                    found += 1
+    return out[:found]
+
+
+@njit(cache=True, nogil=True)
+def _keep(best, who, length, item):  # type: ignore[no-untyped-def]
+    """Keep ``best`` the smallest lengths, ascending, and ``who`` beside it."""
+    i = best.shape[0]
+    while i > 0 and best[i - 1] > length:
+        if i < best.shape[0]:
+            best[i], who[i] = best[i - 1], who[i - 1]
+        i -= 1
+    if i < best.shape[0]:
+        best[i], who[i] = length, item
+
+
+@njit(cache=True, nogil=True)
+def spread(offsets, neighbours, lengths, sources):  # type: ignore[no-untyped-def]
+    """Dijkstra from all sources at once: (C,) metres to the nearest (infinite: none), and which (-1)."""
+    count = offsets.shape[0] - 1
+    metres, owner = np.full(count, np.inf), np.full(count, -1, np.int64)
+    keys = np.empty(neighbours.shape[0] + sources.shape[0] + 1)
+    items = np.empty(keys.shape[0], np.int64)
+    size = np.int64(0)
+    for s in sources:
+        metres[s], owner[s] = 0.0, s
+        size = _push(keys, items, size, 0.0, s)
+    while size > 0:
+        length, v = keys[0], items[0]
+        size = _pop(keys, items, size)
+        if length > metres[v]:
+            continue
+        for e in range(offsets[v], offsets[v + 1]):
+            u = neighbours[e]
+            if length + lengths[e] < metres[u]:
+                metres[u], owner[u] = length + lengths[e], owner[v]
+                size = _push(keys, items, size, metres[u], np.int64(u))
+    return metres, owner
+
+
+@njit(cache=True, nogil=True)
+def ways(offsets, neighbours, lengths, sources, count, limit):  # type: ignore[no-untyped-def]
+    """Dijkstra from each of ``sources`` (N,) by itself, as far as ``limit`` metres.
+
+    Returns:
+        CSR over the ``count`` first points: offsets (count + 1,), (K,) the number of each source that reached
+        the point, ascending, and (K,) metres.
+    """
+    metres, keys, items, reached = _room(offsets, neighbours)
+    total = metres.shape[0]
+    point, told, number = np.empty(4 * total, np.int32), np.empty(4 * total), np.empty(4 * total, np.int32)
+    ends = np.zeros(count + 1, np.int64)
+    end = 0
+    for n in range(sources.shape[0]):
+        settled = _settle(offsets, neighbours, lengths, sources[n], limit, metres, keys, items, reached)
+        if end + settled > point.shape[0]:
+            needed = end + settled
+            point, told, number = _longer(point, needed), _longer(told, needed), _longer(number, needed)
+        for r in range(settled):
+            u = reached[r]
+            if u < count:
+                point[end], told[end], number[end] = u, metres[u], n
+                ends[u + 1] += 1
+                end += 1
+            metres[u] = np.inf
+    for c in range(count):
+        ends[c + 1] += ends[c]
+    fill = ends[:-1].copy()
+    which, way = np.empty(end, np.int32), np.empty(end)
+    for m in range(end):
+        at = fill[point[m]]
+        which[at], way[at] = number[m], told[m]
+        fill[point[m]] += 1
+    return ends, which, way
+
+
+@njit(cache=True, nogil=True)
+def around(offsets, neighbours, lengths, limit):  # type: ignore[no-untyped-def]
+    """CSR: offsets (C + 1,), the points within ``limit`` metres of each, nearest first, and their metres."""
+    metres, keys, items, reached = _room(offsets, neighbours)
+    count = metres.shape[0]
+    point, told = np.empty(16 * count, np.int32), np.empty(16 * count)
+    ends = np.zeros(count + 1, np.int64)
+    for c in range(count):
+        settled = _settle(offsets, neighbours, lengths, c, limit, metres, keys, items, reached)
+        end = ends[c] + settled
+        if end > point.shape[0]:
+            point, told = _longer(point, end), _longer(told, end)
+        for r in range(settled):
+            u = reached[r]
+            point[ends[c] + r], told[ends[c] + r] = u, metres[u]
+            metres[u] = np.inf
+        ends[c + 1] = end
+    return ends, point[: ends[count]], told[: ends[count]]
+
+
+@njit(cache=True, nogil=True)
+def _room(offsets, neighbours):  # type: ignore[no-untyped-def]
+    """What :func:`_settle` works in: metres (infinite), the heap's keys and items, and what was reached."""
+    total = offsets.shape[0] - 1
+    room = neighbours.shape[0] + 2
+    return np.full(total, np.inf), np.empty(room), np.empty(room, np.int64), np.empty(total, np.int64)
+
+
+@njit(cache=True, nogil=True)
+def _settle(offsets, neighbours, lengths, source, limit, metres, keys, items, reached):  # type: ignore[no-untyped-def]
+    """Dijkstra from one source: how many points lie within ``limit``; ``reached`` has them, nearest first."""
+    metres[source] = 0.0
+    size = _push(keys, items, np.int64(0), 0.0, source)
+    settled = 0
+    while size > 0:
+        length, v = keys[0], items[0]
+        size = _pop(keys, items, size)
+        if length > metres[v]:
+            continue
+        reached[settled] = v
+        settled += 1
+        for e in range(offsets[v], offsets[v + 1]):
+            u = neighbours[e]
+            further = length + lengths[e]
+            if further < metres[u] and further <= limit:
+                metres[u] = further
+                size = _push(keys, items, size, further, np.int64(u))
+    return settled
+
+
+@njit(cache=True, nogil=True)
+def _longer(array, needed):  # type: ignore[no-untyped-def]
+    """The array with room for ``needed`` and as many again."""
+    out = np.empty(2 * needed, array.dtype)
+    for i in range(array.shape[0]):
+        out[i] = array[i]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _push(keys, items, size, key, item):  # type: ignore[no-untyped-def]
+    """Add to a binary heap in two arrays; returns the new size."""
+    i = size
+    while i > 0:
+        parent = (i - 1) // 2
+        if keys[parent] <= key:
+            break
+        keys[i], items[i] = keys[parent], items[parent]
+        i = parent
+    keys[i], items[i] = key, item
+    return size + 1
+
+
+@njit(cache=True, nogil=True)
+def _pop(keys, items, size):  # type: ignore[no-untyped-def]
+    """Take the smallest key off the heap; returns the new size."""
+    size -= 1
+    key, item = keys[size], items[size]
+    i = 0
+    while 2 * i + 1 < size:
+        child = 2 * i + 1
+        if child + 1 < size and keys[child + 1] < keys[child]:
+            child += 1
+        if key <= keys[child]:
+            break
+        keys[i], items[i] = keys[child], items[child]
+        i = child
+    keys[i], items[i] = key, item
+    return size

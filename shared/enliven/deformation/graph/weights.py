@@ -1,0 +1,255 @@
+"""Blending weights: which nodes a point follows, and how much (KinÊtre, below eq. 2).
+
+KinÊtre: a point follows its four nearest nodes with linear fall-off 1 - d / d_max, d_max to the fifth, sum
+one, d the Euclidean distance. So a vertex of one leg may follow the other leg, and where five nodes are about
+equally far away the weights go from some to others within millimetres, and the surface creases. Here
+
+1. d(v, j) = e + 2 max(0, g - 1.5 e - s / 2), with e the Euclidean distance, g the way along the surface and
+   s the node spacing: e itself, until the way along the surface is a detour; from there it grows with the
+   detour. Straight distances make both faces of a thin board follow the same nodes; g leads through thin
+   parts (:mod:`enliven.deformation.graph.surface`). d is continuous along the surface, so the weights are,
+   whichever nodes enter and leave the four: a node enters with weight zero. d_max is at most two spacings, so
+   that the tip of an arm does not follow the other arms.
+2. Only *carriers* are followed, nodes that are not too near to each other along the surface; eq. 6 puts
+   flocks of nodes where the surface bends. The others act on the carriers through the graph.
+3. A vertex takes the mean of these weights over the surface around it. Of the nodes in it the four largest
+   are kept, less the fifth, which keeps them continuous; they are scaled to sum one.
+
+(R. W. Sumner et al., "Embedded deformation for shape manipulation", 2007, eq. 4, squares the fall-off.)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float, Int, Int32
+from enliven.deformation.graph.surface import Net, members, points_around
+from enliven.document.character import SkinWeights
+from enliven.kernels import njit
+
+DETOUR, SLACK = 1.5, 0.5
+"""A way along the surface is a detour where it is longer than 1.5 times the straight way and half a node
+spacing."""
+_APART = 0.6
+"""How many node spacings two nodes that carry vertices are apart at least."""
+_FARTHEST = 2.0
+"""How many node spacings away a node has no weight any more, unless it is the nearest or nearly so."""
+_MEAN = 0.6
+"""Node spacings, the radius of the surface around a point that its weights are the mean over."""
+_WIDTH, _REACH = 1.8, 2.7
+"""Cells of the net: a vertex takes its weights from the points that are as near as the first in space (more
+than a cell's diagonal, so its own is among them) and as the second along the surface."""
+_AROUND = 64
+"""Points at most that a vertex takes its weights from, the nearest to its own first."""
+_KEPT = 12
+"""Nodes at most that a point of the net follows."""
+_UNION = 64
+"""Nodes at most that the vertices of one point of the net choose from."""
+
+
+def carriers(positions: Float, ways: Float, spacing: float, least: int = 5) -> Int:
+    """(M,) the nodes that vertices follow, ascending: each that is not near to one before it.
+
+    Where that would leave fewer than ``least``, all nodes.
+
+    Args:
+        positions: (N, 3) metres.
+        ways: (N, N) metres along the surface.
+        spacing: metres between nodes.
+    """
+    straight = np.linalg.norm(positions[:, None] - positions[None], axis=2)
+    near = (straight < _APART * spacing) & (ways < 1.5 * _APART * spacing)
+    chosen = np.zeros(len(positions), bool)
+    for j in range(len(positions)):
+        chosen[j] = not (near[j] & chosen).any()
+    return np.flatnonzero(chosen) if chosen.sum() >= least else np.arange(len(positions))
+
+
+def blending_weights(
+    net: Net, near: tuple[Int, Int32, Float], positions: Float, spacing: float, k: int = 4
+) -> SkinWeights:
+    """Four nodes and weights for each vertex of the net's mesh, the largest first.
+
+    Args:
+        net: of the mesh.
+        near: the carriers near each point of the net, and how far along the surface
+            (:func:`enliven.deformation.graph.surface.ways_from_nodes`).
+        positions: (N, 3) metres.
+        spacing: metres, s.
+        k: nodes a vertex, at most 4.
+    """
+    nodes, shares = _at_points(net.points, *near, positions, spacing, k)
+    around = points_around(net, max(_MEAN * spacing, _REACH * net.cell))
+    nodes, shares = _mean(nodes, shares, *around, _MEAN * spacing, len(positions))
+    cells = np.array([_WIDTH, _REACH]) * net.cell
+    indices, weights = _at_vertices(
+        net.mesh.vertices, *members(net), net.points, nodes, shares, *around, cells, k
+    )
+    return SkinWeights(indices, weights)
+
+
+@njit(cache=True, nogil=True)
+def _at_points(points, offsets, nodes, ways, positions, spacing, k):  # type: ignore[no-untyped-def]
+    """(C, k) int32 nodes (-1: none) and (C, k) weights of the net's points: steps 1 and 2."""
+    chosen = np.full((points.shape[0], k), -1, np.int32)
+    shares = np.zeros((points.shape[0], k))
+    near, who = np.empty(k + 1), np.empty(k + 1, np.int64)
+    for c in range(points.shape[0]):
+        found = np.int64(0)
+        for m in range(offsets[c], offsets[c + 1]):
+            j = nodes[m]
+            x, y, z = (
+                points[c, 0] - positions[j, 0],
+                points[c, 1] - positions[j, 1],
+                points[c, 2] - positions[j, 2],
+            )
+            straight = np.sqrt(x * x + y * y + z * z)
+            length = straight + 2.0 * max(0.0, ways[m] - DETOUR * straight - SLACK * spacing)
+            found = insert(near, who, found, length, np.int64(j))
+        # With too few nodes there is no next one: the farthest keeps a little weight.
+        most = near[k] if found > k else 1.25 * near[found - 1] + 1e-12
+        most = min(most, max(_FARTHEST * spacing, 1.5 * near[0]))
+        total = 0.0
+        for m in range(min(found, k)):
+            total += max(0.0, 1.0 - near[m] / most)
+        for m in range(min(found, k)):
+            chosen[c, m] = who[m]
+            shares[c, m] = max(0.0, 1.0 - near[m] / most) / total if total > 0.0 else 1.0 / min(found, k)
+    return chosen, shares
+
+
+@njit(cache=True, nogil=True)
+def _mean(nodes, shares, starts, around, metres, radius, count):  # type: ignore[no-untyped-def]
+    """(C, 12) nodes (-1: none), and their mean weights (C, 12) over the points around each: step 3."""
+    chosen = np.full((starts.shape[0] - 1, _KEPT), -1, np.int32)
+    means = np.zeros(chosen.shape, np.float32)
+    total = np.zeros(count)
+    touched = np.empty(count, np.int64)
+    largest, who = np.empty(_KEPT), np.empty(_KEPT, np.int64)
+    for c in range(chosen.shape[0]):
+        some, whole = 0, 0.0
+        for b in range(starts[c], starts[c + 1]):
+            if metres[b] >= radius:
+                break
+            share = (1.0 - (metres[b] / radius) ** 2) ** 2
+            whole += share
+            for m in range(nodes.shape[1]):
+                j = nodes[around[b], m]
+                if j < 0:
+                    break
+                if total[j] == 0.0:
+                    touched[some] = j
+                    some += 1
+                total[j] += share * shares[around[b], m] + 1e-300
+        found = np.int64(0)
+        for t in range(some):
+            found = insert(largest, who, found, -total[touched[t]], touched[t])
+        for m in range(found):
+            chosen[c, m], means[c, m] = who[m], -largest[m] / whole
+        for t in range(some):
+            total[touched[t]] = 0.0
+    return chosen, means
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around, metres, cells, k):  # type: ignore[no-untyped-def]
+    """(V, 4) uint16 nodes and (V, 4) float32 weights, from the points of the net around each vertex."""
+    indices = np.zeros((vertices.shape[0], 4), np.uint16)
+    weights = np.zeros((vertices.shape[0], 4), np.float32)
+    per = 1.0 / (cells[0] * cells[0])
+    place = np.full(65536, -1, np.int32)
+    union = np.empty(_UNION, np.int32)
+    table, mean = np.empty((_AROUND, _UNION), np.float32), np.empty(_UNION, np.float32)
+    largest, who = np.empty(k + 1), np.empty(k + 1, np.int64)
+    for c in range(points.shape[0]):
+        if starts[c] == starts[c + 1]:
+            continue
+        first, some = offsets[c], 0
+        last = first
+        while last < min(offsets[c + 1], first + _AROUND) and metres[last] <= cells[1]:
+            last += 1
+        for b in range(first, last):
+            table[b - first, :] = 0.0
+            for m in range(_KEPT):
+                j = nodes[around[b], m]
+                if j < 0:
+                    break
+                if place[j] < 0 and some < _UNION:
+                    place[j], union[some] = some, j
+                    some += 1
+                if place[j] >= 0:
+                    table[b - first, place[j]] = shares[around[b], m]
+        for m in range(some):
+            place[union[m]] = -1
+        some = _hopeful(table, last - first, union, some, largest, who)
+        for i in range(starts[c], starts[c + 1]):
+            v = order[i]
+            mean[:some] = 0.0
+            for b in range(first, last):
+                p = around[b]
+                x, y, z = (
+                    vertices[v, 0] - points[p, 0],
+                    vertices[v, 1] - points[p, 1],
+                    vertices[v, 2] - points[p, 2],
+                )
+                inside = np.float32(1.0 - (x * x + y * y + z * z) * per)
+                if inside > 0.0:
+                    share, row = inside * inside, table[b - first]
+                    for m in range(some):
+                        mean[m] += share * row[m]
+            found = np.int64(0)
+            for m in range(some):
+                if mean[m] > 0.0 and (found <= k or -mean[m] < largest[k]):
+                    found = insert(largest, who, found, np.float64(-mean[m]), m)
+            least = -largest[k] if found > k else 0.0
+            total = 0.0
+            for m in range(min(found, k)):
+                total += -largest[m] - least
+            for m in range(min(found, k)):
+                indices[v, m] = union[who[m]]
+                weights[v, m] = (-largest[m] - least) / total if total > 0.0 else 1.0 / min(found, k)
+    return indices, weights
+
+
+@njit(cache=True, nogil=True)
+def _hopeful(table, rows, union, some, largest, who):  # type: ignore[no-untyped-def]
+    """Keep the columns that may be among the largest of a mean of the rows; returns how many.
+
+    A column whose largest entry is below the smallest entries of k + 1 others never is.
+    """
+    found = np.int64(0)
+    for m in range(some):
+        least = table[0, m]
+        for b in range(1, rows):
+            least = min(least, table[b, m])
+        found = insert(largest, who, found, np.float64(-least), m)
+    bar = -largest[found - 1] if found == largest.shape[0] else 0.0
+    kept = 0
+    for m in range(some):
+        most = table[0, m]
+        for b in range(1, rows):
+            most = max(most, table[b, m])
+        if most > 0.0 and most >= bar:
+            union[kept] = union[m]
+            for b in range(rows):
+                table[b, kept] = table[b, m]
+            kept += 1
+    return kept
+
+
+@njit(cache=True, nogil=True)
+def insert(near, who, found, length, item):  # type: ignore[no-untyped-def]
+    """Keep ``near`` the smallest lengths, ascending, ``who`` beside it; returns how many there are.
+
+    The length is a float64, the others are int64: every other type would be compiled by itself.
+    """
+    if found == near.shape[0]:
+        if length >= near[found - 1]:
+            return found
+        found -= 1
+    i = found
+    while i > 0 and near[i - 1] > length:
+        near[i], who[i] = near[i - 1], who[i - 1]
+        i -= 1
+    near[i], who[i] = length, item
+    return found + 1

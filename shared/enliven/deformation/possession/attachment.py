@@ -1,0 +1,280 @@
+"""Possession: a tracked body takes hold of a deformation graph (KinÊtre, "Constraints").
+
+Each bone is a cylinder with samples; a sample that lies near a node, and faces the same way, becomes a point
+constraint. The samples then move with the bones, and the solver moves the graph with the samples.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int, Int32
+from enliven.deformation.graph.graph import DeformationGraph
+from enliven.deformation.possession.bone_cylinders import bone_rotations, bone_samples, filled
+from enliven.deformation.possession.nearest_nodes import carried_back, nearest_facing
+from enliven.errors import InputError
+from enliven.kernels import njit
+from enliven.person.body import PARENTS, J, Joint, parts_named
+from enliven.settings import setting
+
+_PARENT = np.array(PARENTS)
+_LIMBS = np.array([0, 0, 0, 0, *[1] * 4, *[2] * 4, *[3] * 4, *[4] * 4])
+"""(20,) the trunk, the arms and the legs, by the joint that a bone ends at."""
+_ARMS = (1, 2)
+_ON_PELVIS = (int(Joint.SPINE), int(Joint.HIP_LEFT), int(Joint.HIP_RIGHT))
+
+
+@dataclass(frozen=True)
+class AttachmentSettings:
+    """How a body takes hold of a mesh."""
+
+    radius: float = setting(0.04, "Radius of the cylinder around each bone.", unit="m", low=0.0, high=0.5)
+    along: int = setting(4, "Samples along each bone.", low=1, high=64)
+    around: int = setting(4, "Samples around each bone.", low=1, high=64)
+    reach: float = setting(0.10, "How near a node must be to be taken hold of.", unit="m", low=0.0, high=2.0)
+    normal_angle: float = setting(
+        math.pi / 2, "How far two normals may be apart.", unit="rad", low=0.0, high=math.pi
+    )
+    joints: bool = setting(True, "Whether the joints take hold too, besides the bones.")
+
+
+@dataclass(frozen=True)
+class Growth:
+    """How far to reach where a body does not fit the mesh: limb by limb, each until enough of it holds.
+
+    An arm of somebody who holds with all that they have needs to reach nothing: where a mesh has no place
+    for arms, they would take hold of its flanks. The arms then reach as far as the whole needs.
+
+    Attributes:
+        enough: share of the bones that must take hold before the reach stops growing.
+        farthest: metres, the longest reach that is tried.
+    """
+
+    enough: float
+    farthest: float
+
+    def reaches(self, reach: float, bone: Int, nearest: Float) -> Float:
+        """(L,) metres for each sample: ``reach``, or the next longer one at which enough bones take hold.
+
+        Args:
+            bone: (L,) the bone of each sample.
+            nearest: (L,) metres from each sample to the nearest node, infinite where there is none.
+        """
+        first = np.full(J, np.inf)
+        np.minimum.at(first, bone, nearest)
+        whole = len(np.unique(bone)) >= J - 1
+        out = np.full(len(bone), self._grown(reach, first[np.unique(bone)]))
+        for limb in np.unique(_LIMBS[bone]):
+            if not (whole and limb in _ARMS):
+                own = _LIMBS[bone] == limb
+                out[own] = self._grown(reach, first[np.unique(bone[own])])
+        return out
+
+    def _grown(self, reach: float, first: Float) -> float:
+        """The reach at which enough of these bones hold, each ``first`` (B,) metres from what it would."""
+        while np.count_nonzero(first < reach) < self.enough * len(first) and reach < self.farthest:
+            reach = min(1.5 * reach + 0.01, self.farthest)
+        return reach
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """Point constraints that a body drives; L may be 0 where nothing was in reach.
+
+    Attributes:
+        points: (L, 3) metres, p_l, in the mesh's rest space.
+        node_indices: (L, 4) int32 the nodes that move each point.
+        node_weights: (L, 4) how much; they sum to one, 0 where fewer than four are valid.
+        bone: (L,) the child joint of the bone that each point sits on (:class:`enliven.person.body.Joint`).
+        along: (L,) where along the bone: 0 is the parent joint itself, 1 the child joint itself.
+        radial: (L, 3) metres from the bone's axis to the point, in the world, when it took hold.
+        rest: (20, 3) metres, the joints when they took hold.
+    """
+
+    points: Float
+    node_indices: Int32
+    node_weights: Float
+    bone: Int
+    along: Float
+    radial: Float
+    rest: Float = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def nodes(self) -> tuple[Int, Float]:
+        """(K,) the nodes held, and (K,) how strongly, in (0, 1]: for the viewer's highlights."""
+        if not len(self):
+            return np.empty(0, np.int64), np.empty(0)
+        total = np.bincount(self.node_indices.reshape(-1), self.node_weights.reshape(-1))
+        held = np.flatnonzero(total > 0)
+        return held, total[held] / total.max()
+
+    def only(self, kept: Bool) -> Attachment:
+        """The points of a (L,) mask."""
+        return Attachment(
+            self.points[kept],
+            self.node_indices[kept],
+            self.node_weights[kept],
+            self.bone[kept],
+            self.along[kept],
+            self.radial[kept],
+            self.rest,
+        )
+
+    def targets(self, joints: Float) -> Float:
+        """(L, 3) metres where the points should be now, q_l; NaN where a joint they need is not finite.
+
+        A point keeps its fraction along the bone, however long the bone is now, and its distance from the
+        bone's axis.
+
+        Args:
+            joints: (20, 3) metres, world frame.
+        """
+        joints = checked_joints(joints)
+        turns, _ = bone_rotations(self.rest, joints)
+        ends = filled(joints, filled(self.rest, self.rest))
+        out = np.empty((len(self), 3))
+        _place(ends, turns, self.bone, self.along, self.radial, out)
+        finite = np.asarray(np.isfinite(joints).all(1))
+        out[~self._of_ends(finite.astype(np.float64)).astype(bool)] = np.nan
+        return out
+
+    def _of_ends(self, values: Float) -> Float:
+        """(L,) the smaller of ``values`` (20,) at a bone's ends; at a joint itself, that joint's own."""
+        child, parent = values[self.bone], values[_PARENT[self.bone]]
+        inner = np.minimum(child, parent)
+        return np.where(self.along == 1.0, child, np.where(self.along == 0.0, parent, inner))
+
+    def target_weights(self, confidence: Float) -> Float:
+        """(L,) in [0, 1]: 0 where a joint of the bone is lost, rising smoothly with its confidence.
+
+        Args:
+            confidence: (20,) in [0, 1]; NaN counts as 0.
+        """
+        sure = np.clip(np.nan_to_num(np.asarray(confidence, np.float64), nan=0.0), 0.0, 1.0)
+        if sure.shape != (J,):
+            raise InputError(f"the confidence is {sure.shape}, expected ({J},)", where="attachment")
+        weaker = self._of_ends(sure)
+        return np.asarray(weaker * weaker * (3 - 2 * weaker))
+
+
+def checked_joints(joints: Float) -> Float:
+    """The joints as (20, 3) float64, or an InputError."""
+    joints = np.ascontiguousarray(joints, np.float64)
+    if joints.shape != (J, 3):
+        raise InputError(f"the joints are {joints.shape}, expected ({J}, 3)", where="attachment")
+    return joints
+
+
+def attach(
+    graph: DeformationGraph,
+    joints: Float,
+    confidence: Float,
+    parts: str | Iterable[str] = "all",
+    settings: AttachmentSettings | None = None,
+    deformed: tuple[Float, Float] | None = None,
+    grow: Growth | None = None,
+) -> Attachment:
+    """Take hold of the graph where the body is now; also the preview of what would be held.
+
+    Args:
+        graph: of the mesh, in the same world frame.
+        joints: (20, 3) metres; a bone with a joint that is not finite does not take hold.
+        confidence: (20,); a bone with a joint of confidence 0 does not take hold.
+        parts: names of :data:`enliven.person.body.PARTS`; a bone belongs to its child joint.
+        settings: radius, samples, reach and angle.
+        deformed: the (N, 3, 3) linear parts and (N, 3) positions of the nodes now, where the mesh is not at
+            rest (to take hold again, or with a second body).
+        grow: reach farther than the settings say where too few of the bones reach anything.
+
+    Raises:
+        InputError: for an unknown part or arrays of the wrong shape.
+    """
+    settings, grow = settings or AttachmentSettings(), grow or Growth(0.0, 0.0)
+    joints = checked_joints(joints)
+    chosen = np.isin(np.arange(J), list(parts_named(parts)))
+    sure = np.nan_to_num(np.asarray(confidence, np.float64), nan=0.0) > 0
+    if sure.shape != (J,):
+        raise InputError(f"the confidence is {sure.shape}, expected ({J},)", where="attachment")
+    usable = sure & np.isfinite(joints).all(1)
+    points, normals, bone, along, radial, starts = _samples(joints, usable, chosen, settings)
+    node_points, node_normals = _nodes_now(graph, deformed)
+    farthest = max(settings.reach, grow.farthest)
+    cosine = math.cos(settings.normal_angle)
+    indices, lengths = nearest_facing(points, normals, starts, node_points, node_normals, farthest, cosine)
+    reach = grow.reaches(settings.reach, bone, lengths[:, 0])
+    held = lengths[:, 0] < reach
+    weights = np.maximum(1.0 - lengths[held] / reach[held, None], 0.0) if held.any() else np.empty((0, 4))
+    weights /= weights.sum(1, keepdims=True)
+    indices = np.where(weights > 0, indices[held], 0).astype(np.int32)
+    points = points[held]
+    if deformed is not None:
+        linear, positions = (np.ascontiguousarray(a, np.float64) for a in deformed)
+        points = carried_back(points, indices, weights, graph.positions, linear, positions)
+    return Attachment(points, indices, weights, bone[held], along[held], radial[held], joints)
+
+
+def _samples(
+    joints: Float, usable: Bool, chosen: Bool, settings: AttachmentSettings
+) -> tuple[Float, Float, Int, Float, Float, Int]:
+    """Position, normal (zero at a joint), bone, fraction and radial offset of each sample; and where each
+    bone's samples, and each joint, begin."""
+    points, normals = bone_samples(joints, settings.radius, settings.along, settings.around)
+    count = points.shape[1]
+    bones = np.flatnonzero(usable[1:] & usable[_PARENT[1:]] & chosen[1:])
+    fraction = np.repeat((np.arange(settings.along) + 0.5) / settings.along, settings.around)
+    where, facing = [points[bones].reshape(-1, 3)], [normals[bones].reshape(-1, 3)]
+    starts = count * np.arange(len(bones) + 1)
+    bone, along = [np.repeat(bones + 1, count)], [np.tile(fraction, len(bones))]
+    if chosen[0] and not chosen[[*_ON_PELVIS]].any() and usable[:2].all():
+        # The root ends no bone: who holds with the hip alone holds with the lower half of the spine, so that
+        # the hip turns what it holds.
+        pelvis = fraction < 0.5
+        where.append(points[0][pelvis])
+        facing.append(normals[0][pelvis])
+        bone.append(np.ones(int(pelvis.sum()), int))
+        along.append(fraction[pelvis])
+        starts = np.append(starts, starts[-1] + int(pelvis.sum()))
+    if settings.joints:
+        own = np.flatnonzero(usable & chosen)
+        # The root is the start of the first bone.
+        first = own == 0
+        own = own[~first | usable[1]]
+        first = own == 0
+        where.append(joints[own])
+        facing.append(np.zeros((len(own), 3)))
+        bone.append(np.where(first, 1, own))
+        along.append(np.where(first, 0.0, 1.0))
+        starts = np.concatenate([starts, starts[-1] + 1 + np.arange(len(own))])
+    position, normal = np.concatenate(where), np.concatenate(facing)
+    on_joint = (normal == 0).all(1, keepdims=True)
+    radial = np.where(on_joint, 0.0, normal * settings.radius)
+    return position, normal, np.concatenate(bone), np.concatenate(along), radial, starts
+
+
+def _nodes_now(graph: DeformationGraph, deformed: tuple[Float, Float] | None) -> tuple[Float, Float]:
+    """(N, 3) positions and (N, 3) unit normals of the nodes as they stand."""
+    if deformed is None:
+        return graph.positions, graph.normals
+    linear, positions = deformed
+    normals = np.einsum("nab,nb->na", linear, graph.normals)
+    return positions, normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+
+
+@njit(cache=True, nogil=True)
+def _place(joints, turns, bone, along, radial, out):  # type: ignore[no-untyped-def]
+    """Kernel of :meth:`Attachment.targets`."""
+    for i in range(bone.shape[0]):
+        child = bone[i]
+        parent = _PARENT[child]
+        turn = turns[child - 1]
+        for a in range(3):
+            out[i, a] = joints[parent, a] + along[i] * (joints[child, a] - joints[parent, a])
+            for c in range(3):
+                out[i, a] += turn[a, c] * radial[i, c]

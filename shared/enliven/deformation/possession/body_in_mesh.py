@@ -1,0 +1,254 @@
+"""Where a person's joints would be in any mesh: its extremities taken for head, hands and feet.
+
+The extremities are the farthest points along the surface (as AniMesh's skeletons end in them), the limbs the
+parts around them; a limb's joints lie in the middle of its rings of equal distance from the tip. A horse's
+hind legs become legs, its forelegs arms, its neck the head; a chair's likewise; a lamp is all spine and arm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from enliven.arrays import Float, Int, Int32
+from enliven.deformation.graph.graph import DeformationGraph
+from enliven.person.body import PARENTS, J, Joint
+
+_MOST = 8
+"""Tips, at most."""
+_PROMINENT = 0.08
+"""Share of the farthest way from the middle that a limb must be long, to count."""
+_ON_FLOOR = 0.15
+"""Share of the height up to which a tip is a foot."""
+_LONG = 1.5
+"""A mesh so much longer than wide has its front at the head."""
+_LEAN = 0.15
+"""Share of the height by which a head is ahead of a body that is not upright."""
+_LEG = ((Joint.HIP_LEFT, 0.95), (Joint.KNEE_LEFT, 0.5), (Joint.ANKLE_LEFT, 0.12), (Joint.FOOT_LEFT, 0.0))
+_ARM = (
+    (Joint.SHOULDER_LEFT, 0.95),
+    (Joint.ELBOW_LEFT, 0.5),
+    (Joint.WRIST_LEFT, 0.15),
+    (Joint.HAND_LEFT, 0.0),
+)
+_TO_RIGHT = 4
+"""From a left joint's number to the right one's."""
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """A person's skeleton within a mesh.
+
+    Attributes:
+        joints: (20, 3) metres, rest space; NaN where the mesh has nothing like it.
+        yaw: radians about +Y from +Z to the mesh's front.
+    """
+
+    joints: Float
+    yaw: float
+
+    @property
+    def leg(self) -> float:
+        """Metres from hip to ankle, the mean of both legs; NaN without legs."""
+        ways = [
+            np.linalg.norm(self.joints[j] - self.joints[PARENTS[j]])
+            for j in (Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT)
+        ]
+        return float(np.sum(ways) / 2)
+
+
+def likeness(graph: DeformationGraph) -> Likeness:
+    """The skeleton of a person in the mesh of a graph, by its extremities."""
+    limbs = _Limbs(graph.positions, *extremities(graph))
+    floor, height = limbs.positions[:, 1].min(), np.ptp(limbs.positions[:, 1]) or 1.0
+    level = (limbs.at[:, 1] - floor) / height
+    feet, free = np.flatnonzero(level < _ON_FLOOR), np.flatnonzero(level >= _ON_FLOOR)
+    free = free[np.argsort(-level[free])]
+    heads = free[level[free] > level[free].max(initial=0.0) - 0.1][:2] if len(free) else free
+    yaw = _front(limbs, heads, feet)
+    left, ahead = np.array([np.cos(yaw), 0, -np.sin(yaw)]), np.array([np.sin(yaw), 0, np.cos(yaw)])
+    joints = np.full((J, 3), np.nan)
+    legs, arms = _shared_out(
+        limbs.at,
+        feet,
+        sorted(set(free.tolist()) - set(heads.tolist()), key=lambda t: -limbs.out[t]),
+        left,
+        ahead,
+    )
+    _put(joints, limbs, _LEG, legs)
+    _put(joints, limbs, _ARM, arms)
+    _trunk(joints, limbs, heads, floor, height)
+    return Likeness(joints, yaw)
+
+
+def extremities(graph: DeformationGraph) -> tuple[Int, Float, Float]:
+    """The mesh's tips, how long the limb is that ends in each, and the ways from them.
+
+    A tip is where the way from the middle is longest around, and stays so down to a saddle that is much
+    nearer to the middle: the limb lies between the two (persistence of the superlevel sets).
+
+    Returns:
+        (T,) nodes, the farthest first; (T,) metres; (T, N) metres along the graph from each.
+    """
+    ways = _Ways(graph)
+    count = len(graph.positions)
+    spread, near = [0], ways.of(0)
+    for _ in range(min(count, 48) - 1):
+        spread.append(int(np.argmax(near)))
+        near = np.minimum(near, ways.of(spread[-1]))
+    middle = int(np.argmin(np.mean([ways.of(node) for node in spread], axis=0)))
+    tips, lengths = _peaks(ways.of(middle), graph.edges)
+    return tips, lengths, np.stack([ways.of(int(tip)) for tip in tips])
+
+
+def _peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
+    """(T,) the nodes that stand out, the highest first, and (T,) by how much until they meet another's."""
+    least = _PROMINENT * float(height.max())
+    neighbours: list[list[int]] = [[] for _ in height]
+    for a, b in edges.tolist():
+        neighbours[a].append(b)
+        neighbours[b].append(a)
+    peak: dict[int, int] = {}  # of each node that is under water no more, its group's highest node
+    length: dict[int, float] = {}
+    for node in np.argsort(-height, kind="stable").tolist():
+        around = sorted({_top(peak, n) for n in neighbours[node] if n in peak}, key=lambda n: -height[n])
+        peak[node] = around[0] if around else node
+        for top in around[1:]:
+            if height[top] - height[node] >= least:
+                length[top] = height[top] - height[node]
+                length.setdefault(around[0], height[around[0]] - height[node])
+            peak[top] = around[0]
+    highest = int(np.argmax(height))
+    length.setdefault(highest, float(height[highest]))
+    tips = np.array(sorted(length, key=lambda n: -height[n])[:_MOST])
+    return tips, np.array([length[int(tip)] for tip in tips])
+
+
+def _top(peak: dict[int, int], node: int) -> int:
+    """The highest node of a node's group."""
+    while peak[node] != node:
+        peak[node] = peak[peak[node]]
+        node = peak[node]
+    return node
+
+
+class _Ways:
+    """Metres along the graph from a node to all others, each computed once."""
+
+    def __init__(self, graph: DeformationGraph) -> None:
+        a, b = graph.edges[:, 0], graph.edges[:, 1]
+        lengths = np.linalg.norm(graph.positions[a] - graph.positions[b], axis=1)
+        count = len(graph.positions)
+        self._matrix = csr_matrix((np.maximum(lengths, 1e-9), (a, b)), (count, count))
+        self._known: dict[int, Float] = {}
+
+    def of(self, node: int) -> Float:
+        """(N,) metres."""
+        if node not in self._known:
+            self._known[node] = dijkstra(self._matrix, directed=False, indices=node)
+        return self._known[node]
+
+
+class _Limbs:
+    """The parts of a mesh around its tips.
+
+    Attributes:
+        at: (T, 3) the tips.
+        out: (T,) metres by which each tip stands out.
+        length: (T,) metres from each tip to where its limb ends: half-way to the nearest other tip, or where
+            it meets another's, whichever is farther.
+    """
+
+    def __init__(self, positions: Float, tips: Int, lengths: Float, ways: Float) -> None:
+        self.positions, self.at, self._ways = positions, positions[tips], ways
+        apart = ways[:, tips] + np.where(np.eye(len(tips), dtype=bool), np.inf, 0.0)
+        half = np.where(np.isfinite(apart), apart, 0.0).min(1, where=np.isfinite(apart), initial=np.inf) / 2
+        self.out = lengths
+        self.length = np.maximum(lengths, np.where(np.isfinite(half), half, 0.0))
+        self._owner = ways.argmin(0)
+
+    def ring(self, tip: int, share: float) -> Float:
+        """(3,) the middle of the limb at a share of its length from the tip: a local linear fit."""
+        own = self._owner == tip
+        way, where = self._ways[tip][own] - share * self.length[tip], self.positions[own]
+        width = max(0.25 * self.length[tip], float(np.sort(np.abs(way))[:6][-1]))
+        weights = np.exp(-0.5 * (way / max(0.5 * width, 1e-9)) ** 2) + 1e-9
+        mean_way, middle = weights @ way / weights.sum(), weights @ where / weights.sum()
+        spread = weights @ (way - mean_way) ** 2
+        slope = (weights * (way - mean_way)) @ (where - middle) / spread if spread > 1e-12 else np.zeros(3)
+        step = float(np.clip(-mean_way, -width, width))
+        return np.asarray(middle + slope * step)
+
+
+def _front(limbs: _Limbs, heads: Int, feet: Int) -> float:
+    """Radians about +Y from +Z to the front.
+
+    Of who stands on four feet or more and is long: along the length, where the head is. Of who stands on two:
+    across the line between the legs, to where the head is ahead of the body, or else the toes of the legs.
+    Of all others, and of who looks alike from both sides: +Z, or the side that is nearer to it.
+    """
+    middle = limbs.positions.mean(0)
+    head = limbs.at[heads].mean(0) - middle if len(heads) else np.zeros(3)
+    flat = (limbs.positions - middle)[:, [0, 2]]
+    sizes, axes = np.linalg.eigh(flat.T @ flat)
+    if len(feet) == 2:
+        knees = np.array([limbs.ring(int(t), 0.4) for t in feet])
+        along = np.array([-(knees[1] - knees[0])[2], (knees[1] - knees[0])[0]])
+        toes = (limbs.at[feet] - knees).mean(0)
+        leans = abs(head[[0, 2]] @ along) > _LEAN * np.ptp(limbs.positions[:, 1]) * np.linalg.norm(along)
+        ahead = head if leans else toes
+    elif len(feet) >= 4 and sizes[1] > _LONG**2 * max(sizes[0], 1e-12):
+        along, ahead = axes[:, 1], head
+    else:
+        return 0.0
+    share = float(along @ ahead[[0, 2]]) / max(float(np.linalg.norm(along)), 1e-12)
+    small = abs(share) < 0.02 * np.ptp(limbs.positions[:, 1])
+    if (along[1] if small else share) < 0:
+        along = -along
+    return float(np.arctan2(along[0], along[1]))
+
+
+def _shared_out(
+    at: Float, feet: Int, others: list[int], left: Float, ahead: Float
+) -> tuple[list[int], list[int]]:
+    """Which tips the (left, right) legs and the (left, right) arms end in."""
+    by_depth = sorted((int(t) for t in feet), key=lambda t: float(at[t] @ ahead))
+
+    def sides(pair: list[int]) -> list[int]:
+        return sorted(pair, key=lambda t: -float(at[t] @ left))
+
+    legs = sides(by_depth[:2]) if len(by_depth) >= 2 else []
+    arms = by_depth[-2:] if len(by_depth) >= 4 else by_depth[2:3] * 2
+    if not arms and len(others) >= 2:
+        arms = others[:2]
+    return legs, sides(arms)
+
+
+def _put(joints: Float, limbs: _Limbs, chain: tuple[tuple[Joint, float], ...], pair: list[int]) -> None:
+    """The joints of a pair of limbs, the left tip first."""
+    for side, tip in enumerate(pair):
+        for joint, share in chain:
+            joints[joint + _TO_RIGHT * side] = limbs.ring(tip, share)
+
+
+def _trunk(joints: Float, limbs: _Limbs, heads: Int, floor: float, height: float) -> None:
+    """Hip, spine, shoulders and head between the limbs; where there are none, from the floor to the head."""
+    hips, shoulders = (joints[[j, j + _TO_RIGHT]].mean(0) for j in (Joint.HIP_LEFT, Joint.SHOULDER_LEFT))
+    if not np.isfinite(hips).all():
+        hips = limbs.positions[limbs.positions[:, 1] <= floor + _ON_FLOOR * height].mean(0)
+    head = limbs.positions[np.argmax(limbs.positions[:, 1])]
+    neck = hips + 0.7 * (head - hips)
+    if len(heads):
+        head = np.mean([limbs.ring(t, 0.1) for t in heads], axis=0)
+        neck = np.mean([limbs.ring(t, 1.0) for t in heads], axis=0)
+    if not np.isfinite(shoulders).all():
+        shoulders = neck
+        for joint, where in zip((j for j, _ in _ARM), (hips, (hips + head) / 2, head, head), strict=True):
+            joints[[joint, joint + _TO_RIGHT]] = where
+        if np.isfinite(joints[Joint.KNEE_LEFT]).all():
+            joints[[j + s for j, _ in _ARM for s in (0, _TO_RIGHT)]] = np.nan
+    joints[Joint.HIP_CENTER], joints[Joint.SHOULDER_CENTER], joints[Joint.HEAD] = hips, shoulders, head
+    joints[Joint.SPINE] = (hips + shoulders) / 2

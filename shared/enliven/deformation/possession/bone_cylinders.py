@@ -1,0 +1,224 @@
+"""How the bones of a tracked body turn, from joint positions alone, and cylinders of samples around them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.kernels import njit
+from enliven.person.body import BONES, PARENTS, J, Joint
+
+_PARENT = np.array(PARENTS)
+_HIP, _CHEST = int(Joint.HIP_CENTER), int(Joint.SHOULDER_CENTER)
+# Arrays: tuples of ints would be types of their own, for which the kernels are compiled once each.
+_HIPS = np.array([Joint.HIP_LEFT, Joint.HIP_RIGHT])
+_SHOULDERS = np.array([Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT])
+_UPPER_ARMS = (int(Joint.ELBOW_LEFT), int(Joint.ELBOW_RIGHT))
+_X, _Y, _Z = np.eye(3)
+_ON_CHEST = np.array([j in (_CHEST, Joint.HEAD, *_SHOULDERS, *_UPPER_ARMS) for j in range(J)])
+_ON_TORSO = _ON_CHEST | np.isin(_PARENT, (_HIP, *_HIPS)) | (np.arange(J) == _HIP)
+"""Bones that turn with the hips or the shoulders; the others turn with the bone before them."""
+
+
+def bone_samples(joints: Float, radius: float = 0.04, along: int = 4, around: int = 4) -> tuple[Float, Float]:
+    """Points on a cylinder about each of the 19 bones, and their outward normals (KinÊtre, "Constraints").
+
+    Args:
+        joints: (20, 3) metres; the samples of a bone with a joint that is not finite are NaN.
+        radius: metres.
+        along: samples along each bone, in the middles of as many equal pieces.
+        around: samples around each bone, every second ring turned by half a step.
+
+    Returns:
+        (19, along * around, 3) metres and (19, along * around, 3) unit vectors.
+    """
+    rotations = bone_rotations(joints, joints)[1]
+    points = np.empty((len(BONES), along * around, 3))
+    normals = np.empty_like(points)
+    joints = np.ascontiguousarray(joints, np.float64)
+    _sample_cylinders(joints, rotations, radius, along, around, points, normals)
+    points[~known_bones(joints)] = np.nan
+    return points, normals
+
+
+def bone_rotations(rest: Float, joints: Float) -> tuple[Float, Float]:
+    """(19, 3, 3) how each bone has turned since ``rest``, and (19, 3, 3) its torso's axes now.
+
+    The hips and the shoulders each give a frame. A bone turns with its girdle, or with the bone before it,
+    and then swings by the shortest arc to where it points now: so limbs twist with the body, and never spin
+    of themselves. Only an upper arm can come to point against its direction at rest, where the shortest arc
+    is undefined (arms hanging at rest, then raised). It swings by way of a direction ahead and outward of
+    the one at rest, which moves that gap behind the body, where no arm reaches.
+
+    Args:
+        rest: (20, 3) metres, the joints when the body took hold.
+        joints: (20, 3) metres, now. A joint that is not finite moves with its parent.
+    """
+    turns = np.empty((len(BONES), 3, 3))
+    axes = np.empty((len(BONES), 3, 3))
+    filled_rest = filled(rest, rest)
+    _rotations(filled_rest, filled(joints, filled_rest), turns, axes)
+    return turns, axes
+
+
+def known_bones(joints: Float) -> Bool:
+    """(19,) whether both joints of each bone are finite."""
+    finite = np.asarray(np.isfinite(joints).all(1))
+    return np.asarray(finite[1:] & finite[_PARENT[1:]])
+
+
+def filled(joints: Float, rest: Float) -> Float:
+    """(20, 3) the joints, each that is not finite placed as far from its parent as in ``rest``."""
+    out = np.array(joints, np.float64)
+    known = np.asarray(np.isfinite(out).all(1))
+    if known.all():
+        return out
+    offsets = np.nan_to_num(rest - rest[_PARENT], nan=0.0, posinf=0.0, neginf=0.0)
+    if not known[0]:
+        # The root moves as the first known joint has moved.
+        moved = (out - rest + rest[0])[known]
+        moved = moved[np.isfinite(moved).all(1)]
+        out[0] = moved[0] if len(moved) else (out[known][0] if known.any() else 0.0)
+    for j in np.flatnonzero(~known):
+        if j > 0:
+            out[j] = out[PARENTS[j]] + offsets[j]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _unit_into(x, y, z, fallback, out):  # type: ignore[no-untyped-def]
+    """``out`` (3,) takes the direction of (x, y, z), or ``fallback`` (3,) where that has no length."""
+    length = np.sqrt(x * x + y * y + z * z)
+    if length > 1e-6:
+        out[0], out[1], out[2] = x / length, y / length, z / length
+        return True
+    for a in range(3):
+        out[a] = fallback[a]
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _cross_into(u, v, out):  # type: ignore[no-untyped-def]
+    out[0] = u[1] * v[2] - u[2] * v[1]
+    out[1] = u[2] * v[0] - u[0] * v[2]
+    out[2] = u[0] * v[1] - u[1] * v[0]
+
+
+@njit(cache=True, nogil=True)
+def _product_into(m, n, out):  # type: ignore[no-untyped-def]
+    """``out`` = M N for (3, 3) matrices; ``out`` is neither of them."""
+    for r in range(3):
+        for c in range(3):
+            out[r, c] = m[r, 0] * n[0, c] + m[r, 1] * n[1, c] + m[r, 2] * n[2, c]
+
+
+@njit(cache=True, nogil=True)
+def _girdle(joints, left, right, frame):  # type: ignore[no-untyped-def]
+    """``frame`` (3, 3) takes, row by row: to the left, up along the spine, ahead."""
+    side, up, ahead = frame[0], frame[1], frame[2]
+    spine = joints[_CHEST] - joints[_HIP]
+    _unit_into(spine[0], spine[1], spine[2], _Y, up)
+    across = joints[left] - joints[right]
+    lean = across[0] * up[0] + across[1] * up[1] + across[2] * up[2]
+    x, y, z = across[0] - lean * up[0], across[1] - lean * up[1], across[2] - lean * up[2]
+    if not _unit_into(x, y, z, _X, side):
+        # No width: any level direction will do, as long as it is at right angles.
+        _cross_into(up, _Z if abs(up[2]) < 0.9 else _Y, side)
+        _unit_into(side[0], side[1], side[2], _X, side)
+    _cross_into(side, up, ahead)
+
+
+@njit(cache=True, nogil=True)
+def _swing_into(a, b, out):  # type: ignore[no-untyped-def]
+    """``out`` (3, 3) takes the rotation by the shortest arc from the unit vector ``a`` to ``b``."""
+    cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    axis = np.empty(3)
+    if cosine < -1 + 1e-9:
+        _cross_into(a, _X if abs(a[0]) < 0.7 else _Y, axis)
+        _unit_into(axis[0], axis[1], axis[2], _X, axis)
+        for r in range(3):
+            for c in range(3):
+                out[r, c] = 2.0 * axis[r] * axis[c] - (1.0 if r == c else 0.0)
+        return
+    _cross_into(a, b, axis)
+    scale = 1.0 / (1.0 + cosine)
+    for r in range(3):
+        for c in range(3):
+            out[r, c] = scale * axis[r] * axis[c] + (cosine if r == c else 0.0)
+    out[0, 1] -= axis[2]
+    out[1, 0] += axis[2]
+    out[0, 2] += axis[1]
+    out[2, 0] -= axis[1]
+    out[1, 2] -= axis[0]
+    out[2, 1] += axis[0]
+
+
+@njit(cache=True, nogil=True)
+def _girdle_turn(rest, joints, pair, turn, frame):  # type: ignore[no-untyped-def]
+    """``turn`` (3, 3) takes how a girdle has turned, ``frame`` its axes now, row by row."""
+    before = np.empty((3, 3))
+    _girdle(rest, pair[0], pair[1], before)
+    _girdle(joints, pair[0], pair[1], frame)
+    _product_into(frame.T, before, turn)
+
+
+@njit(cache=True, nogil=True)
+def _rotations(rest, joints, turns, axes):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`bone_rotations`; both bodies complete."""
+    girdle_turn, girdle = np.empty((2, 3, 3)), np.empty((2, 3, 3))
+    _girdle_turn(rest, joints, _HIPS, girdle_turn[0], girdle[0])
+    _girdle_turn(rest, joints, _SHOULDERS, girdle_turn[1], girdle[1])
+    before, after, turned, by = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    swing, start = np.empty((3, 3)), np.empty((3, 3))
+    for child in range(1, joints.shape[0]):
+        parent, b, g = _PARENT[child], child - 1, 1 if _ON_CHEST[child] else 0
+        for r in range(3):
+            for c in range(3):
+                # A frame's rows are its axes; where it is handed out, its columns are.
+                axes[b, r, c] = girdle[g, c, r] if _ON_TORSO[child] else axes[parent - 1, r, c]
+                start[r, c] = girdle_turn[g, r, c] if _ON_TORSO[child] else turns[parent - 1, r, c]
+                turns[b, r, c] = start[r, c]
+        v, w = rest[child] - rest[parent], joints[child] - joints[parent]
+        if not (_unit_into(v[0], v[1], v[2], _Y, before) and _unit_into(w[0], w[1], w[2], _Y, after)):
+            continue
+        for r in range(3):
+            turned[r] = start[r, 0] * before[0] + start[r, 1] * before[1] + start[r, 2] * before[2]
+        if child in _UPPER_ARMS:
+            outward = 0.3 if child == _UPPER_ARMS[0] else -0.3
+            for r in range(3):
+                by[r] = turned[r] + 0.6 * girdle[1, 2, r] + outward * girdle[1, 0, r]
+            _unit_into(by[0], by[1], by[2], turned, by)
+            _swing_into(turned, by, swing)
+            _product_into(swing, start, turns[b])
+            for r in range(3):
+                turned[r] = by[r]
+                for c in range(3):
+                    start[r, c] = turns[b, r, c]
+        _swing_into(turned, after, swing)
+        _product_into(swing, start, turns[b])
+
+
+@njit(cache=True, nogil=True)
+def _sample_cylinders(joints, axes, radius, along, around, points, normals):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`bone_samples`."""
+    axis, ahead, side = np.empty(3), np.empty(3), np.empty(3)
+    for child in range(1, joints.shape[0]):
+        b, start = child - 1, joints[_PARENT[child]]
+        way = joints[child] - start
+        _unit_into(way[0], way[1], way[2], axes[b, :, 1], axis)
+        # Ahead of the torso; for a bone that points ahead itself, along the spine.
+        for column in (2, 1):
+            lean = axis[0] * axes[b, 0, column] + axis[1] * axes[b, 1, column] + axis[2] * axes[b, 2, column]
+            if abs(lean) < 0.99:
+                break
+        for a in range(3):
+            ahead[a] = axes[b, a, column] - lean * axis[a]
+        _unit_into(ahead[0], ahead[1], ahead[2], _X, ahead)
+        _cross_into(axis, ahead, side)
+        for i in range(along):
+            for k in range(around):
+                angle = 2 * np.pi * (k + 0.5 * (i % 2)) / around
+                for a in range(3):
+                    n = np.cos(angle) * ahead[a] + np.sin(angle) * side[a]
+                    normals[b, i * around + k, a] = n
+                    points[b, i * around + k, a] = start[a] + way[a] * ((i + 0.5) / along) + radius * n

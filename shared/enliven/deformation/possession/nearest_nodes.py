@@ -1,0 +1,137 @@
+"""Which nodes are in reach of which samples: the inner loop of taking hold."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.deformation.graph.weights import insert
+from enliven.kernels import njit
+
+_INNER = 0.35
+"""Share of the reach that is looked at first."""
+
+
+@njit(cache=True, nogil=True)
+def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):  # type: ignore[no-untyped-def]
+    """The four nearest nodes of each sample that face as it does, nearest first.
+
+    Samples come in groups (of one bone). A node that is out of reach of a whole group is looked at once, and
+    those in the outer part of the reach only by samples that find too few in the inner part.
+
+    Args:
+        points: (L, 3) metres.
+        normals: (L, 3) unit vectors; zero where a sample faces no way and takes every node.
+        starts: (G + 1,) int64 where each group begins; the last is L.
+        nodes: (N, 3) metres.
+        node_normals: (N, 3) unit vectors.
+        reach: metres.
+        cosine: of the widest angle between two normals.
+
+    Returns:
+        (L, 4) int32 nodes and (L, 4) metres to them, infinite where there are fewer.
+    """
+    count = points.shape[0]
+    indices = np.zeros((count, 4), np.int32)
+    lengths = np.full((count, 4), np.inf)
+    close = np.empty(nodes.shape[0], np.int64)
+    near, who = np.empty(4), np.empty(4, np.int64)
+    centre = np.empty(3)
+    for g in range(starts.shape[0] - 1):
+        first, last = starts[g], starts[g + 1]
+        inner, kept = _close_to_group(points, first, last, nodes, reach, centre, close)
+        for i in range(first, last):
+            found, most = 0, reach
+            n = normals[i]
+            free = n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0
+            for c in range(kept):
+                if c == inner and most <= _INNER * reach:
+                    break
+                j = close[c]
+                dx, dy, dz = (
+                    points[i, 0] - nodes[j, 0],
+                    points[i, 1] - nodes[j, 1],
+                    points[i, 2] - nodes[j, 2],
+                )
+                square = dx * dx + dy * dy + dz * dz
+                if not square < most * most:
+                    continue
+                facing = n[0] * node_normals[j, 0] + n[1] * node_normals[j, 1] + n[2] * node_normals[j, 2]
+                if free or facing > cosine:
+                    found = insert(near, who, found, np.sqrt(square), j)
+                    if found == 4:
+                        most = near[3]
+            for m in range(found):
+                indices[i, m], lengths[i, m] = who[m], near[m]
+    return indices, lengths
+
+
+@njit(cache=True, nogil=True)
+def _close_to_group(points, first, last, nodes, reach, centre, close):  # type: ignore[no-untyped-def]
+    """Fills ``close`` with the nodes within ``reach`` of the ball around a group, those within the inner part
+    of it first; returns how many these are, and how many there are in all."""
+    for a in range(3):
+        low, high = np.inf, -np.inf
+        for i in range(first, last):
+            low, high = min(low, points[i, a]), max(high, points[i, a])
+        centre[a] = 0.5 * (low + high)
+    ball = 0.0
+    for i in range(first, last):
+        square = 0.0
+        for a in range(3):
+            square += (points[i, a] - centre[a]) ** 2
+        ball = max(ball, square)
+    ball = np.sqrt(ball)
+    limit, inside = (ball + reach) ** 2, (ball + _INNER * reach) ** 2
+    inner = kept = 0
+    for j in range(nodes.shape[0]):
+        dx, dy, dz = nodes[j, 0] - centre[0], nodes[j, 1] - centre[1], nodes[j, 2] - centre[2]
+        square = dx * dx + dy * dy + dz * dz
+        if square < limit:
+            close[kept] = j
+            if square < inside:
+                close[inner], close[kept] = j, close[inner]
+                inner += 1
+            kept += 1
+    return inner, kept
+
+
+@njit(cache=True, nogil=True)
+def carried_back(points, indices, weights, pivots, linear, positions):  # type: ignore[no-untyped-def]
+    """(L, 3) the rest-space points that lie at ``points`` (L, 3) now: each node's inverse map, blended.
+
+    A node that is squashed flat is taken as unturned, so that the point stays finite.
+    """
+    out = np.zeros((points.shape[0], 3))
+    inverse = np.empty((3, 3))
+    for i in range(points.shape[0]):
+        for k in range(4):
+            w = weights[i, k]
+            if w == 0.0:
+                continue
+            j = indices[i, k]
+            _inverse_into(linear[j], inverse)
+            for a in range(3):
+                moved = pivots[j, a]
+                for c in range(3):
+                    moved += inverse[a, c] * (points[i, c] - positions[j, c])
+                out[i, a] += w * moved
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _inverse_into(m, out):  # type: ignore[no-untyped-def]
+    """``out`` (3, 3) takes the inverse of ``m``, or the identity where that is far from one."""
+    for r in range(3):
+        r1, r2 = (r + 1) % 3, (r + 2) % 3
+        for c in range(3):
+            c1, c2 = (c + 1) % 3, (c + 2) % 3
+            out[c, r] = m[r1, c1] * m[r2, c2] - m[r1, c2] * m[r2, c1]
+    determinant = m[0, 0] * out[0, 0] + m[0, 1] * out[1, 0] + m[0, 2] * out[2, 0]
+    if not abs(determinant) > 1e-3:
+        for r in range(3):
+            for c in range(3):
+                out[r, c] = 1.0 if r == c else 0.0
+        return
+    for r in range(3):
+        for c in range(3):
+            out[r, c] /= determinant

@@ -1,0 +1,126 @@
+"""A character and its poses: a mesh whose vertices follow at most four transforms each.
+
+A bone of a rig and a node of a deformation graph are the same thing to everyone downstream: a transform
+about a pivot that moves the vertices around it. So there is one pose, one shader and one message for both.
+A control point of a puppet is a transform too, but the surface between them is solved by whoever shows it
+(:class:`enliven.deformation.arap.solver.ArapSolver`), in the frame of transform 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from enliven.arrays import Float, Float32, Int32, UInt8, UInt16
+from enliven.errors import InputError
+
+if TYPE_CHECKING:
+    from enliven.document.surface_settings import ArapSettings
+
+
+@dataclass(frozen=True)
+class SkinWeights:
+    """At most four transforms a vertex: indices (V, 4) uint16, weights (V, 4) float32 that sum to one."""
+
+    indices: UInt16
+    weights: Float32
+
+
+@dataclass(frozen=True)
+class Character:
+    """A mesh at rest, in world metres, with the pivots that move it.
+
+    Attributes:
+        id: the name it has on the wire, unique on its edge.
+        vertices: (V, 3) float32 metres.
+        faces: (F, 3) int32.
+        skin: four transforms a vertex.
+        pivots: (J, 3) float32 rest positions of the graph nodes, or of the bones' joints.
+        edges: (E, 2) int32 pairs of pivots to draw: graph edges, or bones.
+        kind: "graph", "bones" or "points".
+        colours: (V, 3) uint8 sRGB, or None.
+        held: (J - 1,) int32, for kind "points" the vertex that each transform but the first puts somewhere.
+        pulls: (J - 1,) float32, how hard each pulls as a soft handle, 0 for a hard one; None: all are hard.
+        surface: how the surface follows them; None: as the defaults say.
+    """
+
+    id: str
+    vertices: Float32
+    faces: Int32
+    skin: SkinWeights
+    pivots: Float32
+    edges: Int32
+    kind: str = "graph"
+    colours: UInt8 | None = None
+    held: Int32 | None = None
+    pulls: Float32 | None = None
+    surface: ArapSettings | None = None
+
+    def __post_init__(self) -> None:
+        problem = _problem_of(self)
+        if problem:
+            raise InputError(problem, where=f"character {self.id!r}", mend="Build the character again.")
+
+    def rest_pose(self, time_ns: int = 0) -> Pose:
+        """The pose that leaves every vertex where it is."""
+        count = len(self.pivots)
+        return Pose(
+            self.id,
+            time_ns,
+            np.tile(np.eye(3, dtype=np.float32), (count, 1, 1)),
+            self.pivots.astype(np.float32),
+        )
+
+
+def _problem_of(character: Character) -> str:
+    """What is inconsistent in a character's arrays, or an empty string."""
+    count, vertices = len(character.pivots), len(character.vertices)
+    if vertices == 0 or len(character.faces) == 0 or count == 0:
+        return "it has no vertices, no faces or no pivots"
+    if character.skin.indices.shape != (vertices, 4) or character.skin.weights.shape != (vertices, 4):
+        return f"the skin weights are {character.skin.indices.shape}, expected ({vertices}, 4)"
+    if character.colours is not None and character.colours.shape != (vertices, 3):
+        return f"the colours are {character.colours.shape}, expected ({vertices}, 3)"
+    if (character.kind == "points") != (character.held is not None):
+        return f"its kind is {character.kind!r}, and the vertices that are held are {character.held}"
+    if character.held is not None and (
+        character.held.shape != (count - 1,)
+        or (count > 1 and not 0 <= int(character.held.min()) <= int(character.held.max()) < vertices)
+    ):
+        return f"{character.held.shape} vertices outside 0..{vertices - 1} are held by {count - 1} points"
+    if character.pulls is not None and (
+        character.pulls.shape != (count - 1,)
+        or not (np.isfinite(character.pulls).all() and (character.pulls >= 0).all())
+    ):
+        return f"{count - 1} points pull with {character.pulls.tolist()}"
+    if int(character.skin.indices.max()) >= count:
+        return f"a vertex follows transform {int(character.skin.indices.max())} of {count}"
+    if int(character.faces.min()) < 0 or int(character.faces.max()) >= vertices:
+        return f"a face names a vertex outside 0..{vertices - 1}"
+    if len(character.edges) and (int(character.edges.min()) < 0 or int(character.edges.max()) >= count):
+        return f"an edge names a pivot outside 0..{count - 1}"
+    return ""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a character's transforms are: v' = sum_k w_k (linear_k (v - pivot_k) + position_k).
+
+    Attributes:
+        character: the id of the character.
+        time_ns: the sensor's clock.
+        linear: (J, 3, 3) float32; a rotation for a bone, nearly one for a graph node.
+        positions: (J, 3) float32 metres, where the pivots have moved to, world frame.
+    """
+
+    character: str
+    time_ns: int
+    linear: Float32
+    positions: Float32
+
+    def matrices(self, pivots: Float32 | Float) -> Float32:
+        """(J, 3, 4) world_from_rest of every transform: linear | position - linear @ pivot."""
+        offset = self.positions - np.einsum("jab,jb->ja", self.linear, pivots)
+        return np.concatenate([self.linear, offset[..., None]], -1).astype(np.float32)

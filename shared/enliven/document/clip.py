@@ -1,0 +1,58 @@
+"""A clip: what a skeleton did over time, as world turns of its bones since the rest pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document.skeleton import Skeleton
+from enliven.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """A take of a skeleton. It never changes: whatever is edited, the performance stays.
+
+    Attributes:
+        id: its name in the project.
+        skeleton: who moved, at rest.
+        turns: (F, N, 4) float64 unit quaternions D_j in world axes: the bone that ends at joint j points
+            along D_j @ (its direction at rest), and what is rigid with it is turned by D_j. Entry 0 is the
+            turn of the whole.
+        root: (F, 3) float64 metres, the position of joint 0.
+        step: seconds from one frame to the next.
+
+    Raises:
+        InputError: where the arrays do not fit the skeleton or are not finite.
+    """
+
+    id: str
+    skeleton: Skeleton
+    turns: Float
+    root: Float
+    step: float
+
+    def __post_init__(self) -> None:
+        for name in ("turns", "root"):
+            array = np.array(getattr(self, name), np.float64)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        frames, joints = len(self.turns), len(self.skeleton)
+        problem = ""
+        if frames == 0:
+            problem = "it has no frames"
+        elif self.turns.shape != (frames, joints, 4) or self.root.shape != (frames, 3):
+            problem = f"turns {self.turns.shape}, root {self.root.shape} of {joints} joints"
+        elif not (np.isfinite(self.turns).all() and np.isfinite(self.root).all()):
+            problem = "something in it is not finite"
+        elif not 0.0 < self.step <= 10.0:
+            problem = f"a frame lasts {self.step} s"
+        if problem:
+            raise InputError(problem, where=f"clip {self.id!r}", mend="Record or import it again.")
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first frame to the last."""
+        return (len(self.turns) - 1) * self.step

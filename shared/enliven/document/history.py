@@ -1,0 +1,199 @@
+"""Undo and redo: a project is a value, so its history is the values it was."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from enliven.arrays import AnyArray
+from enliven.document.possessed import GraphShape
+from enliven.document.project import Project, same
+from enliven.document.puppet import Puppet
+from enliven.document.rigged import Shape
+from enliven.errors import InputError
+from enliven.settings import setting
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class HistorySettings:
+    """How much of the past is kept."""
+
+    megabytes: float = setting(
+        1024.0, "memory of all steps together; the oldest are forgotten beyond it", unit="MB", low=0.0
+    )
+
+
+@dataclass(frozen=True)
+class _Step:
+    name: str
+    project: Project
+    drag: str | None = None
+
+
+class History:
+    """A project and what it was before each edit.
+
+    Every ``do`` is one step with a name. Steps of one ``drag`` that follow one another are one step, until
+    ``end_drag``. Arrays that are equal are held once, so a step costs what it changed. The memory is bounded:
+    the oldest steps are forgotten, never the project itself.
+    """
+
+    def __init__(self, project: Project, settings: HistorySettings | None = None) -> None:
+        self._settings = settings or HistorySettings()
+        self._steps = [_Step("", project)]
+        self._at = 0
+        self._count: Counter[int] = Counter()
+        self._bytes = 0
+        self._hold(project)
+
+    @property
+    def project(self) -> Project:
+        """The project now."""
+        return self._steps[self._at].project
+
+    @property
+    def undo_name(self) -> str | None:
+        """What undo would take back; None where nothing is left."""
+        return self._steps[self._at].name if self._at else None
+
+    @property
+    def redo_name(self) -> str | None:
+        """What redo would do again; None where nothing was undone."""
+        return self._steps[self._at + 1].name if self._at + 1 < len(self._steps) else None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The steps that undo can take back, the oldest first."""
+        return tuple(step.name for step in self._steps[1 : self._at + 1])
+
+    @property
+    def megabytes(self) -> float:
+        """Memory of the arrays of all steps, each array counted once."""
+        return self._bytes / 1e6
+
+    def do(self, name: str, project: Project, *, drag: str | None = None) -> Project:
+        """The project after an edit; what was undone cannot be done again.
+
+        Args:
+            name: of the step, for the menu.
+            drag: a name for a movement of the hand that makes many edits; its edits are one step.
+        """
+        for step in self._steps[self._at + 1 :]:
+            self._let_go(step.project)
+        del self._steps[self._at + 1 :]
+        top = self._steps[-1]
+        going_on = drag is not None and top.drag == drag and self._at > 0
+        before = self._steps[-2].project if going_on else top.project
+        project = shared_with(project, before)
+        if going_on:
+            self._let_go(self._steps.pop().project)
+        self._steps.append(_Step(name, project, drag))
+        self._at = len(self._steps) - 1
+        self._hold(project)
+        self._forget()
+        return project
+
+    def end_drag(self) -> None:
+        """The hand let go: what comes next is a step of its own."""
+        self._steps[self._at] = replace(self._steps[self._at], drag=None)
+
+    def undo(self) -> Project:
+        """The project before the last step.
+
+        Raises:
+            InputError: where nothing is left.
+        """
+        if self._at == 0:
+            raise InputError("there is nothing to undo", where="history")
+        self.end_drag()
+        self._at -= 1
+        return self.project
+
+    def redo(self) -> Project:
+        """The project with the step that was undone last.
+
+        Raises:
+            InputError: where nothing was undone.
+        """
+        if self._at + 1 == len(self._steps):
+            raise InputError("there is nothing to do again", where="history")
+        self._at += 1
+        return self.project
+
+    def _hold(self, project: Project) -> None:
+        for array in _arrays(project):
+            self._count[id(array)] += 1
+            if self._count[id(array)] == 1:
+                self._bytes += array.nbytes
+
+    def _let_go(self, project: Project) -> None:
+        for array in _arrays(project):
+            self._count[id(array)] -= 1
+            if self._count[id(array)] == 0:
+                self._bytes -= array.nbytes
+                del self._count[id(array)]
+
+    def _forget(self) -> None:
+        """Drops the oldest steps beyond the memory, but never the project."""
+        while self._at > 0 and self._bytes > self._settings.megabytes * 1e6:
+            self._let_go(self._steps.pop(0).project)
+            self._at -= 1
+
+
+def shared_with(project: Project, before: Project) -> Project:
+    """The same project, holding the parts of ``before`` wherever they are the same bit for bit."""
+    takes = {k: _shared(take, before.takes.get(k)) for k, take in project.takes.items()}
+    layers = {k: _shared(layer, before.layers.get(k)) for k, layer in project.layers.items()}
+    shapes = {k: _shared_shape(shape, before.shapes.get(k)) for k, shape in project.shapes.items()}
+    streams = {k: _shared(stream, before.streams.get(k)) for k, stream in project.streams.items()}
+    graphs = {k: _shared_graph(graph, before.graphs.get(k)) for k, graph in project.graphs.items()}
+    puppets = {k: _shared_puppet(puppet, before.puppets.get(k)) for k, puppet in project.puppets.items()}
+    return Project(shapes, takes, layers, graphs, streams, puppets)
+
+
+def _shared(new: T, old: T | None) -> T:
+    return old if old is not None and same(new, old) else new
+
+
+def _shared_shape(new: Shape, old: Shape | None) -> Shape:
+    if old is None or new is old or same(new, old):
+        return new if old is None else old
+    return Shape(**_shared_parts(new, old))
+
+
+def _shared_graph(new: GraphShape, old: GraphShape | None) -> GraphShape:
+    if old is None or new is old or same(new, old):
+        return new if old is None else old
+    return GraphShape(**_shared_parts(new, old))
+
+
+def _shared_puppet(new: Puppet, old: Puppet | None) -> Puppet:
+    if old is None or new is old or same(new, old):
+        return new if old is None else old
+    return Puppet(**_shared_parts(new, old))
+
+
+def _shared_parts(new: Any, old: Any) -> dict[str, Any]:
+    """The attributes of a dataclass, those of ``old`` where they are the same."""
+    return {part.name: _shared(getattr(new, part.name), getattr(old, part.name)) for part in fields(new)}
+
+
+def _arrays(part: object) -> Iterator[AnyArray]:
+    """Every array in a project or a part of one."""
+    if isinstance(part, np.ndarray):
+        yield part
+    elif is_dataclass(part):
+        for entry in fields(part):
+            yield from _arrays(getattr(part, entry.name))
+    elif isinstance(part, Mapping):
+        for value in part.values():
+            yield from _arrays(value)
+    elif isinstance(part, tuple):
+        for value in part:
+            yield from _arrays(value)

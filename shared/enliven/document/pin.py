@@ -1,0 +1,54 @@
+"""Pins: joints that stay in their place while they are in contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from enliven.settings import setting
+
+
+@dataclass(frozen=True)
+class ContactSettings:
+    """When a joint stands on the floor, in lengths of its limb so that a spider is judged as a giraffe is."""
+
+    height: float = setting(
+        0.04, "How high above its lowest a foot that stands may be.", unit="limb lengths", low=0.0, high=2.0
+    )
+    speed: float = setting(
+        0.5, "How fast a foot that stands may move.", unit="limb lengths/s", low=0.0, high=100.0
+    )
+    release: float = setting(
+        1.6, "How many times higher or faster than that it must be to be off the floor.", low=1.0, high=10.0
+    )
+    shortest: float = setting(0.1, "A contact shorter than this is none.", unit="s", low=0.0, high=10.0)
+    blend: float = setting(
+        0.12, "How long a foot takes into its place and out of it.", unit="s", low=0.0, high=10.0
+    )
+    rise: float = setting(
+        1.0,
+        "How much of its own rise a foot that stands keeps, as a heel that comes off before the toe.",
+        low=0.0,
+        high=1.0,
+    )
+    drop: float = setting(
+        0.1,
+        "How far the root may come down so that a foot reaches its place.",
+        unit="limb lengths",
+        low=0.0,
+        high=1.0,
+    )
+
+
+@dataclass(frozen=True)
+class Pin:
+    """A joint that stays in its place while it is in contact; the limb above gives way by two-bone IK.
+
+    Attributes:
+        joint: the name of the foot's joint. A pin whose joints an edit took away is left out.
+        start: the name of the joint where the limb begins (a hip), above it.
+        settings: when it is in contact.
+    """
+
+    joint: str
+    start: str
+    settings: ContactSettings = field(default_factory=ContactSettings)

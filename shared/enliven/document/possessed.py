@@ -1,0 +1,227 @@
+"""A possessed mesh as a shape: a deformation graph whose nodes play what was recorded of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float, Int, Int32
+from enliven.document.character import Character, Pose, SkinWeights
+from enliven.errors import InputError
+from enliven.meshes.mesh import Mesh
+from enliven.rotation import IDENTITY
+
+
+@dataclass(frozen=True, eq=False)
+class PoseStream:
+    """What the nodes of a deformation graph did. Like a take, it never changes.
+
+    Attributes:
+        id: its name in the project.
+        linear: (F, N, 3, 3) float64, nearly rotations.
+        positions: (F, N, 3) float64 metres, where the nodes were, in the world.
+        step: seconds from one frame to the next.
+
+    Raises:
+        InputError: where the arrays do not fit together or are not finite.
+    """
+
+    id: str
+    linear: Float
+    positions: Float
+    step: float
+
+    def __post_init__(self) -> None:
+        _freeze(self, "linear", "positions")
+        frames, nodes = self.positions.shape[:2] if self.positions.ndim == 3 else (0, 0)
+        problem = ""
+        if frames == 0 or nodes == 0:
+            problem = "it has no frames or no nodes"
+        elif self.positions.shape != (frames, nodes, 3) or self.linear.shape != (frames, nodes, 3, 3):
+            problem = f"linear {self.linear.shape}, positions {self.positions.shape}"
+        elif not (np.isfinite(self.linear).all() and np.isfinite(self.positions).all()):
+            problem = "something in it is not finite"
+        elif not 0.0 < self.step <= 10.0:
+            problem = f"a frame lasts {self.step} s"
+        if problem:
+            raise InputError(problem, where=f"stream {self.id!r}", mend="Record it again.")
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first frame to the last."""
+        return (len(self.positions) - 1) * self.step
+
+
+@dataclass(frozen=True, eq=False)
+class Ride:
+    """A part of a graph shape that is carried by a node of another part, as it was put there.
+
+    The carried motion y becomes R(t) R_0^-1 (y - x_0) + x(t), with x the node's position and R the rotation
+    nearest to its linear map, x_0 and R_0 those at the moment of the merge.
+
+    Attributes:
+        node: of the whole shape.
+        turn: (4,) R_0.
+        place: (3,) x_0.
+    """
+
+    node: int
+    turn: Float
+    place: Float
+
+    def __post_init__(self) -> None:
+        _freeze(self, "turn", "place")
+
+
+@dataclass(frozen=True, eq=False)
+class GraphPart:
+    """Nodes that play one stream.
+
+    Attributes:
+        stream: its id.
+        nodes: (K,) int64 which of the stream's nodes.
+        axes: (4,) how the rest pose was turned since the recording: linear becomes linear axes^-1.
+        turn: (4,) and
+        place: (3,) metres, how the whole motion was moved in the world: x becomes turn x + place.
+        size: how many times as large it is as recorded: x becomes size x, before it is moved.
+        mirrored: whether it was reflected in the plane x = 0 before that: x becomes S x, linear S linear S,
+            S = diag(-1, 1, 1); so is the rest pose.
+        ride: what carries it, or None for the world.
+        offset: seconds of the project's time at which the stream begins.
+        speed: 1 as recorded; below 0 backwards from the end.
+        loop: begin again at the end; otherwise the last frame stays.
+    """
+
+    stream: str
+    nodes: Int
+    axes: Float = field(default_factory=lambda: IDENTITY)
+    turn: Float = field(default_factory=lambda: IDENTITY)
+    place: Float = field(default_factory=lambda: np.zeros(3))
+    size: float = 1.0
+    mirrored: bool = False
+    ride: Ride | None = None
+    offset: float = 0.0
+    speed: float = 1.0
+    loop: bool = False
+
+    def __post_init__(self) -> None:
+        nodes = np.array(self.nodes, np.int64)
+        nodes.setflags(write=False)
+        object.__setattr__(self, "nodes", nodes)
+        _freeze(self, "axes", "turn", "place")
+        if self.speed == 0.0 or not np.isfinite([self.speed, self.offset]).all() or not self.size > 0.0:
+            what = f"offset {self.offset}, speed {self.speed}, size {self.size} cannot be played"
+            raise InputError(what, where=f"part {self.stream!r}")
+
+
+@dataclass(frozen=True, eq=False)
+class GraphShape:
+    """A mesh, the nodes that carry it, and what those play. Nodes are numbered part by part.
+
+    Attributes:
+        id: its name in the project.
+        positions: (N, 3) metres, the nodes at rest.
+        edges: (E, 2) int32 pairs of nodes, to be drawn.
+        mesh: the surface at rest.
+        skin: the four nodes that each vertex follows.
+        parts: what the nodes play; their numbers of nodes sum to N. A part rides on one before it.
+
+    Raises:
+        InputError: where the parts do not fit together.
+    """
+
+    id: str
+    positions: Float
+    edges: Int32
+    mesh: Mesh
+    skin: SkinWeights
+    parts: tuple[GraphPart, ...]
+
+    def __post_init__(self) -> None:
+        _freeze(self, "positions")
+        edges = np.array(self.edges, np.int32).reshape(-1, 2)
+        edges.setflags(write=False)
+        object.__setattr__(self, "edges", edges)
+        object.__setattr__(self, "parts", tuple(self.parts))
+        problem = _problem_of(self)
+        if problem:
+            raise InputError(problem, where=f"graph shape {self.id!r}", mend="Build the shape again.")
+
+    def with_changes(self, **changes: object) -> GraphShape:
+        """A copy with some attributes changed; this one stays as it is."""
+        return replace(self, **changes)  # type: ignore[arg-type]
+
+    @property
+    def starts(self) -> tuple[int, ...]:
+        """The number of the first node of each part, and N."""
+        return tuple(np.cumsum([0, *(len(part.nodes) for part in self.parts)]).tolist())
+
+
+def graph_shape_of(
+    character: Character, poses: Sequence[Pose], stream_id: str, step: float | None = None
+) -> tuple[GraphShape, PoseStream]:
+    """A possessed character and the poses that were recorded of it, as a shape and its stream.
+
+    Args:
+        poses: in the order of time, one each ``step``.
+        step: seconds; None takes the mean of the poses' times.
+
+    Raises:
+        InputError: for a rigged character, fewer than two poses, or poses of another character.
+    """
+    where = f"character {character.id!r}"
+    if character.kind != "graph":
+        raise InputError("it has bones", where=where, mend="Retarget the motion onto its skeleton instead.")
+    if len(poses) < 2 or any(len(pose.positions) != len(character.pivots) for pose in poses):
+        raise InputError(f"{len(poses)} poses cannot be played", where=where, mend="Record it again.")
+    seconds = (poses[-1].time_ns - poses[0].time_ns) / 1e9 / (len(poses) - 1) if step is None else step
+    linear = np.array([pose.linear for pose in poses], np.float64)
+    positions = np.array([pose.positions for pose in poses], np.float64)
+    stream = PoseStream(stream_id, linear, positions, seconds)
+    mesh = Mesh(np.asarray(character.vertices, np.float64), character.faces, character.id, character.colours)
+    part = GraphPart(stream_id, np.arange(len(character.pivots)))
+    pivots = np.asarray(character.pivots, np.float64)
+    return GraphShape(character.id, pivots, character.edges, mesh, character.skin, (part,)), stream
+
+
+def character_of_graph(shape: GraphShape) -> Character:
+    """The shape as viewers know it."""
+    return Character(
+        shape.id,
+        shape.mesh.vertices.astype(np.float32),
+        shape.mesh.faces,
+        shape.skin,
+        shape.positions.astype(np.float32),
+        shape.edges,
+        "graph",
+        shape.mesh.colours,
+    )
+
+
+def _freeze(part: object, *names: str) -> None:
+    """Makes float64 arrays of attributes that nobody can write."""
+    for name in names:
+        array: AnyArray = getattr(part, name)
+        if not (isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable):
+            array = np.array(array, np.float64)
+            array.setflags(write=False)
+        object.__setattr__(part, name, array)
+
+
+def _problem_of(shape: GraphShape) -> str:
+    count = len(shape.positions)
+    if shape.positions.shape != (count, 3) or shape.starts[-1] != count or count == 0:
+        return f"positions {shape.positions.shape} of {shape.starts[-1]} nodes"
+    if shape.edges.size and not 0 <= shape.edges.min() <= shape.edges.max() < count:
+        return "an edge names a node that is not there"
+    vertices = (len(shape.mesh.vertices), 4)
+    if shape.skin.indices.shape != vertices or shape.skin.weights.shape != vertices:
+        return f"the skin is {shape.skin.indices.shape}, expected {vertices}"
+    if shape.skin.indices.size and int(shape.skin.indices.max()) >= count:
+        return f"a vertex follows node {int(shape.skin.indices.max())} of {count}"
+    for part, start in zip(shape.parts, shape.starts, strict=False):
+        if part.ride is not None and not 0 <= part.ride.node < start:
+            return f"a part rides on node {part.ride.node}, which does not come before it"
+    return ""

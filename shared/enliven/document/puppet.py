@@ -1,0 +1,245 @@
+"""A puppet: a mesh that control points move, and the poses that show what a performer's mean on it.
+
+Where a skeleton has no counterpart in the mesh (a cactus that directs traffic), the user pairs joints of a
+performer with control points of the mesh and poses a few examples; every motion of that kind follows
+(Celikcan, Yaz and Capin, "Example-based retargeting of human motion to arbitrary mesh models", 2015). The
+trajectories of the points come from :mod:`enliven.examples`, the surface between them from
+:mod:`enliven.deformation.arap.solver`. Nothing is baked: a puppet holds its examples, and layers that
+refer to takes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.document.character import Character, SkinWeights
+from enliven.document.constraints import Coupling, Position, Velocity
+from enliven.document.example_settings import ExampleSettings
+from enliven.document.surface_settings import ArapSettings
+from enliven.errors import InputError
+from enliven.examples.spacetime.locomotion import LocomotionSettings, Switch
+from enliven.meshes.mesh import Mesh
+from enliven.rotation import IDENTITY
+
+
+@dataclass(frozen=True)
+class ControlPoint:
+    """A vertex that is put somewhere.
+
+    Attributes:
+        name: unique on the puppet.
+        vertex: of the mesh.
+        joint: of the performer, that it is paired with; empty while it is paired with none.
+        foot: whether the puppet can stand on it.
+        weight: how hard it pulls as a soft handle; None is hard (``Handle``).
+    """
+
+    name: str
+    vertex: int
+    joint: str = ""
+    foot: bool = False
+    weight: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class KeyPose:
+    """An example: where the control points are to be when the performer is as at a time of a take.
+
+    Attributes:
+        take: its id.
+        time: seconds since its begin.
+        places: (P, 3) metres in the mesh's own frame, one row a control point of the puppet.
+    """
+
+    take: str
+    time: float
+    places: Float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "places", _frozen(self.places))
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The mesh's plane of symmetry: a point (3,) of it, metres, and its normal (3,)."""
+
+    point: tuple[float, float, float]
+    normal: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class PuppetLayer:
+    """A take that the puppet plays, as an animation layer of a shape: the first is at the bottom.
+
+    At the project's time t the take is at (t - offset) speed; below 0 it is played backwards from the end.
+    Before its begin and after its end the first and the last frame stay, unless it loops.
+
+    Attributes:
+        take: its id; it has the joints that the control points are paired with.
+        points: names of the control points that it moves; empty: all.
+        offset: seconds of the project's time at which the take begins.
+        weight: 0..1, how far it takes the points from where the layers under it put them.
+        travel: whether the puppet goes through the world with it (``locomotion``); the
+            first layer that is not muted and does so decides. Otherwise it stays where it is.
+        level_feet: couple the heights of two feet at the frame where the anchor goes from one to the other.
+        switches: frames of the take at which contact and flight begin, or None to find them.
+        positions, velocities, couplings: hard constraints; their frames are the take's.
+        mirrored: its turns go the other way round, as a mirror shows them; a mirrored puppet's do.
+    """
+
+    take: str
+    points: tuple[str, ...] = ()
+    offset: float = 0.0
+    speed: float = 1.0
+    loop: bool = False
+    weight: float = 1.0
+    muted: bool = False
+    travel: bool = True
+    level_feet: bool = True
+    switches: tuple[Switch, ...] | None = None
+    positions: tuple[Position, ...] = ()
+    velocities: tuple[Velocity, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    mirrored: bool = False
+
+    def __post_init__(self) -> None:
+        times = f"offset {self.offset}, speed {self.speed}, weight {self.weight}"
+        where = f"layer of {self.take!r}"
+        if self.speed == 0.0 or not np.isfinite([self.offset, self.speed]).all():
+            raise InputError(f"{times} cannot be played", where=where)
+        if not 0.0 <= self.weight <= 1.0:
+            raise InputError(f"the weight is {self.weight}", where=where, mend="Give one from 0 to 1.")
+
+
+@dataclass(frozen=True, eq=False)
+class Puppet:
+    """A mesh with control points, its example poses, and the takes that it plays.
+
+    In the world it is at ``turn`` (yaw(t) x + root(t)) + ``place``, with x in the mesh's own frame and the
+    yaw and root of the layer that travels; see :class:`PuppetLayer`.
+
+    Attributes:
+        id: its name in the project.
+        mesh: the surface at rest, metres, +Y up; it stands on y = 0 where it has feet.
+        points: its control points.
+        poses: its example poses, in the order in which they were made.
+        layers: what it plays, the first at the bottom.
+        symmetry: the mesh's plane of symmetry where examples are to be doubled by it, or None.
+        place: (3,) metres.
+        turn: (4,) unit quaternion.
+        surface, examples, locomotion: settings of the three solvers.
+
+    Raises:
+        InputError: where the parts do not fit together. A puppet in the making, with too few examples or
+            points without a joint, is none of that: it is only refused when it is to move.
+    """
+
+    id: str
+    mesh: Mesh
+    points: tuple[ControlPoint, ...] = ()
+    poses: tuple[KeyPose, ...] = ()
+    layers: tuple[PuppetLayer, ...] = ()
+    symmetry: Plane | None = None
+    place: Float = field(default_factory=lambda: np.zeros(3))
+    turn: Float = field(default_factory=lambda: IDENTITY)
+    surface: ArapSettings = field(default_factory=ArapSettings)
+    examples: ExampleSettings = field(default_factory=ExampleSettings)
+    locomotion: LocomotionSettings = field(default_factory=LocomotionSettings)
+
+    def __post_init__(self) -> None:
+        for name in ("points", "poses", "layers"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        for name in ("place", "turn"):
+            object.__setattr__(self, name, _frozen(getattr(self, name)))
+        problem = _problem_of(self)
+        if problem:
+            raise InputError(problem, where=f"puppet {self.id!r}", mend="Build the puppet again.")
+
+    def with_changes(self, **changes: object) -> Puppet:
+        """A copy with some attributes changed; this one stays as it is."""
+        return replace(self, **changes)  # type: ignore[arg-type]
+
+    @property
+    def rest(self) -> Float:
+        """(P, 3) metres, the control points at rest, in the mesh's frame."""
+        return np.asarray(self.mesh.vertices[[point.vertex for point in self.points]])
+
+    def index(self, name: str) -> int:
+        """The number of a control point.
+
+        Raises:
+            InputError: where none has the name, with those that have.
+        """
+        for number, point in enumerate(self.points):
+            if point.name == name:
+                return number
+        known = ", ".join(point.name for point in self.points) or "none"
+        what = f"there is no control point {name!r}"
+        raise InputError(what, where=f"puppet {self.id!r}", mend=f"Known: {known}.")
+
+
+def character_of_puppet(puppet: Puppet) -> Character:
+    """The puppet as viewers know it: kind "points", transform 0 its frame, transform k control point k - 1.
+
+    Viewers solve the surface. Who cannot sees it move as one rigid piece: all vertices follow transform 0.
+
+    Raises:
+        InputError: for a puppet without control points.
+    """
+    if not puppet.points:
+        mend = "Put one on the mesh."
+        raise InputError("it has no control points", where=f"puppet {puppet.id!r}", mend=mend)
+    vertices, count = puppet.mesh.vertices, len(puppet.points)
+    indices = np.zeros((len(vertices), 4), np.uint16)
+    weights = np.zeros((len(vertices), 4), np.float32)
+    weights[:, 0] = 1.0
+    pivots = np.concatenate([np.zeros((1, 3)), puppet.rest]).astype(np.float32)
+    edges = np.stack([np.zeros(count, np.int32), np.arange(1, count + 1, dtype=np.int32)], 1)
+    return Character(
+        id=puppet.id,
+        vertices=vertices.astype(np.float32),
+        faces=puppet.mesh.faces,
+        skin=SkinWeights(indices, weights),
+        pivots=pivots,
+        edges=edges,
+        kind="points",
+        colours=puppet.mesh.colours,
+        held=np.array([point.vertex for point in puppet.points], np.int32),
+        pulls=np.array([point.weight or 0.0 for point in puppet.points], np.float32),
+        surface=puppet.surface,
+    )
+
+
+def _frozen(array: AnyArray) -> Float:
+    """The array as nobody can write it: itself where it is that already, for values share arrays."""
+    if isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable:
+        return array
+    copied = np.array(array, np.float64)
+    copied.setflags(write=False)
+    return copied
+
+
+def _problem_of(puppet: Puppet) -> str:
+    names = [point.name for point in puppet.points]
+    if len(set(names)) < len(names):
+        return f"two control points have one name: {', '.join(names)}"
+    if puppet.place.shape != (3,) or puppet.turn.shape != (4,):
+        return f"place {puppet.place.shape}, turn {puppet.turn.shape}"
+    if not np.isclose(np.linalg.norm(puppet.turn), 1.0, atol=1e-6):
+        return f"the turn {puppet.turn} is no unit quaternion"
+    for point in puppet.points:
+        if not point.name or not 0 <= point.vertex < len(puppet.mesh.vertices):
+            return f"control point {point.name!r} is vertex {point.vertex} of {len(puppet.mesh.vertices)}"
+    for number, pose in enumerate(puppet.poses):
+        if pose.places.shape != (len(names), 3):
+            return f"key pose {number} has {len(pose.places)} places for {len(names)} control points"
+        if not np.isfinite(pose.places).all() or not np.isfinite(pose.time):
+            return f"key pose {number} is not finite"
+    for layer in puppet.layers:
+        missing = sorted(set(layer.points) - set(names))
+        if missing:
+            return f"the layer of {layer.take!r} moves {missing[0]!r}, which is not there"
+    return ""

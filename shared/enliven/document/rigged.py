@@ -1,0 +1,138 @@
+"""A shape: a skeleton that takes drive, with the mesh that it carries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document.character import Character, SkinWeights
+from enliven.document.layers import STILL, Span
+from enliven.document.pin import Pin
+from enliven.document.skeleton import Skeleton
+from enliven.errors import InputError
+from enliven.meshes.mesh import Mesh
+from enliven.rotation import IDENTITY
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A skeleton with its rest shape, how it was posed by hand, and the takes that move it.
+
+    The turn of bone j in the world is D_j = D_parent m_j a_j(t): m_j is the *modeling rotation* (posing,
+    cutting and merging put it there), a_j(t) the *animation rotation* that the layers give (AniMesh, section
+    6). Both are in the axes of the rest pose. The root has D_0 = m_0 a_0(t).
+
+    Attributes:
+        id: its name in the project.
+        skeleton: the joints at rest.
+        modeling: (N, 4) unit quaternions m_j.
+        spans: (N,) what takes move each bone; see :mod:`enliven.document.layers`.
+        place: (3,) metres that the root joint is moved by from its rest position.
+        travel: the id of the layer whose take's root moves this root too, or None; a looped take goes on from
+            where it ended.
+        mesh: the surface at rest, in the skeleton's frame, or None.
+        skin: which bones each vertex follows, or None without a mesh.
+        travel_scale: metres that this root goes for a metre of the take's, or None for the ratio of their
+            sizes; see :mod:`enliven.motion.layers.travel`.
+        pins: the feet that stay where they stand; see :mod:`enliven.motion.contact.pin`.
+
+    Raises:
+        InputError: where the parts do not fit together.
+    """
+
+    id: str
+    skeleton: Skeleton
+    modeling: Float
+    spans: tuple[tuple[Span, ...], ...]
+    place: Float
+    travel: str | None = None
+    mesh: Mesh | None = None
+    skin: SkinWeights | None = None
+    travel_scale: float | None = None
+    pins: tuple[Pin, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("modeling", "place"):
+            object.__setattr__(self, name, _frozen(getattr(self, name)))
+        object.__setattr__(self, "spans", tuple(tuple(spans) for spans in self.spans))
+        problem = _problem_of(self)
+        if problem:
+            raise InputError(problem, where=f"shape {self.id!r}", mend="Build the shape again.")
+
+    def with_changes(self, **changes: object) -> Shape:
+        """A copy with some attributes changed; this one stays as it is."""
+        return replace(self, **changes)  # type: ignore[arg-type]
+
+
+def still_shape(
+    id: str, skeleton: Skeleton, mesh: Mesh | None = None, skin: SkinWeights | None = None
+) -> Shape:
+    """A shape at rest that nothing moves."""
+    count = len(skeleton)
+    return Shape(id, skeleton, np.tile(IDENTITY, (count, 1)), (STILL,) * count, np.zeros(3), None, mesh, skin)
+
+
+def character_of(shape: Shape) -> Character:
+    """The shape as viewers know it: transform j is bone j, about the rest position of its parent joint.
+
+    Raises:
+        InputError: for a shape without a mesh.
+    """
+    if shape.mesh is None or shape.skin is None:
+        raise InputError(
+            "it has no mesh", where=f"shape {shape.id!r}", mend="Give it one, or draw its bones."
+        )
+    skeleton = shape.skeleton
+    above = np.maximum(skeleton.parents, 0)
+    return Character(
+        id=shape.id,
+        vertices=shape.mesh.vertices.astype(np.float32),
+        faces=shape.mesh.faces,
+        skin=shape.skin,
+        pivots=skeleton.positions[above].astype(np.float32),
+        edges=_drawn(skeleton),
+        kind="bones",
+        colours=shape.mesh.colours,
+    )
+
+
+def _drawn(skeleton: Skeleton):  # type: ignore[no-untyped-def]
+    """(E, 2) pairs of transforms whose pivots are the two ends of a bone."""
+    # The pivot of transform j is its parent joint, so a bone is drawn from its own pivot to a child's.
+    pairs = [(j, below[0]) for j, below in enumerate(skeleton.children) if j > 0 and below]
+    return np.array(pairs, np.int32).reshape(-1, 2)
+
+
+def _frozen(array: Float) -> Float:
+    """The array as nobody can write it: itself where it is that already, for shapes share arrays."""
+    if isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable:
+        return array
+    copied = np.array(array, np.float64)
+    copied.setflags(write=False)
+    return copied
+
+
+def _problem_of(shape: Shape) -> str:
+    count = len(shape.skeleton)
+    if shape.modeling.shape != (count, 4) or len(shape.spans) != count or shape.place.shape != (3,):
+        return f"{count} joints, modeling {shape.modeling.shape}, {len(shape.spans)} spans"
+    if not np.allclose(np.linalg.norm(shape.modeling, axis=1), 1.0, atol=1e-6):
+        return "a modeling rotation is no unit quaternion"
+    if shape.travel_scale is not None and not 0.0 <= shape.travel_scale < 1e6:
+        return f"the scale of its travel is {shape.travel_scale}"
+    for name, spans in zip(shape.skeleton.names, shape.spans, strict=True):
+        shares = [span.share for span in spans]
+        if not shares or min(shares) < 0.0 or abs(sum(shares) - 1.0) > 1e-9:
+            return f"the spans of bone {name!r} do not cover it"
+    if (shape.mesh is None) != (shape.skin is None):
+        return "a mesh needs skin weights, and skin weights a mesh"
+    if shape.mesh is not None and shape.skin is not None:
+        if shape.skin.indices.shape != (len(shape.mesh.vertices), 4):
+            return (
+                f"the skin is of {len(shape.skin.indices)} vertices, the mesh has {len(shape.mesh.vertices)}"
+            )
+        if shape.skin.indices.size and int(shape.skin.indices.max()) >= count:
+            return f"a vertex follows bone {int(shape.skin.indices.max())} of {count}"
+    return ""

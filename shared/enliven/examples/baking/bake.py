@@ -1,0 +1,275 @@
+"""A surface that was solved, as one that moves by itself: transforms that vertices follow, at most four each.
+
+    baked = bake_surface(mesh, frames, traits, held=[4711, 12])
+    print(baked.error)
+
+Weights and transforms are found in turn (smooth skinning decomposition, B. H. Le and Z. Deng, 2012).
+Transforms begin at the control points and spread over the surface; while it is not followed closely enough,
+more are put where the error is greatest. Weights are fitted to the frames that differ most; then every frame
+gets its transforms, and is measured. Frames come one after the other and are not kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Int, Int32
+from enliven.document.character import SkinWeights
+from enliven.examples.baking.maps import Maps, add_errors
+from enliven.examples.baking.nodes import Net, Seeds
+from enliven.examples.baking.settings import BakeError, BakeSettings
+from enliven.examples.baking.weights import fit_weights
+from enliven.meshes.mesh import Mesh, weld
+
+Frames = Callable[[], Iterable[Float]]
+"""Gives the frames (V, 3) metres from the first to the last, each time that it is called."""
+_CHUNK = 16
+"""Frames that are worked on together."""
+_AGAIN = 3
+"""How often frames that were not fitted to and are too far off are taken in."""
+_MOST_MISSED = 16
+_LAST = 5
+"""Rounds with maps as a glTF node can say them."""
+
+
+@dataclass(frozen=True, eq=False)
+class BakedSurface:
+    """Transforms of a mesh over time: x = sum_k w_k (linear_k (v - pivot_k) + place_k).
+
+    Attributes:
+        pivots: (K, 3) metres, at rest, on the surface.
+        edges: (E, 2) int32 pairs of transforms side by side.
+        skin: four transforms a vertex.
+        linear: (F, K, 3, 3).
+        places: (F, K, 3) metres.
+        axes: (K, 3, 3) Q such that linear = R Q diag(s) Q', R a rotation; None where it may be any.
+        error: over all frames.
+    """
+
+    pivots: Float
+    edges: Int32
+    skin: SkinWeights
+    linear: Float
+    places: Float
+    axes: Float | None
+    error: BakeError
+
+
+def bake_surface(
+    mesh: Mesh,
+    frames: Frames,
+    traits: Float,
+    held: Sequence[int] = (),
+    settings: BakeSettings | None = None,
+    shear: bool = False,
+) -> BakedSurface:
+    """Fit transforms to a surface.
+
+    Args:
+        mesh: at rest.
+        frames: gives its vertices in each frame, in a frame of reference that goes with the whole.
+        traits: (F, ...) numbers by which frames are told apart, e.g. the places of the control points.
+        held: vertices that get a transform in any case.
+        shear: whether a transform may be any affine map, as a deformation graph's; else it is what a glTF
+            node can be.
+    """
+    settings = settings or BakeSettings()
+    welded, of = weld(mesh)
+    first = np.unique(of, return_index=True)[1]
+    chosen = farthest(traits.reshape(len(traits), -1), settings.frames)
+    wanted = _gathered(frames, chosen, first)
+    fit = _Fit(welded, wanted, [int(of[v]) for v in held], settings, shear)
+    for _ in range(_AGAIN):
+        fit.run()
+        missed = Missed(settings.worst * fit.size)
+        linear, places, error = _measured(fit, frames, len(traits), first, missed)
+        if not missed.frames or not fit.room:
+            break
+        fit.take(missed.frames)
+    skin = SkinWeights(fit.indices[of].astype(np.uint16), fit.weights[of].astype(np.float32))
+    axes = fit.maps.axes
+    return BakedSurface(fit.pivots, fit.seeds.edges(), skin, linear, places, axes, error)
+
+
+def farthest(traits: Float, count: int) -> Int:
+    """(C,) rising: the first row of (F, D), then each time the one that is farthest from those chosen."""
+    if len(traits) <= count:
+        return np.arange(len(traits))
+    chosen = [0]
+    away = ((traits - traits[0]) ** 2).sum(1)
+    while len(chosen) < count and away.max() > 0.0:
+        chosen.append(int(np.argmax(away)))
+        away = np.minimum(away, ((traits - traits[chosen[-1]]) ** 2).sum(1))
+    return np.sort(np.array(chosen))
+
+
+class Missed:
+    """The frames that are farthest off of those that are too far off.
+
+    Attributes:
+        most: metres that are not too far.
+        frames: (V, 3) of each.
+    """
+
+    def __init__(self, most: float) -> None:
+        self.most = most
+        self._kept: list[tuple[float, Float]] = []
+
+    @property
+    def frames(self) -> list[Float]:
+        return [frame for _, frame in self._kept]
+
+    def see(self, worst: float, frame: Float) -> None:
+        """A frame whose farthest vertex is ``worst`` metres off."""
+        if worst > self.most:
+            self._kept = sorted([*self._kept, (worst, frame)], key=lambda kept: -kept[0])[:_MOST_MISSED]
+
+
+class _Fit:
+    """The weights and maps as they get better.
+
+    Attributes:
+        indices, weights: (V, 4) of the welded mesh.
+        seeds, pivots: where the transforms are.
+        maps: what finds the maps of a frame.
+    """
+
+    def __init__(
+        self, mesh: Mesh, wanted: Float, held: Sequence[int], settings: BakeSettings, shear: bool
+    ) -> None:
+        self._rest, self._wanted, self._settings, self._shear = mesh.vertices, wanted, settings, shear
+        self._bound = False
+        self.size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+        self._net = Net(mesh)
+        self._near = self._net.lengths.indices.astype(np.int64)
+        self._starts = self._net.lengths.indptr.astype(np.int64)
+        count = min(settings.nodes, len(mesh.vertices))
+        self.seeds = Seeds(self._net, list(dict.fromkeys(held))[:count], min(settings.first, count))
+        self._begin()
+
+    def run(self) -> None:
+        """Fits, and adds transforms until it is good enough or there are as many as there may be.
+
+        Maps are any affine ones until the surface is followed; what they are to be is asked of them last.
+        """
+        settings = self._settings
+        most = min(settings.nodes, len(self._rest))
+        while True:
+            self._alternate(settings.rounds)
+            share = self._share()
+            if share.max() <= 1.0 and not self._shear:
+                self._bound = True
+                self._better_maps()
+                self._alternate(_LAST)
+                share, self._bound = self._share(), False
+            room = most - len(self.pivots)
+            if share.max() <= 1.0 or not self.seeds.grow(share, min(room, max(len(self.pivots) // 2, 4))):
+                break
+            self._begin()
+        if not self._shear and self.maps.axes is None:
+            self._bound = True
+            self._better_maps()
+            self._alternate(_LAST)
+
+    @property
+    def room(self) -> bool:
+        """Whether there may be more transforms."""
+        return len(self.pivots) < min(self._settings.nodes, len(self._rest))
+
+    def take(self, frames: list[Float]) -> None:
+        """Frames (V, 3) more to fit to."""
+        self._wanted = np.concatenate([self._wanted, np.stack(frames, 1)], 1)
+        self._better_maps()
+
+    def _alternate(self, rounds: int) -> None:
+        for _ in range(rounds):
+            self._better_weights()
+            self._better_maps()
+
+    def _share(self) -> Float:
+        """(V,) each vertex's errors as a share of what is good enough; above 1 where it is not."""
+        settings, frames = self._settings, self._wanted.shape[1]
+        squares, worst, _ = self.errors(self._found, self._wanted)
+        whole = np.sqrt(squares.mean() / frames) / max(settings.rms * self.size, 1e-300)
+        # A vertex above the mean does its part in a mean that is too high.
+        own = whole * np.sqrt(squares / max(squares.mean(), 1e-300)) if whole > 1.0 else 0.0 * squares
+        return np.asarray(np.maximum(own, np.sqrt(worst) / max(settings.worst * self.size, 1e-300)))
+
+    def _begin(self) -> None:
+        """Each vertex follows the seed whose land it is on."""
+        self.pivots = np.ascontiguousarray(self._rest[self.seeds.vertices])
+        self._candidates = self.seeds.nearest(self._settings.candidates)
+        self.indices = np.zeros((len(self._rest), 4), np.int32)
+        self.indices[:, 0] = self._candidates[:, 0]
+        self.weights = np.zeros((len(self._rest), 4))
+        self.weights[:, 0] = 1.0
+        self._better_maps()
+
+    def _better_maps(self) -> None:
+        self.maps = Maps(self._rest, self.pivots, self.indices, self.weights, self._settings.rigid)
+        found = self.maps.of(self._wanted)
+        if self._bound:
+            self.maps.find_axes(found)
+            found = self.maps.of(self._wanted)
+        self._found = found
+
+    def _better_weights(self) -> None:
+        smooth = self._wanted.shape[1] * (self._settings.smooth * self.size) ** 2
+        flat = self._wanted.reshape(len(self._rest), -1)
+        by_node = np.ascontiguousarray(self._found.transpose(1, 2, 0, 3)).reshape(len(self.pivots), 4, -1)
+        around = self._candidates, self._near, self._starts, smooth
+        fit_weights(self._rest, flat, self.pivots, by_node, *around, self.indices, self.weights)
+
+    def errors(self, maps: Float, wanted: Float) -> tuple[Float, Float, Float]:
+        """(V,) sums and (V,) maxima of square errors, and (F,) the maxima of each frame."""
+        squares, worst = np.zeros(len(self._rest)), np.zeros(len(self._rest))
+        parts = self._rest, self.pivots, self.indices, self.weights
+        return squares, worst, add_errors(*parts, maps, wanted, squares, worst)
+
+
+def _gathered(frames: Frames, chosen: Int, first: Int) -> Float:
+    """(V, C, 3) the chosen frames."""
+    wanted = np.empty((len(first), len(chosen), 3))
+    column = {int(frame): k for k, frame in enumerate(chosen)}
+    for number, vertices in enumerate(frames()):
+        if number in column:
+            wanted[:, column[number]] = vertices[first]
+        if number == chosen[-1]:
+            break
+    return wanted
+
+
+def _chunks(frames: Frames, first: Int) -> Iterator[Float]:
+    """The frames (V, C, 3), some at a time."""
+    kept: list[Float] = []
+    for vertices in frames():
+        kept.append(vertices[first])
+        if len(kept) == _CHUNK:
+            yield np.stack(kept, 1)
+            kept = []
+    if kept:
+        yield np.stack(kept, 1)
+
+
+def _measured(
+    fit: _Fit, frames: Frames, count: int, first: Int, missed: Missed
+) -> tuple[Float, Float, BakeError]:
+    """The transforms of all frames, and how far the surface is off."""
+    linear, places = np.empty((count, len(fit.pivots), 3, 3)), np.empty((count, len(fit.pivots), 3))
+    total, worst, frame, vertex, at = 0.0, 0.0, 0, 0, 0
+    for wanted in _chunks(frames, first):
+        maps = fit.maps.of(wanted)
+        squares, most, of_frame = fit.errors(maps, wanted)
+        total += float(squares.sum())
+        for number, off in enumerate(np.sqrt(of_frame)):
+            missed.see(float(off), wanted[:, number])
+        if most.max() > worst:
+            worst, frame, vertex = float(most.max()), at + int(of_frame.argmax()), int(first[most.argmax()])
+        linear[at : at + len(maps)] = maps[:, :, :3].transpose(0, 1, 3, 2)
+        places[at : at + len(maps)] = maps[:, :, 3]
+        at += len(maps)
+    rms = float(np.sqrt(total / (count * len(first))))
+    return linear, places, BakeError(rms, float(np.sqrt(worst)), frame, vertex, fit.size)

@@ -1,0 +1,65 @@
+"""What a puppet does from one time to another, frame by frame, and where the whole is meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven.deformation.arap.control_point_surface import PuppetSurface
+from enliven.document.project import Project
+from enliven.document.puppet import Puppet
+from enliven.examples.puppet_motion import State, state_of
+from enliven.rotation import from_rotation_vector, multiply, rotate
+
+
+@dataclass(eq=False)
+class SurfaceFrames:
+    """The frames of a surface that control points carry; called, it goes through them, as often as asked.
+
+    Attributes:
+        puppet: whose surface it is.
+        places: (F, P, 3) metres in the mesh's frame, the control points.
+        kept: MB; frames are solved once where all of them need no more, else each time.
+    """
+
+    puppet: Puppet
+    places: Float
+    kept: float = 0.0
+    _known: list[Float32] = field(default_factory=list, init=False)
+
+    def __call__(self) -> Iterator[Float]:
+        """Yields (V, 3) metres in the mesh's frame: the first settled, each other from the one before."""
+        if len(self._known) == len(self.places):
+            for known in self._known:
+                yield known.astype(np.float64)
+            return
+        puppet, solved = self.puppet, []
+        held, weights = [p.vertex for p in puppet.points], [p.weight for p in puppet.points]
+        surface = PuppetSurface(puppet.mesh, held, weights, puppet.surface)
+        keep = puppet.mesh.vertices.size * 4e-6 * len(self.places) <= self.kept
+        for number, places in enumerate(self.places):
+            vertices = surface.solve(places) if number else surface.settle(places)
+            if keep:
+                solved.append(vertices.astype(np.float32))
+                vertices = solved[-1].astype(np.float64)
+            yield vertices
+        self._known = solved
+
+
+def states_of(project: Project, puppet: Puppet, times: Float) -> tuple[Float, Float, Float]:
+    """Where a puppet is at ``times`` (F,): (F, P, 3) its control points in the mesh's frame, metres, and the
+    frame itself in the world: (F, 4) its turn and (F, 3) metres where it is."""
+    states = [state_of(project, puppet, float(time)) for time in times]
+    turn, place = ways_of(puppet, states)
+    return np.array([state.places for state in states]).reshape(len(times), -1, 3), turn, place
+
+
+def ways_of(puppet: Puppet, states: list[State]) -> tuple[Float, Float]:
+    """(F, 4) turns and (F, 3) places of the puppet's frame in the world: x is at turn x + place."""
+    yaws = np.array([state.yaw for state in states])
+    about_y = from_rotation_vector(np.stack([0.0 * yaws, yaws, 0.0 * yaws], 1))
+    roots = np.array([state.root for state in states])
+    return multiply(puppet.turn, about_y), rotate(puppet.turn, roots) + puppet.place

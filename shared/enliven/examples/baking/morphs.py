@@ -1,0 +1,126 @@
+"""A surface that was solved, as morph targets: shapes that are added up with weights of each frame.
+
+The targets are the principal components of the frames that differ most, as many as a stated error needs.
+Turns of a part are no sums of shapes, so large ones need many targets; transforms
+(:mod:`enliven.examples.baking.bake`) do with fewer numbers there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.examples.baking.bake import Frames, Missed, farthest
+from enliven.examples.baking.settings import BakeError, BakeSettings
+from enliven.meshes.mesh import Mesh
+
+_AGAIN = 4
+"""How often frames that were not among the chosen and are too far off are taken in."""
+_RIDGE = 1e-4
+"""Part of the targets' own size below which a change of normals is not believed."""
+
+
+@dataclass(frozen=True, eq=False)
+class BakedMorphs:
+    """Shapes and their weights: x = rest + sum_n weights_n targets_n.
+
+    Attributes:
+        targets: (N, V, 3) metres.
+        normals: (N, V, 3) the like for the normals.
+        weights: (F, N), about -2 to 2.
+        error: over all frames.
+    """
+
+    targets: Float
+    normals: Float
+    weights: Float
+    error: BakeError
+
+
+def bake_morphs(
+    mesh: Mesh, frames: Frames, traits: Float, settings: BakeSettings | None = None
+) -> BakedMorphs:
+    """Fit morph targets to a surface; see :func:`enliven.examples.baking.bake.bake_surface`."""
+    settings = settings or BakeSettings()
+    size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+    chosen = farthest(traits.reshape(len(traits), -1), settings.frames)
+    moved, normals = _gathered(mesh, frames, chosen.tolist())
+    for _ in range(_AGAIN):
+        shapes, spread = _components(moved, settings.targets)
+        count = _needed(moved, shapes, settings, size)
+        shapes, spread = shapes[:count], spread[:count]
+        missed = Missed(settings.worst * size)
+        weights, error = _measured(mesh, frames, len(traits), shapes, size, missed)
+        if not missed.frames or count == settings.targets:
+            break
+        more = [_seen(mesh, vertices) for vertices in missed.frames]
+        moved = np.concatenate([moved, [one for one, _ in more]])
+        normals = np.concatenate([normals, [other for _, other in more]])
+    known = moved @ shapes.T / spread
+    square = known.T @ known + _RIDGE * len(known) * np.eye(count)
+    bent = np.asarray(np.linalg.solve(square, known.T @ normals), np.float64)
+    each = (count, len(mesh.vertices), 3)
+    targets = (shapes * spread[:, None]).reshape(each)
+    return BakedMorphs(targets, bent.reshape(each), weights / spread, error)
+
+
+def _gathered(mesh: Mesh, frames: Frames, chosen: list[int]) -> tuple[Float, Float]:
+    """(C, 3 V) how far the vertices are from rest in the chosen frames, and their normals."""
+    moved, normals = np.empty((len(chosen), mesh.vertices.size)), np.empty((len(chosen), mesh.vertices.size))
+    row = {frame: k for k, frame in enumerate(chosen)}
+    for number, vertices in enumerate(frames()):
+        if number in row:
+            moved[row[number]], normals[row[number]] = _seen(mesh, vertices)
+        if number == chosen[-1]:
+            break
+    return moved, normals
+
+
+def _seen(mesh: Mesh, vertices: Float) -> tuple[Float, Float]:
+    """(3 V,) how far vertices (V, 3) are from rest, and their normals."""
+    turned = Mesh(vertices, mesh.faces, mesh.name).vertex_normals() - mesh.vertex_normals()
+    return (vertices - mesh.vertices).ravel(), turned.ravel()
+
+
+def _components(moved: Float, most: int) -> tuple[Float, Float]:
+    """(N, 3 V) orthonormal rows that tell most of (C, 3 V), the most telling first, and (N,) their spread."""
+    values, vectors = np.linalg.eigh(moved @ moved.T)
+    order = np.argsort(values)[::-1][:most]
+    order = order[values[order] > 1e-12 * max(float(values.max()), 1e-300)]
+    if not len(order):
+        order = np.array([len(values) - 1])
+    shapes = vectors[:, order].T @ moved
+    length = np.linalg.norm(shapes, axis=1, keepdims=True)
+    # Two passes: the eigenvectors of small values are not at right angles to the digit.
+    shapes = np.linalg.qr((shapes / np.where(length > 0, length, 1.0)).T)[0].T
+    spread = np.sqrt(((moved @ shapes.T) ** 2).mean(0))
+    return shapes, np.where(spread > 0, spread, 1.0)
+
+
+def _needed(moved: Float, shapes: Float, settings: BakeSettings, size: float) -> int:
+    """How many of the shapes are enough for the frames ``moved`` (C, 3 V); all, where none are."""
+    left = moved.copy()
+    for count, shape in enumerate(shapes, 1):
+        left -= np.outer(left @ shape, shape)
+        off = (left.reshape(len(left), -1, 3) ** 2).sum(2)
+        if np.sqrt(off.mean()) <= settings.rms * size and np.sqrt(off.max()) <= settings.worst * size:
+            return count
+    return len(shapes)
+
+
+def _measured(
+    mesh: Mesh, frames: Frames, count: int, shapes: Float, size: float, missed: Missed
+) -> tuple[Float, BakeError]:
+    """(F, N) weights of all frames, and how far the surface is off."""
+    weights, total, worst, at, vertex = np.empty((count, len(shapes))), 0.0, 0.0, 0, 0
+    for number, vertices in enumerate(frames()):
+        moved = (vertices - mesh.vertices).ravel()
+        weights[number] = shapes @ moved
+        off = ((moved - weights[number] @ shapes).reshape(-1, 3) ** 2).sum(1)
+        total += float(off.mean())
+        missed.see(float(np.sqrt(off.max())), vertices)
+        if off.max() > worst:
+            worst, at, vertex = float(off.max()), number, int(off.argmax())
+    return weights, BakeError(float(np.sqrt(total / count)), float(np.sqrt(worst)), at, vertex, size)

@@ -1,0 +1,91 @@
+"""Where the transforms of a baked surface sit: seeds on it, and the way along it from each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from enliven.arrays import Float, Int, Int32
+from enliven.deformation.arap.weights import surface_edges, virtual_edges
+from enliven.meshes.mesh import Mesh
+
+
+class Net:
+    """The edges of a welded mesh; shells are joined where they are nearest.
+
+    Attributes:
+        edges: (E, 2) vertices.
+        lengths: (V, V) sparse, metres.
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        count = len(mesh.vertices)
+        edges, _ = surface_edges(mesh.vertices, mesh.faces)
+        links, _ = virtual_edges(mesh.vertices, edges)
+        self.edges = np.concatenate([edges, links])
+        lengths = np.linalg.norm(mesh.vertices[self.edges[:, 0]] - mesh.vertices[self.edges[:, 1]], axis=1)
+        # A length of exactly 0 would be no edge to scipy.
+        lengths = np.maximum(lengths, 1e-12)
+        half = coo_matrix((lengths, (self.edges[:, 0], self.edges[:, 1])), (count, count)).tocsr()
+        self.lengths: csr_matrix = (half + half.T).tocsr()
+
+    def away(self, seeds: Sequence[int], limit: float = np.inf) -> Float:
+        """(S, V) metres along the edges from each seed; infinite beyond the limit."""
+        return np.asarray(dijkstra(self.lengths, directed=False, indices=list(seeds), limit=limit))
+
+
+class Seeds:
+    """Vertices that transforms sit at, in the order in which they came.
+
+    Attributes:
+        vertices: of the welded mesh.
+        away: (S, V) metres from each along the surface.
+    """
+
+    def __init__(self, net: Net, held: Sequence[int], count: int) -> None:
+        self._net = net
+        first = list(dict.fromkeys(held)) or [0]
+        self.vertices, self.away = first, net.away(first)
+        while len(self.vertices) < count and self._add(int(np.argmax(self.away.min(0)))):
+            pass
+
+    def grow(self, scores: Float, count: int) -> int:
+        """Adds up to ``count`` seeds, each at the vertex of the highest score (V,) that is left.
+
+        What is nearer to a new seed than half of its own way to the next is no longer asked for.
+
+        Returns:
+            How many were added.
+        """
+        left, before = scores.copy(), len(self.vertices)
+        left[self.vertices] = 0.0
+        while len(self.vertices) < before + count and left.max(initial=0.0) > 0.0:
+            chosen = int(np.argmax(left))
+            reach = 0.5 * float(self.away[:, chosen].min())
+            self._add(chosen)
+            left[self.away[-1] <= reach] = 0.0
+        return len(self.vertices) - before
+
+    def nearest(self, count: int) -> Int32:
+        """(V, C) the seeds that are nearest to each vertex, the nearest first; -1 where there are no more."""
+        count_there = min(count, len(self.vertices))
+        order = np.argsort(self.away, axis=0, kind="stable")[:count_there].T
+        filled = np.full((self.away.shape[1], count), -1, np.int32)
+        filled[:, :count_there] = order
+        return filled
+
+    def edges(self) -> Int32:
+        """(E, 2) pairs of seeds whose lands touch."""
+        owner: Int = np.argmin(self.away, axis=0)
+        pairs = np.sort(owner[self._net.edges], 1)
+        return np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).astype(np.int32).reshape(-1, 2)
+
+    def _add(self, vertex: int) -> bool:
+        if vertex in self.vertices:
+            return False
+        self.vertices.append(vertex)
+        self.away = np.concatenate([self.away, self._net.away([vertex])])
+        return True

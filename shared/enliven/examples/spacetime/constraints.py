@@ -1,0 +1,172 @@
+"""Hard constraints on trajectories (eq. 22, 23), and how they are made free of one another.
+
+    Position("left foot", frame=10, place=(0, 0, 0.2))            # or axes="y" for its height alone
+    Velocity("left foot", frame=11, velocity=(0, 0, 0))           # from the frame before to this one
+    Coupling("left foot", "right foot", frame=30, axes="y")       # equal heights: a change of anchor
+
+Each says, axis by axis, that one coordinate has a value or that two differ by a value. So they are a forest:
+what hangs on a known value becomes known (and is eliminated node by node), what would close a circle is left
+out where it agrees and refused where it contradicts, and the others are independent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int
+from enliven.document.constraints import Constraint, Position, Velocity
+from enliven.errors import InputError
+from enliven.examples.poses import Examples
+
+_AGREES = 1e-9
+"""Two constraints agree that differ by less than this share of the mesh's size."""
+_WHERE = "constraints"
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """Constraints that are independent, in sizes of the mesh.
+
+    Attributes:
+        held: (P, F, 3) bool, coordinates that are known.
+        values: (P, F, 3) what they are; 0 elsewhere.
+        first, second: (R, 3) int64 (point, frame, axis): coordinate ``first`` - coordinate ``second`` is
+        difference: (R,).
+    """
+
+    held: Bool
+    values: Float
+    first: Int
+    second: Int
+    difference: Float
+
+
+def conditions_of(
+    constraints: Sequence[Constraint], examples: Examples, frames: int, step: float
+) -> Conditions:
+    """Independent conditions of constraints.
+
+    Raises:
+        InputError: for a point or frame that is not there, a value that is not finite, and for constraints
+            that contradict one another: it says which.
+    """
+    middle, size = examples.targets.mean(0), examples.target_size
+    links = [link for one in constraints for link in _links(one, examples, frames, step)]
+    forest, rows = _Forest(), []
+    for one, a, b, value in links:
+        added = forest.join(a, b, value, one, _AGREES * size)
+        if added and b is not None:
+            rows.append((a, b, value))
+    held, values = np.zeros((len(middle), frames, 3), np.bool_), np.zeros((len(middle), frames, 3))
+    for node in forest.nodes():
+        known = forest.value(node)
+        if known is not None:
+            held[node] = True
+            values[node] = (known - middle[node[0], node[2]]) / size
+    rows = [row for row in rows if not held[row[0]]]
+    first = np.array([a for a, _, _ in rows], np.int64).reshape(-1, 3)
+    second = np.array([b for _, b, _ in rows], np.int64).reshape(-1, 3)
+    shift = middle[second[:, 0], second[:, 2]] - middle[first[:, 0], first[:, 2]]
+    difference = (np.array([value for _, _, value in rows]) + shift) / size
+    return Conditions(held, values, first, second, difference)
+
+
+_Node = tuple[int, int, int]
+_Link = tuple[Constraint, _Node, _Node | None, float]
+
+
+def _links(one: Constraint, examples: Examples, frames: int, step: float) -> Iterator[_Link]:
+    """What a constraint says of single coordinates: (it, a, b, value) for a - b = value, or a = value."""
+    _check(one, frames)
+    p, f = examples.point(one.point), one.frame
+    for axis in ("xyz".index(letter) for letter in one.axes):
+        if isinstance(one, Position):
+            yield one, (p, f, axis), None, float(one.place[axis])
+        elif isinstance(one, Velocity):
+            yield one, (p, f, axis), (p, f - 1, axis), float(one.velocity[axis]) * step
+        else:
+            other = examples.point(one.other)
+            if other == p:
+                raise InputError(f"{one} couples a point with itself", where=_WHERE)
+            yield one, (p, f, axis), (other, f, axis), float(one.apart[axis])
+
+
+def _check(one: Constraint, frames: int) -> None:
+    first = 1 if isinstance(one, Velocity) else 0
+    if not first <= one.frame < frames:
+        mend = f"Frames are {first}..{frames - 1}."
+        raise InputError(f"{one} is at no frame of the motion", where=_WHERE, mend=mend)
+    if not one.axes or set(one.axes) - set("xyz"):
+        raise InputError(f"{one} has axes {one.axes!r}", where=_WHERE, mend='Say "x", "y", "z" or several.')
+    numbers = (
+        one.place if isinstance(one, Position) else one.velocity if isinstance(one, Velocity) else one.apart
+    )
+    if len(numbers) != 3 or not np.isfinite(numbers).all():
+        raise InputError(f"{one} is {numbers}", where=_WHERE, mend="Give three finite numbers.")
+
+
+class _Forest:
+    """Coordinates and known differences between them; the ground (None) is 0."""
+
+    def __init__(self) -> None:
+        self._above: dict[_Node | None, tuple[_Node | None, float]] = {None: (None, 0.0)}
+        self._beside: dict[_Node | None, list[tuple[_Node | None, Constraint]]] = {}
+
+    def nodes(self) -> list[_Node]:
+        """All coordinates that a constraint names."""
+        return [node for node in self._above if node is not None]
+
+    def join(self, a: _Node | None, b: _Node | None, value: float, why: Constraint, close: float) -> bool:
+        """Adds a - b = value; False where it is known already."""
+        (root_a, of_a), (root_b, of_b) = self._root(a), self._root(b)
+        if root_a == root_b:
+            if abs(of_a - of_b - value) > close:
+                others = ", ".join(str(one) for one in self._way(a, b)[:4])
+                mend = "Remove or change one of them."
+                raise InputError(f"{why} contradicts {others}", where=_WHERE, mend=mend)
+            return False
+        # The ground stays a root. of_x is x - root.
+        if root_a is None:
+            self._above[root_b] = (root_a, of_a - of_b - value)
+        else:
+            self._above[root_a] = (root_b, value + of_b - of_a)
+        self._beside.setdefault(a, []).append((b, why))
+        self._beside.setdefault(b, []).append((a, why))
+        return True
+
+    def value(self, node: _Node) -> float | None:
+        """What a coordinate is, where that is known."""
+        root, value = self._root(node)
+        return value if root is None else None
+
+    def _root(self, node: _Node | None) -> tuple[_Node | None, float]:
+        """The root of a coordinate, and the coordinate less its root; the way is shortened."""
+        self._above.setdefault(node, (node, 0.0))
+        way, at = [], node
+        while self._above[at][0] != at:
+            way.append(at)
+            at = self._above[at][0]
+        total = 0.0
+        for one in reversed(way):
+            total += self._above[one][1]
+            self._above[one] = (at, total)
+        return at, total
+
+    def _way(self, a: _Node | None, b: _Node | None) -> list[Constraint]:
+        """The constraints that tie a to b."""
+        came: dict[_Node | None, tuple[_Node | None, Constraint] | None] = {a: None}
+        waiting = [a]
+        while waiting:
+            node = waiting.pop(0)
+            for other, why in self._beside.get(node, []):
+                if other not in came:
+                    came[other] = (node, why)
+                    waiting.append(other)
+        found, at = [], came.get(b)
+        while at is not None:
+            found.append(at[1])
+            at = came[at[0]]
+        return list(dict.fromkeys(found))

@@ -1,0 +1,273 @@
+"""Where the mesh is in the world: anchored while it touches the floor, ballistic in flight (section 5).
+
+    switches = find_switches(performance.world[:, feet], step, size)        # edit them on the timeline
+    placed = locate(places (F, P, 3), yaw (F,), step, switches, feet)       # placed.world, .root, .anchors
+
+In contact the lowest foot is on the floor and the anchor does not move over it; the anchor is the lowest
+foot, and remains it until another is clearly lower. In flight the mesh keeps the velocity it left with, and
+rises so fast that it lands when the performer does; or, freely, as it was thrown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int
+from enliven.document.constraints import Coupling
+from enliven.document.pin import ContactSettings
+from enliven.errors import InputError
+from enliven.examples.performer import turned_about_y
+from enliven.examples.spacetime.anchoring import stand
+from enliven.motion.contact.contacts import runs_of, touching
+from enliven.settings import setting
+
+Kind = Literal["contact", "flight"]
+
+
+@dataclass(frozen=True)
+class LocomotionSettings:
+    """How a mesh gets over the floor."""
+
+    contact: ContactSettings = setting(ContactSettings)
+    runner: float = setting(
+        0.4, "A foot that stands may also be as fast as this share of the feet's mean.", low=0.0, high=1.0
+    )
+    gravity: float = setting(9.81, "How fast what falls gets faster.", unit="m/s^2", low=0.0, high=1000.0)
+    landing: Literal["timed", "free"] = setting(
+        "timed", '"timed": it lands when the performer does; "free": when gravity brings it down.'
+    )
+    grip: float = setting(
+        0.02,
+        "How much lower than the anchor another foot must be to take over.",
+        unit="mesh sizes",
+        low=0.0,
+        high=1.0,
+    )
+    plant: float = setting(
+        0.0,
+        "How much of their sliding is taken from feet beside the anchor; they meet key poses less then.",
+        low=0.0,
+        high=1.0,
+    )
+    throw: float = setting(
+        0.1,
+        "How long before it leaves the floor the mesh's velocity is measured.",
+        unit="s",
+        low=0.0,
+        high=2.0,
+    )
+
+
+@dataclass(frozen=True)
+class Switch:
+    """From this frame on the performer touches the floor, or does not."""
+
+    frame: int
+    kind: Kind
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A mesh in the world.
+
+    Attributes:
+        world: (F, P, 3) metres, the control points; the floor is y = 0.
+        root: (F, 3) metres: world = turned by yaw, plus root.
+        anchors: (F,) which control point stands; -1 in flight.
+        switches: of contact and flight as they came about.
+    """
+
+    world: Float
+    root: Float
+    anchors: Int
+    switches: tuple[Switch, ...]
+
+    def couplings(self, points: Sequence[str]) -> tuple[Coupling, ...]:
+        """Equal heights of two feet where the anchor goes from one to the other: solve again with them."""
+        frames = np.flatnonzero((self.anchors[1:] != self.anchors[:-1]) & (self.anchors[1:] >= 0)) + 1
+        pairs = [(int(self.anchors[f - 1]), int(self.anchors[f]), int(f)) for f in frames]
+        return tuple(Coupling(points[b], points[a], f) for a, b, f in pairs if a >= 0)
+
+
+def find_switches(
+    feet: Float, step: float, size: float, settings: LocomotionSettings | None = None
+) -> tuple[Switch, ...]:
+    """When a performer with feet (F, K, 3) metres in the world touches the floor; the first is at frame 0.
+
+    A foot touches while it is low, and slow or as low as ever; flight is when none does.
+
+    Args:
+        step: seconds between frames.
+        size: metres, the length of the legs.
+    """
+    settings = settings or LocomotionSettings()
+    if len(feet) < 3:
+        return (Switch(0, "contact"),)
+    touches = np.asarray(standing_feet(feet, step, size, settings).any(1))
+    return switches_of(_without_short(touches, settings.contact.shortest / step))
+
+
+def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSettings | None = None) -> Bool:
+    """(F, K) which of the performer's feet touch the floor, as :func:`find_switches` sees it."""
+    settings = settings or LocomotionSettings()
+    how = settings.contact
+    feet = np.asarray(feet, np.float64)
+    if len(feet) < 3:
+        return np.ones(feet.shape[:2], np.bool_)
+    floor = np.percentile(feet[:, :, 1].min(1), 5)
+    velocity = np.gradient(feet, step, axis=0)
+    # A runner's foot rolls fast while it stands: it is slow against the others, whose mean goes as they run.
+    runs = np.linalg.norm(velocity.mean(1)[:, [0, 2]], axis=1)
+    slow = np.maximum(how.speed * size, settings.runner * runs)
+    stands = np.empty(feet.shape[:2], np.bool_)
+    pairs = zip(np.moveaxis(feet, 1, 0), np.moveaxis(velocity, 1, 0), strict=True)
+    for k, (foot, moves) in enumerate(pairs):
+        own = max(floor, np.percentile(foot[:, 1], 5))
+        speed = np.linalg.norm(moves, axis=1) / slow
+        down = np.empty(len(feet), np.bool_)
+        touching(foot[:, 1] - own, speed, how.height * size, 1.0, how.release, down)
+        stands[:, k] = down
+    return stands
+
+
+def switches_of(touches: Bool) -> tuple[Switch, ...]:
+    """The switches of a performer who touches the floor at frames (F,)."""
+    frames = [0, *(np.flatnonzero(np.diff(touches.astype(np.int8))) + 1)]
+    return tuple(Switch(int(f), "contact" if touches[f] else "flight") for f in frames)
+
+
+def locate(
+    places: Float,
+    yaw: Float,
+    step: float,
+    switches: Sequence[Switch],
+    feet: Sequence[int],
+    settings: LocomotionSettings | None = None,
+    stands: Bool | None = None,
+) -> Placed:
+    """Puts control points into the world.
+
+    Args:
+        places: (F, P, 3) metres in the mesh's frame.
+        yaw: (F,) radians, the performer's.
+        step: seconds between frames.
+        switches: ascending, the first at frame 0.
+        feet: numbers of the control points that it can stand on.
+        stands: (F, K) which of them the performer stands on (:func:`standing_feet`): these are the anchors,
+            each until it is lifted. Without it the lowest foot is, whatever the performer does.
+
+    Raises:
+        InputError: for switches out of order or of no frame, or without feet.
+    """
+    settings = settings or LocomotionSettings()
+    turned = turned_about_y(np.asarray(places, np.float64), np.asarray(yaw)[:, None])
+    touches = _touches(switches, len(turned))
+    if len(feet) == 0:
+        raise InputError("it has no feet", where="locomotion", mend="Name control points it stands on.")
+    way = _Way(turned, np.asarray(feet, np.int64), step, settings, stands)
+    for first, last in runs_of(touches) if touches.any() else []:
+        way.fly(first)
+        way.stand(first, last)
+    way.fly(len(turned))
+    return Placed(turned + way.root[:, None], way.root, way.anchors, switches_of(way.anchors >= 0))
+
+
+class _Way:
+    """The root of the mesh, written frame by frame from the first on."""
+
+    def __init__(
+        self, turned: Float, feet: Int, step: float, settings: LocomotionSettings, stands: Bool | None
+    ) -> None:
+        self._turned, self._feet = np.ascontiguousarray(turned), feet
+        self._step, self._settings = step, settings
+        self._stands = np.zeros((len(turned), len(feet)), np.bool_) if stands is None else stands
+        self._lowest = -turned[:, feet, 1].min(1)
+        self._grip = settings.grip * (float(np.linalg.norm(np.ptp(turned[0], axis=0))) or 1.0)
+        self.root = np.zeros((len(turned), 3))
+        self.root[0, 1] = self._lowest[0]
+        self.anchors = np.full(len(turned), -1, np.int64)
+        self._done = 0
+
+    def stand(self, first: int, last: int) -> None:
+        """Contact from frame ``first`` to ``last``."""
+        first = max(first, self._done)
+        stand(self._turned, self._feet, self._stands, self._grip, first, last, self.root, self.anchors)
+        self._done = max(self._done, last + 1)
+
+    def fly(self, until: int) -> None:
+        """Flight from the last frame that is done to the frame ``until``."""
+        start = self._done
+        if start >= until:
+            return
+        before = max(start - 1, 0)
+        velocity = self._velocity(before)
+        times = (np.arange(start, until) - before) * self._step
+        fall = 0.5 * self._settings.gravity * times**2
+        if self._settings.landing == "timed" and until < len(self.root):
+            whole = (until - before) * self._step
+            drop = 0.5 * self._settings.gravity * whole**2
+            velocity[1] = (self._lowest[until] - self.root[before, 1] + drop) / whole
+        self.root[start:until] = self.root[before] + velocity * times[:, None]
+        self.root[start:until, 1] -= fall
+        self._land(start, until)
+        self._done = until
+
+    def _land(self, start: int, until: int) -> None:
+        """Who comes to the floor before the performer does stands there from then on."""
+        under = np.flatnonzero(self.root[start:until, 1] < self._lowest[start:until])
+        if len(under) == 0:
+            return
+        if self._settings.landing == "timed":
+            self.root[start:until, 1] = np.maximum(self.root[start:until, 1], self._lowest[start:until])
+        else:
+            self._done = start + int(under[0])
+            self.stand(self._done, until - 1)
+
+    def _velocity(self, frame: int) -> Float:
+        """(3,) metres a second of the root in contact, up to ``frame``."""
+        earlier = frame
+        longest = max(int(round(self._settings.throw / self._step)), 1)
+        while earlier > 0 and frame - earlier < longest and self.anchors[earlier - 1] >= 0:
+            earlier -= 1
+        if earlier == frame:
+            return np.zeros(3)
+        return np.asarray((self.root[frame] - self.root[earlier]) / ((frame - earlier) * self._step))
+
+
+def check_switches(switches: Sequence[Switch], frames: int) -> None:
+    """That switches begin at frame 0, ascend, and are within ``frames``.
+
+    Raises:
+        InputError: where they do not.
+    """
+    at = [switch.frame for switch in switches]
+    if not at or at[0] != 0 or any(b <= a for a, b in pairwise(at)) or at[-1] >= frames:
+        mend = f"Begin at 0, ascend, and stay below {frames}."
+        raise InputError(f"switches at frames {at}", where="locomotion", mend=mend)
+
+
+def _touches(switches: Sequence[Switch], frames: int) -> Bool:
+    """(F,) whether the floor is touched."""
+    check_switches(switches, frames)
+    at = [switch.frame for switch in switches]
+    out = np.empty(frames, np.bool_)
+    for switch, end in zip(switches, [*at[1:], frames], strict=True):
+        out[switch.frame : end] = switch.kind == "contact"
+    return out
+
+
+def _without_short(touches: Bool, shortest: float) -> Bool:
+    """Contact and flight without those shorter than ``shortest`` frames: first flights, then contacts."""
+    out = touches.copy()
+    for kind in (False, True):
+        for a, b in runs_of(out == kind):
+            # A contact at the beginning or the end may be the rest of a longer one.
+            cut = kind and (a == 0 or b == len(out) - 1)
+            if not cut and b - a + 1 < shortest:
+                out[a : b + 1] = not kind
+    return out

@@ -1,0 +1,114 @@
+"""What a pose says about a control point: the nearest examples and how well their weights explain it.
+
+Of frame i and pair p, with the joint at j and the examples j_e nearest to it, the energy of weights w is
+
+    |sum_e w_e (j_e - j)|^2  +  affine^2 (sum_e w_e - 1)^2  +  sum_e t_e w_e^2            (eq. 14, 16)
+
+in sizes of the performer. The first two are the paper's, written so that moving the performer moves nothing.
+t_e grows with the distance of example e from the pose and is zero at the example itself: so there its weight
+is one and all others are zero (law 3), and of many weights that explain a pose the near ones are taken. As an
+example leaves the nearest, its t_e grows without bound: nothing jumps when another takes its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document.example_settings import ExampleSettings
+from enliven.examples.poses import Examples
+from enliven.examples.spacetime.bounded import Nodes
+from enliven.kernels import njit
+
+_LEAVING = 1e-6
+"""Least share of the room that an example still has before it is one of the nearest no more."""
+
+
+class Nearest:
+    """The poses (F, P, 3) of a motion, ready to be compared with the examples."""
+
+    def __init__(self, examples: Examples, settings: ExampleSettings, poses: Float) -> None:
+        size, middle = examples.source_size, examples.targets.mean(0)
+        self._settings = settings
+        self._seen = np.ascontiguousarray(np.swapaxes(poses, 0, 1)) / size
+        self._known = np.ascontiguousarray(np.swapaxes(examples.sources, 0, 1)) / size
+        self._goals = (
+            np.ascontiguousarray(np.swapaxes(examples.targets - middle, 0, 1)) / examples.target_size
+        )
+        self._whole = np.zeros((len(poses), len(examples)))
+        whole_distances(self._seen, self._known, self._whole)
+
+    def nodes(self, points: Sequence[int], spare: Nodes | None = None) -> Nodes:
+        """The energies of some control points at all frames, of E = min(n, nearest) weights each.
+
+        They are w' matrix w / 2 - right' w and a constant, ``reach`` being where the control points are in
+        the examples from their middle, in sizes of the mesh. They are written into ``spare``,
+        of as many points, where there is one.
+        """
+        frames, count = self._whole.shape
+        most = min(self._settings.nearest, count)
+        out = spare or Nodes.empty(len(points), frames, most)
+        how = (self._settings.affine**2, self._settings.far, self._settings.pose)
+        for i, p in enumerate(points):
+            given = self._seen[p], self._known[p], self._goals[p], self._whole
+            energies(*given, *how, out.matrix[i], out.right[i], out.reach[i])
+        out.begin(self._settings.slack)
+        return out
+
+
+@njit(cache=True, nogil=True)
+def whole_distances(seen, known, out):  # type: ignore[no-untyped-def]
+    """Kernel: ``out`` (F, n) adds up the mean square distance of joints (P, F, 3) from examples (P, n, 3)."""
+    pairs, frames, count = seen.shape[0], seen.shape[1], known.shape[1]
+    for p in range(pairs):
+        for f in range(frames):
+            x, y, z = seen[p, f, 0], seen[p, f, 1], seen[p, f, 2]
+            for e in range(count):
+                dx, dy, dz = known[p, e, 0] - x, known[p, e, 1] - y, known[p, e, 2] - z
+                out[f, e] += (dx * dx + dy * dy + dz * dz) / pairs
+
+
+@njit(cache=True, nogil=True)
+def energies(seen, known, goals, whole, affine, far, pose, matrix, right, reach):  # type: ignore[no-untyped-def]
+    """Kernel: ``matrix``, ``right`` and ``reach`` (F, E, ...) of one point: see :meth:`Nearest.nodes`.
+
+    ``seen`` (F, 3) is its joint, ``known`` (n, 3) that of the examples, ``goals`` (n, 3) the control point's
+    places and ``whole`` (F, n) how far the poses are from the examples.
+    """
+    frames, most = right.shape
+    count = len(known)
+    distance, order, away = np.empty(count), np.empty(count, np.int64), np.empty((most, 3))
+    for f in range(frames):
+        for e in range(count):
+            dx, dy, dz = known[e, 0] - seen[f, 0], known[e, 1] - seen[f, 1], known[e, 2] - seen[f, 2]
+            distance[e] = dx * dx + dy * dy + dz * dz + pose * whole[f, e]
+        _first(distance, order, min(most + 1, count))
+        edge = distance[order[most]] if most < count else np.inf
+        for a in range(most):
+            e = order[a]
+            for i in range(3):
+                away[a, i] = known[e, i] - seen[f, i]
+                reach[f, a, i] = goals[e, i]
+            for b in range(a + 1):
+                product = away[a, 0] * away[b, 0] + away[a, 1] * away[b, 1] + away[a, 2] * away[b, 2]
+                matrix[f, a, b] = product + affine
+                matrix[f, b, a] = product + affine
+            matrix[f, a, a] += far * distance[e] / max(1.0 - distance[e] / edge, _LEAVING)
+            right[f, a] = affine
+
+
+@njit(cache=True, nogil=True)
+def _first(distance, order, wanted):  # type: ignore[no-untyped-def]
+    """The ``wanted`` smallest of ``distance`` come first in ``order``, ascending."""
+    held = 0
+    for e in range(len(distance)):
+        if held == wanted and distance[e] >= distance[order[held - 1]]:
+            continue
+        at = held if held < wanted else held - 1
+        while at > 0 and distance[order[at - 1]] > distance[e]:
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = e
+        held = min(held + 1, wanted)

@@ -1,0 +1,163 @@
+"""One control point's trajectory in compiled code: Newton on the dual, over all frames and over windows.
+
+Where weights reach or leave their bounds, the pieces change, mostly at a few frames. After each step over all
+frames, the windows around them are solved by themselves, the rest held; then again all. A step over all that
+would not help is damped. It ends where a whole step changes nothing: then the solution is exact. With costs
+far outside of what the settings allow it may end, after many rounds, with the best that it has.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.examples.spacetime.banded import factor, substitute
+from enliven.examples.spacetime.bounded import answers, workspace
+from enliven.kernels import copy_rows, njit
+
+_AROUND = 16
+"""Rows of a window before and after where a piece changed."""
+_MOST_ROUNDS = 60
+_MOST_STEPS = np.int64(40)
+"""As a plain int it would be a type of its own, and so would a 0 or a 1 that is handed on as it is."""
+_HALVINGS = 20
+
+
+@njit(cache=True, nogil=True)
+def solve_point(node, known, weight, low, high, places):  # type: ignore[no-untyped-def]
+    """Kernel: ``places`` (F, 3) of one point; returns how many block rows were factored.
+
+    ``node`` and ``known`` are the point's arrays (``answers``). What the
+    functions below are handed along: y (F - 2, 3), the accelerations times lambda; ``goal``, where a step
+    goes to; ``how``, (lambda, low, high); ``work``, the nodes' workspace; ``marks`` (F,), frames whose piece
+    changed; ``band``, room for the factor (inverse, one, two), a right-hand side (F - 2, 3, 1) and the pull
+    (F, 3).
+    """
+    frames = len(places)
+    rows = max(frames - 2, 0)
+    y, goal, kept = np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((rows, 3))
+    one, two, inverse = np.empty((rows, 3, 3)), np.empty((rows, 3, 3)), np.empty((rows, 3, 3))
+    band = (inverse, one, two, np.empty((rows, 3, 1)), np.empty((frames, 3)))
+    marks = np.zeros(frames, np.bool_)
+    work = workspace(node[1].shape[1])
+    how, start, once = (weight, low, high), np.int64(0), np.int64(1)
+    _, value = _value(node, known, y, start, rows, how, work, places, marks, band)
+    factored = 0
+    for _ in range(_MOST_ROUNDS):
+        copy_rows(kept, y)
+        _step(node, known, y, goal, start, rows, how, band)
+        copy_rows(y, goal)
+        changed, new = _value(node, known, y, start, rows, how, work, places, marks, band)
+        factored += rows
+        if changed == 0:
+            break
+        factored += _windows(node, known, y, goal, how, work, places, marks, band)
+        _, new = _value(node, known, y, start, rows, how, work, places, marks, band)
+        if new > value + _close(value):
+            copy_rows(y, kept)
+            _, value = _value(node, known, y, start, rows, how, work, places, marks, band)
+            new, steps = _range(node, known, y, goal, start, rows, how, work, places, marks, band, once)
+            factored += steps * rows
+        value = new
+    return factored
+
+
+@njit(cache=True, nogil=True)
+def _close(value):  # type: ignore[no-untyped-def]
+    return 1e-13 * (abs(value) + 1.0)
+
+
+@njit(cache=True, nogil=True)
+def _windows(node, known, y, goal, how, work, places, marks, band):  # type: ignore[no-untyped-def]
+    """Solves the rows around each marked frame by themselves; returns how many rows were factored."""
+    rows, factored = len(y), 0
+    wanted = marks.copy()
+    done = 0
+    for f in range(len(wanted)):
+        if not wanted[f] or f < done:
+            continue
+        start, end = max(f - 2 - _AROUND, 0), min(f + 1 + _AROUND, rows)
+        # Windows that meet are one.
+        ahead = f + 1
+        while ahead < len(wanted) and ahead - 2 - _AROUND <= end:
+            if wanted[ahead]:
+                end = min(ahead + 1 + _AROUND, rows)
+            ahead += 1
+        # All rows together are the next whole step.
+        if end - start < rows:
+            _, steps = _range(node, known, y, goal, start, end, how, work, places, marks, band, _MOST_STEPS)
+            factored += steps * (end - start)
+        done = max(end, f + 1)
+    return factored
+
+
+@njit(cache=True, nogil=True)
+def _range(node, known, y, goal, a, b, how, work, places, marks, band, most):  # type: ignore[no-untyped-def]
+    """Damped Newton on rows a..b, the others held. Returns the dual of its frames, and the steps made."""
+    _, value = _value(node, known, y, a, b, how, work, places, marks, band)
+    before = np.empty((b - a, 3))
+    for step in range(most):
+        _step(node, known, y, goal, a, b, how, band)
+        copy_rows(before, y[a:b])
+        copy_rows(y[a:b], goal[a:b])
+        changed, new = _value(node, known, y, a, b, how, work, places, marks, band)
+        if changed == 0:
+            return new, step + 1
+        share = 1.0
+        for _ in range(_HALVINGS):
+            if new <= value + _close(value):
+                break
+            share *= 0.5
+            for r in range(a, b):
+                for i in range(3):
+                    y[r, i] = before[r - a, i] + share * (goal[r, i] - before[r - a, i])
+            _, new = _value(node, known, y, a, b, how, work, places, marks, band)
+        value = new
+    return value, most
+
+
+@njit(cache=True, nogil=True)
+def _value(node, known, y, a, b, how, work, places, marks, band):  # type: ignore[no-untyped-def]
+    """The nodes' answers at the frames that rows a..b touch: how many changed, and the dual (to fall)."""
+    weight, low, high = how
+    rows, value, last = len(y), 0.0, min(b + 2, len(places))
+    pull = band[4]
+    for r in range(a, b):
+        value += 0.5 * (y[r, 0] * y[r, 0] + y[r, 1] * y[r, 1] + y[r, 2] * y[r, 2])
+    for f in range(a, last):
+        # q = lambda A' y: row r is about frames r, r + 1 and r + 2.
+        qx, qy, qz = 0.0, 0.0, 0.0
+        for k in range(3):
+            r = f - k
+            if 0 <= r < rows:
+                entry = weight if k != 1 else -2.0 * weight
+                qx, qy, qz = qx + entry * y[r, 0], qy + entry * y[r, 1], qz + entry * y[r, 2]
+        pull[f, 0], pull[f, 1], pull[f, 2] = qx, qy, qz
+    changed, energy = answers(node, known, pull, a, last, low, high, work, places, marks)
+    return changed, value - energy
+
+
+@njit(cache=True, nogil=True)
+def _step(node, known, y, goal, a, b, how, band):  # type: ignore[no-untyped-def]
+    """``goal`` of rows a..b: where the pieces that hold now would have them, the other rows held."""
+    weight = how[0]
+    base, give = known[2], known[3]
+    inverse, one, two, right = band[0][a:b], band[1][a:b], band[2][a:b], band[3][a:b]
+    rows = len(y)
+    factor(give[a : b + 2], weight, inverse, one, two)
+    for r in range(a, b):
+        for i in range(3):
+            right[r - a, i, 0] = weight * (base[r, i] - 2.0 * base[r + 1, i] + base[r + 2, i])
+    # Rows outside pull at the first two and the last two frames inside.
+    for r in range(max(a - 2, 0), min(b + 2, rows)):
+        if a <= r < b:
+            continue
+        for s in range(max(r - 2, a), min(r + 3, b)):
+            for f in range(max(r, s), min(r, s) + 3):
+                entry = weight * weight * (-2.0 if f == r + 1 else 1.0) * (-2.0 if f == s + 1 else 1.0)
+                for i in range(3):
+                    for j in range(3):
+                        right[s - a, i, 0] -= entry * give[f, i, j] * y[r, j]
+    substitute(inverse, one, two, right)
+    for r in range(a, b):
+        for i in range(3):
+            goal[r, i] = right[r - a, i, 0]

@@ -1,0 +1,197 @@
+"""The spacetime problem of all frames and control points (section 5, eq. 24), with bounded weights, exactly.
+
+Of weights w, what leaves the examples r, and c = C w + r + middle, it is
+
+    minimise  sum of the nodes' energies + lambda^2 |A c|^2 / 2     with H c = h and low <= w <= high.
+
+Positions are eliminated node by node; velocities and couplings (H) have multipliers, by a bordered solve of
+the band. Bounds make the answer of a node to a pull piecewise linear: Newton's method on the dual, which is
+convex and once differentiable, solves the band for the pieces that hold now until no piece changes. Every
+step is a banded solve; a step is shortened where the dual would not fall.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.examples.spacetime.banded import Band, accelerations, pulled
+from enliven.examples.spacetime.bounded import Nodes
+from enliven.examples.spacetime.constraints import Conditions
+from enliven.examples.spacetime.newton import solve_point
+from enliven.kernels import njit
+
+_MOST_STEPS = 60
+_SHORTEST = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Places of control points.
+
+    Attributes:
+        places: (P, F, 3) in the nodes' unit.
+        work: how many block rows were factored: what the time is proportional to.
+    """
+
+    places: Float
+    work: int
+
+
+def solve(
+    nodes_of: Callable[[list[int], Nodes | None], Nodes],
+    conditions: Conditions,
+    weight: float,
+    bounds: tuple[float, float],
+    workers: Executor | None = None,
+    only: Sequence[int] | None = None,
+) -> Solution:
+    """Solves for all points: each by itself, those that are coupled together.
+
+    Args:
+        nodes_of: the nodes of some points, in the room of others that are done with.
+        conditions: for P points and F frames.
+        weight: lambda, per frame.
+        bounds: of the weights.
+        workers: share the points among them; without, one after the other.
+        only: which points are asked for; the others are 0. None for all.
+    """
+    places = np.zeros(conditions.held.shape)
+    # Fresh memory costs as much as the mathematics.
+    spare: list[Nodes] = []
+
+    def one(group: list[int]) -> int:
+        nodes = nodes_of(group, spare.pop() if spare and len(group) == 1 else None)
+        held, values = conditions.held[group], conditions.values[group]
+        _hold(held, values, nodes.matrix, nodes.right, nodes.reach, nodes.offset, nodes.slack)
+        mine = np.isin(conditions.first[:, 0], group) if len(conditions.first) else np.zeros(0, np.bool_)
+        if not mine.any():
+            factored = solve_point(*nodes.arrays_of(0), weight, *bounds, places[group[0]])
+            spare.append(nodes)
+            return int(factored)
+        local = np.zeros(len(places), np.int64)
+        local[group] = np.arange(len(group))
+        first, second = conditions.first[mine].copy(), conditions.second[mine].copy()
+        first[:, 0], second[:, 0] = local[first[:, 0]], local[second[:, 0]]
+        system = _System(nodes, (first, second), conditions.difference[mine], weight, bounds)
+        places[group] = system.solve()
+        return system.work
+
+    groups = _groups(len(places), conditions)
+    if only is not None:
+        groups = [group for group in groups if set(group) & set(only)]
+    work = sum(workers.map(one, groups) if workers else map(one, groups))
+    return Solution(places, work)
+
+
+@njit(cache=True, nogil=True)
+def _hold(held, values, matrix, right, reach, offset, slack):  # type: ignore[no-untyped-def]
+    """Kernel: eliminates the coordinates that are ``held`` (P, F, 3) at ``values``: changes the nodes.
+
+    What a held coordinate asks beyond C w is r, at its cost: it becomes part of the weights' energy.
+    """
+    count = reach.shape[2]
+    for p in range(held.shape[0]):
+        for f in range(held.shape[1]):
+            for axis in range(3):
+                if not held[p, f, axis]:
+                    continue
+                value, cost = values[p, f, axis], slack[p, f, axis]
+                for a in range(count):
+                    column = reach[p, f, a, axis] / cost
+                    right[p, f, a] += column * value
+                    for b in range(count):
+                        matrix[p, f, a, b] += column * reach[p, f, b, axis]
+                for a in range(count):
+                    reach[p, f, a, axis] = 0.0
+                offset[p, f, axis], slack[p, f, axis] = value, 0.0
+
+
+def _groups(points: int, conditions: Conditions) -> list[list[int]]:
+    """Points that couplings tie together."""
+    group = list(range(points))
+    for a, b in zip(conditions.first[:, 0], conditions.second[:, 0], strict=True):
+        old, new = group[a], group[b]
+        group = [new if one == old else one for one in group]
+    return [[p for p in range(points) if group[p] == label] for label in dict.fromkeys(group)]
+
+
+class _System:
+    """The points of one group: y (P, F - 2, 3) accelerations times lambda, and multipliers (R,)."""
+
+    def __init__(
+        self,
+        nodes: Nodes,
+        links: tuple[Int, Int],
+        difference: Float,
+        weight: float,
+        bounds: tuple[float, float],
+    ) -> None:
+        self._nodes, self._weight, self._bounds = nodes, weight, bounds
+        self._first, self._second = (tuple(ends.T) for ends in links)
+        self._difference = difference
+        self._points, self._frames = nodes.right.shape[:2]
+        self.work = 0
+
+    def solve(self) -> Float:
+        """(P, F, 3) places."""
+        y = np.zeros((self._points, max(self._frames - 2, 0), 3))
+        nu = np.zeros(len(self._difference))
+        places = np.empty((self._points, self._frames, 3))
+        _, value = self._answer(y, nu, places)
+        for _ in range(_MOST_STEPS):
+            to_y, to_nu = self._newton()
+            changed, new = self._answer(to_y, to_nu, places)
+            if changed == 0:
+                break
+            # Along the step the dual falls with this slope at first.
+            share = 1.0
+            while new > value + 1e-12 * (abs(value) + 1.0) and share > _SHORTEST:
+                share *= 0.5
+                mid = y + share * (to_y - y), nu + share * (to_nu - nu)
+                _, new = self._answer(*mid, places)
+            y, nu, value = y + share * (to_y - y), nu + share * (to_nu - nu), new
+        return places
+
+    def _answer(self, y: Float, nu: Float, places: Float) -> tuple[int, float]:
+        """The nodes' answer to y and nu, into ``places``: how many changed, and the dual."""
+        changed, energy = self._nodes.respond(self._pull(y, nu), *self._bounds, places)
+        return changed, 0.5 * float((y * y).sum()) + float(nu @ self._difference) - energy
+
+    def _pull(self, y: Float, nu: Float) -> Float:
+        """(P, F, 3) q = lambda A' y + H' nu."""
+        pull = self._weight * pulled(y, self._frames)
+        np.add.at(pull, self._first, nu)
+        np.subtract.at(pull, self._second, nu)
+        return pull
+
+    def _newton(self) -> tuple[Float, Float]:
+        """The y and nu that are right for the pieces that hold now."""
+        bands = [Band(give, self._weight) for give in self._nodes.give]
+        self.work += sum(band.work for band in bands)
+        base, rows = self._nodes.base, len(self._difference)
+        right = self._weight * accelerations(base)
+        y = np.stack([band.solve(r[..., None])[..., 0] for band, r in zip(bands, right, strict=True)])
+        if rows == 0:
+            return y, np.zeros(0)
+        given = self._given(rows)
+        border = self._weight * accelerations(np.moveaxis(given, 3, 1))
+        border = np.moveaxis(border, 1, 3)
+        through = np.stack([band.solve(b) for band, b in zip(bands, border, strict=True)])
+        small = given[self._first] - given[self._second] - np.einsum("pfir,pfis->rs", border, through)
+        gap = base[self._first] - base[self._second] - self._difference
+        nu = np.linalg.solve(small, gap - np.einsum("pfir,pfi->r", border, y))
+        return y - through @ nu, nu
+
+    def _given(self, rows: int) -> Float:
+        """(P, F, 3, R) give H': how places follow the multipliers."""
+        out = np.zeros((self._points, self._frames, 3, rows))
+        for r in range(rows):
+            for ends, sign in ((self._first, 1.0), (self._second, -1.0)):
+                p, f, axis = (int(end[r]) for end in ends)
+                out[p, f, :, r] += sign * self._nodes.give[p, f, :, axis]
+        return out

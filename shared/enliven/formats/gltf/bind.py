@@ -1,0 +1,141 @@
+"""The bind pose of a glTF file: where its nodes were when the skin was put on, in the world.
+
+A vertex v of a skin is drawn at sum_k w_k G_k(t) IBM_k v, with G world_from_joint and IBM the inverse bind
+matrix: mesh_from_joint inverted, when it was bound. What the file does not say is where the mesh stood in
+the world then. A model that is not playing stands at its node, or it would have been bound elsewhere; where
+its joints disagree with that, they decide.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.formats.gltf.file import GltfFile
+from enliven.formats.gltf.motion import rest_locals, world_matrices
+from enliven.formats.gltf.parts import Part, shown_nodes
+
+_GROWN = 1e-3
+"""How much a joint must differ in size from when it was bound."""
+_NEAR = 0.1
+"""Share of the model's size within which the node of the mesh is believed."""
+
+
+class Bind:
+    """The bind pose.
+
+    Attributes:
+        world: (n, 4, 4) world_from_node of every node, in the bind pose.
+        rest: (n, 4, 4) the same where the file leaves its nodes.
+        inverse: for each skin that is used, the inverse bind matrix of each of its joints.
+    """
+
+    def __init__(self, file: GltfFile, parts: list[Part]) -> None:
+        self._file = file
+        self.rest = world_matrices(file, rest_locals(file))[0]
+        self.world = self.rest.copy()
+        self.inverse: dict[int, dict[int, Float]] = {}
+        known: set[int] = set()
+        used = {part.skin: part.carrier for part in parts if part.skin >= 0}
+        for skin in sorted(used, key=lambda s: -len(file.document.skins[s].joints)):
+            self.inverse[skin] = self._inverse_of(skin)
+            placed = self._placed(skin, used[skin], known)
+            for node, inverse in self.inverse[skin].items():
+                if node not in known:
+                    self.world[node] = placed @ np.linalg.inv(inverse)
+                    known.add(node)
+        self._follow(known)
+        self._resize(known)
+
+    def vertices(self, part: Part) -> Float:
+        """(V, 3) metres: a part in the bind pose, by its own skinning."""
+        if part.skin < 0:
+            matrix = self.world[part.carrier]
+            return np.asarray(part.vertices @ matrix[:3, :3].T + matrix[:3, 3])
+        inverse = self.inverse[part.skin]
+        placed = {n: self.world[n] @ inverse[n] for n in np.unique(part.nodes)}
+        out = np.zeros_like(part.vertices)
+        for k in range(4):
+            matrices = np.stack([placed[n] for n in part.nodes[:, k]])
+            moved = np.einsum("vab,vb->va", matrices[:, :3, :3], part.vertices) + matrices[:, :3, 3]
+            out += part.weights[:, k, None] * moved
+        return out
+
+    def _inverse_of(self, skin: int) -> dict[int, Float]:
+        """The inverse bind matrix of each joint of a skin; without any, the identity."""
+        found = self._file.document.skins[skin]
+        if found.inverseBindMatrices is None:
+            matrices = np.tile(np.eye(4), (len(found.joints), 1, 1))
+        else:
+            read = np.asarray(self._file.accessor(found.inverseBindMatrices), np.float64)
+            matrices = read.reshape(-1, 4, 4).transpose(0, 2, 1)
+        if len(matrices) < len(found.joints) or not np.isfinite(matrices).all():
+            raise self._file.wrong(f"skin {skin} has no good inverse bind matrix for each of its joints")
+        flat = [self._file.name(n) for n, m in zip(found.joints, matrices, strict=False) if not _solid(m)]
+        if flat:
+            raise self._file.wrong(f"the bind matrix of these joints is flat: {', '.join(flat[:5])}")
+        return {int(n): m for n, m in zip(found.joints, matrices, strict=False)}
+
+    def _placed(self, skin: int, carrier: int, known: set[int]) -> Float:
+        """(4, 4) world_from_mesh of a skin, when it was bound."""
+        inverse = self.inverse[skin]
+        shared = [node for node in inverse if node in known]
+        if shared:
+            return np.asarray(self.world[shared[0]] @ inverse[shared[0]])
+        top = min(inverse, key=lambda node: (self._depth(node), node))
+        by_joint, by_node = self.rest[top] @ inverse[top], self.rest[carrier]
+        bound = np.stack([np.linalg.inv(m)[:3, 3] for m in inverse.values()])
+        ours = bound @ by_joint[:3, :3].T + by_joint[:3, 3]
+        theirs = bound @ by_node[:3, :3].T + by_node[:3, 3]
+        size = max(float(np.ptp(ours, axis=0).max()), 1e-9)
+        # Turn and scale must agree too, or the whole bind pose would be another.
+        lever = size * np.abs(np.linalg.solve(by_joint[:3, :3], by_node[:3, :3]) - np.eye(3)).max()
+        near = np.abs(ours - theirs).max() < _NEAR * size and lever < _NEAR * size
+        return np.asarray(by_node if near else by_joint)
+
+    def _depth(self, node: int) -> int:
+        depth = 0
+        while self._file.parents[node] >= 0:
+            node, depth = self._file.parents[node], depth + 1
+        return depth
+
+    def _follow(self, known: set[int]) -> None:
+        """Nodes that no skin names go along with the joint that they hang on."""
+        for node in shown_nodes(self._file):
+            parent = self._file.parents[node]
+            if node in known or parent not in known:
+                continue
+            # A node above a joint has no say; one below keeps its place on it.
+            self.world[node] = self.world[parent] @ np.linalg.solve(self.rest[parent], self.rest[node])
+            known.add(node)
+
+    def _resize(self, known: set[int]) -> None:
+        """Joints that the file leaves at another size than they were bound in, and never animates it.
+
+        Such a size belongs to the rest pose, with all that hangs on it; bones cannot have it over time.
+        """
+        document = self._file.document
+        animated = {
+            channel.target.node
+            for animation in document.animations or []
+            for channel in animation.channels
+            if channel.target is not None and channel.target.path == "scale"
+        }
+        bound = self.world.copy()
+        sizes = {node: _size(self.rest[node]) / _size(bound[node]) for node in known}
+        for node in shown_nodes(self._file):
+            parent = self._file.parents[node]
+            if node not in known or parent not in known:
+                continue
+            self.world[node] = self.world[parent] @ np.linalg.solve(bound[parent], bound[node])
+            grown = sizes[node] / sizes[parent]
+            if node not in animated and abs(grown - 1.0) > _GROWN:
+                self.world[node][:3, :3] *= grown
+
+
+def _size(matrix: Float) -> float:
+    return float(np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
+
+
+def _solid(matrix: Float) -> bool:
+    return bool(abs(np.linalg.det(matrix[:3, :3])) > 1e-24)

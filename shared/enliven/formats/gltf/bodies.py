@@ -1,0 +1,77 @@
+"""The joints of a glTF file as bodies: where each is at rest and over time, and what it moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.formats.gltf.bind import Bind
+from enliven.formats.gltf.file import GltfFile
+from enliven.formats.gltf.parts import Part
+from enliven.formats.rig.rig_links import Body
+from enliven.rotation import from_matrix
+
+
+def bodies_of(
+    file: GltfFile, chosen: list[int], parts: list[Part], rest: list[Float], bind: Bind, world: Float
+) -> tuple[list[Body], Float]:
+    """What each joint is and does, and (J,) by how much its motion is more than a turn."""
+    number = {node: k for k, node in enumerate(chosen)}
+    bodies, skewed = list[Body](), np.zeros(len(chosen))
+    for k, node in enumerate(chosen):
+        away = world[:, node] @ np.linalg.inv(bind.world[node])
+        turns = from_matrix(away[:, :3, :3]) if len(away) else np.zeros((0, 4))
+        skewed[k] = _skew(away[:, :3, :3])
+        above = file.parents[node]
+        while above >= 0 and above not in number:
+            above = file.parents[above]
+        leaves = [
+            (file.name(child), bind.world[child][:3, 3])
+            for child in file.document.nodes[node].children or []
+            if child not in number and file.document.nodes[child].mesh is None
+        ]
+        body = Body(
+            file.name(node), number.get(above, -1), bind.world[node][:3, 3], turns, world[:, node, :3, 3]
+        )
+        body.leaves = leaves
+        bodies.append(body)
+    _weigh(bodies, number, parts, rest)
+    return bodies, skewed
+
+
+def _skew(linear: Float) -> float:
+    """The largest stretch of (F, 3, 3) linear maps: 0 for rotations."""
+    if not len(linear):
+        return 0.0
+    return float(np.abs(np.linalg.svd(linear, compute_uv=False) - 1.0).max())
+
+
+def _weigh(bodies: list[Body], number: dict[int, int], parts: list[Part], rest: list[Float]) -> None:
+    """Give every body how much it moves, and the far end of that."""
+    vertices = np.concatenate(rest)
+    nodes = np.concatenate([part.nodes for part in parts])
+    weights = np.concatenate([part.weights for part in parts])
+    area = np.concatenate([_area(part, at) for part, at in zip(parts, rest, strict=True)])
+    for node, k in number.items():
+        share = np.where(nodes == node, weights, 0.0).sum(1)
+        bodies[k].mass = float(share @ area)
+        mine = vertices[share > 0.5] if (share > 0.5).any() else vertices[share > 0]
+        if len(mine):
+            bodies[k].reach = _far_end(bodies[k].rest, mine)
+
+
+def _area(part: Part, vertices: Float) -> Float:
+    """(V,) m2 of the faces around each vertex, a third of each; never nothing."""
+    a, b, c = (vertices[part.faces[:, k]] for k in range(3))
+    third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
+    return np.asarray(np.bincount(part.faces.ravel(), np.repeat(third, 3), len(vertices)) + 1e-12, np.float64)
+
+
+def _far_end(start: Float, vertices: Float) -> Float:
+    """(3,) the end of a bone from ``start`` through the middle of its vertices to the farthest of them."""
+    middle = (vertices.min(0) + vertices.max(0)) / 2 - start
+    length = float(np.linalg.norm(middle))
+    if length < 1e-9:
+        return start
+    along = middle / length
+    return np.asarray(start + along * max(float(((vertices - start) @ along).max()), 0.0))

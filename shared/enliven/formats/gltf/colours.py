@@ -1,0 +1,101 @@
+"""What colour a vertex of a glTF primitive has: base colour, texture and vertex colour, baked together."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from enliven.arrays import Float, UInt8
+from enliven.errors import InputError
+from enliven.formats.gltf.file import GltfFile
+
+_WHITE = np.ones(3)
+_PICTURES = ("PNG", "JPEG", "WEBP")
+"""What a texture may be; other readers of the library start programs or are not made for strangers' bytes."""
+_MOST_PIXELS = 1 << 28
+"""Pixels of all textures of a file, 0.8 GB: four of 8192 x 8192; a few kilobytes can state as many."""
+
+
+class Colours:
+    """The materials of a file, and their pictures once each.
+
+    Attributes:
+        notes: what could not be had.
+    """
+
+    def __init__(self, file: GltfFile) -> None:
+        self._file = file
+        self._pictures: dict[int, UInt8 | None] = {}
+        self._pixels = 0
+        self.notes: list[str] = []
+
+    def of(self, primitive: Any) -> UInt8:
+        """(V, 3) sRGB of the vertices: factor, texture at the vertex and vertex colour multiplied."""
+        file = self._file
+        count = file.document.accessors[primitive.attributes.POSITION].count
+        linear = np.tile(_WHITE, (count, 1))
+        own = getattr(primitive.attributes, "COLOR_0", None)
+        if own is not None:
+            linear = linear * np.asarray(file.accessor(own), np.float64)[:, :3]
+        found = None
+        if primitive.material is not None and primitive.material < len(file.document.materials):
+            found = file.document.materials[primitive.material].pbrMetallicRoughness
+        if found is not None and found.baseColorFactor is not None:
+            linear = linear * np.array(found.baseColorFactor[:3], np.float64)
+        if found is not None and found.baseColorTexture is not None:
+            linear = linear * self._textured(primitive, found.baseColorTexture, count)
+        return _srgb(linear)
+
+    def _textured(self, primitive: Any, texture: Any, count: int) -> Float:
+        """(V, 3) linear: the texture at each vertex, repeated beyond its edges."""
+        where = getattr(primitive.attributes, f"TEXCOORD_{texture.texCoord or 0}", None)
+        picture = self._picture(texture.index)
+        if where is None or picture is None:
+            return np.tile(_WHITE, (count, 1))
+        uv = np.nan_to_num(np.asarray(self._file.accessor(where), np.float64))
+        height, width = picture.shape[:2]
+        columns = np.floor(uv[:, 0] % 1.0 * width).astype(int) % width
+        rows = np.floor(uv[:, 1] % 1.0 * height).astype(int) % height
+        return _linear(picture[rows, columns] / 255.0)
+
+    def _picture(self, texture: int) -> UInt8 | None:
+        """(H, W, 3) sRGB, or None with a note."""
+        if texture not in self._pictures:
+            try:
+                source = self._file.document.textures[texture].source
+                image = self._file.document.images[source]
+                if image.bufferView is not None:
+                    data = self._file.data_of_view(image.bufferView)
+                else:
+                    data = self._file.data_of_uri(image.uri)
+                self._pictures[texture] = self._decoded(data)
+            except Exception as error:  # a library that reads strangers' bytes raises whatever it likes
+                reason = error.what if isinstance(error, InputError) else str(error)
+                self.notes.append(f"texture {texture} cannot be read ({reason[:100]}): it is taken as white")
+                self._pictures[texture] = None
+        return self._pictures[texture]
+
+    def _decoded(self, data: bytes) -> UInt8:
+        """(H, W, 3) sRGB of a picture; what it states is looked at before it is decoded."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            picture = Image.open(io.BytesIO(data), formats=_PICTURES)
+        with picture:
+            self._pixels += picture.width * picture.height
+            if self._pixels > _MOST_PIXELS:
+                raise ValueError(f"with the others it has {self._pixels} pixels, more than {_MOST_PIXELS}")
+            return np.asarray(picture.convert("RGB"))
+
+
+def _linear(srgb: Float) -> Float:
+    return np.asarray(np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4))
+
+
+def _srgb(linear: Float) -> UInt8:
+    linear = np.clip(np.nan_to_num(linear), 0.0, 1.0)
+    coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return np.round(coded * 255).astype(np.uint8)

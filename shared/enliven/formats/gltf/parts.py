@@ -1,0 +1,151 @@
+"""The skinned surfaces of a glTF file: every primitive with which nodes its vertices follow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import Float, Int, Int32, UInt8
+from enliven.formats.gltf.colours import Colours
+from enliven.formats.gltf.file import GltfFile
+
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+
+
+@dataclass
+class Part:
+    """One primitive of a mesh, as the file has it.
+
+    Attributes:
+        vertices: (V, 3) in the mesh's own space.
+        faces: (F, 3).
+        nodes: (V, 4) the nodes that each vertex follows, the strongest first.
+        weights: (V, 4) float64, each row sums to one.
+        colours: (V, 3) sRGB.
+        skin: the number of its skin, or -1: it follows the node ``carrier`` stiffly.
+        carrier: the node that has the mesh.
+    """
+
+    vertices: Float
+    faces: Int32
+    nodes: Int
+    weights: Float
+    colours: UInt8
+    skin: int
+    carrier: int
+
+
+def parts_of(file: GltfFile, notes: list[str]) -> list[Part]:
+    """All the triangles that the scene shows; what is left out is told in ``notes``."""
+    colours, parts = Colours(file), list[Part]()
+    for number in shown_nodes(file):
+        node = file.document.nodes[number]
+        if node.mesh is None:
+            continue
+        if node.mesh >= len(file.document.meshes):
+            raise file.wrong(f"node {file.name(number)!r} has a mesh {node.mesh} that is not there")
+        for primitive in file.document.meshes[node.mesh].primitives:
+            mode = _TRIANGLES if primitive.mode is None else primitive.mode
+            if mode not in (_TRIANGLES, _STRIP, _FAN) or primitive.attributes.POSITION is None:
+                notes.append(f"lines or points of {file.name(number)!r} are left out")
+                continue
+            if primitive.targets:
+                notes.append(f"the morph targets of {file.name(number)!r} are left out")
+            parts.append(_part(file, colours, primitive, mode, number, node))
+    notes.extend(colours.notes)
+    return [part for part in parts if len(part.faces)]
+
+
+def shown_nodes(file: GltfFile) -> list[int]:
+    """The nodes of the scene that the file shows (of all of it where it names none), parents first."""
+    document = file.document
+    if document.scenes:
+        number = document.scene or 0
+        roots = list(document.scenes[number if number < len(document.scenes) else 0].nodes or [])
+    else:
+        roots = [n for n, parent in enumerate(file.parents) if parent < 0]
+    found, waiting = list[int](), roots[::-1]
+    while waiting:
+        at = waiting.pop()
+        found.append(at)
+        waiting.extend(reversed(document.nodes[at].children or []))
+    return found
+
+
+def _part(file: GltfFile, colours: Colours, primitive: Any, mode: int, carrier: int, node: Any) -> Part:
+    vertices = np.asarray(file.accessor(primitive.attributes.POSITION), np.float64)
+    if vertices.shape[1] != 3 or not np.isfinite(vertices).all():
+        raise file.wrong(f"a vertex of {file.name(carrier)!r} is no finite point")
+    if primitive.indices is None:
+        order = np.arange(len(vertices))
+    else:
+        order = file.accessor(primitive.indices)[:, 0].astype(np.int64)
+    if len(order) and order.max() >= len(vertices):
+        raise file.wrong(f"a face of {file.name(carrier)!r} names vertex {order.max()} of {len(vertices)}")
+    faces = _triangles(order, mode)
+    faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 0] != faces[:, 2])]
+    joints, weights = _influences(file, primitive.attributes, len(vertices))
+    if node.skin is None or joints is None or weights is None:
+        joints = np.full((len(vertices), 1), carrier)
+        weights, skin = np.ones((len(vertices), 1)), -1
+    else:
+        skin = int(node.skin)
+        named = np.array(file.document.skins[skin].joints, np.int64)
+        if len(joints) and joints[weights > 0].max(initial=0) >= len(named):
+            raise file.wrong(
+                f"a vertex of {file.name(carrier)!r} follows joint {joints.max()} of {len(named)}"
+            )
+        joints = named[np.minimum(joints, len(named) - 1)]
+    four, shares = strongest(joints, weights)
+    return Part(vertices, faces.astype(np.int32), four, shares, colours.of(primitive), skin, carrier)
+
+
+def _influences(file: GltfFile, attributes: Any, count: int) -> tuple[Int | None, Float | None]:
+    """(V, 4k) joint numbers in the skin and weights, of JOINTS_0, JOINTS_1, ... together."""
+    joints, weights = [], []
+    for k in range(8):
+        where, how = getattr(attributes, f"JOINTS_{k}", None), getattr(attributes, f"WEIGHTS_{k}", None)
+        if where is None or how is None:
+            break
+        joints.append(file.accessor(where).astype(np.int64))
+        weights.append(np.asarray(file.accessor(how), np.float64))
+    if not joints:
+        return None, None
+    return np.concatenate(joints, 1), np.nan_to_num(np.maximum(np.concatenate(weights, 1), 0.0))
+
+
+def strongest(joints: Int, weights: Float) -> tuple[Int, Float]:
+    """(V, 4) of each: the four largest weights of each vertex, summing to one; the same joint twice is added.
+
+    A vertex without any weight follows its first joint.
+    """
+    count, width = joints.shape
+    joints, weights = joints.copy(), weights.copy()
+    for b in range(1, width):
+        for a in range(b):
+            same = joints[:, a] == joints[:, b]
+            weights[same, a] += weights[same, b]
+            weights[same, b] = 0.0
+    order = np.argsort(-weights, 1, kind="stable")[:, :4]
+    four, shares = np.take_along_axis(joints, order, 1), np.take_along_axis(weights, order, 1)
+    if width < 4:
+        four = np.concatenate([four, np.repeat(four[:, :1], 4 - width, 1)], 1)
+        shares = np.concatenate([shares, np.zeros((count, 4 - width))], 1)
+    total = shares.sum(1, keepdims=True)
+    shares = np.where(total > 0, shares / np.where(total > 0, total, 1.0), [[1.0, 0.0, 0.0, 0.0]])
+    return np.where(shares > 0, four, four[:, :1]), shares
+
+
+def _triangles(order: Int, mode: int) -> Int:
+    """(F, 3) of a list, a strip or a fan (glTF 2.0, section 3.7.2.1)."""
+    if mode == _TRIANGLES:
+        return order[: len(order) // 3 * 3].reshape(-1, 3)
+    if len(order) < 3:
+        return np.zeros((0, 3), np.int64)
+    if mode == _FAN:
+        return np.stack([order[1:-1], order[2:], np.full(len(order) - 2, order[0])], 1)
+    faces = np.stack([order[:-2], order[1:-1], order[2:]], 1)
+    faces[1::2] = faces[1::2, [0, 2, 1]]
+    return faces

@@ -1,0 +1,121 @@
+"""Rigged models: a shape with the clips that came with it.
+
+rig = read_gltf("horse.glb")
+rig.shape        # enliven.document.rigged.Shape, at rest in its bind pose, metres, +Y up
+rig.clips        # its own animations, on the same skeleton
+rig.notes        # what was changed, and what cannot be said, with its size
+project, shape = playing(Project(), rig.shape, rig.clips[0])    # as it moves by itself
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document.character import SkinWeights
+from enliven.document.clip import Clip
+from enliven.document.layers import Layer, Ref, Span
+from enliven.document.project import Project, unused
+from enliven.document.rigged import Shape
+from enliven.document.skeleton import Skeleton
+from enliven.errors import InputError
+from enliven.meshes.mesh import Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """A model as read from a file.
+
+    Attributes:
+        shape: at rest; its skeleton has a bone for each link of the file's joints.
+        clips: its animations, on that skeleton.
+        notes: what was unusual, a sentence each.
+    """
+
+    shape: Shape
+    clips: tuple[Clip, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def resized(rig: Rig, height: float) -> Rig:
+    """The model scaled to ``height`` metres.
+
+    Raises:
+        InputError: where the model is flat from above, or the height is none.
+    """
+    mesh = rig.shape.mesh
+    points = rig.shape.skeleton.positions if mesh is None else mesh.vertices
+    tall = float(np.ptp(points[:, 1]))
+    if not (height > 0 and tall > 0):
+        raise InputError(f"{tall:.3g} m cannot become {height} m", where=f"shape {rig.shape.id!r}")
+    return _moved(rig, height / tall, np.zeros(3))
+
+
+def on_floor(rig: Rig) -> Rig:
+    """The model with its lowest vertex on the floor, y = 0; where it stands there does not change."""
+    mesh = rig.shape.mesh
+    points = rig.shape.skeleton.positions if mesh is None else mesh.vertices
+    return _moved(rig, 1.0, np.array([0.0, -points[:, 1].min(), 0.0]))
+
+
+def _moved(rig: Rig, scale: float, by: Float) -> Rig:
+    """Everything scaled about the origin, then moved."""
+    shape = rig.shape
+    skeleton = _placed(shape.skeleton, scale, by)
+    mesh = shape.mesh
+    if mesh is not None:
+        mesh = replace(mesh, vertices=mesh.vertices * scale + by)
+    clips = tuple(replace(c, skeleton=skeleton, root=c.root * scale + by) for c in rig.clips)
+    return replace(rig, shape=shape.with_changes(skeleton=skeleton, mesh=mesh), clips=clips)
+
+
+def _placed(skeleton: Skeleton, scale: float, by: Float) -> Skeleton:
+    return replace(skeleton, positions=skeleton.positions * scale + by)
+
+
+def welded(shape: Shape) -> Shape:
+    """The shape with vertices of one place and one skin as one vertex, as surgery wants it.
+
+    Flat-shaded files have every face apart. Where two colours meet, the first vertex's stays.
+    """
+    if shape.mesh is None or shape.skin is None:
+        return shape
+    mesh, skin = shape.mesh, shape.skin
+    keys = np.concatenate([mesh.vertices + 0.0, skin.indices, np.round(skin.weights, 5)], 1)
+    _, kept, of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(kept, kind="stable")
+    number = np.empty_like(order)
+    number[order] = np.arange(len(order))
+    faces, kept = number[of.ravel()][mesh.faces], kept[order]
+    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 0] != faces[:, 2])
+    colours = None if mesh.colours is None else mesh.colours[kept]
+    joined = Mesh(mesh.vertices[kept], faces[whole].astype(np.int32), mesh.name, colours)
+    return shape.with_changes(mesh=joined, skin=SkinWeights(skin.indices[kept], skin.weights[kept]))
+
+
+def playing(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shape]:
+    """The project with the shape in it, moved by a clip of its own skeleton, bone by bone and root as well.
+
+    Every bone has a layer of its own (the chain from the joint above it to it), so each turns just as the
+    clip says.
+
+    Raises:
+        InputError: where the clip is of another skeleton.
+    """
+    skeleton = shape.skeleton
+    if not np.array_equal(clip.skeleton.parents, skeleton.parents):
+        raise InputError("it is of another skeleton", where=f"clip {clip.id!r}", mend="Retarget it.")
+    if clip.id not in project.takes:
+        project = project.with_takes(clip)
+    layers, spans = list[Layer](), list[tuple[Span, ...]]()
+    taken = dict(project.layers)
+    for j, name in enumerate(skeleton.names):
+        chain = (int(skeleton.parents[j]), j) if j else (0,)
+        layer = Layer(unused(f"{clip.id}: {name}", taken), clip.id, chain)
+        taken[layer.id] = layer
+        layers.append(layer)
+        spans.append((Span(1.0, (Ref(layer.id, 0.0, 1.0),)),))
+    moved = shape.with_changes(spans=tuple(spans), travel=layers[0].id)
+    return project.with_layers(*layers).with_shapes(moved), moved

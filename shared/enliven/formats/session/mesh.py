@@ -1,0 +1,56 @@
+"""The mesh of a session: from its file, upright, as tall as is said, on the floor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.formats.project.file import read_project
+from enliven.formats.session.tables import MeshTable
+from enliven.meshes.files import load_mesh
+from enliven.meshes.mesh import Mesh, fit_height
+from enliven.rotation import from_rotation_vector, rotate
+
+
+class SessionMesh(NamedTuple):
+    """A mesh, what a puppet of it is called, and what was odd about the file."""
+
+    mesh: Mesh
+    name: str
+    notes: list[str]
+
+
+def mesh_of(table: MeshTable, path: Path) -> SessionMesh:
+    """The mesh that a table says, whose file is at ``path``.
+
+    Raises:
+        InputError: for a file that cannot be read, or a project without that puppet.
+    """
+    if path.suffix.lower() == ".enliven":
+        project = read_project(path)
+        puppet = project.puppet(table.puppet or next(iter(project.puppets), ""))
+        return SessionMesh(fitted(puppet.mesh, table), puppet.id, [])
+    mesh, notes = load_mesh(path)
+    return SessionMesh(fitted(mesh, table), path.stem, notes)
+
+
+def fitted(mesh: Mesh, table: MeshTable) -> Mesh:
+    """The mesh as a session's table has it: upright, so tall, on the floor; from a project as it is there."""
+    if Path(table.file).suffix.lower() != ".enliven" or table.height is not None or table.up != "y":
+        axis = "xyz".index(table.up)
+        height = table.height or float(np.ptp(mesh.vertices[:, axis]))
+        mesh = fit_height(mesh, height, table.up)
+    if table.turned:
+        turn = from_rotation_vector(np.array([0.0, np.radians(table.turned), 0.0]))
+        mesh = replace(mesh, vertices=rotate(turn, mesh.vertices))
+    return mesh
+
+
+def nearest_vertex(mesh: Mesh, place: Float) -> int:
+    """The vertex of a face that is nearest to a place (3,)."""
+    used = np.unique(mesh.faces)
+    return int(used[np.linalg.norm(mesh.vertices[used] - place, axis=1).argmin()])

@@ -1,0 +1,217 @@
+"""Sessions of examples (TOML): a mesh, its control points and key poses, and what it plays, made by hand.
+
+    [mesh]
+    file = "cactus.off"
+    height = 1.2
+
+    [[take]]
+    file = "traffic.bvh"
+
+    [[point]]
+    name = "left arm"
+    at = [0.4, 0.9, 0.0]              # or vertex = 4711
+    joint = "LeftHand"
+
+    [[pose]]
+    time = 3.2                        # or frame = 96
+    moves = { "left arm" = [0.0, 0.3, 0.1] }      # or places = { ... }
+
+    [[layer]]
+    loop = true
+
+Metres in the mesh's frame, once it is fitted: upright, standing on y = 0, its box centred. Files are relative
+to the session's, and may begin with a variable of the environment ("$MESHES/cactus.off"). All tables:
+:mod:`enliven.formats.session.tables`; written by :func:`enliven.formats.session.text.write_session`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from enliven.document.constraints import Coupling, Position, Velocity
+from enliven.document.project import Project
+from enliven.document.puppet import Plane, Puppet
+from enliven.errors import InputError
+from enliven.examples.spacetime.locomotion import Switch
+from enliven.formats.session.file import SessionFile
+from enliven.formats.session.mesh import fitted, mesh_of, nearest_vertex
+from enliven.formats.session.tables import (
+    CouplingTable,
+    LayerTable,
+    MeshTable,
+    PointTable,
+    PoseTable,
+    PositionTable,
+    PuppetTable,
+    SettingsTable,
+    SwitchTable,
+    SymmetryTable,
+    TakeTable,
+    VelocityTable,
+)
+from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
+from enliven.modeling.puppet.edits import (
+    add_key_pose,
+    add_point,
+    change_point,
+    make_puppet,
+    play_take,
+    set_symmetry,
+)
+from enliven.motion.takes.files import read_take
+
+__all__ = ["Session", "fitted", "read_session"]
+
+_IN_LAYER = ("position", "velocity", "coupling", "switch")
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """What a session file has.
+
+    Attributes:
+        project: with one puppet and the takes.
+        puppet: the puppet's name.
+        notes: what was odd about the files.
+        mesh: where the mesh is from.
+        takes: where each take is from, by its name.
+    """
+
+    project: Project
+    puppet: str
+    notes: tuple[str, ...]
+    mesh: MeshTable
+    takes: Mapping[str, TakeTable]
+
+
+def read_session(path: Path | str) -> Session:
+    """A session from its file.
+
+    Raises:
+        InputError: for an unreadable file, and for what cannot be: which table says it, and which key.
+    """
+    return _Reader(SessionFile(Path(path))).session()
+
+
+class _Reader:
+    """The steps from tables to a project."""
+
+    def __init__(self, file: SessionFile) -> None:
+        self._file, self._project, self._name = file, Project(), ""
+        self._notes: list[str] = []
+        self._takes: dict[str, TakeTable] = {}
+
+    def session(self) -> Session:
+        """All of it."""
+        file, mesh = self._file, self._file.one("mesh", MeshTable)
+        file.said("[mesh]", self._read_mesh, mesh)
+        for where, take in file.many("take"):
+            file.said(where, self._read_take, file.table(where, TakeTable, take))
+        for where, point in file.many("point"):
+            file.said(where, self._read_point, file.table(where, PointTable, point))
+        for where, pose in file.many("pose"):
+            file.said(where, self._read_pose, file.table(where, PoseTable, pose))
+        if file.has("symmetry"):
+            file.said("[symmetry]", self._read_symmetry, file.one("symmetry", SymmetryTable))
+        self._read_settings()
+        for where, layer in file.many("layer"):
+            told = file.table(where, LayerTable, {k: v for k, v in layer.items() if k not in _IN_LAYER})
+            file.said(where, self._read_layer, told, self._asked(where, layer))
+        return Session(self._project, self._name, tuple(self._notes), mesh, self._takes)
+
+    def _read_mesh(self, table: MeshTable) -> None:
+        own = self._file.one("puppet", PuppetTable)
+        mesh, name, notes = mesh_of(table, self._file.beside(table.file))
+        self._notes += notes
+        self._name = own.name or name
+        self._project = make_puppet(self._project, mesh, self._name)
+        self._put(self._puppet.with_changes(place=np.array(own.place), turn=np.array(own.turn)))
+
+    def _read_take(self, table: TakeTable) -> None:
+        path = self._file.beside(table.file)
+        clip, notes = read_take(path, table.animation, table.start, table.end)
+        name = table.name or clip.id
+        if name in self._takes:
+            mend = "Give it another name."
+            raise InputError(f"there is a take {name!r} already", where=str(path), mend=mend)
+        self._project = self._project.with_takes(replace(clip, id=name))
+        self._takes[name] = replace(table, name=name)
+        self._notes += notes
+
+    def _read_point(self, table: PointTable) -> None:
+        vertex = table.vertex
+        if (vertex is None) == (table.at is None):
+            raise InputError("it needs a vertex or a place", mend="Say vertex = 4711 or at = [x, y, z].")
+        if vertex is None:
+            vertex = nearest_vertex(self._puppet.mesh, np.array(table.at))
+        self._project = add_point(self._project, self._name, vertex, table.name, table.joint, table.foot)
+        point = self._puppet.points[-1].name
+        self._project = change_point(self._project, self._name, point, weight=table.weight)
+
+    def _read_pose(self, table: PoseTable) -> None:
+        take = self._take(table.take)
+        if (table.time is None) == (table.frame is None):
+            raise InputError("it needs a time or a frame", mend="Say time = 3.2 or frame = 96.")
+        if table.places is not None and table.moves is not None:
+            raise InputError("it has places and moves", mend="Give one of them.")
+        step = self._project.takes[take].step
+        time = table.time if table.time is not None else (table.frame or 0) * step
+        places = self._puppet.rest.copy()
+        for name, value in (table.places or {}).items():
+            places[self._puppet.index(name)] = value
+        for name, value in (table.moves or {}).items():
+            places[self._puppet.index(name)] += value
+        self._project = add_key_pose(self._project, self._name, take, time, places)
+
+    def _read_symmetry(self, table: SymmetryTable) -> None:
+        plane: Plane | None = Plane(table.point, table.normal)
+        if table.find:
+            plane = plane_of_symmetry(self._puppet.mesh)
+            if plane is None:
+                mend = "Give a point and a normal, or leave [symmetry] out."
+                raise InputError("the mesh has no plane of symmetry", mend=mend)
+        self._project = set_symmetry(self._project, self._name, plane)
+
+    def _read_settings(self) -> None:
+        told = self._file.one("settings", SettingsTable)
+        self._put(
+            self._puppet.with_changes(
+                surface=told.surface, examples=told.examples, locomotion=told.locomotion
+            )
+        )
+
+    def _read_layer(self, table: LayerTable, asked: Mapping[str, Any]) -> None:
+        attributes = {one.name: getattr(table, one.name) for one in fields(table) if one.name != "take"}
+        self._project = play_take(self._project, self._name, self._take(table.take), **attributes, **asked)
+
+    def _asked(self, where: str, layer: Mapping[str, Any]) -> dict[str, Any]:
+        """The constraints and switches of a layer's table."""
+        inner = self._file.inner
+        asked: dict[str, Any] = {
+            "positions": tuple(Position(**vars(t)) for t in inner(where, layer, "position", PositionTable)),
+            "velocities": tuple(Velocity(**vars(t)) for t in inner(where, layer, "velocity", VelocityTable)),
+            "couplings": tuple(Coupling(**vars(t)) for t in inner(where, layer, "coupling", CouplingTable)),
+        }
+        if "switch" in layer:
+            asked["switches"] = tuple(Switch(**vars(t)) for t in inner(where, layer, "switch", SwitchTable))
+        return asked
+
+    def _take(self, name: str) -> str:
+        """The id of a take, the first where none is named."""
+        if not self._takes:
+            raise InputError("there is no take", mend='Say [[take]] file = "..." first.')
+        if name and name not in self._takes:
+            raise InputError(f"there is no take {name!r}", mend=f"Known: {', '.join(self._takes)}.")
+        return name or next(iter(self._takes))
+
+    @property
+    def _puppet(self) -> Puppet:
+        return self._project.puppets[self._name]
+
+    def _put(self, puppet: Puppet) -> None:
+        self._project = self._project.with_puppets(puppet)

@@ -1,0 +1,51 @@
+"""What a puppet does as a take on disk (.mcap), as an edge records one: the viewer plays it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from enliven.document.project import Project
+from enliven.document.puppet import Puppet, character_of_puppet
+from enliven.examples.puppet_motion import pose_of_state, state_of
+from enliven.recording import Recorder
+from enliven.wire.convert import character_to_message, pose_to_message
+from enliven.wire.posecode import PoseCodec
+
+_REVISION = 1
+
+
+def write_puppet_take(
+    path: Path | str, project: Project, puppet: Puppet, start: float, end: float, rate: float = 30.0
+) -> None:
+    """Writes the character and its poses from ``start`` to ``end`` seconds, ``rate`` a second.
+
+    A file that is there is replaced.
+
+    Raises:
+        InputError: where the puppet lacks something to move.
+        ResourceError: where the file cannot be written.
+    """
+    character = character_of_puppet(puppet)
+    codec = PoseCodec(character)
+    times = np.arange(round((end - start) * rate) + 1) / rate
+    poses = [
+        pose_of_state(puppet, state_of(project, puppet, start + time), round(time * 1e9)) for time in times
+    ]
+    with Recorder(path, sync_seconds=math.inf, overwrite=True) as take:
+        _write(take, "character", character_to_message(character, _REVISION), 0)
+        for sequence, pose in enumerate(poses):
+            message = pose_to_message(pose, codec, revision=_REVISION, sequence=sequence)
+            _write(take, "pose", message, pose.time_ns)
+
+
+def _write(take: Recorder, topic: str, message: Any, time_ns: int) -> None:
+    """A message of the wire, with its JSON schema."""
+    kind = type(message)
+    schema = msgspec.json.encode(msgspec.json.schema(kind)).decode()
+    data = msgspec.msgpack.encode(message)
+    take.write(topic, f"enliven.{kind.__name__}", schema, "jsonschema", "msgpack", data, time_ns)

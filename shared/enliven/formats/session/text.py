@@ -1,0 +1,148 @@
+"""Sessions of examples, written: see example_session for what they say.
+
+write_session("cactus.toml", project, "cactus", mesh=MeshTable("cactus.off", 1.2),
+              takes={"traffic": TakeTable("traffic.bvh")})
+
+What is said to be from no file, a mesh or a take, is put into a project file beside the session.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from enliven.document.project import Project
+from enliven.document.puppet import KeyPose, Puppet, PuppetLayer
+from enliven.errors import InputError, ResourceError
+from enliven.formats.project.file import write_project
+from enliven.formats.session.tables import LayerTable, MeshTable, SettingsTable, TakeTable
+
+_HEAD = """# A mesh, its control points, what poses of a performer mean on it, and what it plays.
+# Metres, in the mesh's frame: upright, on the floor. Change what you like; see docs/examples.md.
+"""
+
+
+def write_session(
+    path: Path | str,
+    project: Project,
+    puppet_id: str,
+    mesh: MeshTable | None = None,
+    takes: Mapping[str, TakeTable] | None = None,
+) -> None:
+    """Writes a puppet of a project, to be read by :func:`enliven.formats.session.session.read_session`.
+
+    Args:
+        mesh: which file the puppet's mesh is, relative to the session.
+        takes: which files its takes are, by their names.
+
+    Raises:
+        InputError: where there is no such puppet, or a file has the session's ending.
+        ResourceError: where something cannot be written.
+    """
+    path, takes = Path(path), dict(takes or {})
+    if path.suffix.lower() == ".enliven":
+        mend = "Call it .toml; a project file has the same name beside it."
+        raise InputError("a session is no project", where=str(path), mend=mend)
+    puppet = project.puppet(puppet_id)
+    used = takes_of(puppet)
+    beside = path.with_suffix(".enliven")
+    if mesh is None or not set(used) <= set(takes):
+        kept = {name: project.takes[name] for name in used}
+        write_project(beside, Project(takes=kept, puppets={puppet.id: puppet}))
+    mesh = mesh or MeshTable(beside.name, puppet=puppet.id)
+    files = {name: takes.get(name) or TakeTable(beside.name, animation=name) for name in used}
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(session_text(puppet, mesh, files), encoding="utf-8")
+    except OSError as error:
+        what = f"the session cannot be written ({error.strerror})"
+        raise ResourceError(what, where=str(path), mend="Save it elsewhere.") from None
+
+
+def session_text(puppet: Puppet, mesh: MeshTable, takes: Mapping[str, TakeTable]) -> str:
+    """The text of a session; what is as usual is left out."""
+    lines = [_HEAD, "[mesh]", *_lines(mesh)]
+    for name, take in takes.items():
+        lines += ["", "[[take]]", *_lines(dataclasses.replace(take, name=name))]
+    lines += ["", "[puppet]", f"name = {_toml(puppet.id)}"]
+    for key in ("place", "turn"):
+        lines.append(f"{key} = {_toml(getattr(puppet, key).tolist())}")
+    for point in puppet.points:
+        lines += ["", "[[point]]", *_lines(point)]
+    for pose in puppet.poses:
+        lines += ["", *_pose(pose, puppet)]
+    if puppet.symmetry is not None:
+        lines += ["", "[symmetry]", *_lines(puppet.symmetry)]
+    for name in ("surface", "examples", "locomotion"):
+        lines += _settings(f"settings.{name}", getattr(puppet, name), getattr(SettingsTable(), name))
+    for layer in puppet.layers:
+        lines += ["", *_layer(layer)]
+    return "\n".join(lines) + "\n"
+
+
+def takes_of(puppet: Puppet) -> list[str]:
+    """The ids of the takes of key poses and layers, each once."""
+    return list(dict.fromkeys([*(pose.take for pose in puppet.poses), *(one.take for one in puppet.layers)]))
+
+
+def _pose(pose: KeyPose, puppet: Puppet) -> list[str]:
+    lines = ["[[pose]]", f"take = {_toml(pose.take)}", f"time = {_toml(pose.time)}"]
+    # What is not posed yet is easier to begin from where it rests.
+    still = np.array_equal(pose.places, puppet.rest)
+    lines += [f"[pose.{'moves' if still else 'places'}]"] if puppet.points else []
+    rows = np.zeros_like(pose.places) if still else pose.places
+    for point, place in zip(puppet.points, rows.tolist(), strict=True):
+        lines.append(f"{_toml(point.name)} = {_toml(place)}")
+    return lines
+
+
+def _layer(layer: PuppetLayer) -> list[str]:
+    """A layer, and the tables of it: arrays of tables come last."""
+    lines = ["[[layer]]"]
+    usual = {field.name: field.default for field in dataclasses.fields(LayerTable)}
+    for name, default in usual.items():
+        value = getattr(layer, name)
+        if value != default:
+            lines.append(f"{name} = {_toml(value)}")
+    inner = {
+        "position": layer.positions,
+        "velocity": layer.velocities,
+        "coupling": layer.couplings,
+        "switch": layer.switches or (),
+    }
+    for name, ones in inner.items():
+        for one in ones:
+            lines += [f"[[layer.{name}]]", *_lines(one)]
+    return lines
+
+
+def _lines(values: Any) -> list[str]:
+    """A dataclass's values that are not as usual."""
+    lines = []
+    for field in dataclasses.fields(values):
+        value = getattr(values, field.name)
+        if value is not None and value != field.default:
+            lines.append(f"{field.name} = {_toml(value)}")
+    return lines
+
+
+def _settings(title: str, values: Any, usual: Any) -> list[str]:
+    """Settings that are not as usual, and the groups in them."""
+    groups, own = list[str](), list[str]()
+    for field in dataclasses.fields(values):
+        value, default = getattr(values, field.name), getattr(usual, field.name)
+        if dataclasses.is_dataclass(value):
+            groups += _settings(f"{title}.{field.name}", value, default)
+        elif value != default:
+            own.append(f"{field.name} = {_toml(value)}")
+    return (["", f"[{title}]", *own] if own else []) + groups
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML: strings, numbers, booleans and arrays are written as JSON writes them."""
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,154 @@
+"""A triangle mesh: vertices, faces, normals, areas; welding, refining and fitting to a height."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int, Int32, UInt8
+from enliven.errors import InputError
+from enliven.meshes.kernels import corner_sums, face_areas, face_vectors, first_of_position, split_long_edges
+
+Axis = Literal["x", "y", "z"]
+_UP_ROTATIONS: dict[Axis, Float] = {
+    "x": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    "y": np.eye(3),
+    "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
+}
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A triangle mesh.
+
+    Attributes:
+        vertices: (V, 3) float64, metres once it is fitted.
+        faces: (F, 3) int32, counter-clockwise seen from outside.
+        name: what to call it.
+        colours: (V, 3) uint8 sRGB, or None.
+
+    Raises:
+        InputError: where an array has the wrong shape, or a face names a vertex that is not there.
+    """
+
+    vertices: Float
+    faces: Int32
+    name: str = "mesh"
+    colours: UInt8 | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertices", np.ascontiguousarray(self.vertices, np.float64))
+        object.__setattr__(self, "faces", np.ascontiguousarray(self.faces, np.int32))
+        problem = ""
+        if self.vertices.ndim != 2 or self.vertices.shape[1] != 3:
+            problem = f"the vertices are {self.vertices.shape}, expected (V, 3)"
+        elif self.faces.ndim != 2 or self.faces.shape[1] != 3:
+            problem = f"the faces are {self.faces.shape}, expected (F, 3)"
+        elif self.faces.size and not 0 <= self.faces.min() <= self.faces.max() < len(self.vertices):
+            problem = f"a face names a vertex outside 0..{len(self.vertices) - 1}"
+        elif self.colours is not None and self.colours.shape != (len(self.vertices), 3):
+            problem = f"the colours are {self.colours.shape}, expected ({len(self.vertices)}, 3)"
+        if problem:
+            raise InputError(problem, where=f"mesh {self.name!r}", mend="Export the mesh again.")
+
+    @cached_property
+    def area(self) -> float:
+        """Square metres of all faces (one side)."""
+        return float(face_areas(self.vertices, self.faces).sum() / 2)
+
+    @property
+    def bounds(self) -> Float:
+        """(2, 3) the lowest and the highest corner of the axis-aligned box."""
+        return np.stack([self.vertices.min(0), self.vertices.max(0)])
+
+    def face_vectors(self) -> Float:
+        """(F, 3) each face's outward normal, as long as twice its area."""
+        return np.asarray(face_vectors(self.vertices, self.faces))
+
+    def face_normals(self) -> Float:
+        """(F, 3) unit normals; zero where a face has no area."""
+        return _unit(self.face_vectors())
+
+    def vertex_normals(self) -> Float:
+        """(V, 3) area-weighted unit normals; zero where no face of any area touches the vertex."""
+        return _unit(corner_sums(self.faces, self.face_vectors(), len(self.vertices)))
+
+
+def _unit(vectors: Float) -> Float:
+    """(N, 3) the directions of ``vectors``; zero stays zero."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0, length, 1.0))
+
+
+def weld(mesh: Mesh) -> tuple[Mesh, Int]:
+    """The mesh with every position once, and (V,) the welded vertex of each vertex.
+
+    Files split a vertex wherever normals, colours or texture coordinates differ on its two sides. Whoever
+    asks what hangs together must not see these cuts. Colours are dropped; faces keep their order.
+    """
+    first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
+    if np.array_equal(first, np.arange(len(first))):
+        return Mesh(mesh.vertices, mesh.faces, mesh.name), first
+    kept = np.flatnonzero(first == np.arange(len(first)))
+    number = np.zeros(len(first), np.int64)
+    number[kept] = np.arange(len(kept))
+    welded_of = number[first]
+    return Mesh(mesh.vertices[kept], welded_of[mesh.faces].astype(np.int32), mesh.name), welded_of
+
+
+def submesh(mesh: Mesh, keep_faces: Bool) -> Mesh:
+    """The faces where ``keep_faces`` (F,) is true, and the vertices that they use."""
+    faces = mesh.faces[keep_faces]
+    used = np.zeros(len(mesh.vertices), bool)
+    used[faces] = True
+    number = np.cumsum(used) - 1
+    colours = None if mesh.colours is None else mesh.colours[used]
+    return Mesh(mesh.vertices[used], number[faces].astype(np.int32), mesh.name, colours)
+
+
+def refine(mesh: Mesh, longest: float, most_vertices: int = 400_000) -> Mesh:
+    """The same surface with no edge longer than ``longest`` metres, so that it can bend smoothly.
+
+    Long edges are halved again and again; the two sides of an edge are halved at the same point, also where
+    its vertices are duplicated, so no cracks open. The first V vertices are those of ``mesh``. It stops
+    early, whole, where the next halving would pass ``most_vertices``.
+    """
+    if not longest > 0:
+        raise InputError(f"the longest edge is {longest} m", where="refine", mend="Give a length above 0.")
+    while True:
+        vertices, faces, parents, _ = split_long_edges(mesh.vertices, mesh.faces, longest)
+        if len(parents) == 0 or len(vertices) > most_vertices:
+            return mesh
+        colours = mesh.colours
+        if colours is not None:
+            middle = colours[parents].astype(np.uint16).sum(1) // 2
+            colours = np.concatenate([colours, middle.astype(np.uint8)])
+        mesh = Mesh(vertices, faces, mesh.name, colours)
+
+
+def fit_height(mesh: Mesh, height: float, up: Axis = "y") -> Mesh:
+    """The mesh upright, ``height`` metres tall, standing on y = 0, its box centred on x and z.
+
+    Args:
+        mesh: in any unit.
+        height: metres from its lowest to its highest point, once ``up`` is turned to +Y.
+        up: the mesh's own axis that points up; z-up turns -Y to +Z, as Blender's export does.
+
+    Raises:
+        InputError: where the mesh has no extent along ``up``, or ``height`` is not positive.
+    """
+    if not (np.isfinite(height) and height > 0):
+        raise InputError(f"the height is {height} m", where=mesh.name, mend="Give a height above 0.")
+    turned = mesh.vertices @ _UP_ROTATIONS[up].T
+    low, high = turned.min(0), turned.max(0)
+    if not high[1] - low[1] > 1e-9 * max(1e-30, float((high - low).max())):
+        raise InputError(
+            f"the mesh is flat along {up}, it has no height to fit",
+            where=mesh.name,
+            mend="Name another axis as up.",
+        )
+    foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
+    return replace(mesh, vertices=(turned - foot) * (height / (high[1] - low[1])))

@@ -1,0 +1,95 @@
+"""Repairs: what cannot be used is taken out of a mesh, and every repair is said in one sentence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import Bool
+from enliven.errors import InputError
+from enliven.meshes.kernels import shells
+from enliven.meshes.mesh import Mesh, submesh, weld
+
+
+def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
+    """The mesh without what breaks a deformation, and one sentence for every repair.
+
+    Taken out: vertices that are not finite with their faces, faces without area, faces that repeat another
+    one, vertices that no face uses. Kept, and said: several shells, and vertices that repeat a position.
+
+    Raises:
+        InputError: where no face is left.
+    """
+    notes: list[str] = []
+    count = len(mesh.vertices)
+    mesh = _without_broken_vertices(mesh, notes)
+    mesh = _without_useless_faces(mesh, notes)
+    if len(mesh.faces) == 0:
+        what = "no usable face is left" if notes else "it has no faces"
+        mend = "Give a triangle mesh; a point cloud must be meshed first."
+        raise InputError("; ".join([what, *notes]), where=mesh.name, mend=mend)
+    used = np.zeros(len(mesh.vertices), bool)
+    used[mesh.faces] = True
+    loose = int((~used).sum())
+    if loose:
+        notes.append(f"dropped {loose} of {count} vertices that no face uses")
+        mesh = submesh(mesh, np.ones(len(mesh.faces), bool))
+    _describe(mesh, notes)
+    return mesh, notes
+
+
+def _without_broken_vertices(mesh: Mesh, notes: list[str]) -> Mesh:
+    """Faces at vertices that are not finite, or absurdly far, go; the vertices are loose from then on."""
+    # Squares of coordinates must stay finite too.
+    good = np.asarray((np.abs(mesh.vertices) < 1e100).all(1))
+    if good.all():
+        return mesh
+    keep = good[mesh.faces].all(1)
+    notes.append(
+        f"removed {int((~good).sum())} vertices that are not finite, with {int((~keep).sum())} faces"
+    )
+    vertices = np.where(good[:, None], mesh.vertices, 0.0)
+    return replace(mesh, vertices=vertices, faces=mesh.faces[keep])
+
+
+def _without_useless_faces(mesh: Mesh, notes: list[str]) -> Mesh:
+    """Degenerate and repeated faces go; a face's two sides (opposite winding) count as a repeat."""
+    if len(mesh.faces) == 0:
+        return mesh
+    flat = ~(np.linalg.norm(mesh.face_vectors(), axis=1) > 0)
+    if flat.any():
+        notes.append(f"dropped {int(flat.sum())} degenerate faces (no area)")
+        mesh = replace(mesh, faces=mesh.faces[~flat])
+    repeated = _repeated_faces(mesh)
+    if repeated.any():
+        notes.append(f"dropped {int(repeated.sum())} faces that repeat another one")
+        mesh = replace(mesh, faces=mesh.faces[~repeated])
+    return mesh
+
+
+def _repeated_faces(mesh: Mesh) -> Bool:
+    """(F,) true where an earlier face has the same three positions."""
+    welded, _ = weld(mesh)
+    corners = np.sort(welded.faces.astype(np.int64), 1)
+    count = len(welded.vertices)
+    order = np.lexsort((corners[:, 2], corners[:, 0] * count + corners[:, 1]))
+    same = (corners[order[1:]] == corners[order[:-1]]).all(1)
+    repeated = np.zeros(len(corners), bool)
+    repeated[order[1:][same]] = True
+    return repeated
+
+
+def _describe(mesh: Mesh, notes: list[str]) -> None:
+    """Say what is kept although it is unusual."""
+    welded, _ = weld(mesh)
+    doubles = len(mesh.vertices) - len(welded.vertices)
+    if doubles:
+        notes.append(f"{doubles} vertices repeat a position: kept for shading, welded for deformation")
+    pieces = int(shells(welded.faces, len(welded.vertices)).max()) + 1
+    if pieces > 1:
+        notes.append(f"it has {pieces} separate shells, all kept")
+    low, high = mesh.bounds
+    extent = np.sort(high - low)
+    if extent[0] <= 1e-6 * extent[2]:
+        notes.append("it is flat: it has no volume")

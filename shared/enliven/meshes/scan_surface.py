@@ -1,0 +1,167 @@
+"""A surface through the points of a scan, as it was seen from one side: what no sensor saw stays open.
+
+The points that nothing hides are joined in the image that the sensor had of them (a Delaunay triangulation of
+their directions); a triangle that spans a gap, or the step from one thing to what is behind it, is left out.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import minimum_filter
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import Delaunay, cKDTree
+
+from enliven.arrays import Bool, Float, Int
+from enliven.errors import InputError
+from enliven.files import read_file
+from enliven.meshes.mesh import Mesh, submesh
+
+_LONGEST = 4.0
+"""Spacings of the points that an edge may be long."""
+_STEEPEST = 0.13
+"""Least cosine between a triangle and the ray to the sensor: flatter ones are steps, not surfaces."""
+_HIDING = 4.0
+"""Spacings by which a point must be behind another in its direction to be hidden by it."""
+_LEAST_PART = 0.01
+"""Pieces of less than this share of the triangles are specks."""
+_MOST_COLUMNS = 1024
+"""Numbers of one point of a file."""
+_MOST_PIXELS = 1 << 24
+"""Of the image that points are seen in: 4096 x 4096, 40 m wide at one pixel a spacing."""
+_FARTHEST = 1e6
+"""Metres from the sensor beyond which nothing was measured."""
+
+
+def surface_through(points: Float, viewpoint: Float, spacing: float = 0.010, name: str = "scan") -> Mesh:
+    """The triangles that the sensor at ``viewpoint`` saw, facing it.
+
+    Args:
+        points: (P, 3) metres, not finite where nothing was measured.
+        viewpoint: (3,) metres, where the sensor was.
+        spacing: metres between the vertices; denser points are averaged.
+
+    Raises:
+        InputError: where there are too few points for a surface.
+    """
+    points = points - viewpoint
+    points = points[(np.abs(points) < _FARTHEST).all(1)]
+    middle = points.mean(0) if len(points) else np.zeros(3)
+    depth = float(np.linalg.norm(middle))
+    if len(points) < 3 or depth < 1e-6:
+        raise _too_few(len(points), name)
+    forward = middle / depth
+    right = np.cross(forward, [0.0, 1.0, 0.0] if abs(forward[1]) < 0.9 else [1.0, 0.0, 0.0])
+    right /= np.linalg.norm(right)
+    axes = np.stack([right, np.cross(forward, right), forward])
+    seen = points @ axes.T
+    seen = _thinned(_in_front(seen[seen[:, 2] > 0.05 * depth], spacing), spacing)
+    if len(seen) < 3:
+        raise _too_few(len(seen), name)
+    faces = np.asarray(Delaunay(seen[:, :2] / seen[:, 2:]).simplices, np.int64)
+    faces = faces[_is_surface(seen, faces, spacing)]
+    if len(faces) == 0:
+        raise _too_few(0, name)
+    mesh = Mesh(seen @ axes + viewpoint, _facing(seen, faces).astype(np.int32), name)
+    return _without_specks(mesh)
+
+
+def read_pcd(path: Path) -> tuple[Float, Float]:
+    """As :func:`parse_pcd`, of a file."""
+    return parse_pcd(read_file(path), str(path))
+
+
+def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
+    """(P, 3) the points of a PCD file, ASCII or binary, and (3,) the viewpoint that it states.
+
+    Raises:
+        InputError: where it is no such file, is compressed, or holds no x, y, z of 4 or 8 bytes; ``where`` is
+            named in it.
+    """
+    head = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", data[:4096], re.MULTILINE)
+    if head is None:
+        raise InputError("it has no DATA line, so it is no PCD file", where=where)
+    lines = [line.split() for line in data[: head.start()].decode("ascii", "replace").splitlines()]
+    said = {line[0]: line[1:] for line in lines if len(line) > 1 and line[0].isupper()}
+    kind, body = head[1].decode(), data[head.end() :]
+    try:
+        names, sizes = said["FIELDS"], [int(s) for s in said["SIZE"]]
+        counts = [int(c) for c in said.get("COUNT", ["1"] * len(names))]
+        count, at = int(said["POINTS"][0]), [names.index(axis) for axis in "xyz"]
+        if count < 0 or min(sizes + counts, default=0) < 0 or sum(counts) > _MOST_COLUMNS:
+            raise ValueError("a negative or a huge count")
+        viewpoint = np.array(said.get("VIEWPOINT", ["0"] * 3)[:3], np.float64)
+        if kind == "ascii":
+            starts = np.cumsum([0, *counts])
+            rows = np.array(body.split(), np.float64).reshape(-1, sum(counts))
+            return rows[:count, starts[at]], viewpoint
+        if kind != "binary" or any(sizes[a] not in (4, 8) or said["TYPE"][a] != "F" for a in at):
+            raise InputError(f"its points are stored as {kind} {said['TYPE']}", where=where)
+        kinds = [f"V{size * many}" for size, many in zip(sizes, counts, strict=True)]
+        for a in at:
+            kinds[a] = f"<f{sizes[a]}"
+        table = np.frombuffer(body, np.dtype([(f"{k}", kind) for k, kind in enumerate(kinds)]), count)
+    except (KeyError, ValueError, IndexError, TypeError, OverflowError) as error:
+        raise InputError(
+            f"its head and its points do not agree ({error})", where=where, mend="Copy it again."
+        ) from None
+    return np.stack([table[f"{a}"] for a in at], -1).astype(np.float64), viewpoint
+
+
+def _too_few(count: int, name: str) -> InputError:
+    return InputError(f"{count} points make no surface", where=name, mend="Give a denser scan.")
+
+
+def _in_front(seen: Float, spacing: float) -> Float:
+    """The points that no nearer point hides, in an image with a pixel for each ``spacing``."""
+    if len(seen) == 0:
+        return seen
+    pixel = spacing / float(np.median(seen[:, 2]))
+    at = np.floor(seen[:, :2] / seen[:, 2:] / pixel).astype(np.int64)
+    at -= at.min(0) - 1
+    if np.prod(at.max(0) + 2.0) > _MOST_PIXELS:
+        what = f"its points are spread over {at.max(0)[0]} x {at.max(0)[1]} spacings of {spacing:g} m"
+        raise InputError(what, where="scan", mend="Cut away what is far from the thing that was scanned.")
+    nearest = np.full(at.max(0) + 2, np.inf)
+    np.minimum.at(nearest, (at[:, 0], at[:, 1]), seen[:, 2])
+    nearest = minimum_filter(nearest, 3)
+    return np.asarray(seen[seen[:, 2] < nearest[at[:, 0], at[:, 1]] + _HIDING * spacing])
+
+
+def _thinned(seen: Float, spacing: float) -> Float:
+    """One point for each cube of ``spacing``: the mean of those in it."""
+    cells = np.floor(seen / spacing).astype(np.int64)
+    _, of, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    sums = np.stack([np.bincount(of.reshape(-1), seen[:, a]) for a in range(3)], -1)
+    return np.asarray(sums / counts[:, None])
+
+
+def _is_surface(seen: Float, faces: Int, spacing: float) -> Bool:
+    """(F,) whether a triangle spans neither a gap nor a step."""
+    near = float(np.median(cKDTree(seen).query(seen, k=2)[0][:, 1]))
+    corners = seen[faces]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    ray = corners.mean(1)
+    product = np.linalg.norm(normal, axis=1) * np.linalg.norm(ray, axis=1)
+    facing = np.abs((normal * ray).sum(1)) / np.maximum(product, 1e-30)
+    return np.asarray((edges < _LONGEST * max(near, spacing)) & (facing > _STEEPEST))
+
+
+def _facing(seen: Float, faces: Int) -> Int:
+    """(F, 3) the triangles counter-clockwise as the sensor sees them."""
+    a, b, c = (seen[faces[:, k]] for k in range(3))
+    away = np.einsum("fi,fi->f", np.cross(b - a, c - a), a) > 0
+    return np.where(away[:, None], faces[:, [0, 2, 1]], faces)
+
+
+def _without_specks(mesh: Mesh) -> Mesh:
+    """The mesh without pieces of hardly any triangles."""
+    count, faces = len(mesh.vertices), mesh.faces
+    links = (np.ones(2 * len(faces)), (faces[:, [0, 1]].reshape(-1), faces[:, [1, 2]].reshape(-1)))
+    _, part = connected_components(coo_matrix(links, (count, count)), directed=False)
+    sizes = np.bincount(part[faces[:, 0]])
+    return submesh(mesh, sizes[part[faces[:, 0]]] >= _LEAST_PART * len(faces))

@@ -1,0 +1,260 @@
+"""Two meshes from the library's union: what it kept put back to the bit, what is new traced and skinned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import manifold3d
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int, Int32, UInt8
+from enliven.document.character import SkinWeights
+from enliven.meshes.kernels import first_of_position
+from enliven.meshes.mesh import Mesh, weld
+from enliven.modeling.mesh.solids import Solid
+from enliven.modeling.skinning import skin_values as skins
+
+_BLANK = 204
+"""sRGB of the vertices of a mesh without colours that is united with one that has some."""
+
+
+@dataclass(frozen=True)
+class Union:
+    """Two meshes as one.
+
+    Attributes:
+        mesh: both surfaces.
+        skin: both skins.
+        first: (V,) the vertex of the first mesh that each vertex was, or -1.
+        second: (V,) the same of the second.
+        seam: (V,) where they meet: new vertices, and old ones that lie in both.
+        fused: whether it is one surface now, and not two shells in one mesh.
+        notes: what was mended, or why they were not fused.
+        failed: whether the library could make no union: one is no solid, or it gave up.
+    """
+
+    mesh: Mesh
+    skin: SkinWeights
+    first: Int
+    second: Int
+    seam: Bool
+    fused: bool
+    notes: tuple[str, ...] = ()
+    failed: bool = False
+
+
+@dataclass
+class Pair:
+    """Both meshes with their skins."""
+
+    meshes: tuple[Mesh, Mesh]
+    skins: tuple[SkinWeights, SkinWeights]
+
+    def side_by_side(self, note: str, failed: bool = False) -> Union:
+        """One mesh of all shells of both."""
+        one, other = self.meshes
+        faces = np.concatenate([one.faces, other.faces + np.int32(len(one.vertices))])
+        vertices = np.concatenate([one.vertices, other.vertices])
+        colours = None
+        if one.colours is not None or other.colours is not None:
+            colours = np.concatenate([colours_of(mesh) for mesh in self.meshes])
+        mine = np.concatenate([np.arange(len(one.vertices)), np.full(len(other.vertices), -1)])
+        theirs = np.concatenate([np.full(len(one.vertices), -1), np.arange(len(other.vertices))])
+        mesh = Mesh(vertices, faces, one.name, colours)
+        none = np.zeros(len(vertices), bool)
+        return Union(mesh, skins.stacked(self.skins), mine, theirs, none, False, (note,), failed)
+
+    def traced(self, solids: tuple[Solid, Solid], made: manifold3d.Mesh64, notes: tuple[str, ...]) -> Union:
+        """The library's result with what it kept put back in order, to the bit."""
+        sides = [Side(made, solid) for solid in solids]
+        if any(len(side.triangles) == 0 for side in sides):
+            return self.side_by_side("one lies inside of the other: joined as separate shells")
+        if not any(side.lost or side.new for side in sides):
+            return self.side_by_side("they do not meet: joined as separate shells")
+        return Fused(self, sides, made).union(notes)
+
+
+class Side:
+    """What the library's result holds of one of the two solids."""
+
+    def __init__(self, made: manifold3d.Mesh64, solid: Solid) -> None:
+        self.solid = solid
+        starts = np.asarray(made.run_index, np.int64) // 3
+        runs = [k for k, number in enumerate(made.run_original_id) if number == solid.id]
+        whole = np.asarray(made.tri_verts, np.int64)
+        names = np.asarray(made.face_id, np.int64)
+        pick = np.concatenate([np.zeros(0, np.int64), *(np.arange(starts[k], starts[k + 1]) for k in runs)])
+        self.triangles, self.source = whole[pick], names[pick]
+        properties = np.asarray(made.vert_properties)
+        self.used = np.unique(self.triangles)
+        number = properties[self.used, 3]
+        nearest = np.clip(np.rint(number), 0, len(solid.mesh.vertices) - 1).astype(np.int64)
+        same = (properties[self.used, :3] == solid.mesh.vertices[nearest]).all(1) & (number == nearest)
+        self.old = np.full(len(properties), -1, np.int64)
+        self.old[self.used[same]] = nearest[same]
+        corners = self.old[self.triangles]
+        own = solid.mesh.faces[self.source] if len(self.source) else corners
+        turned = np.stack([np.roll(own, k, 1) for k in range(3)], 1)
+        self.whole = np.asarray((turned == corners[:, None]).all(2).any(1))
+        self.lost = len(np.unique(self.source)) < len(solid.mesh.faces)
+        self.new = bool((~self.whole).any())
+
+
+class Fused:
+    """Puts one mesh together: kept vertices of both in their order, then the new ones."""
+
+    def __init__(self, pair: Pair, sides: list[Side], made: manifold3d.Mesh64) -> None:
+        self.pair, self.sides = pair, sides
+        self.places = np.ascontiguousarray(np.asarray(made.vert_properties)[:, :3])
+        self.meshes = [side.solid.mesh for side in sides]
+        self.share = all(len(weld(mesh)[0].vertices) == len(mesh.vertices) for mesh in self.meshes)
+
+    def union(self, notes: tuple[str, ...]) -> Union:
+        """The whole of it."""
+        kept = [np.unique(side.old[side.old >= 0]) for side in self.sides]
+        ends = np.cumsum([len(kept[0]), len(kept[1])])
+        number = np.full(len(self.places), -1, np.int64)
+        for side, start, old in zip(self.sides, (0, ends[0]), kept, strict=True):
+            mine = np.flatnonzero(side.old >= 0)
+            number[mine] = start + np.searchsorted(old, side.old[mine])
+        used = np.zeros(len(self.places), bool)
+        for side in self.sides:
+            used[side.used] = True
+        new = np.flatnonzero(used & (number < 0))
+        number[new] = ends[1] + np.arange(len(new))
+        faces = np.concatenate(
+            [*(self._kept_faces(side, number) for side in self.sides)]
+            + [number[side.triangles[~side.whole]] for side in self.sides]
+        )
+        vertices = np.concatenate([self.meshes[0].vertices[kept[0]], self.meshes[1].vertices[kept[1]]])
+        vertices = np.concatenate([vertices, self.places[new]])
+        weights, tints = self._at_new(new)
+        whole = skins.bone_count(skins.stacked(self.pair.skins))
+        old_skins = [self._skin(k, kept[k], whole) for k in range(2)]
+        skin = skins.stacked([*old_skins, skins.sparse(weights)])
+        colours = None
+        if any(mesh.colours is not None for mesh in self.meshes):
+            colours = np.concatenate(
+                [*(colours_of(m)[k] for m, k in zip(self.meshes, kept, strict=True)), tints]
+            )
+        counts = [len(mesh.vertices) for mesh in self.pair.meshes]
+        first, second = (np.full(len(vertices), -1, np.int64) for _ in range(2))
+        first[: ends[0]] = np.where(kept[0] < counts[0], kept[0], -1)
+        second[ends[0] : ends[1]] = np.where(kept[1] < counts[1], kept[1], -1)
+        return self._joined(
+            Mesh(vertices, faces.astype(np.int32), self.meshes[0].name, colours),
+            skin, (first, second), ends, notes,
+        )  # fmt: skip
+
+    def _kept_faces(self, side: Side, number: Int) -> Int:
+        """(K, 3) whole faces in their order, their corners as they were."""
+        order = np.sort(side.source[side.whole])
+        at = np.full(len(side.solid.mesh.vertices), -1, np.int64)
+        known = np.flatnonzero(side.old >= 0)
+        at[side.old[known]] = number[known]
+        return np.asarray(at[side.solid.mesh.faces[order]])
+
+    def _skin(self, k: int, kept: Int | Int32, bones: int) -> SkinWeights:
+        """The skin of the kept vertices; those that close a hole take it from what is around them."""
+        mesh, skin = self.meshes[k], self.pair.skins[k]
+        given = len(self.pair.meshes[k].vertices)
+        if len(mesh.vertices) == given:
+            return skins.taken(skin, kept)
+        full = skins.dense(skin, bones)
+        made = np.concatenate([spread(full[around]) for around, spread in self.sides[k].solid.closing])
+        old = skins.taken(skin, kept[kept < given])
+        return skins.stacked([old, skins.sparse(made[kept[kept >= given] - given])])
+
+    def _at_new(self, new: Int) -> tuple[Float, UInt8]:
+        """(N, B) weights and (N, 3) colours of the new vertices, by their place in the face they lie in."""
+        bones = skins.bone_count(skins.stacked(self.pair.skins))
+        weights, tints = np.zeros((len(new), bones)), np.zeros((len(new), 3))
+        row = np.full(len(self.places), -1, np.int64)
+        row[new] = np.arange(len(new))
+        for k, side in enumerate(self.sides):
+            mesh = self.meshes[k]
+            face, corner = np.nonzero(row[side.triangles] >= 0)
+            vertex = side.triangles[face, corner]
+            vertex, first = np.unique(vertex, return_index=True)
+            own = mesh.faces[side.source[face[first]]]
+            share = barycentric(self.places[vertex], mesh.vertices[own])
+            corners, inverse = np.unique(own, return_inverse=True)
+            full = skins.dense(self._skin(k, corners, bones), bones)[inverse.reshape(-1, 3)]
+            weights[row[vertex]] = (share[..., None] * full).sum(1)
+            tints[row[vertex]] = (share[..., None] * colours_of(mesh)[own]).sum(1)
+        return weights, np.clip(np.rint(tints), 0, 255).astype(np.uint8)
+
+    def _joined(
+        self, mesh: Mesh, skin: SkinWeights, old: tuple[Int, Int], ends: Int, notes: tuple[str, ...]
+    ) -> Union:
+        """One skin for all vertices at one place of the seam; one vertex, where no mesh had doubles."""
+        count = len(mesh.vertices)
+        first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
+        seam = np.zeros(count, bool)
+        seam[ends[1] :] = True
+        mine = np.arange(count) < ends[0]
+        has = np.zeros((count, 2), bool)
+        has[first[mine], 0] = True
+        has[first[~mine & (np.arange(count) < ends[1])], 1] = True
+        meets = np.asarray(has.all(1))[first] | np.isin(first, first[seam])
+        seam |= meets
+        rows = np.flatnonzero(seam)
+        bones = skins.bone_count(skin)
+        full, many = np.zeros((count, bones)), np.zeros(count)
+        np.add.at(full, first[rows], skins.dense(skins.taken(skin, rows), bones))
+        np.add.at(many, first[rows], 1.0)
+        mean = skins.sparse(full[first[rows]] / many[first[rows], None])
+        indices, weights = skin.indices.copy(), skin.weights.copy()
+        indices[rows], weights[rows] = mean.indices, mean.weights
+        whole = Union(mesh, SkinWeights(indices, weights), old[0], old[1], seam, True, notes)
+        return _welded(whole, first) if self.share else whole
+
+
+def _welded(union: Union, first: Int) -> Union:
+    """Vertices at one place become one: the first mesh's own, where it has one there."""
+    kept = np.flatnonzero(first == np.arange(len(first)))
+    number = np.full(len(first), -1, np.int64)
+    number[kept] = np.arange(len(kept))
+    faces = number[first[union.mesh.faces]]
+    faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
+    faces = _without_membranes(faces)
+    used = np.unique(faces)
+    kept, faces = kept[used], np.searchsorted(used, faces)
+    second = union.second.copy()
+    np.maximum.at(second, first, union.second)
+    colours = None if union.mesh.colours is None else union.mesh.colours[kept]
+    mesh = Mesh(union.mesh.vertices[kept], faces.astype(np.int32), union.mesh.name, colours)
+    skin = skins.taken(union.skin, kept)
+    return Union(mesh, skin, union.first[kept], second[kept], union.seam[kept], True, union.notes)
+
+
+def _without_membranes(faces: Int) -> Int:
+    """The faces without those that lie back to back: what is left between two caps that met."""
+    if len(faces) == 0:
+        return faces
+    lowest = np.argmin(faces, 1)
+    turned = np.take_along_axis(faces, (lowest[:, None] + np.arange(3)) % 3, 1)
+    ahead = turned[:, 1] < turned[:, 2]
+    _, same, count = np.unique(np.sort(faces, 1), axis=0, return_inverse=True, return_counts=True)
+    same = same.reshape(-1)
+    both = (count == 2) & (np.bincount(same, ahead, len(count)) == 1)
+    return np.asarray(faces[~both[same]])
+
+
+def colours_of(mesh: Mesh) -> UInt8:
+    """(V, 3) the mesh's colours, or blank ones."""
+    return np.full((len(mesh.vertices), 3), _BLANK, np.uint8) if mesh.colours is None else mesh.colours
+
+
+def barycentric(points: Float, corners: Float) -> Float:
+    """(N, 3) shares of the corners (N, 3, 3) at points (N, 3) of their triangles, within 0..1, sum one."""
+    u, v, w = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
+    uu, uv, vv = (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)
+    wu, wv = (w * u).sum(1), (w * v).sum(1)
+    area = uu * vv - uv * uv
+    good = area > 1e-14 * np.maximum(uu, vv) ** 2
+    scale = np.where(good, area, 1.0)
+    b = np.where(good, (vv * wu - uv * wv) / scale, 0.0)
+    c = np.where(good, (uu * wv - uv * wu) / scale, 0.0)
+    share = np.clip(np.stack([1 - b - c, b, c], 1), 0.0, 1.0)
+    return np.asarray(share / share.sum(1, keepdims=True))

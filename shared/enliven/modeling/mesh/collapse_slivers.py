@@ -1,0 +1,124 @@
+"""Slivers along a seam taken out: short edges are contracted, others flipped, so that it can be faired."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int, Int32
+from enliven.modeling.mesh.remesh import flip_within
+
+_SHORT = 0.5
+"""Edges of the seam shorter than this share of the edges around are contracted."""
+_OLD = 0.5
+"""The same for an edge to a vertex that must stay, of the above: the seam is drawn to it."""
+
+
+def tidied(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool, Bool]:
+    """The surface with fewer and better triangles at its new vertices.
+
+    Args:
+        vertices: (V, 3) metres.
+        faces: (F, 3), closed.
+        new: (V,) those that may move, and go.
+
+    Returns:
+        (V, 3) vertices of which only new ones have moved, (G, 3) faces, those without a new vertex first and
+        as they were, (V,) which vertices are still there, and (V,) which new ones were drawn into.
+    """
+    touching: Bool = np.asarray(new[faces].any(1))
+    near = faces[touching]
+    # Faces around those too: a contraction asks about the neighbours of both its ends.
+    around = np.isin(faces, np.unique(near)).any(1)
+    patch = _Patch(vertices.copy(), faces[around].astype(np.int64), new)
+    patch.contract(_SHORT * _usual(vertices, faces[around], new))
+    mine = np.flatnonzero(touching[around])
+    left = [face for face in (patch.faces[number] for number in mine) if face is not None]
+    inner = flip_within(patch.vertices, np.array(left, np.int64).reshape(-1, 3), new)
+    kept = np.ones(len(vertices), bool)
+    kept[list(patch.gone)] = False
+    whole = np.concatenate([faces[~touching], inner.astype(np.int32)])
+    drawn = np.zeros(len(vertices), bool)
+    drawn[list(patch.drawn)] = True
+    return patch.vertices, whole, kept, drawn
+
+
+def _usual(vertices: Float, faces: Int32, new: Bool) -> float:
+    """Metres, how long edges between old vertices are there."""
+    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    ends = ends[~new[ends].any(1)]
+    if len(ends) == 0:
+        return 0.0
+    return float(np.median(np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1)))
+
+
+class _Patch:
+    """A few faces with who is beside whom, for contractions one at a time."""
+
+    def __init__(self, vertices: Float, faces: Int, new: Bool) -> None:
+        self.vertices, self.new = vertices, new
+        self.faces: list[list[int] | None] = [list(face) for face in faces.tolist()]
+        self.gone: set[int] = set()
+        self.drawn: set[int] = set()
+        self.of: dict[int, set[int]] = {}
+        for number, face in enumerate(faces.tolist()):
+            for v in face:
+                self.of.setdefault(v, set()).add(number)
+
+    def contract(self, short: float) -> None:
+        """Contract edges from the shortest on while any is shorter than ``short`` metres."""
+        ends = {
+            (min(a, b), max(a, b))
+            for face in self.faces
+            if face is not None
+            for a, b in zip(face, [*face[1:], face[0]], strict=True)
+            if self.new[a] or self.new[b]
+        }
+        order = sorted(ends, key=lambda pair: float(np.linalg.norm(self._between(*pair))))
+        for a, b in order:
+            limit = short if self.new[a] and self.new[b] else _OLD * short
+            if a in self.gone or b in self.gone or float(np.linalg.norm(self._between(a, b))) > limit:
+                continue
+            if not self.new[a]:
+                a, b = b, a
+            # a goes; where both are new, they meet in the middle.
+            place = (self.vertices[a] + self.vertices[b]) / 2 if self.new[b] else self.vertices[b]
+            if self._allowed(a, b, place):
+                self._contract(a, b, place)
+
+    def _between(self, a: int, b: int) -> Float:
+        return np.asarray(self.vertices[a] - self.vertices[b])
+
+    def _ring(self, v: int) -> set[int]:
+        return {w for f in self.of[v] for w in self.faces[f] or () if w != v}
+
+    def _allowed(self, a: int, b: int, place: Float) -> bool:
+        """Whether the surface stays a surface, and no face turns over or becomes a needle."""
+        both = self.of[a] & self.of[b]
+        if len(both) != 2 or len(self._ring(a) & self._ring(b)) != 2:
+            return False
+        moved = (self.of[a] | self.of[b]) - both
+        if not moved:
+            return False
+        before = np.array([self.vertices[self.faces[f]] for f in moved])
+        after = np.array(
+            [[place if v in (a, b) else self.vertices[v] for v in self.faces[f] or ()] for f in moved]
+        )
+        was, now = (np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (before, after))
+        sizes = np.linalg.norm(was, axis=1) * np.linalg.norm(now, axis=1)
+        return bool(((was * now).sum(1) > 0.5 * sizes).all() and (np.linalg.norm(now, axis=1) > 0).all())
+
+    def _contract(self, a: int, b: int, place: Float) -> None:
+        for f in self.of[a] & self.of[b]:
+            for v in self.faces[f] or ():
+                if v not in (a, b):
+                    self.of[v].discard(f)
+            self.of[b].discard(f)
+            self.faces[f] = None
+        for f in self.of.pop(a):
+            face = self.faces[f]
+            if face is not None:
+                self.faces[f] = [b if v == a else v for v in face]
+                self.of[b].add(f)
+        self.vertices[b] = place
+        self.gone.add(a)
+        self.drawn.add(b)

@@ -1,0 +1,145 @@
+"""One side of a cut as a mesh: kept vertices, new ones on crossed edges, and those inside of caps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int, UInt8
+from enliven.document.character import SkinWeights
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.mesh.caps import Cap, Spread
+from enliven.modeling.mesh.cut_plan import Parting
+from enliven.modeling.skinning import skin_values as skins
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One side of a cut.
+
+    Attributes:
+        mesh: its surface, the kept faces first, then the split ones, then the caps.
+        skin: bones numbered as before the cut; None where the mesh had none.
+        kept: (V,) for each vertex the one it was, or -1 for a new one.
+        caps: how many faces at the end close it.
+    """
+
+    mesh: Mesh
+    skin: SkinWeights | None
+    kept: Int
+    caps: int
+
+
+def piece_of(work: Parting, keeps: Bool, caps: list[Cap], far: bool) -> Piece:
+    """The faces of one side, with its part of the split ones and its caps.
+
+    Args:
+        keeps: (W,) the welded vertices on this side.
+        far: whether it is the side where the field is above zero.
+    """
+    return _Maker(work, keeps, far).piece(caps)
+
+
+class _Maker:
+    """Puts one side together: kept vertices, new ones on crossed edges, then those inside of caps."""
+
+    def __init__(self, work: Parting, keeps: Bool, far: bool) -> None:
+        self.work, self.far = work, far
+        self.mesh = work.mesh
+        cut = np.isin(work.found.loops, work.chosen)
+        self.split = work.found.faces[cut]
+        self.pairs = work.found.pairs[cut]
+        whole = np.ones(len(self.mesh.faces), bool)
+        whole[self.split] = False
+        self.whole = whole & keeps[work.faces[:, 0]]
+        self.kept = np.flatnonzero(keeps[work.of])
+        self.number = np.full(len(self.mesh.vertices), -1, np.int64)
+        self.number[self.kept] = np.arange(len(self.kept))
+
+    def piece(self, caps: list[Cap]) -> Piece:
+        """The piece."""
+        split, sources, edges = self._split_faces()
+        base = len(self.kept)
+        doubled = len(self.work.rest) < len(self.mesh.vertices)
+        cap_faces: list[Int] = []
+        insides: list[tuple[Int, Spread]] = []
+        count = base + len(sources)
+        rim_of = np.full(len(self.work.found.edges), -1, np.int64)
+        rim_of[edges[::-1]] = base + np.arange(len(edges))[::-1]
+        for cap in caps:
+            if doubled:
+                # Flat-shaded meshes have a vertex for each side of an edge: so has the rim.
+                rim = count + np.arange(len(cap.rim))
+                count += len(rim)
+            else:
+                rim = rim_of[cap.rim]
+            inside = count + np.arange(cap.inside.count)
+            insides.append((rim_of[cap.rim], cap.inside))
+            count += len(inside)
+            faces = np.concatenate([rim, inside])[cap.faces]
+            cap_faces.append(faces[:, ::-1] if self.far else faces)
+        closing = np.concatenate([np.zeros((0, 3), np.int64), *cap_faces])
+        faces = np.concatenate([self.number[self.mesh.faces[self.whole]], split, closing])
+        vertices, colours, skin = self._attributes(sources, edges, insides, doubled)
+        kept = np.full(len(vertices), -1, np.int64)
+        kept[:base] = self.kept
+        mesh = Mesh(vertices, faces.astype(np.int32), self.mesh.name, colours)
+        return Piece(mesh, skin, kept, len(closing))
+
+    def _split_faces(self) -> tuple[Int, Int, Int]:
+        """(S, 3) faces, and for each new vertex its two old ones (N, 2) and its crossed edge (N,)."""
+        work = self.work
+        own = self.mesh.faces[self.split].astype(np.int64)
+        side = work.far[work.of[own]]
+        lonely = np.where(side.sum(1) == 1, np.argmax(side, 1), np.argmin(side, 1))
+        corner = np.take_along_axis(own, (lonely[:, None] + np.arange(3)) % 3, 1)
+        lonely_far = np.take_along_axis(side, lonely[:, None], 1)[:, 0]
+        pairs = np.where(lonely_far[:, None], self.pairs, self.pairs[:, ::-1])
+        # A new vertex for each pair of old ones: on flat-shaded meshes one for each face.
+        ends = np.stack([corner[:, [0, 1]], corner[:, [2, 0]]], 1).reshape(-1, 2)
+        crossed = pairs.reshape(-1)
+        turned = work.of[ends[:, 0]] != work.found.edges[crossed, 0]
+        ends = np.where(turned[:, None], ends[:, ::-1], ends)
+        unique, first, number = np.unique(ends, axis=0, return_index=True, return_inverse=True)
+        new = len(self.kept) + number.reshape(-1, 2)
+        alone = lonely_far == self.far
+        a, b, c = self.number[corner].T
+        tips = np.stack([a, new[:, 0], new[:, 1]], 1)[alone]
+        quad = np.stack([new[:, 0], b, c, new[:, 1]], 1)[~alone]
+        return np.concatenate([tips, quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]]), unique, crossed[first]
+
+    def _attributes(
+        self, sources: Int, edges: Int, insides: list[tuple[Int, Spread]], doubled: bool
+    ) -> tuple[Float, UInt8 | None, SkinWeights | None]:
+        """Positions, colours and skin of all vertices."""
+        work, mesh = self.work, self.mesh
+        share = work.share[edges][:, None]
+        base = len(self.kept)
+
+        def grown(old: Float, rim: Float | None = None) -> Float:
+            """The values at the new vertices: along the edges, and inside of caps from their rims."""
+            made = old[sources[:, 0]] * (1 - share) + old[sources[:, 1]] * share if rim is None else rim
+            out = [made]
+            for around, spread in insides:
+                own = made[around - base]
+                out += [own, spread(own)] if doubled else [spread(own)]
+            return np.concatenate(out)
+
+        between = work.between(work.rest, work.found.edges, work.share)[edges]
+        vertices = np.concatenate([mesh.vertices[self.kept], grown(mesh.vertices, between)])
+        colours = None
+        if mesh.colours is not None:
+            new = np.clip(np.rint(grown(mesh.colours.astype(np.float64))), 0, 255).astype(np.uint8)
+            colours = np.concatenate([mesh.colours[self.kept], new])
+        if work.skin is None:
+            return vertices, colours, None
+        old = np.unique(sources)
+        few = np.searchsorted(old, sources)
+        full = skins.dense(skins.taken(work.skin, old), skins.bone_count(work.skin))
+        there = np.flatnonzero(full.any(0))
+        full = full[:, there]
+        made = full[few[:, 0]] * (1 - share) + full[few[:, 1]] * share
+        new_skin = skins.sparse(grown(np.zeros((0, 0)), made))
+        new_skin = SkinWeights(there[new_skin.indices].astype(np.uint16), new_skin.weights)
+        return vertices, colours, skins.stacked([skins.taken(work.skin, self.kept), new_skin])

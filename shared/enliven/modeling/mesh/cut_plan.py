@@ -1,0 +1,288 @@
+"""A cut in the making: which loops of a mesh are cut, what lies on which side, and the caps between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Bool, Float, Int
+from enliven.document.character import SkinWeights
+from enliven.errors import InputError
+from enliven.meshes.mesh import Mesh, weld
+from enliven.modeling.mesh.caps import Cap, cap_of, flattened
+from enliven.modeling.mesh.cut_loops import Crossings, area, chains_of, crossings_of, joined, winding
+from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
+from enliven.settings import setting
+
+_SIDES = ((0, 1), (1, 2), (2, 0))
+_ISLAND = 0.05
+"""A part of the surface that weights alone would cut out stays, if it is smaller than this share of all on
+its side."""
+
+
+@dataclass(frozen=True)
+class CutSettings:
+    """How meshes are cut."""
+
+    slide: float = setting(
+        0.15,
+        "how far the cut may move so that it passes no vertex closely, of an edge's length",
+        low=0.0,
+        high=0.5,
+    )
+    gap: float = setting(
+        0.3, "how much of a loop may be missing (holes of a scan) for it to be closed", low=0.0, high=1.0
+    )
+    belongs: float = setting(
+        0.75,
+        "how much of each side of a plane must follow that side's bones; below it the skin says where to cut",
+        low=0.0,
+        high=1.0,
+    )
+    rounding: float = setting(0.0, "how round the caps are: 0 flat, 1 half balls", low=0.0, high=1.0)
+    fine: bool = setting(True, "give the caps points inside, so that they can bend and be rounded")
+
+
+@dataclass
+class Parting:
+    """A cut in the making: topology on the welded mesh, the result on the mesh as it is."""
+
+    mesh: Mesh
+    skin: SkinWeights | None
+    surface: CutSurface
+    posed: Float | None
+    settings: CutSettings
+    loyal: Float | None
+    values: Float | None = None
+    """(V,) a field to cut along in place of the surface's, which only the caps lie near to then."""
+    notes: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if len(self.mesh.faces) == 0:
+            raise InputError("it has no faces", where=self.mesh.name, mend="Give a mesh to cut.")
+        at = self.mesh.vertices if self.posed is None else np.asarray(self.posed, np.float64)
+        if at.shape != self.mesh.vertices.shape or not np.isfinite(at).all():
+            raise InputError(
+                f"{at.shape} positions, or some not finite", where=self.mesh.name, mend="Repair the mesh."
+            )
+        welded, self.of = weld(self.mesh)
+        self.faces = welded.faces.astype(np.int64)
+        first = np.zeros(len(welded.vertices), np.int64)
+        first[self.of[::-1]] = np.arange(len(self.of))[::-1]
+        self.first, self.rest, self.at = first, welded.vertices, at[first]
+        self.field = self.surface.field(self.at) if self.values is None else self._without_islands()
+        self.shift = self._clear_of_vertices()
+        self.far = self.field > self.shift
+        self.found: Crossings = crossings_of(self.faces, self.far)
+        self.share = self._shares(self.found.edges)
+        self.places = self.surface.flat(self.between(self.at, self.found.edges, self.share))
+        self.count = int(self.found.loops.max(initial=-1)) + 1
+        self.chosen = np.zeros(0, np.int64)
+
+    def _clear_of_vertices(self) -> float:
+        """How far to move the cut to keep away from vertices: the middle of the widest gap near 0."""
+        ends = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+        low, high = self.field[ends].min(1), self.field[ends].max(1)
+        met = (low <= 0) & (high >= 0)
+        if not met.any():
+            return 0.0
+        window = self.settings.slide * float(np.median((high - low)[met]))
+        near = self.field[np.abs(self.field) < window]
+        stops = np.concatenate([[-window], np.sort(near), [window]])
+        wide = np.diff(stops)
+        if len(near) == 0 or window == 0.0:
+            return 0.0
+        best = int(np.argmax(wide))
+        return float((stops[best] + stops[best + 1]) / 2)
+
+    def _without_islands(self) -> Float:
+        """(W,) the values, with what is small and alone on its side of zero given to the other side."""
+        assert self.values is not None
+        values = self.values[self.first]
+        far = values > 0
+        same = [self.faces[far[self.faces[:, a]] == far[self.faces[:, b]]][:, [a, b]] for a, b in _SIDES]
+        part = hang_together(np.concatenate(same), len(values))
+        size = np.bincount(part)
+        of_side = np.array([(~far).sum(), far.sum()])[far.astype(np.int64)]
+        small = size[part] < _ISLAND * of_side
+        return np.asarray(np.where(small, -1e-9 * np.sign(values), values))
+
+    def choose_all(self) -> None:
+        """Every loop there is."""
+        self.chosen = np.arange(self.count)
+        self.point = self.places.mean(0) if len(self.places) else np.zeros(2)
+
+    def between(self, at: Float, edges: Int, share: Float) -> Float:
+        return np.asarray(at[edges[:, 0]] + share[:, None] * (at[edges[:, 1]] - at[edges[:, 0]]))
+
+    def _shares(self, edges: Int) -> Float:
+        """(E,) how far along each crossed edge the cut is; by bisection, as the field may be curved."""
+        low, high = np.zeros(len(edges)), np.ones(len(edges))
+        start = self.field[edges[:, 0]] - self.shift
+        ends = self.field[edges[:, 1]] - self.shift
+        guess = start / np.where(start != ends, start - ends, 1.0)
+        if isinstance(self.surface, PlaneCut):
+            return np.clip(guess, 1e-6, 1 - 1e-6)
+        for _ in range(40):
+            middle = (low + high) / 2
+            value = self.surface.field(self.between(self.at, edges, middle)) - self.shift
+            same = (value > 0) == (start > 0)
+            low, high = np.where(same, middle, low), np.where(same, high, middle)
+        return np.clip((low + high) / 2, 1e-6, 1 - 1e-6)
+
+    def _polygon(self, loop: int) -> Float:
+        """(P, 2) the longest chain of a loop, on the surface."""
+        chains = chains_of(self.found.pairs[self.found.loops == loop])
+        return self.places[max(chains, key=lambda chain: len(chain[0]))[0]]
+
+    def choose_around(self, point: Float, own: Float, where: str) -> None:
+        """The loops around a place on the surface, and those inside of them.
+
+        Args:
+            own: (V,) how much each vertex follows the bone that is cut.
+        """
+        self.point = point
+        polygons = [self._polygon(loop) for loop in range(self.count)]
+        around = [i for i, polygon in enumerate(polygons) if abs(winding(polygon, point)) > 0.5]
+        if not around:
+            around = self._beside(point, own, polygons)
+            note = "the bone runs outside of the mesh there: what follows it was cut"
+            self.notes += [note] if around else []
+        if not around:
+            self._without_a_cut(where)
+            return
+        # Loops within loops are one limb: the shell's inner side, or a bone in a sleeve.
+        outer = max(around, key=lambda i: abs(area(polygons[i])))
+        inside = [
+            i for i, polygon in enumerate(polygons) if abs(winding(polygons[outer], polygon.mean(0))) > 0.5
+        ]
+        self.chosen = np.array(sorted({*around, *inside}), np.int64)
+
+    def _beside(self, point: Float, own: Float, polygons: list[Float]) -> list[int]:
+        """The nearest loop that follows the bone, where it is no farther away than it is thick."""
+        of_bone = np.zeros(len(self.rest))
+        np.maximum.at(of_bone, self.of, own)
+        best: tuple[float, list[int]] = (1.0, [])
+        for i, polygon in enumerate(polygons):
+            faces = self.faces[self.found.faces[self.found.loops == i]]
+            thick = np.sqrt(abs(area(polygon)) / np.pi)
+            far = float(np.linalg.norm(polygon - point, axis=1).min()) / max(thick, 1e-300)
+            if of_bone[faces].mean() > 0.3 and far < best[0]:
+                best = (far, [i])
+        return best[1]
+
+    def _without_a_cut(self, where: str) -> None:
+        """Shells that follow the bones beyond part from the others as they are, if all do clearly."""
+        assert self.loyal is not None
+        part = self._components(np.zeros(len(self.found.loops), bool))[self.of]
+        mean = np.bincount(part, self.loyal) / np.maximum(np.bincount(part), 1)
+        if not ((mean > 0.75).any() and (mean < 0.25).any()) or ((mean > 0.25) & (mean < 0.75)).any():
+            mend = "Cut it where its bone is inside of it, or with a stroke."
+            raise InputError("no part of the mesh surrounds the bone there", where=where, mend=mend)
+        self.notes.append("the bone passes through nothing there: the parts were taken asunder as they are")
+
+    def choose_covered(self) -> None:
+        """The loops that are drawn over for at least a half."""
+        covered = self.surface.covers(self.between(self.at, self.found.edges, self.share))
+        pairs = covered[self.found.pairs].mean(1)
+        loops = np.unique(self.found.loops)
+        self.chosen = np.array([i for i in loops if pairs[self.found.loops == i].mean() >= 0.5], np.int64)
+        if len(self.chosen) == 0:
+            what = "it passes through no part of the mesh"
+            raise InputError(what, where="cut", mend="Draw it right across what is to be cut.")
+        self.point = self.places[covered].mean(0)
+
+    def sides(self) -> Bool:
+        """(W,) whether each welded vertex is on the far side; cuts more loops where the mesh still hangs."""
+        while True:
+            cut = np.isin(self.found.loops, self.chosen)
+            part = self._components(cut)
+            faces = self.faces[self.found.faces[cut]]
+            labels = part[faces]
+            far = self.far[faces]
+            torn = np.intersect1d(labels[far], labels[~far])
+            if len(torn) == 0:
+                break
+            self._choose_another(part, torn)
+        side = np.full(int(part.max()) + 1, -1)
+        side[labels[far]], side[labels[~far]] = 1, 0
+        for shell in np.flatnonzero(side < 0):
+            side[shell] = self._side_of(np.flatnonzero(part == shell), part, side)
+        return np.asarray(side[part] == 1)
+
+    def _components(self, cut: Bool) -> Int:
+        """(W,) what still hangs together once the chosen crossed faces are split."""
+        whole = np.ones(len(self.faces), bool)
+        whole[self.found.faces[cut]] = False
+        faces = self.faces[whole]
+        links = [faces[:, [0, 1]], faces[:, [1, 2]]]
+        split = self.faces[self.found.faces[cut]]
+        for a, b in _SIDES:
+            same = self.far[split[:, a]] == self.far[split[:, b]]
+            links.append(split[same][:, [a, b]])
+        return hang_together(np.concatenate(links), len(self.rest))
+
+    def _choose_another(self, part: Int, torn: Int) -> None:
+        """Add the nearest loop through which the two sides still hang together."""
+        free = ~np.isin(self.found.loops, self.chosen)
+        free &= np.isin(part[self.faces[self.found.faces, 0]], torn)
+        middle = self.places[self.found.pairs].mean(1)
+        far = np.where(free, np.linalg.norm(middle - self.point, axis=1), np.inf)
+        if not np.isfinite(far).any():
+            raise InputError("its two sides cannot be told apart", where="cut", mend="Repair the mesh first.")
+        self.chosen = np.append(self.chosen, self.found.loops[int(np.argmin(far))])
+        note = "the parts hung together elsewhere too: that was cut as well"
+        if note not in self.notes:
+            self.notes.append(note)
+
+    def _side_of(self, vertices: Int, part: Int, side: Int) -> int:
+        """Where a shell goes that was not cut: with the bones it follows, else with what is nearest."""
+        if self.loyal is not None:
+            mean = float(self.loyal[np.isin(self.of, vertices)].mean())
+            if abs(mean - 0.5) > 1e-3:
+                return int(mean > 0.5)
+            return int(self.far[vertices].mean() > 0.5)
+        known = np.flatnonzero(side[part] >= 0)
+        _, nearest = cKDTree(self.at[known]).query(self.at[vertices[:: 1 + len(vertices) // 64]])
+        return int(np.mean(side[part[known[nearest]]]) > 0.5)
+
+    def caps(self) -> list[Cap]:
+        """A cap for every shell that was cut, its rim as numbers of crossed edges."""
+        cut = np.isin(self.found.loops, self.chosen)
+        ends = self.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+        shell = hang_together(ends, len(self.rest))[self.faces[self.found.faces, 0]]
+        made = []
+        for one in np.unique(shell[cut]):
+            chains = chains_of(self.found.pairs[cut & (shell == one)])
+            loops = [
+                order
+                for order, shut in joined(chains, self.places, self.settings.gap)
+                if shut and len(order) > 2
+            ]
+            if len(loops) < len(chains) and "some of it is open there and was left open" not in self.notes:
+                self._say_open(chains, loops)
+            if self.values is not None:
+                made += [self._own_cap(loop) for loop in loops]
+            elif loops:
+                made.append(cap_of(loops, self.places, self.settings.fine))
+        return made
+
+    def _own_cap(self, loop: Int) -> Cap:
+        """A cap in the plane that a loop spans best."""
+        points = self.between(self.at, self.found.edges[loop], self.share[loop])
+        cap = cap_of([np.arange(len(loop))], flattened(points), self.settings.fine)
+        return Cap(loop[cap.rim], cap.faces, cap.inside)
+
+    def _say_open(self, chains: list[tuple[Int, bool]], loops: list[Int]) -> None:
+        if sum(len(chain) for chain, _ in chains) > sum(len(loop) for loop in loops):
+            self.notes.append("some of it is open there and was left open")
+
+
+def hang_together(links: Int, count: int) -> Int:
+    """(count,) the number of the part that each hangs together with over (L, 2) links."""
+    web = coo_matrix((np.ones(len(links), np.int8), (links[:, 0], links[:, 1])), (count, count))
+    return np.asarray(connected_components(web, directed=False)[1], np.int64)

@@ -1,0 +1,145 @@
+"""What a mesh is cut along: a plane, or a stroke on the screen swept along the view.
+
+A surface is a field over space, below zero on the one side and above on the other, and two coordinates on
+itself, in which the caps are triangulated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.errors import InputError
+
+
+class CutSurface(Protocol):
+    """What :func:`enliven.modeling.mesh.mesh_cut.cut_mesh` needs to know of a surface."""
+
+    def field(self, points: Float) -> Float:
+        """(N,) how far each of the points (N, 3) is on the far side; below zero on the near side."""
+        ...
+
+    def flat(self, points: Float) -> Float:
+        """(N, 2) coordinates on the surface, about metres."""
+        ...
+
+    def covers(self, points: Float) -> Bool:
+        """(N,) whether points on the surface are within what was drawn."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneCut:
+    """A plane. The near side is behind it, the far side where the normal points.
+
+    Attributes:
+        point: (3,) metres.
+        normal: (3,) of any length above zero.
+        reach: metres around ``point`` that count as drawn.
+    """
+
+    point: Float
+    normal: Float
+    reach: float = np.inf
+
+    def __post_init__(self) -> None:
+        normal = np.array(self.normal, np.float64)
+        length = float(np.linalg.norm(normal))
+        if not (np.isfinite(length) and length > 0 and np.isfinite(self.point).all()):
+            raise InputError("the plane has no direction", where="cut", mend="Give a point and a normal.")
+        object.__setattr__(self, "point", np.array(self.point, np.float64))
+        object.__setattr__(self, "normal", normal / length)
+
+    def field(self, points: Float) -> Float:
+        return np.asarray((points - self.point) @ self.normal)
+
+    def flat(self, points: Float) -> Float:
+        across = np.cross(self.normal, np.eye(3)[np.argmin(np.abs(self.normal))])
+        across /= np.linalg.norm(across)
+        axes = np.stack([across, np.cross(self.normal, across)])
+        return np.asarray((points - self.point) @ axes.T)
+
+    def covers(self, points: Float) -> Bool:
+        return np.asarray(np.linalg.norm(self.flat(points), axis=1) <= self.reach)
+
+
+@dataclass(frozen=True, eq=False)
+class StrokeCut:
+    """A stroke on the picture, swept along the view; it goes on straight beyond its two ends.
+
+    Attributes:
+        stroke: (S, 2) in the picture's own units (pixels, or -1..1), the y axis up. Seen along the stroke,
+            what lies to the left is the far side.
+        picture_from_world: (4, 4) the projection: x and y in the units of the stroke, after division by w.
+    """
+
+    stroke: Float
+    picture_from_world: Float
+
+    def __post_init__(self) -> None:
+        stroke = np.array(self.stroke, np.float64).reshape(-1, 2)
+        if not np.isfinite(stroke).all():
+            raise InputError("the stroke is not finite", where="cut", mend="Draw it again.")
+        step = np.linalg.norm(np.diff(stroke, axis=0), axis=1)
+        extent = float(np.ptp(stroke, axis=0).max()) if len(stroke) else 0.0
+        stroke = stroke[np.concatenate([[True], step > 1e-3 * extent])] if len(stroke) else stroke
+        if len(stroke) < 2:
+            raise InputError("the stroke is a dot", where="cut", mend="Draw it across what is to be cut.")
+        object.__setattr__(self, "stroke", stroke)
+        object.__setattr__(self, "picture_from_world", np.array(self.picture_from_world, np.float64))
+
+    def field(self, points: Float) -> Float:
+        return self._along(points)[1]
+
+    def flat(self, points: Float) -> Float:
+        if len(points) == 0:
+            return np.zeros((0, 2))
+        along, _, depth = self._along(points)
+        # Metres that the picture's unit spans here, so that both coordinates are about metres.
+        rows = self.picture_from_world
+        unit = float(np.median(depth)) / np.linalg.norm(rows[0, :3])
+        ahead = rows[3, :3] if np.any(rows[3, :3]) else np.cross(rows[0, :3], rows[1, :3])
+        return np.stack([along * unit, points @ (ahead / np.linalg.norm(ahead))], 1)
+
+    def covers(self, points: Float) -> Bool:
+        along = self._along(points)[0]
+        return np.asarray((along >= 0) & (along <= _lengths(self.stroke)[-1]))
+
+    def _along(self, points: Float) -> tuple[Float, Float, Float]:
+        """(N,) arc length on the stroke, (N,) distance to its left, (N,) the depth w of each point."""
+        whole = points @ self.picture_from_world[:, :3].T + self.picture_from_world[:, 3]
+        depth = whole[:, 3]
+        shown = whole[:, :2] / np.where(depth > 1e-9, depth, 1e-9)[:, None]
+        along, left = _beside(self.stroke, shown)
+        return along, left, depth
+
+
+def _lengths(stroke: Float) -> Float:
+    """(S,) arc length at each point."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stroke, axis=0), axis=1))])
+
+
+def _beside(stroke: Float, points: Float) -> tuple[Float, Float]:
+    """(N,) arc length of the nearest place on the stroke, lengthened, and (N,) distance to the left."""
+    starts, vectors = stroke[:-1], np.diff(stroke, axis=0)
+    lengths = np.linalg.norm(vectors, axis=1)
+    units = vectors / lengths[:, None]
+    away = points[:, None] - starts[None]
+    along = (away * units[None]).sum(2)
+    low = np.zeros(len(lengths))
+    high = lengths.copy()
+    low[0], high[-1] = -np.inf, np.inf
+    held = np.clip(along, low, high)
+    rest = away - held[..., None] * units[None]
+    distance = np.linalg.norm(rest, axis=2)
+    cross = units[None, :, 0] * away[..., 1] - units[None, :, 1] * away[..., 0]
+    # At a corner two segments are equally near: the one that sees the point squarely knows the side.
+    square = np.abs(cross) / np.maximum(distance, 1e-300)
+    least = distance.min(1, keepdims=True)
+    best = np.argmax(np.where(distance <= least * (1 + 1e-9) + 1e-300, square, -1.0), axis=1)
+    rows = np.arange(len(points))
+    side = np.where(cross[rows, best] >= 0, 1.0, -1.0)
+    return _lengths(stroke)[best] + held[rows, best], side * distance[rows, best]

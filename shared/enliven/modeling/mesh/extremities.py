@@ -1,0 +1,113 @@
+"""The ends of a mesh's limbs, where control points are suggested.
+
+How far a point of the surface is from all others, along the surface, in the mean (M. Hilaga et al., "Topology
+matching", 2001) is largest at the ends of limbs. An end counts by how far one must come back from it to get
+to one that is farther out (its persistence): a hand first by its longest finger, then by its other ones.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Float, Int
+from enliven.deformation.graph.surface import Net, net_of
+from enliven.errors import InputError
+from enliven.kernels import njit
+from enliven.meshes.mesh import Mesh
+from enliven.union_find import root_of
+
+_NODES = 200
+"""The net has some forty points for each."""
+_SOURCES = 32
+_LEAST = 0.02
+"""Part of the longest way along the mesh; ends that stand out less are none."""
+
+
+def extremities(mesh: Mesh, most: int = 12) -> Int:
+    """(K,) vertices at the ends of limbs, K at most ``most``, those that stand out most first.
+
+    Raises:
+        InputError: for a mesh without area.
+    """
+    if not mesh.area > 0:
+        raise InputError("the mesh has no area", where=mesh.name, mend="Give a mesh with faces.")
+    net = net_of(mesh, float(np.sqrt(mesh.area / _NODES)))
+    ways = _ways(net)
+    from_sources = _spread_out(ways, _SOURCES)
+    far = from_sources.mean(0)
+    tips, persistence = _peaks(ways.indptr, ways.indices, far, np.argsort(-far, kind="stable"))
+    persistence[np.argmax(persistence)] = np.inf
+    order = np.argsort(-persistence, kind="stable")
+    longest = float(from_sources.max())
+    chosen = [int(tips[k]) for k in order[:most] if persistence[k] > _LEAST * longest]
+    used = np.unique(mesh.faces)
+    return np.asarray(used[cKDTree(mesh.vertices[used]).query(net.points[chosen])[1]], np.int64)
+
+
+def _spread_out(ways: csr_matrix, count: int) -> Float:
+    """(S, C) metres along the surface from some points that are far from each other."""
+    rows = [dijkstra(ways, indices=0)]
+    near = rows.pop()
+    for _ in range(min(count, ways.shape[0])):
+        rows.append(dijkstra(ways, indices=int(near.argmax())))
+        near = rows[0] if len(rows) == 1 else np.minimum(near, rows[-1])
+    return np.array(rows)
+
+
+@njit(cache=True, nogil=True)
+def _peaks(offsets, neighbours, height, order):  # type: ignore[no-untyped-def]
+    """The points that are higher than all around them, and how far each stands over its pass to a higher one.
+
+    The surface comes out of the water from the highest point down; where two islands meet, the lower one's
+    peak has found its pass.
+
+    Args:
+        order: (C,) the points from the highest down.
+    """
+    count = height.shape[0]
+    parent, peak = np.full(count, -1), np.empty(count, np.int64)
+    over = np.zeros(count)
+    tips, size = np.empty(count, np.int64), 0
+    for v in order:
+        parent[v], peak[v] = v, v
+        alone = True
+        for e in range(offsets[v], offsets[v + 1]):
+            u = neighbours[e]
+            if parent[u] < 0 or u == v:
+                continue
+            alone = False
+            a, b = root_of(parent, u), root_of(parent, v)
+            if a == b:
+                continue
+            if height[peak[a]] < height[peak[b]]:
+                a, b = b, a
+            over[peak[b]] = height[peak[b]] - height[v]
+            parent[b] = a
+        if alone:
+            tips[size] = v
+            size += 1
+    for k in range(size):
+        if peak[root_of(parent, tips[k])] == tips[k]:
+            over[tips[k]] = height[tips[k]]
+    return tips[:size].copy(), over[tips[:size]]
+
+
+def _ways(net: Net) -> csr_matrix:
+    """(C, C) the net's edges, its shells joined where they are nearest."""
+    count = len(net.points)
+    rows, columns, lengths = net.web.edges[:, 0], net.web.edges[:, 1], net.web.lengths
+    while True:
+        graph = csr_matrix((lengths, (rows, columns)), (count, count))
+        graph = graph + graph.T
+        shells, label = connected_components(graph, directed=False)
+        if shells == 1:
+            return graph
+        inside = label == label[np.bincount(label)[label].argmin()]
+        distance, other = cKDTree(net.points[~inside]).query(net.points[inside])
+        first = int(distance.argmin())
+        rows = np.append(rows, np.flatnonzero(inside)[first])
+        columns = np.append(columns, np.flatnonzero(~inside)[other[first]])
+        lengths = np.append(lengths, max(float(distance[first]), 1e-12))

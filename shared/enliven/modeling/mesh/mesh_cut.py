@@ -1,0 +1,169 @@
+"""Cutting a mesh where a surface passes through it, locally, into two closed meshes with their skins.
+
+    cut_across_bone(mesh, skin, skeleton, bone, u) -> Cut        a plane across a bone, around that bone only
+    cut_by_stroke(mesh, skin, stroke, posed=None) -> Cut         StrokeCut or PlaneCut, what it passes through
+
+``Cut.near`` is the root's side of a bone (behind a plane), ``Cut.far`` the other; each is a :class:`Piece`
+with its mesh, its skin (bones numbered as they were) and ``kept``, the old vertex of each vertex or -1.
+Vertices away from the cut are the same to the bit, positions, colours and weights; so are faces, in their
+order. Both sides of the cut share their caps' points, so that the volumes of the two add up to the whole.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document.character import SkinWeights
+from enliven.document.skeleton import Skeleton
+from enliven.errors import InputError
+from enliven.meshes.mesh import Mesh, weld
+from enliven.modeling.mesh.cut_pieces import Piece, piece_of
+from enliven.modeling.mesh.cut_plan import CutSettings, Parting, hang_together
+from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
+from enliven.modeling.mesh.poisson import poisson
+from enliven.modeling.skinning import skin_values as skins
+
+__all__ = ["Cut", "CutSettings", "Piece", "cut_across_bone", "cut_by_stroke"]
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Both sides, and what there is to say about how they came about."""
+
+    near: Piece
+    far: Piece
+    notes: tuple[str, ...] = ()
+
+
+def cut_across_bone(
+    mesh: Mesh,
+    skin: SkinWeights,
+    skeleton: Skeleton,
+    bone: int,
+    u: float,
+    settings: CutSettings | None = None,
+) -> Cut:
+    """Cut the limb around a bone, square to the bone.
+
+    Shells that the plane does not touch go with the bones that they follow. Where the bone runs outside of
+    the mesh, what follows it beside it is cut; where nothing does, shells part by the bones they follow.
+
+    Args:
+        mesh: at rest, in the skeleton's frame.
+        bone: the joint that the bone ends at; not the root.
+        u: where along the bone, 0 at its parent joint and 1 at its own.
+
+    Raises:
+        InputError: for a bone without length, or where no part of the mesh surrounds it there.
+    """
+    settings = settings or CutSettings()
+    where = f"bone {skeleton.names[bone]!r}"
+    if bone == 0 or not skeleton.lengths[bone] > 0:
+        raise InputError("it has no length to cut across", where=where, mend="Choose another bone.")
+    start = skeleton.positions[skeleton.parents[bone]]
+    surface = PlaneCut(start + u * skeleton.vectors[bone], skeleton.vectors[bone])
+    beyond = np.zeros(max(skins.bone_count(skin), len(skeleton)))
+    beyond[list(skeleton.below(bone))] = 1.0
+    beyond[bone] = 0.5
+    loyal = (beyond[skin.indices] * skin.weights).sum(1)
+    own = np.where(skin.indices == bone, skin.weights, 0.0).sum(1, dtype=np.float64)
+    work = Parting(mesh, skin, surface, None, settings, loyal)
+    work.choose_around(surface.flat(surface.point[None])[0], own, where)
+    cut = _parted(work)
+    beyond[bone] = 0.0
+    ahead = (beyond[skin.indices] * skin.weights).sum(1)
+    behind = 1.0 - ahead - own
+    if len(work.chosen) == 0 or _belongs(cut, ahead, behind) > settings.belongs:
+        return cut
+    # A plane through a body's middle, as the bone to a hip asks for, would halve the body.
+    along = np.clip(work.surface.field(mesh.vertices) / skeleton.lengths[bone], -1, 1)
+    other = Parting(mesh, skin, surface, None, settings, loyal, ahead - behind + own * along)
+    other.choose_all()
+    by_skin = _parted(other) if other.count else cut
+    if _belongs(by_skin, ahead, behind) <= _belongs(cut, ahead, behind):
+        return cut
+    note = "a plane would cut through other parts: cut where the skin of the bones beyond begins"
+    return Cut(by_skin.near, by_skin.far, (*by_skin.notes, note))
+
+
+def _belongs(cut: Cut, ahead: Float, behind: Float) -> float:
+    """How much of what follows the bones on either side lies on that side, of the worse side; 1 is all of it.
+
+    Args:
+        ahead: (V,) how much each vertex follows the bones beyond the cut.
+        behind: (V,) how much the bones before it.
+    """
+    worst = 1.0
+    for right, wrong, weight in ((cut.near, cut.far, behind), (cut.far, cut.near, ahead)):
+        mine = float(weight[right.kept[right.kept >= 0]].sum())
+        other = float(weight[wrong.kept[wrong.kept >= 0]].sum())
+        # What strays counts against the side that it strays to, too: a foot must not bring half a body.
+        worst = min(worst, mine / max(mine + other, 1e-9), 1.0 - other / max(_size(wrong), 1.0))
+    return worst
+
+
+def _size(piece: Piece) -> float:
+    return float((piece.kept >= 0).sum())
+
+
+def cut_by_stroke(
+    mesh: Mesh,
+    skin: SkinWeights | None,
+    surface: CutSurface,
+    posed: Float | None = None,
+    settings: CutSettings | None = None,
+) -> Cut:
+    """Cut all that a stroke passes through; a part counts when the stroke covers at least half of it.
+
+    Args:
+        surface: :class:`enliven.modeling.mesh.cut_surfaces.StrokeCut`, or a PlaneCut.
+        posed: (V, 3) where the vertices were when it was drawn; None takes the mesh as it is.
+
+    Raises:
+        InputError: where it passes through nothing.
+    """
+    work = Parting(mesh, skin, surface, posed, settings or CutSettings(), None)
+    work.choose_covered()
+    return _parted(work)
+
+
+def _parted(work: Parting) -> Cut:
+    """Both pieces, once the chosen loops part the mesh."""
+    side = work.sides()
+    if not side.any() or side.all():
+        raise InputError("it parts nothing off", where="cut", mend="Cut elsewhere.")
+    caps = work.caps()
+    near, far = (
+        rounded(piece_of(work, side == half, caps, half), work.settings.rounding) for half in (False, True)
+    )
+    return Cut(near, far, tuple(work.notes))
+
+
+def rounded(piece: Piece, share: float) -> Piece:
+    """The piece with its caps blown up as ``inflate`` does; 1 makes half balls."""
+    if share == 0.0 or piece.caps == 0:
+        return piece
+    mesh = piece.mesh
+    caps, of = weld(Mesh(mesh.vertices, mesh.faces[-piece.caps :]))
+    rim = np.zeros(len(caps.vertices), bool)
+    ends = np.sort(caps.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), 1)
+    edges, counts = np.unique(ends, axis=0, return_counts=True)
+    rim[edges[counts == 1]] = True
+    used = np.zeros(len(caps.vertices), bool)
+    used[caps.faces] = True
+    height = share * np.sqrt(2.0 * np.maximum(poisson(caps.vertices, caps.faces, used & ~rim), 0.0))
+    moved = mesh.vertices + (height[:, None] * outward_of(caps))[of]
+    return replace(
+        piece, mesh=replace(mesh, vertices=np.where((height > 0)[of][:, None], moved, mesh.vertices))
+    )
+
+
+def outward_of(caps: Mesh) -> Float:
+    """(V, 3) for each vertex the mean direction that the cap that it is on looks to."""
+    part = hang_together(caps.faces[:, [0, 1, 1, 2]].reshape(-1, 2).astype(np.int64), len(caps.vertices))
+    total = np.zeros((int(part.max()) + 1, 3))
+    np.add.at(total, part[caps.faces[:, 0]], caps.face_vectors())
+    return np.asarray((total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300))[part])

@@ -1,0 +1,78 @@
+"""The union of two meshes in one frame, every vertex traced, the skins of both kept.
+
+    united(first, first_skin, second, second_skin, offset=0) -> Union
+
+``offset`` is added to the bone numbers of the second skin (0 where they are numbered for the merged skeleton
+already). ``Union.first`` and ``Union.second`` give for each vertex the one it was in either mesh, or -1;
+``Union.seam`` marks the vertices where the two meet. Vertices and faces that the seam does not touch are the
+same to the bit, in their order: those of the first, those of the second, the new ones. Where a union cannot
+be made the two become one mesh of separate shells, nothing is lost, and ``Union.notes`` says why.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import manifold3d
+import numpy as np
+
+from enliven.document.character import SkinWeights
+from enliven.meshes.mesh import Mesh, weld
+from enliven.modeling.mesh.boolean_union import Pair, Union, barycentric
+from enliven.modeling.mesh.collapse_slivers import tidied
+from enliven.modeling.mesh.seam import creased
+from enliven.modeling.mesh.solids import Solid, solid_of
+from enliven.modeling.skinning import skin_values as skins
+
+__all__ = ["Union", "barycentric", "united"]
+
+
+def united(
+    first: Mesh,
+    first_skin: SkinWeights,
+    second: Mesh,
+    second_skin: SkinWeights,
+    offset: int = 0,
+    tidy: bool = False,
+) -> Union:
+    """The union of two meshes; see the module for what it keeps.
+
+    Args:
+        offset: added to the bone numbers of the second skin.
+        tidy: contract the short edges that a union leaves along a creased seam, so that it can be healed. The
+            seam is then where both surfaces were but for less than an edge; only new vertices move. Meshes
+            with doubled vertices are left as they are.
+    """
+    moved = SkinWeights((second_skin.indices + np.uint16(offset)).astype(np.uint16), second_skin.weights)
+    pair = Pair((first, second), (first_skin, moved))
+    solids = [solid_of(mesh) for mesh in pair.meshes]
+    for solid, mesh in zip(solids, pair.meshes, strict=True):
+        if isinstance(solid, str):
+            return pair.side_by_side(f"{mesh.name!r} is no solid ({solid}): joined as separate shells", True)
+    one, other = (solid for solid in solids if isinstance(solid, Solid))
+    both = one.manifold + other.manifold
+    if both.status() != manifold3d.Error.NoError:
+        return pair.side_by_side(f"the union failed ({both.status()}): joined as separate shells", True)
+    notes = tuple(f"{s.mesh.name!r}: {note}" for s in (one, other) for note in s.notes)
+    union = pair.traced((one, other), both.to_mesh64(), notes)
+    return _tidy(union) if tidy and union.fused else union
+
+
+def _tidy(union: Union) -> Union:
+    """The union with the slivers at its new vertices taken out, where the seam creases."""
+    new = creased(union.mesh, union.seam) & (union.first < 0) & (union.second < 0)
+    # Where positions are there twice (flat-shaded meshes), moving one of them would open a crack.
+    if not new.any() or len(weld(union.mesh)[0].vertices) < len(union.mesh.vertices):
+        return union
+    vertices, faces, kept, drawn = tidied(union.mesh.vertices, union.mesh.faces, new)
+    number = np.cumsum(kept) - 1
+    colours = None if union.mesh.colours is None else union.mesh.colours[kept]
+    mesh = Mesh(vertices[kept], number[faces].astype(np.int32), union.mesh.name, colours)
+    return replace(
+        union,
+        mesh=mesh,
+        skin=skins.taken(union.skin, kept),
+        first=union.first[kept],
+        second=union.second[kept],
+        seam=(union.seam | drawn)[kept],
+    )

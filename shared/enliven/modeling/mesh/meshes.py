@@ -1,0 +1,84 @@
+"""Meshes that go with an edit of their skeleton: parted by a cut, united and healed by a merge."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from enliven.arrays import Bool, Float, Int
+from enliven.document.character import SkinWeights
+from enliven.document.rigged import Shape
+from enliven.meshes.mesh import submesh, weld
+from enliven.modeling.mesh.mesh_cut import Piece
+from enliven.modeling.skinning.skins import renumbered
+from enliven.rotation import rotate, to_matrix
+
+
+def posed_vertices(shape: Shape, turns: Float, joints: Float) -> Float:
+    """(V, 3) metres: v' = sum_j w_j (D_j (v - rest_parent) + x_parent), for D (N, 4) and x (N, 3)."""
+    assert shape.mesh is not None and shape.skin is not None
+    above = np.maximum(shape.skeleton.parents, 0)
+    pivots, places = shape.skeleton.positions[above], joints[above]
+    out = np.zeros_like(shape.mesh.vertices)
+    for slot in range(4):
+        bone = shape.skin.indices[:, slot]
+        moved = rotate(turns[bone], shape.mesh.vertices - pivots[bone]) + places[bone]
+        out += shape.skin.weights[:, slot, None].astype(np.float64) * moved
+    return out
+
+
+def with_piece(shape: Shape, piece: Piece, numbers: Int) -> Shape:
+    """The shape with one side of a cut; ``numbers`` (N,): the bone here of each bone before the cut."""
+    assert piece.skin is not None
+    return shape.with_changes(mesh=piece.mesh, skin=renumbered(piece.skin, numbers))
+
+
+def numbers_in(before: Shape, shape: Shape, otherwise: str) -> Int:
+    """(N,) the bone of ``shape`` that each bone of ``before`` is now: by name, or the one named otherwise."""
+    number = {name: j for j, name in enumerate(shape.skeleton.names)}
+    return np.array([number.get(name, number[otherwise]) for name in before.skeleton.names], np.int64)
+
+
+def parted(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece | None]:
+    """The shells of a piece, each with the group of bones that it follows most; None for a group without."""
+    assert piece.skin is not None
+    welded, of = weld(piece.mesh)
+    ends = welded.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    web = coo_matrix((np.ones(len(ends), np.int8), (ends[:, 0], ends[:, 1])), (len(welded.vertices),) * 2)
+    shell = connected_components(web, directed=False)[1][of]
+    follows = np.zeros((int(shell.max()) + 1, len(groups)))
+    for k, bones in enumerate(groups):
+        weight = np.where(np.isin(piece.skin.indices, list(bones)), piece.skin.weights, 0.0).sum(1)
+        np.add.at(follows[:, k], shell, weight)
+    chosen = follows.argmax(1)[shell]
+    return [_part_of(piece, chosen == k) for k in range(len(groups))]
+
+
+def _part_of(piece: Piece, inside: Bool) -> Piece | None:
+    """The faces of a piece between the vertices that are inside (V,)."""
+    if not inside.any() or piece.skin is None:
+        return None
+    if inside.all():
+        return piece
+    faces = inside[piece.mesh.faces[:, 0]]
+    mesh = submesh(piece.mesh, faces)
+    used = np.zeros(len(inside), bool)
+    used[piece.mesh.faces[faces]] = True
+    skin = SkinWeights(piece.skin.indices[used], piece.skin.weights[used])
+    return Piece(mesh, skin, piece.kept[used], int(faces[len(faces) - piece.caps :].sum()))
+
+
+def bone_maps(shape: Shape, turns: Float, joints: Float) -> Float:
+    """(N, 3, 4) world from rest of each bone: D_j (v - rest_parent) + x_parent."""
+    above = np.maximum(shape.skeleton.parents, 0)
+    linear = to_matrix(turns)
+    offset = joints[above] - np.einsum("nab,nb->na", linear, shape.skeleton.positions[above])
+    return np.concatenate([linear, offset[..., None]], -1)
+
+
+def no_maps(shape: Shape) -> Float:
+    """(N, 3, 4) the identity for each bone: the rest pose."""
+    return np.tile(np.eye(3, 4), (len(shape.skeleton), 1, 1))

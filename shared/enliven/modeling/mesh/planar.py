@@ -1,0 +1,199 @@
+"""Triangulations in the plane: constrained Delaunay, refined until the triangles are as even as the outline.
+
+manifold3d cuts the ears; flipping inner edges until none is illegal makes it the constrained Delaunay
+triangulation (Lawson 1977). Points are added where a triangle is larger than the edges of the outline around
+it (P. Liepa, "Filling holes in meshes", 2003, section 4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import manifold3d
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.kernels import copy_row, copy_rows, njit
+from enliven.modeling.mesh.flips import flip, slot
+
+_MOST = 20_000
+"""Points at most that a refinement adds."""
+
+
+def triangulated(points: Float, loops: Sequence[Int]) -> Int:
+    """(T, 3) counter-clockwise triangles between loops: constrained Delaunay, without a new point.
+
+    Args:
+        points: (P, 2).
+        loops: the points of each, outer ones counter-clockwise and holes clockwise.
+    """
+    order = np.concatenate(loops)
+    ears = manifold3d.triangulate([np.ascontiguousarray(points[loop], np.float64) for loop in loops])
+    triangles = order[np.asarray(ears, np.int64).reshape(-1, 3)]
+    _legalise_all(np.ascontiguousarray(points, np.float64), triangles, _neighbours(triangles, len(points)))
+    return triangles
+
+
+def refined(
+    points: Float, triangles: Int, sizes: Float, smooth: int = 3, growth: float = 1.0
+) -> tuple[Float, Int]:
+    """The same region in triangles about as large as asked for; the outline is left as it is.
+
+    Args:
+        points: (P, 2).
+        triangles: (T, 3) constrained Delaunay.
+        sizes: (P,) how long edges should be around each point.
+        smooth: how often each new point is moved to the middle of its neighbours.
+        growth: how much longer edges may be with every point that is added, away from the outline.
+
+    Returns:
+        (Q, 2) points, the first P as they were, and (U, 3) triangles.
+    """
+    room = len(points) + _MOST
+    all_points, all_sizes = np.zeros((room, 2)), np.zeros(room)
+    all_points[: len(points)], all_sizes[: len(points)] = points, sizes
+    cells, beside = np.zeros((2 * room, 3), np.int64), np.full((2 * room, 3), -1, np.int64)
+    cells[: len(triangles)] = triangles
+    beside[: len(triangles)] = _neighbours(triangles, len(points))
+    count, some = _refine(all_points, all_sizes, cells, beside, len(points), len(triangles), growth)
+    made, cells, beside = all_points[:count], cells[:some], beside[:some]
+    for _ in range(smooth):
+        _relax(made, cells, len(points))
+        _legalise_all(made, cells, beside)
+    return made.copy(), cells.copy()
+
+
+def _neighbours(triangles: Int, count: int) -> Int:
+    """(T, 3) the triangle across the edge opposite to each corner, or -1."""
+    starts, ends = triangles[:, [1, 2, 0]].ravel(), triangles[:, [2, 0, 1]].ravel()
+    key = np.minimum(starts, ends) * count + np.maximum(starts, ends)
+    order = np.argsort(key, kind="stable")
+    out = np.full(len(key), -1, np.int64)
+    same = np.flatnonzero(key[order][1:] == key[order][:-1])
+    out[order[same]], out[order[same + 1]] = order[same + 1] // 3, order[same] // 3
+    return out.reshape(-1, 3)
+
+
+@njit(cache=True, nogil=True)
+def _turn(a, b, c):  # type: ignore[no-untyped-def]
+    """Twice the signed area of the triangle a, b, c."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+@njit(cache=True, nogil=True)
+def _in_circle(a, b, c, d):  # type: ignore[no-untyped-def]
+    """Above zero where d lies in the circle through a, b, c (counter-clockwise), scaled to about one."""
+    ax, ay, bx, by, cx, cy = a[0] - d[0], a[1] - d[1], b[0] - d[0], b[1] - d[1], c[0] - d[0], c[1] - d[1]
+    aa, bb, cc = ax * ax + ay * ay, bx * bx + by * by, cx * cx + cy * cy
+    size = max(aa, bb, cc)
+    if size == 0.0:
+        return 0.0
+    return (ax * (by * cc - bb * cy) - ay * (bx * cc - bb * cx) + aa * (bx * cy - by * cx)) / (size * size)
+
+
+@njit(cache=True, nogil=True)
+def _legalise(points, cells, beside, t, k):  # type: ignore[no-untyped-def]
+    """Flip the edge opposite to corner k of cell t where that is legal and better; whether it was done."""
+    u = beside[t, k]
+    if u < 0:
+        return False
+    m = slot(beside[u], t)
+    a, b, c, d = cells[t, k], cells[t, (k + 1) % 3], cells[t, (k + 2) % 3], cells[u, m]
+    if _in_circle(points[a], points[b], points[c], points[d]) <= 1e-10:
+        return False
+    if _turn(points[a], points[b], points[d]) <= 0.0 or _turn(points[a], points[d], points[c]) <= 0.0:
+        return False
+    flip(cells, beside, t, k)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _legalise_all(points, cells, beside):  # type: ignore[no-untyped-def]
+    """Flip until every inner edge is locally Delaunay; bounded, since rounding may undo a flip."""
+    for _ in range(200):
+        flipped = 0
+        for t in range(cells.shape[0]):
+            for k in range(3):
+                if _legalise(points, cells, beside, t, k):
+                    flipped += 1
+        if flipped == 0:
+            return
+
+
+@njit(cache=True, nogil=True)
+def _refine(points, sizes, cells, beside, count, some, growth):  # type: ignore[no-untyped-def]
+    """Add the centre of each triangle that is too large, flip, and again; how many points and triangles."""
+    for _ in range(60):
+        before, first = count, some
+        for t in range(first):
+            if count == points.shape[0] or some + 2 > cells.shape[0]:
+                break
+            a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
+            x = (points[a, 0] + points[b, 0] + points[c, 0]) / 3.0
+            y = (points[a, 1] + points[b, 1] + points[c, 1]) / 3.0
+            size = (sizes[a] + sizes[b] + sizes[c]) / 3.0
+            fits = True
+            for v in (a, b, c):
+                far = np.sqrt(2.0 * ((points[v, 0] - x) ** 2 + (points[v, 1] - y) ** 2))
+                if far <= size or far <= sizes[v]:
+                    fits = False
+            if not fits:
+                continue
+            points[count, 0], points[count, 1], sizes[count] = x, y, growth * size
+            _split(cells, beside, t, count, some)
+            count, some = count + 1, some + 2
+        if count == before:
+            break
+        _legalise_all(points, cells[:some], beside[:some])
+    return count, some
+
+
+@njit(cache=True, nogil=True)
+def _split(cells, beside, t, p, some):  # type: ignore[no-untyped-def]
+    """Cell t becomes three around point p; the new ones are ``some`` and ``some + 1``."""
+    a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
+    over_a, over_b, over_c = beside[t, 0], beside[t, 1], beside[t, 2]
+    u, v = some, some + 1
+    cells[t, 0], cells[t, 1], cells[t, 2] = p, b, c
+    cells[u, 0], cells[u, 1], cells[u, 2] = p, c, a
+    cells[v, 0], cells[v, 1], cells[v, 2] = p, a, b
+    beside[t, 0], beside[t, 1], beside[t, 2] = over_a, u, v
+    beside[u, 0], beside[u, 1], beside[u, 2] = over_b, v, t
+    beside[v, 0], beside[v, 1], beside[v, 2] = over_c, t, u
+    if over_b >= 0:
+        beside[over_b, slot(beside[over_b], t)] = u
+    if over_c >= 0:
+        beside[over_c, slot(beside[over_c], t)] = v
+
+
+@njit(cache=True, nogil=True)
+def _relax(points, cells, fixed):  # type: ignore[no-untyped-def]
+    """Each point from ``fixed`` on goes to the middle of its neighbours, where no triangle turns over."""
+    total, many = np.zeros(points.shape), np.zeros(points.shape[0])
+    for t in range(cells.shape[0]):
+        for k in range(3):
+            i, j = cells[t, k], cells[t, (k + 1) % 3]
+            for a in range(2):
+                total[i, a] += points[j, a]
+            many[i] += 1.0
+    wanted = points.copy()
+    for i in range(fixed, points.shape[0]):
+        if many[i] > 0.0:
+            for a in range(2):
+                wanted[i, a] = total[i, a] / many[i]
+    for _ in range(10):
+        wrong = False
+        for t in range(cells.shape[0]):
+            a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
+            whole = _turn(points[a], points[b], points[c])
+            if _turn(wanted[a], wanted[b], wanted[c]) <= 0.05 * whole:
+                wrong = True
+                for i in (a, b, c):
+                    copy_row(wanted[i], points[i])
+        if not wrong:
+            break
+    for t in range(cells.shape[0]):
+        a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
+        if _turn(wanted[a], wanted[b], wanted[c]) <= 0.0:
+            return
+    copy_rows(points, wanted)

@@ -1,0 +1,125 @@
+"""A closed surface in even triangles: long edges halved, edges flipped to Delaunay, vertices slid."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int, Int32
+from enliven.kernels import njit
+from enliven.modeling.mesh.flips import flip, slot
+
+_PASS, _BACK = 0.5, -0.53
+"""Taubin's two factors ("A signal processing approach to fair surface design", 1995): no shrinking."""
+
+
+def flipped(vertices: Float, faces: Int32) -> Int32:
+    """(F, 3) faces with each edge flipped whose two opposite angles sum to more than a half turn."""
+    out = faces.astype(np.int64)
+    _flip_all(np.ascontiguousarray(vertices), out, _beside(out, len(vertices)))
+    return out.astype(np.int32)
+
+
+def flip_within(vertices: Float, faces: Int, seam: Bool) -> Int:
+    """(F, 3) faces of a patch flipped to Delaunay, edges between two vertices of a seam (V,) left alone."""
+    out = faces.copy()
+    beside = _beside(out, len(vertices))
+    ends = out[:, [[1, 2], [2, 0], [0, 1]]]
+    beside[seam[ends].all(2)] = -1
+    _flip_all(np.ascontiguousarray(vertices), out, beside)
+    return out
+
+
+def _beside(faces, count):  # type: ignore[no-untyped-def]
+    """(F, 3) the face across the edge opposite to each corner, or -1."""
+    starts, ends = faces[:, [1, 2, 0]].ravel(), faces[:, [2, 0, 1]].ravel()
+    key = np.minimum(starts, ends) * count + np.maximum(starts, ends)
+    order = np.argsort(key, kind="stable")
+    out = np.full(len(key), -1, np.int64)
+    same = np.flatnonzero(key[order][1:] == key[order][:-1])
+    out[order[same]], out[order[same + 1]] = order[same + 1] // 3, order[same] // 3
+    return out.reshape(-1, 3)
+
+
+def slid(vertices: Float, faces: Int32, times: int) -> Float:
+    """(V, 3) vertices between their neighbours: low frequencies stay, noise goes, triangles even out."""
+    count = len(vertices)
+    out = np.ascontiguousarray(vertices).copy()
+    for _ in range(times):
+        out += _PASS * _to_middle(out, faces, count)
+        out += _BACK * _to_middle(out, faces, count)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _to_middle(vertices, faces, count):  # type: ignore[no-untyped-def]
+    """(V, 3) from each vertex to the mean of its neighbours."""
+    total, many = np.zeros((count, 3)), np.zeros(count)
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            i, j = faces[f, k], faces[f, (k + 1) % 3]
+            for a in range(3):
+                total[i, a] += vertices[j, a]
+            many[i] += 1.0
+    for i in range(count):
+        for a in range(3):
+            total[i, a] = total[i, a] / many[i] - vertices[i, a] if many[i] > 0.0 else 0.0
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _normal(p, q, r):  # type: ignore[no-untyped-def]
+    ux, uy, uz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    vx, vy, vz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
+    return np.array([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
+
+
+@njit(cache=True, nogil=True)
+def _cotangent(tip, p, q):  # type: ignore[no-untyped-def]
+    ux, uy, uz = p[0] - tip[0], p[1] - tip[1], p[2] - tip[2]
+    vx, vy, vz = q[0] - tip[0], q[1] - tip[1], q[2] - tip[2]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return (ux * vx + uy * vy + uz * vz) / max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-300)
+
+
+@njit(cache=True, nogil=True)
+def _linked(faces, beside, t, a, d):  # type: ignore[no-untyped-def]
+    """Whether vertices a (of face t) and d share an edge: a walk around a."""
+    f = t
+    for _ in range(64):
+        k = slot(faces[f], a)
+        if faces[f, (k + 1) % 3] == d or faces[f, (k + 2) % 3] == d:
+            return True
+        f = beside[f, (k + 1) % 3]
+        if f < 0 or f == t:
+            return f < 0
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _flip_all(vertices, faces, beside):  # type: ignore[no-untyped-def]
+    """Flip until nothing is better; an edge is not flipped where the surface would fold or an edge double."""
+    for _ in range(20):
+        done = 0
+        for t in range(faces.shape[0]):
+            for k in range(3):
+                u = beside[t, k]
+                if u < 0:
+                    continue
+                a, b, c = faces[t, k], faces[t, (k + 1) % 3], faces[t, (k + 2) % 3]
+                m = slot(beside[u], t)
+                d = faces[u, m]
+                one = _cotangent(vertices[a], vertices[b], vertices[c])
+                if one + _cotangent(vertices[d], vertices[b], vertices[c]) >= -1e-9:
+                    continue
+                was = _normal(vertices[a], vertices[b], vertices[c])
+                was += _normal(vertices[d], vertices[c], vertices[b])
+                first = _normal(vertices[a], vertices[b], vertices[d])
+                second = _normal(vertices[a], vertices[d], vertices[c])
+                if (first * was).sum() <= 0.0 or (second * was).sum() <= 0.0:
+                    continue
+                if _linked(faces, beside, t, a, d):
+                    continue
+                flip(faces, beside, t, k)
+                done += 1
+        if done == 0:
+            return

@@ -1,0 +1,232 @@
+"""Healing: the surface made smooth around a seam, and skin weights computed anew there, and nowhere else.
+
+    healed(mesh, skin, skeleton, seam) -> (Mesh, SkinWeights)      both of the below
+    smoothed(mesh, seam) -> Mesh                                   positions only
+    reweighted(mesh, skin, skeleton, seam) -> SkinWeights          weights only
+
+``seam`` is (V,) true at the vertices of the seam: ``Union.seam``, or ``Piece.kept < 0``. Whatever is
+farther from it than the settings say stays the same to the bit. Near the seam the
+surface goes on as it comes, in direction and in curvature: a crease becomes a fillet, and what was smooth
+stays. Weights near the seam are those of :mod:`enliven.modeling.skinning.bone_heat`
+with the old weights held around them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix, diags
+from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.linalg import spsolve
+
+from enliven.arrays import Bool, Float
+from enliven.document.character import SkinWeights
+from enliven.document.skeleton import Skeleton
+from enliven.meshes.mesh import Mesh, weld
+from enliven.modeling.skinning.bone_heat import HeatSettings, heat_weights, segments_of
+from enliven.modeling.skinning.skin_values import bone_count, dense, sparse
+from enliven.settings import setting
+
+_HOLD = 1e-6
+"""How strongly vertices are held where they were, beside the smoothness of the surface."""
+_FAR = 1.5
+"""Edges' lengths that a vertex is moved by at most."""
+
+
+@dataclass(frozen=True)
+class SeamSettings:
+    """How far a seam is healed."""
+
+    smooth_rings: int = setting(3, "rings of vertices around a seam that are smoothed", low=0, high=20)
+    smooth_reach: float = setting(
+        0.15, "how far around a seam it is smoothed at least", unit="radii of the seam", low=0.0, high=5.0
+    )
+    smooth_most: float = setting(
+        0.9, "how far at most, where rings are wide", unit="radii of the seam", low=0.0, high=10.0
+    )
+    farthest: float = setting(
+        0.3, "how far a vertex may be moved", unit="radii of the seam", low=0.0, high=10.0
+    )
+    strength: float = setting(
+        1.0, "how far vertices move to where they are smoothest", unit="share", low=0.0, high=1.0
+    )
+    crease: float = setting(
+        15.0, "where a seam bends by less, it stays as it is", unit="degrees", low=0.0, high=180.0
+    )
+    weight_rings: int = setting(
+        3, "rings of vertices around a seam that get new skin weights at least", low=0, high=40
+    )
+    weight_reach: float = setting(
+        0.7, "how far around a seam skin weights are new", unit="radii of the seam", low=0.0, high=10.0
+    )
+
+
+def healed(
+    mesh: Mesh, skin: SkinWeights, skeleton: Skeleton, seam: Bool, settings: SeamSettings | None = None
+) -> tuple[Mesh, SkinWeights]:
+    """The mesh and its skin with the seam smoothed and weighted anew.
+
+    Args:
+        skeleton: whose bones the skin names, in the mesh's frame.
+        seam: (V,) where it is.
+    """
+    smooth = smoothed(mesh, seam, settings)
+    return smooth, reweighted(smooth, skin, skeleton, seam, settings)
+
+
+def smoothed(mesh: Mesh, seam: Bool, settings: SeamSettings | None = None) -> Mesh:
+    """The mesh with the rings around the seam as smooth as what is around them allows."""
+    settings = settings or SeamSettings()
+    if settings.strength == 0.0 or not seam.any():
+        return mesh
+    sharp = creased(mesh, seam, settings.crease)
+    free = _around(mesh, seam, sharp, settings.smooth_rings, settings.smooth_reach, settings.smooth_most)
+    if not free.any() or free.all():
+        return mesh
+    move = settings.strength * (fair(mesh, free) - mesh.vertices)
+    length = np.linalg.norm(move, axis=1, keepdims=True)
+    most = settings.farthest * _radius(mesh.vertices[seam])
+    moved = mesh.vertices + move * np.minimum(1.0, most / np.maximum(length, 1e-300))
+    return Mesh(np.where(free[:, None], moved, mesh.vertices), mesh.faces, mesh.name, mesh.colours)
+
+
+def reweighted(
+    mesh: Mesh, skin: SkinWeights, skeleton: Skeleton, seam: Bool, settings: SeamSettings | None = None
+) -> SkinWeights:
+    """The skin with the rings around the seam computed by bone heat, the rest held and unchanged."""
+    settings = settings or SeamSettings()
+    free = _around(mesh, seam, seam, settings.weight_rings, settings.weight_reach)
+    if not free.any():
+        return skin
+    bones = max(len(skeleton), bone_count(skin))
+    weights = heat_weights(mesh, *segments_of(skeleton), bones, HeatSettings(), dense(skin, bones), free)
+    new = sparse(weights[free], smooth=True)
+    indices, kept = skin.indices.copy(), skin.weights.copy()
+    indices[free], kept[free] = new.indices, new.weights
+    return SkinWeights(indices, kept)
+
+
+def fair(mesh: Mesh, free: Bool) -> Float:
+    """(V, 3) positions that are smooth where ``free`` (V,), the others as they are.
+
+    The mean curvature and the normals run harmonically from what is around into what is free, and the free
+    vertices take the positions whose Laplacians come nearest to them, none moved far (R. Schneider and L.
+    Kobbelt, "Geometric fairing of irregular meshes", 2001, in one linear step): a tube goes on as a tube, a
+    plane as a plane.
+    """
+    welded, of = weld(mesh)
+    loose = np.zeros(len(welded.vertices), bool)
+    loose[of[free]] = True
+    web, lengths = _web(welded)
+    inner = np.flatnonzero(loose)
+    # The Laplacians of free vertices and of their neighbours depend on what is free.
+    rows = np.unique(np.concatenate([inner, web[inner].indices]))
+    unknown = np.zeros(len(loose), bool)
+    unknown[rows] = True
+    laplacian = csr_matrix(web - diags(np.ones(web.shape[0])))
+    normals = welded.vertex_normals()
+    bent = ((laplacian @ welded.vertices) * normals).sum(1) / lengths**2
+    carried = _carried(web, np.concatenate([bent[:, None], normals], 1), unknown)
+    ahead = carried[:, 1:] / np.maximum(np.linalg.norm(carried[:, 1:], axis=1, keepdims=True), 1e-300)
+    wanted = (carried[:, 0] * lengths**2)[:, None] * ahead
+    own, rest = laplacian[rows][:, inner], laplacian[rows][:, np.flatnonzero(~loose)]
+    right = own.T @ (wanted[rows] - rest @ welded.vertices[~loose])
+    # A little of where it was holds what nothing else holds: a small shell that is free as a whole.
+    right = right + _HOLD * welded.vertices[inner]
+    square = (own.T @ own + _HOLD * diags(np.ones(len(inner)))).tocsc()
+    vertices = welded.vertices.copy()
+    move = np.asarray(spsolve(square, right)).reshape(len(inner), 3) - vertices[inner]
+    limit = _FAR * np.maximum(lengths[inner], np.median(lengths[inner]))
+    most = np.minimum(1.0, limit / np.maximum(np.linalg.norm(move, axis=1), 1e-300))
+    vertices[inner] += most[:, None] * move
+    return np.asarray(vertices[of])
+
+
+def _carried(web: csr_matrix, values: Float, unknown: Bool) -> Float:
+    """(V, K) values with the unknown ones as smooth between the known as can be."""
+    out = values.copy()
+    inner, known = np.flatnonzero(unknown), np.flatnonzero(~unknown)
+    if len(inner) == 0 or len(known) == 0:
+        return out
+    matrix = diags(np.full(len(inner), 1.0 + 1e-9)) - web[inner][:, inner]
+    out[inner] = np.asarray(spsolve(matrix.tocsc(), web[inner][:, known] @ values[known])).reshape(
+        len(inner), -1
+    )
+    return out
+
+
+def _radius(points: Float) -> float:
+    """Metres, the mean distance of a loop's points from their middle."""
+    return float(np.sqrt(((points - points.mean(0)) ** 2).sum(1).mean()))
+
+
+def _web(welded: Mesh) -> tuple[csr_matrix, Float]:
+    """(V, V) for each vertex the shares of its neighbours, nearer ones more, rows sum to one; (V,) their mean
+    distance in metres."""
+    faces = welded.faces
+    starts, ends = faces.ravel(), np.roll(faces, -1, 1).ravel()
+    length = np.linalg.norm(welded.vertices[starts] - welded.vertices[ends], axis=1)
+    share = 1.0 / np.maximum(length, 0.2 * float(np.median(length)) + 1e-300)
+    rows, columns = np.concatenate([starts, ends]), np.concatenate([ends, starts])
+    count = len(welded.vertices)
+    web = coo_matrix((np.tile(share, 2), (rows, columns)), (count, count)).tocsr()
+    total = np.asarray(web.sum(1)).ravel()
+    web = csr_matrix(diags(1.0 / np.where(total > 0, total, 1.0)) @ web)
+    many = np.bincount(starts, minlength=count)
+    # The root of the mean square, weighted as the Laplacian is.
+    square = np.bincount(starts, share * length**2, count) + np.bincount(ends, share * length**2, count)
+    return web, np.sqrt(np.where(many > 0, square / np.where(total > 0, total, 1.0), 1.0))
+
+
+def creased(mesh: Mesh, seam: Bool, degrees: float = 15.0) -> Bool:
+    """(V,) the seam's vertices at edges of the seam across which the surface bends by more."""
+    welded, of = weld(mesh)
+    on = np.zeros(len(welded.vertices), bool)
+    on[of[seam]] = True
+    faces = welded.faces.astype(np.int64)
+    starts, ends = faces.ravel(), np.roll(faces, -1, 1).ravel()
+    key = np.minimum(starts, ends) * len(on) + np.maximum(starts, ends)
+    order = np.argsort(key, kind="stable")
+    same = np.flatnonzero(key[order][1:] == key[order][:-1])
+    one, other = order[same], order[same + 1]
+    normals = welded.face_normals()
+    bends = (normals[one // 3] * normals[other // 3]).sum(1) < np.cos(np.radians(degrees))
+    pick = one[bends & on[starts[one]] & on[ends[one]]]
+    out = np.zeros(len(on), bool)
+    out[starts[pick]], out[ends[pick]] = True, True
+    return np.asarray(out[of])
+
+
+def _around(mesh: Mesh, seam: Bool, from_: Bool, rings: int, reach: float, most: float = np.inf) -> Bool:
+    """(V,) the vertices around a seam, across doubled vertices too: so many edges away, or of its own radii.
+
+    Args:
+        from_: (V,) the part of the seam to count from.
+        reach: radii that count in any case.
+        most: radii beyond which no ring counts.
+    """
+    welded, of = weld(mesh)
+    seeds = np.zeros(len(welded.vertices), bool)
+    seeds[of[from_]] = True
+    if not seeds.any():
+        return np.asarray(seeds[of])
+    ringed = seeds.copy()
+    for _ in range(rings):
+        ringed[welded.faces[ringed[welded.faces].any(1)]] = True
+    away = np.full(len(seeds), np.inf)
+    starts, ends = welded.faces.ravel(), np.roll(welded.faces, -1, 1).ravel()
+    length = np.linalg.norm(welded.vertices[starts] - welded.vertices[ends], axis=1)
+    web = coo_matrix((length, (starts, ends)), (len(seeds), len(seeds))).tocsr()
+    own = np.unique(of[seam])
+    parts = connected_components(web[own][:, own], directed=False)[1]
+    limit = max(reach, most) if np.isfinite(most) else reach
+    for part in range(parts.max() + 1):
+        members = own[parts == part]
+        points = welded.vertices[members]
+        radius = _radius(points)
+        members = members[seeds[members]]
+        if radius > 0 and len(members):
+            far = dijkstra(web, directed=False, indices=members, limit=limit * radius, min_only=True)
+            away = np.minimum(away, far / radius)
+    return np.asarray((seeds | (ringed & ((away <= most) | np.isinf(most))) | (away <= reach))[of])

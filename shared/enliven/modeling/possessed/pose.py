@@ -1,0 +1,75 @@
+"""Where the nodes and the vertices of a graph shape are at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document.character import Pose
+from enliven.document.possessed import GraphPart, GraphShape, PoseStream
+from enliven.document.project import Project
+from enliven.errors import InputError
+from enliven.rotation import conjugate, from_matrix, multiply, rotate, to_matrix
+
+_MIRRORED = np.array([-1.0, 1.0, 1.0])
+"""The diagonal of the reflection in the plane x = 0."""
+
+
+def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float, Float]:
+    """(N, 3, 3) the linear maps and (N, 3) the positions in metres of the nodes of a shape.
+
+    Between two frames both are mixed in proportion. A part that rides is carried rigidly; see
+    :class:`enliven.document.possessed.Ride`.
+
+    Raises:
+        InputError: for a time that is not finite.
+    """
+    if not np.isfinite(time):
+        raise InputError(f"the time is {time}", where=f"graph shape {shape.id!r}", mend="Give seconds.")
+    linear, positions = np.empty((len(shape.positions), 3, 3)), np.empty((len(shape.positions), 3))
+    for part, start in zip(shape.parts, shape.starts, strict=False):
+        maps, places = _played(project.streams[part.stream], part, time)
+        if part.mirrored:
+            maps, places = maps * _MIRRORED * _MIRRORED[:, None], places * _MIRRORED
+        places = part.size * places
+        turn, move = part.turn, part.place
+        if part.ride is not None:
+            now = from_matrix(linear[part.ride.node])
+            carry = multiply(now, conjugate(part.ride.turn))
+            move = rotate(carry, move - part.ride.place) + positions[part.ride.node]
+            turn = multiply(carry, turn)
+        here = slice(start, start + len(part.nodes))
+        linear[here] = to_matrix(turn) @ maps @ to_matrix(conjugate(part.axes))
+        positions[here] = rotate(turn, places) + move
+    return linear, positions
+
+
+def graph_vertices(shape: GraphShape, linear: Float, positions: Float) -> Float:
+    """(V, 3) metres: v' = sum_k w_k (linear_k (v - rest_k) + position_k)."""
+    out = np.zeros_like(shape.mesh.vertices)
+    for slot in range(4):
+        node = shape.skin.indices[:, slot]
+        moved = np.einsum("vab,vb->va", linear[node], shape.mesh.vertices - shape.positions[node])
+        out += shape.skin.weights[:, slot, None].astype(np.float64) * (moved + positions[node])
+    return out
+
+
+def pose_of_graph(project: Project, shape: GraphShape, time: float) -> Pose:
+    """What the wire and the viewer want to know."""
+    linear, positions = graph_pose(project, shape, time)
+    return Pose(shape.id, round(time * 1e9), linear.astype(np.float32), positions.astype(np.float32))
+
+
+def _played(stream: PoseStream, part: GraphPart, time: float) -> tuple[Float, Float]:
+    """(K, 3, 3) and (K, 3) of a part's nodes as recorded."""
+    played = (time - part.offset) * part.speed + (stream.duration if part.speed < 0.0 else 0.0)
+    if part.loop and stream.duration > 0.0:
+        played = played % stream.duration
+    last = len(stream.positions) - 1
+    frame = min(max(played / stream.step, 0.0), float(last))
+    before = min(int(frame), max(last - 1, 0))
+    after, share = min(before + 1, last), frame - before
+    return (
+        (1 - share) * stream.linear[before, part.nodes] + share * stream.linear[after, part.nodes],
+        (1 - share) * stream.positions[before, part.nodes] + share * stream.positions[after, part.nodes],
+    )

@@ -1,0 +1,190 @@
+"""Surgery on possessed meshes: the deformation graph is cut and merged with its motion.
+
+A cut or merge changes which nodes there are and what carries them; the streams that were recorded never
+change. So nothing is lost: a chair that was possessed is cut in two, and both halves still walk.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int
+from enliven.document.character import SkinWeights
+from enliven.document.possessed import GraphPart, GraphShape, Ride
+from enliven.document.project import Project, unused
+from enliven.errors import InputError
+from enliven.modeling.mesh.cut_surfaces import CutSurface
+from enliven.modeling.mesh.joining import Surface, joined
+from enliven.modeling.mesh.mesh_cut import Piece, cut_by_stroke
+from enliven.modeling.mesh.seam import SeamSettings, smoothed
+from enliven.modeling.possessed.pose import graph_pose, graph_vertices
+from enliven.rotation import conjugate, from_matrix, multiply, normalized, rotate, to_matrix
+
+_SEAM = SeamSettings()
+
+
+def cut_graph(
+    project: Project, shape_id: str, stroke: CutSurface, time: float, *, notes: list[str] | None = None
+) -> tuple[Project, tuple[str, str]]:
+    """A possessed mesh cut in two along a stroke, as it is seen at ``time``; both go on moving.
+
+    Each side keeps the nodes that its vertices follow, those near the cut on both sides. So every node and
+    every vertex is where it was, at every time and not only at ``time``.
+
+    Args:
+        stroke: a ``StrokeCut`` or ``PlaneCut`` in world metres.
+        notes: takes what there is to say of how the mesh was closed.
+
+    Returns:
+        The project and the ids: the near side keeps ``shape_id``, the far side gets a new one.
+
+    Raises:
+        InputError: where there is no such shape, or the stroke cuts nothing off.
+    """
+    shape = project.graph(shape_id)
+    seen = graph_vertices(shape, *graph_pose(project, shape, time))
+    cut = cut_by_stroke(shape.mesh, shape.skin, stroke, seen)
+    far_id = unused(shape_id, {**project.shapes, **project.graphs})
+    near, far = _side(shape, cut.near, shape_id), _side(shape, cut.far, far_id)
+    if notes is not None:
+        notes.extend(cut.notes)
+    return project.with_graphs(near, far), (shape_id, far_id)
+
+
+def merge_graphs(
+    project: Project,
+    host_id: str,
+    graft_id: str,
+    time: float,
+    *,
+    node: int | None = None,
+    loose: bool = False,
+    seam: SeamSettings = _SEAM,
+    notes: list[str] | None = None,
+) -> Project:
+    """One possessed mesh put onto another where the two are at ``time``; they are one shape from then on.
+
+    At ``time`` both stay where they are. From then on the graft rides on a node of the host, rigidly, with
+    its own motion on top. The meshes are united as they are seen at ``time``. The graft's rest is moved to
+    the host's such that the two lie there, at the node, as they are seen; its vertices move as before.
+
+    Args:
+        node: of the host, to ride on; None takes the one that is nearest to the graft at ``time``.
+        loose: where no union of the meshes can be made, put both shells into one mesh.
+        seam: how the seam is smoothed.
+        notes: takes what there is to say of how the meshes were united.
+
+    Raises:
+        InputError: for a shape merged with itself, a node that is not there, or meshes of which no union can
+            be made.
+    """
+    if host_id == graft_id:
+        where = f"graph shape {host_id!r}"
+        raise InputError("a shape cannot be merged with itself", where=where, mend="Copy it first.")
+    host, graft = project.graph(host_id), project.graph(graft_id)
+    ours, theirs = graph_pose(project, host, time), graph_pose(project, graft, time)
+    node, root = _meeting(host, ours[1], theirs[1], node)
+    turn, place = from_matrix(ours[0][node]), ours[1][node]
+    axes = multiply(conjugate(turn), from_matrix(theirs[0][root]))
+    to = host.positions[node] + rotate(conjugate(turn), theirs[1][root] - place)
+    moved = _at_rest_in(graft, normalized(axes), graft.positions[root], to)
+    ride, first = Ride(node, turn, place), len(host.positions)
+    parts = [_carried(part, ride, first) for part in moved.parts]
+    edges = np.concatenate([host.edges, moved.edges + first, [[node, first + root]]])
+    turned = theirs[0] @ to_matrix(conjugate(axes))
+    maps = np.concatenate(
+        [_maps(ours[0], ours[1], host.positions), _maps(turned, theirs[1], moved.positions)]
+    )
+    numbers = SkinWeights((graft.skin.indices + first).astype(np.uint16), graft.skin.weights)
+    mesh, skin = joined(
+        Surface(host.mesh, host.skin, graph_vertices(host, *ours)),
+        Surface(moved.mesh, numbers, graph_vertices(graft, *theirs)),
+        maps,
+        lambda mesh, skin, where: (smoothed(mesh, where, seam), skin),
+        loose=loose,
+        notes=[] if notes is None else notes,
+        where=f"graph shape {host_id!r}",
+    )
+    merged = GraphShape(
+        host_id,
+        np.concatenate([host.positions, moved.positions]),
+        edges.astype(np.int32),
+        mesh,
+        skin,
+        (*host.parts, *parts),
+    )
+    return project.without_graph(graft_id).with_graphs(merged)
+
+
+def _side(shape: GraphShape, piece: Piece, side_id: str) -> GraphShape:
+    """One side of a cut, with the nodes that its vertices follow and those that carry their parts."""
+    assert piece.skin is not None
+    kept = np.zeros(len(shape.positions), bool)
+    kept[piece.skin.indices[piece.skin.weights > 0]] = True
+    for part, start in reversed(list(zip(shape.parts, shape.starts, strict=False))):
+        if part.ride is not None and kept[start : start + len(part.nodes)].any():
+            kept[part.ride.node] = True
+    number = np.where(kept, np.cumsum(kept) - 1, 0)
+    parts = [_part_with(part, kept[start:][: len(part.nodes)], number) for part, start in _starting(shape)]
+    edges = shape.edges[kept[shape.edges].all(1)]
+    return GraphShape(
+        side_id,
+        shape.positions[kept],
+        number[edges].astype(np.int32),
+        piece.mesh,
+        SkinWeights(number[piece.skin.indices].astype(np.uint16), piece.skin.weights),
+        tuple(part for part in parts if len(part.nodes)),
+    )
+
+
+def _starting(shape: GraphShape) -> list[tuple[GraphPart, int]]:
+    """The parts, each with the number of its first node."""
+    return list(zip(shape.parts, shape.starts, strict=False))
+
+
+def _part_with(part: GraphPart, kept: Bool, number: Int) -> GraphPart:
+    """A part with some of its nodes, and its ride under the node's new number."""
+    ride = None if part.ride is None else replace(part.ride, node=int(number[part.ride.node]))
+    return replace(part, nodes=part.nodes[kept], ride=ride)
+
+
+def _meeting(host: GraphShape, ours: Float, theirs: Float, node: int | None) -> tuple[int, int]:
+    """The host's node to ride on, and the graft's node that is nearest to it."""
+    apart = np.linalg.norm(ours[:, None] - theirs[None], axis=2)
+    if node is None:
+        node = int(apart.min(1).argmin())
+    if not 0 <= node < len(ours):
+        where = f"graph shape {host.id!r}"
+        raise InputError(f"there is no node {node} of {len(ours)}", where=where, mend="Choose another.")
+    return node, int(apart[node].argmin())
+
+
+def _at_rest_in(shape: GraphShape, axes: Float, root: Float, to: Float) -> GraphShape:
+    """The shape with its rest turned by ``axes`` about ``root`` and moved there; its motion is as before."""
+    positions = to + rotate(axes, shape.positions - root)
+    vertices = to + rotate(axes, shape.mesh.vertices - root)
+    back = conjugate(axes)
+    parts = []
+    for part in shape.parts:
+        ride = part.ride
+        if ride is not None:
+            # A node's map is from rest to the world, so its rotation at the merge knows the new rest too.
+            ride = replace(ride, turn=normalized(multiply(ride.turn, back)))
+        parts.append(replace(part, axes=normalized(multiply(axes, part.axes)), ride=ride))
+    mesh = replace(shape.mesh, vertices=vertices)
+    return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts))
+
+
+def _carried(part: GraphPart, ride: Ride, first: int) -> GraphPart:
+    """A part of the graft in the merged shape, where its nodes come after ``first`` others."""
+    if part.ride is None:
+        return replace(part, ride=ride)
+    return replace(part, ride=replace(part.ride, node=part.ride.node + first))
+
+
+def _maps(linear: Float, positions: Float, rest: Float) -> Float:
+    """(N, 3, 4) world from rest of each node."""
+    offset = positions - np.einsum("nab,nb->na", linear, rest)
+    return np.concatenate([linear, offset[..., None]], -1)

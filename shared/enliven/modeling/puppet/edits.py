@@ -1,0 +1,81 @@
+"""Puppets made and shown what to do: pure edits, Project -> Project.
+
+    project = make_puppet(project, mesh, "cactus")
+    project = add_point(project, "cactus", 4711, "left arm", joint="LeftHand")
+    project = add_key_pose(project, "cactus", "traffic", 3.2, places)
+    project = play_take(project, "cactus", "traffic", loop=True)
+
+An edit that is refused raises InputError and changes nothing. A layer is changed by
+:mod:`enliven.modeling.puppet.layers`, a whole puppet is moved, mirrored and copied by
+:mod:`enliven.modeling.puppet.copying`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.document.project import Project
+from enliven.document.puppet import Puppet
+from enliven.errors import InputError
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.puppet.copying import (
+    copy_puppet,
+    delete_puppet,
+    mirror_puppet,
+    move_puppet,
+    paste_puppet,
+    scale_puppet,
+    turn_puppet,
+)
+from enliven.modeling.puppet.layers import change_layer, play_take, remove_layer
+from enliven.modeling.puppet.points import add_point, change_point, remove_point
+from enliven.modeling.puppet.poses import (
+    add_key_pose,
+    change_key_pose,
+    mirror_key_pose,
+    remove_key_pose,
+    set_symmetry,
+)
+
+__all__ = [
+    "add_key_pose",
+    "add_point",
+    "change_key_pose",
+    "change_layer",
+    "change_point",
+    "copy_puppet",
+    "delete_puppet",
+    "make_puppet",
+    "mirror_key_pose",
+    "mirror_puppet",
+    "move_puppet",
+    "paste_puppet",
+    "play_take",
+    "remove_key_pose",
+    "remove_layer",
+    "remove_point",
+    "scale_puppet",
+    "set_symmetry",
+    "turn_puppet",
+]
+
+
+def make_puppet(project: Project, mesh: Mesh, puppet_id: str) -> Project:
+    """A project with a mesh as a puppet that has no control points yet.
+
+    Args:
+        mesh: metres, +Y up; it stands on y = 0 (:func:`enliven.meshes.mesh.fit_height` puts it there).
+
+    Raises:
+        InputError: for a name that something has already, and for a mesh that cannot be one.
+    """
+    where = f"puppet {puppet_id!r}"
+    if not puppet_id or puppet_id in {**project.shapes, **project.graphs, **project.puppets}:
+        what = "something has that name already" if puppet_id else "it needs a name"
+        raise InputError(what, where=where, mend="Choose another name.")
+    if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
+        what = (
+            "its mesh has no faces" if len(mesh.faces) == 0 else "its mesh has vertices that are not finite"
+        )
+        raise InputError(what, where=where, mend="Export the mesh again.")
+    return project.with_puppets(Puppet(puppet_id, mesh))

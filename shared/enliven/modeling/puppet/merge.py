@@ -1,0 +1,344 @@
+"""Two puppets made one, without baking: the control points and the key poses of both are kept.
+
+At the time of the merge both are where they are seen. Key poses of both stay; where only one of the two has a
+key pose, the other's control points are where its own motion has them then. So each goes on moving as it did,
+and the surfaces are one. A graft that plays what the host plays, or nothing, is carried by the host's surface
+around the place where they meet, rigidly, with its own motion on top. One that plays another take cannot be:
+its frames do not say what the host does then. It moves about where it is put.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from enliven.arrays import AnyArray, Bool, Float, Int
+from enliven.document.character import SkinWeights
+from enliven.document.project import Project, unused
+from enliven.document.puppet import ControlPoint, KeyPose, Puppet, PuppetLayer
+from enliven.errors import InputError
+from enliven.examples.puppet_examples import frame_at, missing
+from enliven.examples.puppet_motion import in_world, motion_of
+from enliven.modeling.mesh.boolean_union import Union
+from enliven.modeling.mesh.mesh_union import united
+from enliven.modeling.mesh.seam import SeamSettings, smoothed
+from enliven.modeling.puppet.parts import (
+    nearest_paired,
+    points_needed,
+    shown,
+    state_at,
+    stood_as,
+    surface_of_puppet,
+    unfolded,
+    with_moment,
+)
+from enliven.rotation import nearest_rotation
+
+_SEAM = SeamSettings()
+_NEAR, _FEWEST = 0.08, 12
+"""The surface around a place: within this share of the puppet's size, and at least so many vertices."""
+_MOST, _TOLERANCE = 16, 0.01
+"""New control points at most, and how far off a key pose (share of the size) may be without."""
+
+
+@dataclass(frozen=True)
+class _Rigid:
+    """x becomes turn x + move."""
+
+    turn: Float
+    move: Float
+
+    def __call__(self, points: AnyArray) -> Float:
+        return np.asarray(points @ self.turn.T + self.move)
+
+    def after(self, other: _Rigid) -> _Rigid:
+        """First the other, then this."""
+        return _Rigid(self.turn @ other.turn, self.turn @ other.move + self.move)
+
+    @property
+    def back(self) -> _Rigid:
+        """What undoes it."""
+        return _Rigid(self.turn.T, -self.turn.T @ self.move)
+
+
+def merge_puppets(
+    project: Project,
+    host_id: str,
+    graft_id: str,
+    time: float,
+    *,
+    loose: bool = False,
+    seam: SeamSettings = _SEAM,
+    notes: list[str] | None = None,
+) -> Project:
+    """One puppet put onto another where the two are at ``time``; the host keeps its name and its way.
+
+    The meshes are united at rest, the graft laid to the host's as they are seen where they meet. Layers of
+    both stay, each for its own control points; the graft's no longer travel, and its hard constraints go.
+
+    Args:
+        time: seconds of the project's time.
+        loose: where no union of the meshes can be made, put both shells into one mesh.
+        seam: how the seam is smoothed.
+        notes: takes what there is to say.
+
+    Raises:
+        InputError: for a puppet merged with itself, one that is not there, or meshes of which no union can be
+            made.
+    """
+    if host_id == graft_id:
+        where = f"puppet {host_id!r}"
+        raise InputError("a puppet cannot be merged with itself", where=where, mend="Copy it first.")
+    told = [] if notes is None else notes
+    before = project.puppet(host_id)
+    host, graft = (_Side(project, project.puppet(name), time) for name in (host_id, graft_id))
+    keys = list(dict.fromkeys([*host.keys, *graft.keys]))
+    host.show(keys)
+    graft.show(keys)
+    middle = _meeting(host.seen, graft.seen)
+    to_host, to_graft = host.around(middle), graft.around(middle)
+    united_mesh = _united(host.puppet, graft.puppet, to_host.back.after(to_graft), seam, loose, told)
+    merged = _Merge(host, graft, united_mesh, keys, middle).made(told)
+    project = project.without_puppet(graft_id)
+    now = state_at(project.with_puppets(merged), merged, time)
+    return project.with_puppets(stood_as(merged, now, before, host.state))
+
+
+class _Side:
+    """One of the two: where it is at the time, and in every key pose of both.
+
+    Attributes:
+        puppet: without a plane of symmetry, with the moment as a key pose where it can be one.
+        state: at the time.
+        seen: (V, 3) metres in the world, at the time.
+        keys: takes and frames of its key poses.
+        was: (n, V, 3) its surface in its mesh's frame in each key pose.
+    """
+
+    def __init__(self, project: Project, puppet: Puppet, time: float) -> None:
+        self._project, self.state = project, state_at(project, puppet, time)
+        self._surface = surface_of_puppet(puppet)
+        self.local = self._surface.settle(self.state.places)
+        self.seen = in_world(puppet, self.state, self.local)
+        self.puppet = unfolded(project, with_moment(project, puppet, time))
+        takes = project.takes
+        self.keys = [(pose.take, frame_at(takes[pose.take], pose.time)) for pose in self.puppet.poses]
+        self.was = np.zeros((0, *puppet.mesh.vertices.shape))
+
+    @property
+    def world(self) -> _Rigid:
+        """World from the mesh's frame, at the time."""
+        corners = in_world(self.puppet, self.state, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
+        return _Rigid((corners[1:] - corners[0]).T, corners[0])
+
+    def show(self, keys: Sequence[tuple[str, int]]) -> None:
+        """Find the surface for key poses of both."""
+        count = len(self.puppet.points)
+        places = np.array([self._places(key) for key in keys]).reshape(len(keys), count, 3)
+        self.was = shown(self._surface, places)
+
+    def around(self, middle: Float) -> _Rigid:
+        """World from rest of the surface around a place of the world (3,), at the time."""
+        self._near = _around(self.seen, middle, self.puppet)
+        return _rigid(self.puppet.mesh.vertices[self._near], self.seen[self._near])
+
+    def carried(self, key: int) -> _Rigid:
+        """What the surface around the place where they meet does from the time to a key pose."""
+        return _rigid(self.local[self._near], self.was[key][self._near])
+
+    def _places(self, key: tuple[str, int]) -> Float:
+        """(P, 3) metres, its control points in its mesh's frame: as shown, or as it moves by itself."""
+        if key in self.keys:
+            return self.puppet.poses[self.keys.index(key)].places
+        if missing(self._project, self.puppet):
+            return self.puppet.rest
+        trial = self.puppet.with_changes(layers=(PuppetLayer(key[0], travel=False),))
+        try:
+            return motion_of(self._project, trial, 0).places_at(key[1])
+        except InputError:
+            return self.puppet.rest
+
+
+class _Merge:
+    """The two as one puppet, step by step."""
+
+    def __init__(
+        self, host: _Side, graft: _Side, union: Union, keys: Sequence[tuple[str, int]], middle: Float
+    ) -> None:
+        self._host, self._graft, self._union, self._keys = host, graft, union, keys
+        count = len(union.mesh.vertices)
+        ours, theirs = union.first >= 0, (union.second >= 0) & (union.first < 0)
+        base = host.world.back.after(graft.world)
+        self.rides = _in_step(host.puppet, graft.puppet)
+        self._was = np.zeros((len(keys), count, 3))
+        for number in range(len(keys)):
+            carry = host.carried(number).after(base) if self.rides else base
+            self._was[number, ours] = host.was[number][union.first[ours]]
+            self._was[number, theirs] = carry(graft.was[number])[union.second[theirs]]
+        self._mine = (ours, theirs)
+
+    def made(self, notes: list[str]) -> Puppet:
+        """The puppet; its layers are those of both."""
+        host, graft = self._host.puppet, self._graft.puppet
+        ours = self._moved(host, self._union.first, set(), notes)
+        theirs = self._moved(graft, np.where(self._mine[1], self._union.second, -1), set(ours), notes)
+        points = [*ours.values(), *theirs.values()]
+        merged = self._with(points)
+        size = float(np.linalg.norm(np.ptp(merged.mesh.vertices, axis=0)))
+        known = self._known()
+        none = np.zeros(0, np.int64)
+        added, worst = points_needed(merged, self._was, known, none, _MOST, _TOLERANCE * size)
+        more: dict[str, ControlPoint] = {}
+        names = {point.name: point for point in points}
+        sides = [ours, theirs]
+        for vertex in added:
+            side = sides[int(self._mine[1][vertex])]
+            leader = nearest_paired(merged.mesh, list(side.values()), [vertex])[0]
+            name = unused(f"{leader.name} seam" if leader else "seam", names)
+            names[name] = more[name] = ControlPoint(name, vertex, leader.joint if leader else "")
+            side[name] = names[name]
+        notes.append(
+            f"It got {len(added)} control points more; away from the seam it is in its key poses within "
+            f"{1000 * worst:.1f} mm ({100 * worst / size:.2f} % of its size) of what both were."
+        )
+        if not self.rides:
+            what = f"{graft.id!r} plays another take than {host.id!r}"
+            notes.append(f"{what}: it moves about where it is now, and the surface follows both.")
+        if any(layer.positions or layer.velocities or layer.couplings for layer in graft.layers):
+            notes.append(f"Hard constraints of {graft.id!r} were left out.")
+        return self._with([*points, *more.values()]).with_changes(layers=self._layers(ours, theirs))
+
+    def _moved(self, puppet: Puppet, of: Int, taken: set[str], notes: list[str]) -> dict[str, ControlPoint]:
+        """The control points by their old name and after these the new ones, on the united mesh.
+
+        One whose vertex went with the union sits on the nearest that is left.
+        """
+        left = np.flatnonzero(of >= 0)
+        number = np.full(len(puppet.mesh.vertices), -1)
+        number[of[left]] = left
+        out: dict[str, ControlPoint] = {}
+        used: set[int] = set()
+        for point in puppet.points:
+            vertex = int(number[point.vertex])
+            if vertex < 0 or vertex in used:
+                gaps = np.linalg.norm(
+                    puppet.mesh.vertices[of[left]] - puppet.mesh.vertices[point.vertex], axis=1
+                )
+                gaps[np.isin(left, list(used))] = np.inf
+                vertex = int(left[np.argmin(gaps)])
+                notes.append(f"{point.name!r} was inside of the other: it sits on the nearest vertex now.")
+            used.add(vertex)
+            out[point.name] = replace(point, vertex=vertex)
+        return out if not taken else self._renamed(out, taken)
+
+    def _renamed(self, points: dict[str, ControlPoint], taken: set[str]) -> dict[str, ControlPoint]:
+        """The same by their old names, each with a name of its own."""
+        names = dict.fromkeys(taken)
+        for old, point in points.items():
+            points[old] = replace(point, name=unused(old, names))
+            names[points[old].name] = None
+        return points
+
+    def _with(self, points: list[ControlPoint]) -> Puppet:
+        held = [point.vertex for point in points]
+        takes = self._host._project.takes
+        poses = tuple(
+            KeyPose(take, frame * takes[take].step, self._was[number][held])
+            for number, (take, frame) in enumerate(self._keys)
+        )
+        return self._host.puppet.with_changes(
+            mesh=replace(self._union.mesh, name=self._host.puppet.mesh.name),
+            points=tuple(points),
+            poses=poses,
+            layers=(),
+        )
+
+    def _known(self) -> Bool:
+        """(V,) vertices of either that are not near the seam."""
+        mesh, seam = self._union.mesh, self._union.seam
+        either = self._mine[0] | self._mine[1]
+        if not seam.any():
+            return either
+        size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+        away = cKDTree(mesh.vertices[seam]).query(mesh.vertices)[0]
+        return np.asarray(either & (away > _NEAR * size))
+
+    def _layers(
+        self, ours: dict[str, ControlPoint], theirs: dict[str, ControlPoint]
+    ) -> tuple[PuppetLayer, ...]:
+        """The layers of both, each for its own control points; one for both where they play the same."""
+        host, graft = (
+            [self._moving(layer, puppet, side) for layer in puppet.layers]
+            for puppet, side in ((self._host.puppet, ours), (self._graft.puppet, theirs))
+        )
+        bare = [replace(one, positions=(), velocities=(), couplings=(), travel=False) for one in graft]
+        if not bare:
+            carried = tuple(point.name for point in theirs.values())
+            return tuple(replace(layer, points=(*layer.points, *carried)) for layer in host)
+        if self.rides and len(bare) == len(host):
+            both = zip(host, bare, strict=True)
+            return tuple(replace(one, points=(*one.points, *other.points)) for one, other in both)
+        return (*host, *bare)
+
+    def _moving(self, layer: PuppetLayer, puppet: Puppet, side: dict[str, ControlPoint]) -> PuppetLayer:
+        """A layer of one of the two, its control points by their new names, with those that are new."""
+        old = [point.name for point in puppet.points]
+        new = [point.name for name, point in side.items() if name not in old]
+        return replace(layer, points=(*(side[name].name for name in layer.points or old), *new))
+
+
+def _in_step(host: Puppet, graft: Puppet) -> bool:
+    """Whether what the graft does is said by the same frames as what the host does, so that it can ride."""
+    played = [
+        {(one.take, one.offset, one.speed, one.loop) for one in puppet.layers if not one.muted}
+        for puppet in (host, graft)
+    ]
+    return not played[1] or played[0] == played[1]
+
+
+def _united(
+    host: Puppet, graft: Puppet, to: _Rigid, seam: SeamSettings, loose: bool, notes: list[str]
+) -> Union:
+    """The union of both at rest, the graft moved, its seam smoothed."""
+    moved = replace(graft.mesh, vertices=to(graft.mesh.vertices))
+    whole = united(host.mesh, _none(host), moved, _none(graft), offset=1, tidy=True)
+    if whole.failed and not loose:
+        mend = "Repair the mesh, or merge loosely: both shells in one mesh."
+        raise InputError(f"no union can be made: {whole.notes[0]}", where=f"puppet {host.id!r}", mend=mend)
+    notes.extend(whole.notes)
+    return replace(whole, mesh=smoothed(whole.mesh, whole.seam, seam)) if whole.seam.any() else whole
+
+
+def _none(puppet: Puppet) -> SkinWeights:
+    """A skin that says nothing."""
+    count = len(puppet.mesh.vertices)
+    weights = np.zeros((count, 4), np.float32)
+    weights[:, 0] = 1.0
+    return SkinWeights(np.zeros((count, 4), np.uint16), weights)
+
+
+def _meeting(ours: Float, theirs: Float) -> Float:
+    """(3,) metres in the world, the middle of where two surfaces are nearest."""
+    away, which = cKDTree(ours).query(theirs)
+    scale = 0.02 * float(np.linalg.norm(np.ptp(theirs, axis=0)))
+    near = away <= away.min() + scale
+    return np.asarray((theirs[near].mean(0) + ours[which[near]].mean(0)) / 2)
+
+
+def _around(seen: Float, middle: Float, puppet: Puppet) -> Int:
+    """The vertices around a place, in space."""
+    size = float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
+    away = np.linalg.norm(seen - middle, axis=1)
+    order = np.argsort(away, kind="stable")
+    count = max(int((away <= away.min() + _NEAR * size).sum()), min(_FEWEST, len(seen)))
+    return order[:count]
+
+
+def _rigid(before: Float, after: Float) -> _Rigid:
+    """The rigid motion that takes (N, 3) nearest to (N, 3)."""
+    one, other = before.mean(0), after.mean(0)
+    turn = nearest_rotation((after - other).T @ (before - one))
+    return _Rigid(turn, other - turn @ one)

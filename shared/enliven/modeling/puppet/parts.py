@@ -1,0 +1,262 @@
+"""What surgery needs of a puppet: its surface in key poses and at a moment, key poses that it lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int, Int32
+from enliven.deformation.arap.control_point_surface import PuppetSurface
+from enliven.document.project import Project
+from enliven.document.puppet import ControlPoint, KeyPose, Puppet, PuppetLayer
+from enliven.errors import InputError
+from enliven.examples.baking.nodes import Net
+from enliven.examples.puppet_examples import examples_of, frame_at, material_of, missing
+from enliven.examples.puppet_motion import State, clock, motion_of, state_of
+from enliven.examples.puppet_solve import seen_by
+from enliven.meshes.mesh import Mesh, weld
+from enliven.rotation import from_rotation_vector, multiply, normalized, rotate
+
+
+def surface_of_puppet(puppet: Puppet) -> PuppetSurface:
+    """What solves the puppet's surface."""
+    held, weights = [p.vertex for p in puppet.points], [p.weight for p in puppet.points]
+    return PuppetSurface(puppet.mesh, held, weights, puppet.surface)
+
+
+def state_at(project: Project, puppet: Puppet, time: float) -> State:
+    """As :func:`enliven.examples.puppet_motion.state_of`; at rest while it lacks something to move.
+
+    Raises:
+        InputError: for a time that is not finite.
+    """
+    if not np.isfinite(time):
+        raise InputError(f"the time is {time}", where=f"puppet {puppet.id!r}", mend="Give seconds.")
+    try:
+        return state_of(project, puppet, time)
+    except InputError:
+        if not missing(project, puppet):
+            raise
+    return state_of(project, puppet.with_changes(layers=()), time)
+
+
+def shown(surface: PuppetSurface, places: Float) -> Float:
+    """(n, V, 3) metres in the mesh's frame, the settled surface for each of (n, P, 3)."""
+    count = len(surface.mesh.vertices)
+    return np.array([surface.settle(each) for each in places]).reshape(len(places), count, 3)
+
+
+def stood_as(puppet: Puppet, now: State, before: Puppet, then: State) -> Puppet:
+    """The puppet put such that in state ``now`` its mesh's frame is where that of another was."""
+    turn = normalized(multiply(_turn(before, then), _about_y(-now.yaw)))
+    place = rotate(before.turn, then.root) + before.place - rotate(turn, now.root)
+    return puppet.with_changes(turn=turn, place=place)
+
+
+def with_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
+    """The puppet with what it does at a time as a key pose more, so that it does that again in its parts.
+
+    As it is where several takes make the moment, or the key pose would be one that it has.
+    """
+    layer = _leading(puppet)
+    if layer is None or missing(project, puppet):
+        return puppet
+    motion = motion_of(project, puppet, puppet.layers.index(layer))
+    frame = round(clock(layer, motion, time)[0])
+    return with_pose_of(project, puppet, layer, frame)
+
+
+def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: int) -> Puppet:
+    """The puppet with what a layer makes of a frame of its take as a key pose more, where it can be one."""
+    motion, take = motion_of(project, puppet, puppet.layers.index(layer)), project.takes[layer.take]
+    known = [
+        frame_at(project.takes[pose.take], pose.time) for pose in puppet.poses if pose.take == layer.take
+    ]
+    if frame in known:
+        return puppet
+    pose = KeyPose(layer.take, frame * take.step, motion.places_at(frame))
+    more = puppet.with_changes(poses=(*puppet.poses, pose))
+    try:
+        examples_of(project, more)
+    except InputError:
+        return puppet
+    return more
+
+
+def unfolded(project: Project, puppet: Puppet) -> Puppet:
+    """The puppet without its plane of symmetry.
+
+    For each mirror image of a key pose, what it does in its take nearest to it becomes a key pose.
+    """
+    plain = puppet.with_changes(symmetry=None)
+    layer = _leading(puppet)
+    if puppet.symmetry is None or layer is None or missing(project, puppet):
+        return plain
+    motion = motion_of(project, puppet, puppet.layers.index(layer))
+    examples, took = seen_by(material_of(project, puppet, layer))
+    for image in examples.sources[len(puppet.poses) :]:
+        frame = int(((took.poses - image) ** 2).sum((1, 2)).argmin())
+        pose = KeyPose(layer.take, frame * motion.step, motion.places_at(frame))
+        more = plain.with_changes(poses=(*plain.poses, pose))
+        try:
+            examples_of(project, more)
+        except InputError:
+            continue
+        plain = more
+    return plain
+
+
+def points_needed(
+    puppet: Puppet,
+    was: Float,
+    known: Bool,
+    among: Int | Int32,
+    most: int,
+    tolerance: float,
+) -> tuple[list[int], float]:
+    """Vertices of a puppet that need a control point, for its surface to be in its key poses where it was.
+
+    Args:
+        puppet: on its new mesh; the places of its key poses are those of ``was``.
+        was: (n, V, 3) metres, where the vertices were.
+        known: (V,) the vertices for which that is known and wanted.
+        among: vertices that get one in any case.
+        most: how many there may be.
+        tolerance: metres.
+
+    Returns:
+        The vertices, and how far the surface is off with them, metres.
+    """
+    held, added = [point.vertex for point in puppet.points], [int(vertex) for vertex in among]
+    weights = [point.weight for point in puppet.points]
+    surface, asked = PuppetSurface(puppet.mesh, [], None, puppet.surface), np.arange(len(was))
+    while True:
+        all_held = [*held, *added]
+        if not all_held or not len(was):
+            return added, 0.0
+        surface.hold(all_held, [*weights, *[None] * len(added)])
+        each = np.linalg.norm(shown(surface, was[asked][:, all_held]) - was[asked], axis=2) * known
+        off, worst = each.max(0), float(each.max())
+        off[all_held] = 0.0
+        if worst <= tolerance or len(added) >= most or off.max() <= 0.0:
+            if len(asked) == len(was):
+                return added, worst
+            # Those that were near enough before are looked at again at the end.
+            asked, most = np.arange(len(was)), 0 if worst > tolerance else most
+            continue
+        asked = asked[each.max(1) > tolerance]
+        added += _worst(puppet.mesh.vertices, off, tolerance, min(_AT_ONCE, most - len(added)))
+
+
+def _worst(vertices: Float, off: Float, tolerance: float, count: int) -> list[int]:
+    """Up to ``count`` vertices that are off by more than the tolerance, the worst first, not side by side."""
+    left, chosen = off.copy(), list[int]()
+    apart = 0.1 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    while len(chosen) < count and (not chosen or left.max() > tolerance):
+        chosen.append(int(np.argmax(left)))
+        left[np.linalg.norm(vertices - vertices[chosen[-1]], axis=1) < apart] = 0.0
+    return chosen
+
+
+def telling(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
+    """The paired control points whose joints tell at least two of the key poses apart; all, where none does.
+
+    A joint that is the performer's root is always at one place in the body's frame.
+    """
+    paired = tuple(point for point in puppet.points if point.joint)
+    sources = _sources(project, puppet)
+    if sources is None:
+        return paired
+    moved = np.linalg.norm(np.ptp(sources, axis=0), axis=1)
+    names = [point.name for point in puppet.points]
+    clear = moved > _STILL * max(float(moved.max()), 1e-12)
+    return tuple(point for point in paired if clear[names.index(point.name)]) or paired
+
+
+def told_apart(project: Project, puppet: Puppet) -> tuple[Puppet, int]:
+    """The puppet without key poses that its own joints do not tell from an earlier one, and how many went."""
+    poses: list[KeyPose] = []
+    for pose in puppet.poses:
+        tried = puppet.with_changes(poses=(*poses, pose))
+        if len(poses) < 1 or not all(point.joint for point in puppet.points) or _tell(project, tried):
+            poses.append(pose)
+    return puppet.with_changes(poses=tuple(poses)), len(puppet.poses) - len(poses)
+
+
+def _tell(project: Project, puppet: Puppet) -> bool:
+    try:
+        examples_of(project, puppet)
+    except InputError:
+        return False
+    return True
+
+
+def _sources(project: Project, puppet: Puppet) -> Float | None:
+    """(n, P, 3) metres, the joints in the body's frame at the key poses; None where there are no examples."""
+    try:
+        return examples_of(project, puppet.with_changes(symmetry=None)).sources
+    except InputError:
+        return None
+
+
+def nearest_paired(
+    mesh: Mesh, points: Sequence[ControlPoint], vertices: Sequence[int]
+) -> list[ControlPoint | None]:
+    """For each vertex the paired control point that is nearest along the surface; None where none is."""
+    paired = [point for point in points if point.joint]
+    if not paired or not vertices:
+        return [None] * len(vertices)
+    welded, of = weld(mesh)
+    away = Net(welded).away([int(of[point.vertex]) for point in paired])
+    return [paired[int(np.argmin(away[:, of[vertex]]))] for vertex in vertices]
+
+
+def spread_over(vertices: Float, among: Int | Int32, known: Sequence[int], count: int) -> list[int]:
+    """Up to ``count`` of the vertices ``among``, each time the one farthest from all that are chosen."""
+    if not len(among):
+        return []
+    spots, chosen = vertices[among], list[int]()
+    taken = spots.mean(0)[None] if not len(known) else vertices[list(known)]
+    away = np.linalg.norm(spots[:, None] - taken[None], axis=2).min(1)
+    while len(chosen) < count and away.max() > 0.0:
+        pick = int(np.argmax(away))
+        chosen.append(int(among[pick]))
+        away = np.minimum(away, np.linalg.norm(spots - spots[pick], axis=1))
+    return chosen
+
+
+def without_points(layer: PuppetLayer, names: set[str]) -> PuppetLayer:
+    """A layer that names only these control points."""
+    return replace(
+        layer,
+        points=tuple(name for name in layer.points if name in names),
+        positions=tuple(one for one in layer.positions if one.point in names),
+        velocities=tuple(one for one in layer.velocities if one.point in names),
+        couplings=tuple(one for one in layer.couplings if {one.point, one.other} <= names),
+    )
+
+
+_AT_ONCE = 4
+"""Control points that are added before the surface is looked at again."""
+_STILL = 0.02
+"""A joint tells nothing that moves less than this share of what another does."""
+
+
+def _leading(puppet: Puppet) -> PuppetLayer | None:
+    """The layer that says by itself where all control points are, or None."""
+    layers = [layer for layer in puppet.layers if not layer.muted and layer.weight > 0.0]
+    if not layers:
+        return None
+    top, names = layers[-1], {point.name for point in puppet.points}
+    whole = top.weight == 1.0 and not top.mirrored and (not top.points or set(top.points) == names)
+    return top if whole else None
+
+
+def _turn(puppet: Puppet, state: State) -> Float:
+    return multiply(puppet.turn, _about_y(state.yaw))
+
+
+def _about_y(angle: float) -> Float:
+    return from_rotation_vector(np.array([0.0, angle, 0.0]))

@@ -1,0 +1,175 @@
+"""Control points of a puppet: put on the mesh, paired, and taken off."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.deformation.arap.control_point_surface import PuppetSurface
+from enliven.document.project import Project, unused
+from enliven.document.puppet import ControlPoint, Puppet, PuppetLayer
+from enliven.errors import InputError
+
+
+def add_point(
+    project: Project,
+    puppet_id: str,
+    vertex: int,
+    name: str = "",
+    joint: str = "",
+    foot: bool = False,
+    places: AnyArray | None = None,
+) -> Project:
+    """A project with a control point more, the last. In each key pose it is where the surface is there.
+
+    Args:
+        vertex: of the mesh.
+        name: unique on the puppet; empty to be given one.
+        joint: of the performer, that it follows; empty for none yet.
+        foot: whether the puppet can stand on it.
+        places: (n, 3) where it is in each key pose, for who has solved them already; None to solve them here.
+
+    Raises:
+        InputError: for a vertex that is not there, is held already or is in no face, or a name that is taken.
+    """
+    puppet = project.puppet(puppet_id)
+    taken = {point.name: point for point in puppet.points}
+    if name in taken:
+        mend = "Give it another name."
+        raise InputError(f"there is a control point {name!r} already", where=_where(puppet), mend=mend)
+    vertex = checked_vertex(puppet, vertex)
+    name = name or unused(f"point {len(taken) + 1}", taken)
+    places = surface_places(puppet, vertex) if places is None else places
+    poses = [
+        replace(pose, places=np.concatenate([pose.places, place[None]]))
+        for pose, place in zip(puppet.poses, places, strict=True)
+    ]
+    point = ControlPoint(name, vertex, joint, bool(foot))
+    return project.with_puppets(puppet.with_changes(points=(*puppet.points, point), poses=tuple(poses)))
+
+
+def remove_point(project: Project, puppet_id: str, name: str) -> Project:
+    """A project without a control point, nor the constraints on it, nor layers that moved nothing else.
+
+    Raises:
+        InputError: where there is none of that name.
+    """
+    puppet = project.puppet(puppet_id)
+    gone = puppet.index(name)
+    points = tuple(point for point in puppet.points if point.name != name)
+    poses = tuple(replace(pose, places=np.delete(pose.places, gone, axis=0)) for pose in puppet.poses)
+    layers = tuple(_without(layer, name) for layer in puppet.layers if layer.points != (name,))
+    return project.with_puppets(puppet.with_changes(points=points, poses=poses, layers=layers))
+
+
+def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -> Project:
+    """A project with a control point renamed (``name``), put on another ``vertex``, paired with another
+    ``joint``, made a ``foot`` or none, or given another ``weight`` as a handle.
+
+    On another vertex it is, in each key pose, where the surface is there. What it is called in layers and
+    constraints follows its name.
+
+    Raises:
+        InputError: where there is none of that name, and for what a control point cannot be.
+    """
+    puppet = project.puppet(puppet_id)
+    number = puppet.index(point)
+    check_names(changes, ControlPoint, f"control point {point!r}")
+    old = puppet.points[number]
+    poses = puppet.poses
+    if "vertex" in changes and changes["vertex"] != old.vertex:
+        changes["vertex"] = checked_vertex(puppet, changes["vertex"])
+        places = surface_places(puppet, changes["vertex"])
+        poses = tuple(
+            replace(pose, places=_with_row(pose.places, number, place))
+            for pose, place in zip(poses, places, strict=True)
+        )
+    weight = changes.get("weight")
+    if weight is not None and not (np.isfinite(weight) and weight > 0.0):
+        mend = "Give a number above 0, or none to hold it hard."
+        raise InputError(f"its weight is {weight}", where=f"control point {point!r}", mend=mend)
+    new = replace(old, **changes)
+    points = (*puppet.points[:number], new, *puppet.points[number + 1 :])
+    layers = puppet.layers
+    if new.name != old.name:
+        layers = tuple(_renamed(layer, old.name, new.name) for layer in layers)
+    return project.with_puppets(puppet.with_changes(points=points, poses=poses, layers=layers))
+
+
+def checked_vertex(puppet: Puppet, vertex: int) -> int:
+    """A vertex that a control point can be on.
+
+    Raises:
+        InputError: where it is not there, no face uses it, or another control point is on it.
+    """
+    count = len(puppet.mesh.vertices)
+    if not 0 <= vertex < count:
+        mend = f"It has 0..{count - 1}."
+        raise InputError(f"the mesh has no vertex {vertex}", where=_where(puppet), mend=mend)
+    if not (puppet.mesh.faces == vertex).any():
+        what = f"vertex {vertex} is loose: no face uses it, so that nothing would follow it"
+        raise InputError(what, where=_where(puppet), mend="Choose a vertex of the surface.")
+    for point in puppet.points:
+        if point.vertex == vertex:
+            what = f"{point.name!r} is on vertex {vertex} already"
+            raise InputError(what, where=_where(puppet), mend="Choose another vertex.")
+    return int(vertex)
+
+
+def surface_places(puppet: Puppet, vertex: int) -> Float:
+    """(n, 3) metres, where a vertex is on the surface of each key pose, in the mesh's frame."""
+    rest = puppet.mesh.vertices[vertex]
+    if not puppet.points or not puppet.poses:
+        return np.tile(rest, (len(puppet.poses), 1))
+    held, weights = zip(*((point.vertex, point.weight) for point in puppet.points), strict=True)
+    surface = PuppetSurface(puppet.mesh, held, weights, puppet.surface)
+    return np.stack([surface.settle(pose.places)[vertex] for pose in puppet.poses])
+
+
+def check_names(changes: dict[str, Any], kind: Any, where: str) -> None:
+    """That what is to be changed is there to be changed."""
+    known = [field.name for field in fields(kind)]
+    for name in changes:
+        if name not in known:
+            raise InputError(f"it has no {name!r}", where=where, mend=f"Known: {', '.join(known)}.")
+
+
+def _where(puppet: Puppet) -> str:
+    return f"puppet {puppet.id!r}"
+
+
+def _with_row(places: AnyArray, number: int, place: Float) -> Float:
+    out = np.array(places, np.float64)
+    out[number] = place
+    return out
+
+
+def _without(layer: PuppetLayer, name: str) -> PuppetLayer:
+    """A layer that no longer names a control point."""
+    return replace(
+        layer,
+        points=tuple(other for other in layer.points if other != name),
+        positions=tuple(one for one in layer.positions if one.point != name),
+        velocities=tuple(one for one in layer.velocities if one.point != name),
+        couplings=tuple(one for one in layer.couplings if name not in (one.point, one.other)),
+    )
+
+
+def _renamed(layer: PuppetLayer, old: str, new: str) -> PuppetLayer:
+    """A layer that calls a control point by its new name."""
+
+    def name(one: str) -> str:
+        return new if one == old else one
+
+    return replace(
+        layer,
+        points=tuple(name(one) for one in layer.points),
+        positions=tuple(replace(one, point=name(one.point)) for one in layer.positions),
+        velocities=tuple(replace(one, point=name(one.point)) for one in layer.velocities),
+        couplings=tuple(
+            replace(one, point=name(one.point), other=name(one.other)) for one in layer.couplings
+        ),
+    )

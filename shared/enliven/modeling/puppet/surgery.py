@@ -1,0 +1,186 @@
+"""Surgery on puppets: cut in two and merged, and both go on moving by their examples.
+
+Nothing is baked. Each half of a cut keeps the control points on it and gets new ones, along the cut and
+wherever else the surface would not be where it was: in every key pose they are where the surface was there.
+So a half is in its examples what it was as a part of the whole.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.arrays import Float, Int32
+from enliven.document.project import Project, unused
+from enliven.document.puppet import ControlPoint, KeyPose, Puppet, PuppetLayer
+from enliven.examples.puppet_motion import in_world
+from enliven.modeling.mesh.cut_pieces import Piece
+from enliven.modeling.mesh.cut_surfaces import CutSurface
+from enliven.modeling.mesh.mesh_cut import cut_by_stroke
+from enliven.modeling.puppet.merge import merge_puppets
+from enliven.modeling.puppet.parts import (
+    nearest_paired,
+    points_needed,
+    shown,
+    spread_over,
+    state_at,
+    stood_as,
+    surface_of_puppet,
+    telling,
+    told_apart,
+    unfolded,
+    with_moment,
+    without_points,
+)
+from enliven.settings import setting
+
+__all__ = ["PuppetCutSettings", "cut_puppet", "merge_puppets"]
+
+
+@dataclass(frozen=True)
+class PuppetCutSettings:
+    """How closely the halves of a puppet are what they were."""
+
+    tolerance: float = setting(
+        0.02,
+        "How far a half may be, in a key pose, from where it was in the whole.",
+        unit="share of the mesh's size",
+        low=0.0,
+        high=1.0,
+    )
+    along: int = setting(4, "New control points along the cut, to begin with.", low=3, high=100)
+    most: int = setting(12, "New control points of a half at most.", low=3, high=500)
+
+
+def cut_puppet(
+    project: Project,
+    puppet_id: str,
+    stroke: CutSurface,
+    time: float,
+    *,
+    settings: PuppetCutSettings | None = None,
+    notes: list[str] | None = None,
+) -> tuple[Project, tuple[str, str]]:
+    """A puppet cut in two along a stroke, as it is seen at ``time``; both halves go on moving by examples.
+
+    What the whole does at ``time`` becomes a key pose, so that the halves do it again. A half that keeps all
+    feet goes on through the world; another stays where it was at ``time``, and moves there.
+
+    Args:
+        stroke: a ``StrokeCut`` or ``PlaneCut`` in world metres.
+        time: seconds of the project's time.
+        settings: how closely.
+        notes: takes how the mesh was closed, and how far the halves are from what they were.
+
+    Returns:
+        The project and the ids: the near side keeps ``puppet_id``, the far side gets a new one.
+
+    Raises:
+        InputError: where there is no such puppet, the time is not finite, or the stroke cuts nothing off.
+    """
+    puppet, told = project.puppet(puppet_id), [] if notes is None else notes
+    before, surface = state_at(project, puppet, time), surface_of_puppet(puppet)
+    seen = in_world(puppet, before, surface.settle(before.places))
+    cut = cut_by_stroke(puppet.mesh, None, stroke, seen)
+    told.extend(cut.notes)
+    far_id = unused(puppet_id, {**project.shapes, **project.graphs, **project.puppets})
+    whole = unfolded(project, with_moment(project, puppet, time))
+    places = [pose.places for pose in whole.poses]
+    was = shown(surface, np.array(places).reshape(len(places), len(whole.points), 3))
+    if puppet.symmetry is not None:
+        told.append("The halves have no plane of symmetry; mirrored key poses became their own.")
+    halves = []
+    for piece, name in ((cut.near, puppet_id), (cut.far, far_id)):
+        half = _Half(project, whole, was, piece, settings or PuppetCutSettings()).made(name, told)
+        now = state_at(project.with_puppets(half), half, time)
+        halves.append(stood_as(half, now, puppet, before))
+    return project.with_puppets(*halves), (puppet_id, far_id)
+
+
+class _Half:
+    """One side of a cut, as it gets its control points."""
+
+    def __init__(
+        self,
+        project: Project,
+        whole: Puppet,
+        was: Float,
+        piece: Piece,
+        settings: PuppetCutSettings,
+    ) -> None:
+        self._whole, self._piece = whole, piece
+        self._project, self._settings, self._telling = project, settings, telling(project, self._whole)
+        self._old = piece.kept >= 0
+        self._number = np.full(len(whole.mesh.vertices), -1)
+        self._number[piece.kept[self._old]] = np.flatnonzero(self._old)
+        self._was = np.where(self._old[None, :, None], was[:, np.maximum(piece.kept, 0)], 0.0)
+
+    def made(self, name: str, notes: list[str]) -> Puppet:
+        """The half as a puppet."""
+        whole, size = self._whole, float(np.linalg.norm(np.ptp(self._whole.mesh.vertices, axis=0)))
+        own = [
+            replace(point, vertex=int(self._number[point.vertex]))
+            for point in whole.points
+            if self._number[point.vertex] >= 0
+        ]
+        half = self._with(whole, name, own)
+        begin = spread_over(
+            half.mesh.vertices, self._border(), [point.vertex for point in own], self._settings.along
+        )
+        most, tolerance = self._settings.most, self._settings.tolerance * size
+        added, worst = points_needed(half, self._was, self._old, np.array(begin, np.int64), most, tolerance)
+        leaders = nearest_paired(whole.mesh, self._telling, [int(self._piece.kept[v]) for v in added])
+        points, follow = list(own), dict[str, str]()
+        names = {point.name: point for point in whole.points}
+        for vertex, leader in zip(added, leaders, strict=True):
+            point = ControlPoint(
+                unused(f"{leader.name} cut" if leader else "cut", names),
+                vertex,
+                leader.joint if leader else "",
+            )
+            names[point.name] = point
+            points.append(point)
+            if leader:
+                follow[point.name] = leader.name
+        self._tell(name, len(added), worst, size, notes)
+        made, gone = told_apart(self._project, self._with(half, name, points))
+        if gone:
+            notes.append(f"{name!r} has {gone} key poses less, which its own joints do not tell apart.")
+        return made.with_changes(layers=self._layers(follow, {point.name for point in points}))
+
+    def _with(self, puppet: Puppet, name: str, points: list[ControlPoint]) -> Puppet:
+        """A puppet on this side's mesh with these control points, each in the key poses where it was."""
+        held = [point.vertex for point in points]
+        poses = zip(self._whole.poses, self._was[:, held], strict=True)
+        return puppet.with_changes(
+            id=name,
+            mesh=replace(self._piece.mesh, name=name),
+            points=tuple(points),
+            poses=tuple(KeyPose(pose.take, pose.time, places) for pose, places in poses),
+            layers=(),
+        )
+
+    def _tell(self, name: str, added: int, worst: float, size: float, notes: list[str]) -> None:
+        notes.append(
+            f"{name!r} got {added} control points; in its key poses it is within {1000 * worst:.1f} mm "
+            f"({100 * worst / size:.2f} % of the whole's size) of what it was."
+        )
+
+    def _border(self) -> Int32:
+        """The kept vertices that the cut is next to."""
+        faces = self._piece.mesh.faces
+        near = faces[~self._old[faces].all(1)]
+        return np.unique(near[self._old[near]])
+
+    def _layers(self, follow: dict[str, str], names: set[str]) -> tuple[PuppetLayer, ...]:
+        """The layers with the control points that are there; a new one is moved where its leader is."""
+        feet = {point.name for point in self._whole.points if point.foot}
+        out = []
+        for layer in self._whole.layers:
+            travels = layer.travel and feet <= names
+            more = tuple(new for new, leader in follow.items() if leader in layer.points)
+            made = without_points(replace(layer, points=(*layer.points, *more), travel=travels), names)
+            if made.points or not layer.points:
+                out.append(made)
+        return tuple(out)

@@ -1,0 +1,92 @@
+"""A shape taken apart into bones by name, and put together again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.document.rigged import Shape
+from enliven.document.skeleton import Skeleton
+from enliven.errors import InputError
+from enliven.modeling.rigged.spans import Spans
+
+
+class Bone(NamedTuple):
+    """A joint with the bone that ends there; an edit changes names and tuples, never numbers.
+
+    Attributes:
+        name: of the joint.
+        parent: the name of the joint that it hangs on; "" for the root.
+        rest: (3,) metres at rest.
+        modeling: (4,) the modeling rotation.
+        spans: what takes move it.
+    """
+
+    name: str
+    parent: str
+    rest: Float
+    modeling: Float
+    spans: Spans
+
+
+def bones_of(shape: Shape) -> list[Bone]:
+    """The bones of a shape, in the order of its joints."""
+    skeleton = shape.skeleton
+    parents = ["" if parent < 0 else skeleton.names[parent] for parent in skeleton.parents]
+    return [
+        Bone(name, parent, skeleton.positions[j], shape.modeling[j], shape.spans[j])
+        for j, (name, parent) in enumerate(zip(skeleton.names, parents, strict=True))
+    ]
+
+
+def skeleton_of_bones(bones: Sequence[Bone]) -> Skeleton:
+    """The joints of the bones; the root first, every other after its parent."""
+    number = {bone.name: j for j, bone in enumerate(bones)}
+    parents = np.array([number[bone.parent] if bone.parent else -1 for bone in bones], np.int32)
+    return Skeleton(tuple(bone.name for bone in bones), parents, np.array([bone.rest for bone in bones]))
+
+
+def rebuilt(shape: Shape, bones: Sequence[Bone], **changes: object) -> Shape:
+    """The shape with other bones, and with what else is named changed; a pin goes with its joints."""
+    modeling = np.array([bone.modeling for bone in bones])
+    spans = tuple(bone.spans for bone in bones)
+    names = {bone.name for bone in bones}
+    pins = tuple(pin for pin in shape.pins if {pin.joint, pin.start} <= names)
+    made = {"modeling": modeling, "spans": spans, "pins": pins} | changes
+    return shape.with_changes(skeleton=skeleton_of_bones(bones), **made)
+
+
+def numbers_of(shape: Shape, bones: Sequence[Bone], instead: dict[str, str] | None = None) -> Int:
+    """(N,) the number in ``bones`` of each bone of the shape, or of that which stands ``instead`` of it."""
+    number = {bone.name: j for j, bone in enumerate(bones)}
+    instead = instead or {}
+    return np.array([number[instead.get(name, name)] for name in shape.skeleton.names], np.int64)
+
+
+def bone_number(shape: Shape, bone: int | str, *, root: bool = True) -> int:
+    """The number of a bone given by number or by the name of its joint.
+
+    Raises:
+        InputError: where there is none, or it is the root and ``root`` is false.
+    """
+    where = f"shape {shape.id!r}"
+    count = len(shape.skeleton)
+    j = shape.skeleton.index(bone) if isinstance(bone, str) else int(bone)
+    if not 0 <= j < count:
+        raise InputError(f"there is no bone {j} of {count}", where=where, mend="Name a joint of the shape.")
+    if j == 0 and not root:
+        mend = "Choose the bone that ends at another joint."
+        raise InputError(f"the root {shape.skeleton.names[0]!r} has no bone", where=where, mend=mend)
+    return j
+
+
+def inside(value: float, where: str) -> float:
+    """A parameter along a bone, checked to be in [0, 1]."""
+    if not 0.0 <= float(value) <= 1.0:
+        raise InputError(
+            f"{value} is no place on a bone", where=where, mend="Give a number from 0 (its begin) to 1."
+        )
+    return float(value)

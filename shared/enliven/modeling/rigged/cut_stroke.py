@@ -1,0 +1,130 @@
+"""A shape cut along a stroke or a plane, as it is seen at a moment: the bones and the mesh that it passes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.document.project import Project
+from enliven.document.rigged import Shape
+from enliven.errors import InputError
+from enliven.modeling.mesh.cut_surfaces import CutSurface
+from enliven.modeling.mesh.mesh_cut import cut_by_stroke
+from enliven.modeling.mesh.meshes import numbers_in, parted, posed_vertices, with_piece
+from enliven.modeling.rigged.cut import parted_at
+from enliven.modeling.rigged.posed import posed
+
+
+class Crossing(NamedTuple):
+    """Where a stroke crosses a bone.
+
+    Attributes:
+        bone: its number.
+        at: where along it, in (0, 1).
+        near: whether the bone's begin, and so the root, lies on the stroke's near side.
+    """
+
+    bone: int
+    at: float
+    near: bool
+
+
+def cut_stroke(
+    project: Project,
+    shape_id: str,
+    stroke: CutSurface,
+    time: float | None = None,
+    *,
+    notes: list[str] | None = None,
+) -> tuple[Project, tuple[str, ...]]:
+    """A shape cut wherever a stroke crosses its bones at ``time``; each part below a crossing is a shape.
+
+    Every bone is cut as ``cut_bone`` cuts it: at ``time`` nothing turns or moves.
+    The mesh is cut along the stroke as it was seen; a part of it goes with the bones that it follows most.
+
+    Args:
+        stroke: a ``StrokeCut`` (drawn on a picture) or a ``PlaneCut``, in world metres.
+        time: seconds of the project's time, of the picture that was drawn on; None for the rest pose.
+        notes: takes what there is to say of how the mesh was closed.
+
+    Returns:
+        The project and the ids: first that of the shape with the root, which stays, then one for each part.
+
+    Raises:
+        InputError: where the stroke crosses no bone, a limb twice, or a mesh that cannot be cut.
+    """
+    shape = project.shape(shape_id)
+    turns, joints = posed(project, shape, time)
+    crossings = crossings_of(shape, stroke, joints)
+    _check(shape, crossings)
+    edited, upper, lowers = project, shape.with_changes(mesh=None, skin=None), []
+    for crossing in crossings:
+        j = upper.skeleton.index(shape.skeleton.names[crossing.bone])
+        upper, lower = parted_at(edited, upper, j, crossing.at, time, None)
+        edited = edited.with_shapes(upper, lower)
+        lowers.append(lower)
+    if shape.mesh is not None and shape.skin is not None:
+        cut = cut_by_stroke(shape.mesh, shape.skin, stroke, posed_vertices(shape, turns, joints))
+        near, far = (cut.near, cut.far) if crossings[0].near else (cut.far, cut.near)
+        pieces = parted(far, [shape.skeleton.below(crossing.bone) for crossing in crossings])
+        nodes = [lower.skeleton.names[0] for lower in lowers]
+        upper = with_piece(upper, near, _upper_numbers(shape, upper, crossings, nodes))
+        for k, (lower, piece) in enumerate(zip(lowers, pieces, strict=True)):
+            if piece is not None:
+                numbers = numbers_in(shape, lower, shape.skeleton.names[crossings[k].bone])
+                lowers[k] = with_piece(lower, piece, numbers)
+        if notes is not None:
+            notes.extend(cut.notes)
+    made = (upper, *lowers)
+    return project.with_shapes(*made), tuple(part.id for part in made)
+
+
+def crossings_of(shape: Shape, stroke: CutSurface, joints: Float) -> list[Crossing]:
+    """Where a stroke crosses the bones of a shape, by bisection.
+
+    Args:
+        joints: (N, 3) metres, where the joints were when it was drawn.
+    """
+    found = []
+    sides = stroke.field(joints)
+    for j in range(1, len(shape.skeleton)):
+        parent = int(shape.skeleton.parents[j])
+        if (sides[parent] > 0) == (sides[j] > 0):
+            continue
+        begin, end = joints[parent], joints[j]
+        low, high = 0.0, 1.0
+        for _ in range(60):
+            middle = (low + high) / 2
+            here = stroke.field((begin + middle * (end - begin))[None])[0]
+            low, high = (middle, high) if (here > 0) == (sides[parent] > 0) else (low, middle)
+        at = (low + high) / 2
+        if stroke.covers((begin + at * (end - begin))[None])[0]:
+            found.append(Crossing(j, at, not sides[parent] > 0))
+    return found
+
+
+def _check(shape: Shape, crossings: Sequence[Crossing]) -> None:
+    """Refuses a stroke that does not say what is to come off."""
+    where, names = f"shape {shape.id!r}", shape.skeleton.names
+    if not crossings:
+        mend = "Draw it right across what is to be cut, over a bone."
+        raise InputError("the stroke crosses no bone", where=where, mend=mend)
+    for one in crossings:
+        for other in crossings:
+            if one.bone != other.bone and other.bone in shape.skeleton.below(one.bone):
+                what = f"the stroke crosses {names[one.bone]!r} and, below it, {names[other.bone]!r}"
+                raise InputError(what, where=where, mend="Cut a limb once at a time.")
+    if len({crossing.near for crossing in crossings}) > 1:
+        what = "the stroke turns around between two limbs, so that it has no one side"
+        raise InputError(what, where=where, mend="Draw it straighter, or cut one limb at a time.")
+
+
+def _upper_numbers(before: Shape, upper: Shape, crossings: Sequence[Crossing], nodes: Sequence[str]) -> Int:
+    """(N,) the bone of the upper shape that each old bone is: one that came off, the half that is left."""
+    numbers = numbers_in(before, upper, nodes[0])
+    for crossing, node in zip(crossings, nodes, strict=True):
+        numbers[list(before.skeleton.below(crossing.bone))] = upper.skeleton.index(node)
+    return np.asarray(numbers)

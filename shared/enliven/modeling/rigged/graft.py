@@ -1,0 +1,69 @@
+"""The bones of a grafted shape in its host: their rest axes, names and turns."""
+
+from __future__ import annotations
+
+from enliven.arrays import Float
+from enliven.document.project import unused
+from enliven.document.rigged import Shape
+from enliven.modeling.rigged.axes import Axes
+from enliven.modeling.rigged.bones import Bone, bones_of
+from enliven.modeling.rigged.nodes import without_before
+from enliven.modeling.rigged.spans import before, joined_spans, moves
+from enliven.modeling.skinning.skins import follows
+from enliven.rotation import conjugate, multiply, normalized
+
+
+def grafted(
+    host: Shape, j: int, graft: Shape, world: Float, axes: Axes, layers: dict[str, str]
+) -> tuple[list[Bone], dict[str, str]]:
+    """The graft's bones in the host's rest axes on its joint j, and the new names of all the graft's joints.
+
+    The root is called like the node, or has a name of its own where it stays as a bone without length.
+    """
+    bones = bones_of(graft)
+    names = _names(host, [bone.name for bone in bones])
+    root = bones[0]
+    # W^-1 m_0 R^-1: the bone before turns by W at the time of the merge, and R belongs to the new axes.
+    first = multiply(multiply(conjugate(world), root.modeling), conjugate(axes.turn))
+    turn = root._replace(modeling=first, spans=axes.spans(root.spans, layers))
+    node = host.skeleton.names[j]
+    if moves(root.spans) and root_has_skin(graft):
+        names[root.name] = unused(root.name, dict.fromkeys([*host.skeleton.names, *names.values()]))
+    else:
+        names[root.name] = node
+    made = []
+    for bone in bones[1:]:
+        rest = host.skeleton.positions[j] + axes.vectors(bone.rest - root.rest)
+        spans = axes.spans(bone.spans, layers)
+        modeling = normalized(axes.rotations(bone.modeling))
+        new = Bone(names[bone.name], names[bone.parent], rest, modeling, spans)
+        made.append(_after(turn, new) if bone.parent == root.name and names[root.name] == node else new)
+    if names[root.name] != node:
+        at_node = host.skeleton.positions[j]
+        made.insert(0, Bone(names[root.name], node, at_node, normalized(first), turn.spans))
+    return made, names
+
+
+def _after(root: Bone, bone: Bone) -> Bone:
+    """A bone that leaves a root, with the root's turn before its own: D_b = m_0 a_0 m_b a_b in one bone."""
+    if not moves(root.spans):
+        fixed = multiply(root.modeling, before(root.spans))
+        return bone._replace(modeling=normalized(multiply(fixed, bone.modeling)))
+    spans = joined_spans(root.spans, bone.spans, 0.0, bone.modeling)
+    modeling, spans = without_before(root.modeling, spans)
+    return bone._replace(modeling=normalized(modeling), spans=spans)
+
+
+def _names(host: Shape, names: list[str]) -> dict[str, str]:
+    """A name that the host does not have for each joint of the graft but the root, which is the node."""
+    taken: dict[str, object] = dict.fromkeys(host.skeleton.names)
+    made = {}
+    for name in names[1:]:
+        made[name] = unused(name, taken)
+        taken[made[name]] = None
+    return made
+
+
+def root_has_skin(shape: Shape) -> bool:
+    """Whether a vertex follows the root's own turn."""
+    return shape.skin is not None and bool(follows(shape.skin, 0).any())

@@ -1,0 +1,167 @@
+"""One shape grafted onto another at a moment, with the motion of both kept (AniMesh, section 6)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int
+from enliven.document.character import SkinWeights
+from enliven.document.pin import Pin
+from enliven.document.project import Project
+from enliven.document.rigged import Shape
+from enliven.errors import InputError
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.mesh.joining import Surface, joined
+from enliven.modeling.mesh.meshes import bone_maps, no_maps, posed_vertices
+from enliven.modeling.mesh.seam import SeamSettings, healed
+from enliven.modeling.rigged.axes import Axes, layers_in, moved_mesh
+from enliven.modeling.rigged.bones import bone_number, bones_of, inside, rebuilt
+from enliven.modeling.rigged.graft import grafted, root_has_skin
+from enliven.modeling.rigged.nodes import insert_node
+from enliven.modeling.rigged.posed import as_far, posed
+from enliven.modeling.skinning.skins import renumbered
+from enliven.motion.layers.retarget import without_idle_layers
+from enliven.rotation import IDENTITY, conjugate, multiply, normalized
+
+_SEAM = SeamSettings()
+_END = 1e-9
+"""Nearer than this share of a bone to its end, the node is the joint."""
+
+
+def merge(
+    project: Project,
+    host_id: str,
+    joint: int | str,
+    graft_id: str,
+    time: float | None = None,
+    *,
+    at: float = 1.0,
+    loose: bool = False,
+    seam: SeamSettings = _SEAM,
+    notes: list[str] | None = None,
+) -> tuple[Project, dict[str, str]]:
+    """The root of a shape put onto a node of another; the two are one shape from then on.
+
+    The shape comes to the node without turning: at ``time`` every bone of both keeps its world turn, and the
+    joints of the graft keep their places where its root was at the node (elsewhere it is moved there). From
+    then on it rides on the bone that ends at the node: with W the world turn of that bone at ``time``, the
+    modeling rotation of each bone that leaves the graft's root is multiplied by W^-1 from the left (AniMesh,
+    section 6, Figure 8). The host moves as before at every time.
+
+    The graft's own axes of rest become the host's: its rest is turned by R = W^-1 D_b(time), b its first bone
+    (its root's entry in the rest pose, where several bones leave the root, or where skin follows it), so that
+    skeleton and mesh lie in the host's rest pose as they are seen at ``time``. A modeling rotation m becomes
+    R m R^-1, the basis of a layer R basis. The turn of the graft's root goes into the bones that leave it,
+    as a turn at the joint (a span with no share of the length); where skin follows a root that moves, the
+    root stays as a bone without length. How the graft travelled is dropped: the host takes it along.
+
+    The meshes are united as they are seen at ``time``; near the seam the surface is smoothed and the skin
+    weights computed anew, and elsewhere rest and weights stay to the bit. Two that do not meet become one
+    mesh of two shells. Skin of the graft's root follows the bone of the node.
+
+    Args:
+        joint: a joint of the host, by number or name; or a bone of it, with ``at`` below one.
+        time: seconds of the project's time; None merges in the rest pose, as modeled.
+        at: where on the host's bone to put a node first; 1 is its end, the joint, and 0 its begin. The new
+            node leaves the bone in line at every time, so that the host moves as before.
+        loose: where no union can be made (a mesh is no solid), put both shells into one mesh.
+        seam: how the seam is healed.
+        notes: takes what there is to say of how the meshes were united.
+
+    Returns:
+        The project, without the grafted shape, and the new name of each of its joints but the root, which
+        becomes the node. A layer that only the graft used keeps its id; one that others use is copied; one
+        that only moved the graft's root along goes.
+
+    Raises:
+        InputError: for a shape merged with itself, or a joint that is not there, or where no
+            union can be made and ``loose`` is false.
+    """
+    if host_id == graft_id:
+        mend = "Copy it first."
+        raise InputError("a shape cannot be merged with itself", where=f"shape {host_id!r}", mend=mend)
+    graft = project.shape(graft_id)
+    j = bone_number(project.shape(host_id), joint)
+    if inside(at, f"shape {host_id!r}") <= _END:
+        j = max(int(project.shape(host_id).skeleton.parents[j]), 0)
+    elif at < 1.0 - _END:
+        project, name = insert_node(project, host_id, j, at, rigid=True)
+        j = project.shape(host_id).skeleton.index(name)
+    host = project.shape(host_id)
+    (ours, spots), (theirs, places) = posed(project, host, time), posed(project, graft, time)
+    world = ours[j]
+    axes = Axes(_exact(multiply(conjugate(world), theirs[_first_bone(graft, time)])))
+    edited, layers = layers_in(project, graft, axes)
+    bones, names = grafted(host, j, graft, world, axes, layers)
+    pins = (*host.pins, *_pins(graft, names))
+    merged = rebuilt(host, [*bones_of(host), *bones], mesh=None, skin=None, pins=pins)
+    merged = as_far(edited, host, merged)
+    surfaces = _surface(host, ours, spots, time), _surface(graft, theirs, places + spots[j] - places[0], time)
+    numbers = np.array([merged.skeleton.index(names[name]) for name in graft.skeleton.names])
+    moved = _put(surfaces[1], graft, host.skeleton.positions[j], axes, numbers, time)
+    then = None if time is None else posed(edited, merged, time)
+    mesh, skin = _one_surface(merged, surfaces[0], moved, then, loose, seam, [] if notes is None else notes)
+    del names[graft.skeleton.names[0]]
+    merged = merged.with_changes(mesh=mesh, skin=skin)
+    done = edited.without_shape(graft_id).with_shapes(merged)
+    return without_idle_layers(done, edited, graft_id), names
+
+
+def _surface(shape: Shape, turns: Float, joints: Float, time: float | None) -> Surface | None:
+    """The shape's mesh and where it is seen: at a time as posed, in the rest pose as it is."""
+    if shape.mesh is None or shape.skin is None:
+        return None
+    seen = shape.mesh.vertices if time is None else posed_vertices(shape, turns, joints)
+    return Surface(shape.mesh, shape.skin, seen)
+
+
+def _put(
+    surface: Surface | None, graft: Shape, node: Float, axes: Axes, numbers: Int, time: float | None
+) -> Surface | None:
+    """The graft's surface with its rest at the node in the host's axes, and its bones' new numbers."""
+    if surface is None:
+        return None
+    mesh = moved_mesh(surface.mesh, graft.skeleton.positions[0], axes, node)
+    seen = mesh.vertices if time is None else surface.seen
+    return Surface(mesh, renumbered(surface.skin, numbers), seen)
+
+
+def _one_surface(
+    merged: Shape,
+    host: Surface | None,
+    graft: Surface | None,
+    then: tuple[Float, Float] | None,
+    loose: bool,
+    seam: SeamSettings,
+    notes: list[str],
+) -> tuple[Mesh | None, SkinWeights | None]:
+    """The mesh and the skin of the merged shape; ``then``: its pose at the merge, None for the rest pose."""
+    if host is None or graft is None:
+        only = host or graft
+        return (None, None) if only is None else (only.mesh, only.skin)
+    skeleton = merged.skeleton if then is None else replace(merged.skeleton, positions=then[1])
+    maps = no_maps(merged) if then is None else bone_maps(merged, *then)
+
+    def heal(mesh: Mesh, skin: SkinWeights, where: Bool) -> tuple[Mesh, SkinWeights]:
+        return healed(mesh, skin, skeleton, where, seam)
+
+    return joined(host, graft, maps, heal, loose=loose, notes=notes, where=f"shape {merged.id!r}")
+
+
+def _pins(graft: Shape, names: dict[str, str]) -> tuple[Pin, ...]:
+    """The graft's pins, under the names that its joints have now."""
+    return tuple(replace(pin, joint=names[pin.joint], start=names[pin.start]) for pin in graft.pins)
+
+
+def _exact(turn: Float) -> Float:
+    """The rotation; exactly the identity where it is that but for rounding: layers then stay as they are."""
+    turn = normalized(turn)
+    return IDENTITY if np.abs(turn[1:]).max() < 1e-13 else turn
+
+
+def _first_bone(graft: Shape, time: float | None) -> int:
+    """The bone that the mesh at the root is rigid with; in the rest pose the root, which turns the whole."""
+    only = graft.skeleton.children[0]
+    return only[0] if time is not None and len(only) == 1 and not root_has_skin(graft) else 0

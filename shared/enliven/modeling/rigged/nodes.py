@@ -1,0 +1,148 @@
+"""Nodes put into bones and taken out again, with the motion kept (AniMesh, section 6)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document.character import SkinWeights
+from enliven.document.layers import STILL
+from enliven.document.project import Project, unused
+from enliven.document.rigged import Shape
+from enliven.errors import InputError
+from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, inside, numbers_of, rebuilt
+from enliven.modeling.rigged.posed import as_far
+from enliven.modeling.rigged.spans import AT_ONCE, Spans, joined_spans, split_spans
+from enliven.modeling.skinning.skins import InsertSettings, nearest_bone, renumbered, shared_skin, upper_part
+from enliven.rotation import IDENTITY, multiply
+
+_DEFAULTS = InsertSettings()
+
+
+def insert_node(
+    project: Project,
+    shape_id: str,
+    bone: int | str,
+    at: float,
+    *,
+    name: str | None = None,
+    rigid: bool = False,
+    settings: InsertSettings = _DEFAULTS,
+) -> tuple[Project, str]:
+    """A bone becomes two, and each turns by its part of the motion.
+
+    The total turn along the chain is the same at every time, so all that hangs on the bone is turned as
+    before. The upper bone keeps the modeling rotation.
+
+    Args:
+        bone: the number or the joint of the bone.
+        at: where on it, in (0, 1) from its begin to its end.
+        name: of the new joint; None makes one up.
+        rigid: leave the two bones in line at every time: the upper one takes the whole motion.
+
+    Returns:
+        The project and the name of the new joint, which has the bone's number; later joints move up by one.
+
+    Raises:
+        InputError: for a bone or place that is not there, or a name that is taken.
+    """
+    shape = project.shape(shape_id)
+    j = bone_number(shape, bone, root=False)
+    if not 0.0 < inside(at, f"shape {shape_id!r}") < 1.0:
+        mend = "Choose a place between the two joints."
+        raise InputError("there is a joint already at the end of a bone", where=shape_id, mend=mend)
+    name = new_name(shape, j, name)
+    bones = bones_of(shape)
+    bones[j : j + 1] = divided(bones[j], bones, at, name, rigid)
+    skin = shape.skin
+    if shape.mesh is not None and skin is not None:
+        begin, end = shape.skeleton.positions[[int(shape.skeleton.parents[j]), j]]
+        part = upper_part(shape.mesh.vertices, begin, end, at, settings.blend)
+        skin = shared_skin(renumbered(skin, numbers_of(shape, bones)), j, j + 1, part)
+    return project.with_shapes(rebuilt(shape, bones, skin=skin)), name
+
+
+def new_name(shape: Shape, j: int, name: str | None) -> str:
+    """A name for a joint on bone j: the one given, or one that is made up.
+
+    Raises:
+        InputError: where the given one is taken or empty.
+    """
+    taken = dict.fromkeys(shape.skeleton.names)
+    if name is not None and (name in taken or not name):
+        raise InputError(f"the name {name!r} is taken", where=f"shape {shape.id!r}", mend="Give another.")
+    return name or unused(f"{shape.skeleton.names[j]} node", taken)
+
+
+def divided(bone: Bone, bones: list[Bone], at: float, name: str, rigid: bool = False) -> list[Bone]:
+    """The two bones that a node called ``name`` makes of one of ``bones``; their product turns as it did."""
+    begin = next(other.rest for other in bones if other.name == bone.parent)
+    upper, lower = (bone.spans, STILL) if rigid else split_spans(bone.spans, at)
+    modeling, lower = without_before(IDENTITY, lower)
+    first = Bone(name, bone.parent, begin + at * (bone.rest - begin), bone.modeling, upper)
+    return [first, Bone(bone.name, name, bone.rest, modeling, lower)]
+
+
+def without_before(modeling: Float, spans: Spans) -> tuple[Float, Spans]:
+    """The same turn with what is fixed at the begin of the spans moved into the modeling rotation."""
+    first = np.array(spans[0].before)
+    return multiply(modeling, first), (replace(spans[0], before=AT_ONCE), *spans[1:])
+
+
+def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
+    """A project without a joint; what hung on it hangs on the joint before, and turns as it did.
+
+    Of an inner node and each bone below it one bone is made, which keeps the motions of both, one after the
+    other (see ``joined_spans``): every bone below has its world turn at every
+    time, also where two takes meet, which AniMesh drops (section 8, Figure 13). A node put in by
+    :func:`insert_node` and taken out restores the bone. A leaf is dropped with its bone; its skin follows
+    the bone before. At a branch each bone below starts from the joint before.
+
+    Raises:
+        InputError: for the root, which carries the whole.
+    """
+    shape = project.shape(shape_id)
+    j = bone_number(shape, joint)
+    gone = bones_of(shape)[j]
+    where = f"shape {shape_id!r}"
+    if j == 0:
+        raise InputError(
+            f"{gone.name!r} is the root", where=where, mend="Cut the bone below it to drop the rest."
+        )
+    bones = [
+        _joined(gone, bone, shape) if bone.parent == gone.name else bone
+        for bone in bones_of(shape)
+        if bone.name != gone.name
+    ]
+    kept = rebuilt(shape, bones, skin=_skin_without(shape, j, bones))
+    return project.with_shapes(as_far(project, shape, kept))
+
+
+def _joined(upper: Bone, lower: Bone, shape: Shape) -> Bone:
+    """The bone that two make when the joint between them goes."""
+    lengths = shape.skeleton.lengths
+    first = lengths[shape.skeleton.index(upper.name)]
+    whole = first + lengths[shape.skeleton.index(lower.name)]
+    share = float(first / whole) if whole > 0 else 0.5
+    spans = joined_spans(upper.spans, lower.spans, share, lower.modeling)
+    modeling, spans = without_before(upper.modeling, spans)
+    return Bone(lower.name, upper.parent, lower.rest, modeling, spans)
+
+
+def _skin_without(shape: Shape, j: int, bones: list[Bone]) -> SkinWeights | None:
+    """The skin without bone j: it goes to the nearest bone below, or from a leaf to the one before."""
+    if shape.mesh is None or shape.skin is None:
+        return None
+    skeleton = shape.skeleton
+    parent = int(skeleton.parents[j])
+    heirs = np.array(skeleton.children[j] or (parent,))
+    nearest = np.zeros(len(shape.mesh.vertices), np.int64)
+    if len(heirs) > 1:
+        begins = np.tile(skeleton.positions[parent], (len(heirs), 1))
+        nearest = nearest_bone(shape.mesh.vertices, begins, skeleton.positions[heirs])
+    heir = heirs[nearest].astype(np.uint16)
+    indices = np.where(shape.skin.indices == j, heir[:, None], shape.skin.indices)
+    numbers = numbers_of(shape, bones, {skeleton.names[j]: skeleton.names[heirs[0]]})
+    return renumbered(SkinWeights(indices, shape.skin.weights), numbers)

@@ -1,0 +1,80 @@
+"""A shape at one moment, as every edit sees it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document.project import Project
+from enliven.document.rigged import Shape
+from enliven.errors import InputError
+from enliven.modeling.rigged.spans import before
+from enliven.motion.layers.evaluate import pose_of
+from enliven.motion.layers.travel import travel_scale
+from enliven.rotation import conjugate, multiply, normalized, rotate
+
+
+def posed(project: Project, shape: Shape, time: float | None) -> tuple[Float, Float]:
+    """(N, 4) the world turns D_j and (N, 3) the positions of the joints.
+
+    Args:
+        time: seconds of the project's time; None is the rest pose: as modeled, with no take moving anything.
+
+    Raises:
+        InputError: for a time that is not finite.
+    """
+    if time is None:
+        return as_modeled(shape)
+    if not np.isfinite(time):
+        raise InputError(f"the time is {time}", where=f"shape {shape.id!r}", mend="Give seconds.")
+    pose = pose_of(project.with_shapes(shape), shape.id, float(time))
+    return pose.turns, pose.joints
+
+
+def as_modeled(shape: Shape) -> tuple[Float, Float]:
+    """(N, 4) D_j and (N, 3) positions where no take moves anything: D_j = D_parent m_j before."""
+    skeleton = shape.skeleton
+    turns, positions = np.empty((len(skeleton), 4)), np.empty((len(skeleton), 3))
+    for j, parent in enumerate(skeleton.parents):
+        own = multiply(shape.modeling[j], before(shape.spans[j]))
+        turns[j] = own if parent < 0 else multiply(turns[parent], own)
+        start = skeleton.positions[0] + shape.place if parent < 0 else positions[parent]
+        positions[j] = start + rotate(turns[j], skeleton.vectors[j])
+    return turns, positions
+
+
+def as_far(project: Project, old: Shape, new: Shape) -> Shape:
+    """The edited shape, travelling as far as before: what an edit does to its height shortens no stride."""
+    if new.travel is None:
+        return new
+    clip = project.takes[project.layers[new.travel].take]
+    before = travel_scale(old, clip)
+    return new if travel_scale(new, clip) == before else new.with_changes(travel_scale=before)
+
+
+def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: float | None) -> Shape:
+    """A part of a shape with the world turns of the whole at ``time`` where a pin that held it is gone.
+
+    What the pin had turned goes into the modeling rotations.
+
+    Args:
+        turns: (N, 4) the world turns of the whole.
+    """
+    wanted = dict(zip(whole.skeleton.names, turns, strict=True))
+    now, _ = posed(project, part, time)
+    modeling = np.array(part.modeling)
+    for j, name in enumerate(part.skeleton.names):
+        parent = int(part.skeleton.parents[j])
+        if j == 0 or name not in wanted or np.allclose(now[j], wanted[name], atol=1e-12):
+            continue
+        above = wanted.get(part.skeleton.names[parent], now[parent])
+        back = multiply(conjugate(above), multiply(wanted[name], conjugate(own_turn(now, part, j))))
+        modeling[j] = normalized(back)
+    return part.with_changes(modeling=modeling)
+
+
+def own_turn(turns: Float, shape: Shape, j: int) -> Float:
+    """(4,) the animation rotation a_j in the pose whose world turns are ``turns``: (D_parent m_j)^-1 D_j."""
+    parent = int(shape.skeleton.parents[j])
+    modeled = shape.modeling[j] if parent < 0 else multiply(turns[parent], shape.modeling[j])
+    return multiply(conjugate(modeled), turns[j])

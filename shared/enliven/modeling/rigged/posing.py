@@ -1,0 +1,111 @@
+"""Shapes posed by hand, at any moment of their motion: only modeling rotations and the place change."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.document.project import Project
+from enliven.document.rigged import Shape
+from enliven.errors import InputError
+from enliven.modeling.rigged.bones import bone_number
+from enliven.modeling.rigged.posed import own_turn, posed
+from enliven.rotation import IDENTITY, conjugate, multiply, normalized, swing
+
+
+def set_bone(
+    project: Project, shape_id: str, bone: int | str, world: AnyArray, time: float | None = None
+) -> Project:
+    """A project in which a bone's world turn D_j at ``time`` is ``world`` (4,): m = D_parent^-1 world a^-1.
+
+    What hangs on the bone turns along; its motion goes on from there. Bone 0, the root's, turns the whole.
+
+    Raises:
+        InputError: where there is no such bone, or no rotation.
+    """
+    shape, j, turns, _ = _seen(project, shape_id, bone, time)
+    world = _rotation(world, shape_id)
+    own = own_turn(turns, shape, j)
+    return _posed(
+        project, shape, j, multiply(multiply(conjugate(_above(turns, shape, j)), world), conjugate(own))
+    )
+
+
+def turn_bone(
+    project: Project, shape_id: str, bone: int | str, turn: AnyArray, time: float | None = None
+) -> Project:
+    """A project in which a bone is turned on by ``turn`` (4,), in world axes, at ``time``.
+
+    Raises:
+        InputError: where there is no such bone, or no rotation.
+    """
+    shape, j, turns, _ = _seen(project, shape_id, bone, time)
+    above = _above(turns, shape, j)
+    turned = multiply(
+        multiply(conjugate(above), _rotation(turn, shape_id)), multiply(above, shape.modeling[j])
+    )
+    return _posed(project, shape, j, turned)
+
+
+def drag_joint(
+    project: Project, shape_id: str, joint: int | str, point: AnyArray, time: float | None = None
+) -> Project:
+    """A project in which the bone of a joint points at ``point`` (3,) at ``time``, by the shortest turn.
+
+    The root is moved to the point instead.
+
+    Raises:
+        InputError: where there is no such joint, or the point is not finite.
+    """
+    shape, j, _, joints = _seen(project, shape_id, joint, time)
+    point = _point(point, shape_id)
+    if j == 0:
+        return move_shape(project, shape_id, point - joints[0])
+    start = joints[int(shape.skeleton.parents[j])]
+    way, bone = point - start, joints[j] - start
+    if min(np.linalg.norm(way), np.linalg.norm(bone)) < 1e-9:
+        return project
+    turn = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
+    return turn_bone(project, shape_id, j, turn, time)
+
+
+def move_shape(project: Project, shape_id: str, offset: AnyArray) -> Project:
+    """A project with a shape moved by ``offset`` (3,) metres, at every time.
+
+    Raises:
+        InputError: where there is no such shape, or the offset is not finite.
+    """
+    shape = project.shape(shape_id)
+    return project.with_shapes(shape.with_changes(place=shape.place + _point(offset, shape_id)))
+
+
+def _seen(
+    project: Project, shape_id: str, bone: int | str, time: float | None
+) -> tuple[Shape, int, Float, Float]:
+    shape = project.shape(shape_id)
+    return shape, bone_number(shape, bone), *posed(project, shape, time)
+
+
+def _above(turns: Float, shape: Shape, j: int) -> Float:
+    """(4,) the world turn of what bone j hangs on."""
+    return turns[int(shape.skeleton.parents[j])] if j else IDENTITY
+
+
+def _posed(project: Project, shape: Shape, j: int, modeling: Float) -> Project:
+    changed = np.array(shape.modeling)
+    changed[j] = normalized(modeling)
+    return project.with_shapes(shape.with_changes(modeling=changed))
+
+
+def _rotation(turn: AnyArray, shape_id: str) -> Float:
+    turn = np.asarray(turn, np.float64)
+    if turn.shape != (4,) or not abs(np.linalg.norm(turn) - 1.0) < 1e-6:
+        raise InputError(f"{turn} is no rotation", where=f"shape {shape_id!r}", mend="Give (w, x, y, z).")
+    return turn
+
+
+def _point(point: AnyArray, shape_id: str) -> Float:
+    point = np.asarray(point, np.float64)
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise InputError(f"{point} is no place", where=f"shape {shape_id!r}", mend="Give three metres.")
+    return point

@@ -1,0 +1,104 @@
+"""The motion of one limb on all limbs that are equal to it. Edits: Project -> Project.
+
+    groups = equal_limbs(project.shape("squid").skeleton)            # enliven.matching.symmetry
+    project = spread_motion(project, "squid", groups[0], joint, delay=0.1)
+
+A copy is the motion turned with the limb, or mirrored with it; limb number k is k delays later. It refers to
+the same takes by layers of its own, so each copy can be shifted, muted and weighted apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document.layers import Layer, Span
+from enliven.document.project import Project, unused
+from enliven.errors import InputError
+from enliven.matching.symmetry import EqualLimbs
+from enliven.rotation import canonical, from_matrix, multiply
+
+_MIRROR = np.array([1.0, 1.0, -1.0, -1.0])
+"""(w, x, y, z) times this is the turn as seen in the plane x = 0."""
+
+
+def spread_motion(
+    project: Project, shape_id: str, group: EqualLimbs, joint: int, *, delay: float = 0.0
+) -> Project:
+    """A project in which the limbs of a group move as the one that ``joint`` is of; theirs is taken off.
+
+    What the bones were posed to by hand stays as it is.
+
+    Args:
+        group: of :func:`enliven.matching.symmetry.equal_limbs`, of the shape's skeleton.
+        joint: any of the limb that has the motion.
+        delay: seconds from each limb of the group to the next.
+
+    Raises:
+        InputError: where the joint is of no limb of the group, or the limb has no motion.
+    """
+    shape = project.shape(shape_id)
+    own = group.limb_of(joint)
+    if own < 0:
+        known = ", ".join(shape.skeleton.names[limb.joints[0]] for limb in group.limbs)
+        what = f"joint {shape.skeleton.names[joint]!r} is of none of these limbs"
+        raise InputError(what, where=f"shape {shape_id!r}", mend=f"They begin at {known}.")
+    used = dict.fromkeys(
+        ref.layer for j in group.limbs[own].joints for span in shape.spans[j] for ref in span.refs
+    )
+    if not used:
+        what = f"no take moves the limb of joint {shape.skeleton.names[joint]!r}"
+        raise InputError(what, where=f"shape {shape_id!r}", mend="Bind a chain of it first.")
+    layers, spans = dict(project.layers), list(shape.spans)
+    for number in range(len(group.limbs)):
+        if number == own:
+            continue
+        later = delay * ((number - own) % len(group.limbs))
+        linear, fresh = group.between(own, number), dict[str, str]()
+        for name in used:
+            fresh[name] = unused(name, layers)
+            layers[fresh[name]] = reflected(layers[name], linear, fresh[name], later)
+        for start, end in group.joint_map(own, number).items():
+            if end != group.joint:
+                spans[end] = tuple(_copied(span, fresh, linear) for span in shape.spans[start])
+    made = project.with_layers(*layers.values()).with_shapes(shape.with_changes(spans=tuple(spans)))
+    return _without_unused(made, project)
+
+
+def reflected(layer: Layer, linear: Float, name: str, delay: float = 0.0) -> Layer:
+    """The layer whose turns are linear Q linear^-1, for a rotation or a reflection.
+
+    A reflection is the one in the plane x = 0, S, with a rotation after it: L = R S. What the layer turned,
+    Q = B q B^-1, becomes R (S B S) (S q S) (S B S)^-1 R^-1, and S q S is what ``mirrored`` says.
+    """
+    mirrored, basis = layer.mirrored, layer.basis
+    if np.linalg.det(linear) < 0.0:
+        linear, mirrored, basis = linear * [-1.0, 1.0, 1.0], not mirrored, basis * _MIRROR
+    turned = canonical(multiply(from_matrix(linear), basis))
+    return replace(layer, id=name, basis=turned, mirrored=mirrored, offset=layer.offset + delay)
+
+
+def _copied(span: Span, names: dict[str, str], linear: Float) -> Span:
+    """The span with other layers, and its fixed turn turned with the limb."""
+    x, y, z = (linear @ np.array(span.before[1:]) * np.linalg.det(linear)).tolist()
+    refs = tuple(replace(ref, layer=names[ref.layer]) for ref in span.refs)
+    return replace(span, refs=refs, before=(span.before[0], x, y, z))
+
+
+def _without_unused(project: Project, before: Project) -> Project:
+    """The project without layers that a shape used before and none uses now."""
+
+    def used(of: Project) -> set[str]:
+        named = {
+            r.layer
+            for shape in of.shapes.values()
+            for spans in shape.spans
+            for span in spans
+            for r in span.refs
+        }
+        return named | {shape.travel for shape in of.shapes.values() if shape.travel}
+
+    gone = used(before) - used(project)
+    return replace(project, layers={key: layer for key, layer in project.layers.items() if key not in gone})

@@ -1,0 +1,99 @@
+"""Bones from an axis: Douglas and Peucker's simplification with the error of a cylinder (RigMesh)."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.modeling.sketching.axis import Axis
+
+_APART = 1.6
+"""Radii between two joints of a chain at least."""
+
+
+def simplified(points: Float, radii: Float, tolerance: float, longest: float) -> list[int]:
+    """The points to keep of a chain: a bone from one to the next is a cylinder that fits what it replaces.
+
+    The error at a point is how far the point lies from the bone plus how much its radius differs from the
+    mean, and may be ``tolerance`` of the mean radius.
+
+    Args:
+        points: (P, 2) metres, from one end to the other.
+        radii: (P,) metres.
+        longest: a bone's length at most, in mean diameters; longer ones are parted evenly.
+    """
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    kept = _split(points, radii, along, 0, len(points) - 1, tolerance)
+    out = [kept[0]]
+    for a, b in itertools.pairwise(kept):
+        mean = float(np.mean(radii[a : b + 1]))
+        parts = int(np.ceil((along[b] - along[a]) / max(2 * longest * mean, 1e-12) - 1e-9))
+        for k in range(1, min(parts, b - a)):
+            middle = int(np.argmin(np.abs(along - (along[a] + (along[b] - along[a]) * k / parts))))
+            if out[-1] < middle < b:
+                out.append(middle)
+        out.append(b)
+    return out
+
+
+def _split(points: Float, radii: Float, along: Float, a: int, b: int, tolerance: float) -> list[int]:
+    if b - a < 2:
+        return [a, b]
+    inner = np.arange(a + 1, b)
+    line = points[b] - points[a]
+    square = float(line @ line)
+    u = np.clip((points[inner] - points[a]) @ line / square, 0, 1) if square > 0 else np.zeros(len(inner))
+    away = np.linalg.norm(points[inner] - points[a] - u[:, None] * line, axis=1)
+    step = np.gradient(along)[a : b + 1]
+    mean = float((radii[a : b + 1] * step).sum() / max(step.sum(), 1e-300))
+    error = away + 0.5 * np.abs(radii[inner] - mean)
+    worst = int(np.argmax(error))
+    if error[worst] <= tolerance * mean:
+        return [a, b]
+    at = int(inner[worst])
+    left = _split(points, radii, along, a, at, tolerance)
+    return left[:-1] + _split(points, radii, along, at, b, tolerance)
+
+
+def bones_of_axis(axis: Axis, tolerance: float, longest: float) -> tuple[Float, Float, list[tuple[int, int]]]:
+    """(J, 2) joints, (J,) radii there, and the links between them.
+
+    Short bones that end in a joint's own circle are left out.
+    """
+    number: dict[int, int] = {}
+    places: list[Float] = []
+    widths: list[float] = []
+    links: list[tuple[int, int]] = []
+    for chain in axis.chains:
+        points, radii = axis.points[chain], axis.radii[chain]
+        kept = _spaced(points, radii, simplified(points, radii, tolerance, longest))
+        for k in kept:
+            if chain[k] not in number:
+                number[chain[k]] = len(places)
+                places.append(points[k])
+                widths.append(float(radii[k]))
+        names = [number[chain[k]] for k in kept]
+        links += list(itertools.pairwise(names))
+    return np.array(places), np.array(widths), links
+
+
+def _spaced(points: Float, radii: Float, kept: list[int]) -> list[int]:
+    """Without joints nearer to the one before than a knee is thick."""
+    out = [kept[0]]
+    for k in kept[1:-1]:
+        far = float(np.linalg.norm(points[k] - points[out[-1]]))
+        home = float(np.linalg.norm(points[k] - points[kept[-1]]))
+        if min(far, home) > _APART * radii[k]:
+            out.append(k)
+    return [*out, kept[-1]]
+
+
+def root_of(joints: Float, radii: Float, links: list[tuple[int, int]]) -> int:
+    """The joint that the others hang on: the thickest where branches meet, else the thicker end."""
+    degree: Int = np.bincount(np.array(links).ravel(), minlength=len(joints))
+    most = degree == degree.max() if degree.max() > 2 else degree == 1
+    # Of two alike, the lower.
+    order = np.lexsort((joints[:, 1], -np.round(radii / radii.max(), 1), ~most))
+    return int(order[0])

@@ -1,0 +1,178 @@
+"""The chordal axis of an outline: where the middles of the chords of its triangulation run, and how wide it
+is.
+
+L. Prasad, "Morphological analysis of shapes", 1997: triangles with two sides on the outline are terminal,
+with one sleeves, with none junctions. A terminal branch is left out where all of it lies in the circle over
+the chord that cuts it off (T. Igarashi et al., "Teddy", 1999): round ends and bumps get no branch of their
+own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.modeling.sketching.axis import TIP, Axis, merged, smooth, without_spurs
+
+_ROUND = 1.2
+"""A branch is a bump where it keeps within so many radii of the middle of its chord."""
+_AS_LONG = 0.8
+"""Of the second moments of an outline without limbs; above, no direction is its length."""
+
+
+def axis_of(outline: Float, triangles: Int) -> Axis:
+    """The axis of (N, 2) points counter-clockwise and their (T, 3) constrained Delaunay triangles."""
+    return _Tracer(outline, triangles).axis()
+
+
+@dataclass
+class _Tracer:
+    outline: Float
+    triangles: Int
+    points: list[Float] = field(default_factory=list)
+    radii: list[float] = field(default_factory=list)
+    links: list[tuple[int, int]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        count = len(self.outline)
+        # Inner edges as (triangle, side); side k is opposite to corner k.
+        starts, ends = self.triangles[:, [1, 2, 0]], self.triangles[:, [2, 0, 1]]
+        key = np.minimum(starts, ends) * count + np.maximum(starts, ends)
+        flat = key.ravel()
+        order = np.argsort(flat, kind="stable")
+        same = np.flatnonzero(flat[order][1:] == flat[order][:-1])
+        beside = np.full(len(flat), -1, np.int64)
+        beside[order[same]], beside[order[same + 1]] = order[same + 1] // 3, order[same] // 3
+        self.beside: Int = beside.reshape(-1, 3)
+        self.key = key
+        self.chord: dict[int, int] = {}
+        self.tips: dict[int, Int] = {}
+
+    def axis(self) -> Axis:
+        """Grow in from every terminal triangle, then join what is left."""
+        gone, tips = self._pruned()
+        left = [t for t in range(len(self.triangles)) if not gone[t]]
+        if not left:
+            return self._blob()
+        for t in left:
+            open_sides = [k for k in range(3) if self.beside[t, k] >= 0 and not gone[self.beside[t, k]]]
+            nodes = [self._chord(t, k) for k in open_sides]
+            closed = [k for k in range(3) if self.beside[t, k] >= 0 and gone[self.beside[t, k]]]
+            if len(nodes) == 2:
+                self.links.append((nodes[0], nodes[1]))
+            elif len(nodes) == 3:
+                self._junction(t, nodes)
+            elif len(nodes) == 1:
+                self._end(t, nodes[0], closed, tips)
+        if len(left) == 1:
+            return self._blob()
+        return self._chained()
+
+    def _pruned(self) -> tuple[list[bool], dict[int, list[int]]]:
+        """Triangles in bumps, and for each triangle beside one the outline points of the bump."""
+        gone = [False] * len(self.triangles)
+        bumps: dict[int, list[int]] = {}
+        sides = (self.beside >= 0).sum(1)
+        waiting: list[int] = np.flatnonzero(sides == 1).tolist()
+        while waiting:
+            t = waiting.pop()
+            ways = [k for k in range(3) if self.beside[t, k] >= 0 and not gone[self.beside[t, k]]]
+            if len(ways) != 1 or gone[t]:
+                continue
+            k = ways[0]
+            region = sorted({*bumps.get(t, []), *(int(v) for v in self.triangles[t])})
+            a, b = self.outline[self.triangles[t, (k + 1) % 3]], self.outline[self.triangles[t, (k + 2) % 3]]
+            middle, radius = (a + b) / 2, float(np.linalg.norm(a - b)) / 2
+            if np.linalg.norm(self.outline[region] - middle, axis=1).max() > _ROUND * radius:
+                continue
+            gone[t] = True
+            other = int(self.beside[t, k])
+            bumps[other] = sorted({*bumps.get(other, []), *region})
+            waiting.append(other)
+        return gone, bumps
+
+    def _add(self, point: Float, radius: float) -> int:
+        self.points.append(point)
+        self.radii.append(radius)
+        return len(self.points) - 1
+
+    def _chord(self, t: int, k: int) -> int:
+        """The node in the middle of a side."""
+        key = int(self.key[t, k])
+        if key not in self.chord:
+            a, b = self.outline[self.triangles[t, (k + 1) % 3]], self.outline[self.triangles[t, (k + 2) % 3]]
+            self.chord[key] = self._add((a + b) / 2, float(np.linalg.norm(a - b)) / 2)
+        return self.chord[key]
+
+    def _junction(self, t: int, nodes: list[int]) -> None:
+        corners = self.outline[self.triangles[t]]
+        middle = corners.mean(0)
+        centre = self._add(middle, float(np.linalg.norm(corners - middle, axis=1).mean()))
+        self.links += [(node, centre) for node in nodes]
+
+    def _end(self, t: int, node: int, closed: list[int], bumps: dict[int, list[int]]) -> None:
+        """An end: the last chord, and the outline beyond it."""
+        region = np.array(sorted({*bumps.get(t, []), *(int(v) for v in self.triangles[t])}))
+        at = self._chord(t, closed[0]) if len(closed) == 1 else node
+        if at != node:
+            self.links.append((node, at))
+        self.tips[at] = region
+
+    def _inscribed(self, point: Float) -> float:
+        return float(np.linalg.norm(self.outline - point, axis=1).min())
+
+    def _blob(self) -> Axis:
+        """An outline without a limb: one bone along its longest extent."""
+        middle = self.outline.mean(0)
+        spread = (self.outline - middle).T @ (self.outline - middle)
+        sizes, axes = np.linalg.eigh(spread)
+        # What is as long as wide stands upright.
+        along = axes[:, 1] if sizes[0] < _AS_LONG * sizes[1] else np.array([0.0, 1.0])
+        reach = 0.35 * float(np.ptp((self.outline - middle) @ along))
+        points = np.stack([middle - reach * along, middle, middle + reach * along])
+        return Axis(points, np.array([self._inscribed(p) for p in points]), [[0, 1, 2]])
+
+    def _chained(self) -> Axis:
+        """The links as chains between ends and junctions; junctions that are close become one."""
+        beside: dict[int, list[int]] = {i: [] for i in range(len(self.points))}
+        for a, b in self.links:
+            beside[a].append(b)
+            beside[b].append(a)
+        stops = [i for i, near in beside.items() if len(near) not in (0, 2)]
+        chains, used = [], set()
+        for start in stops:
+            for first in beside[start]:
+                if (start, first) in used:
+                    continue
+                chain = [start, first]
+                while len(beside[chain[-1]]) == 2:
+                    a, b = beside[chain[-1]]
+                    chain.append(b if a == chain[-2] else a)
+                used |= {(chain[0], chain[1]), (chain[-1], chain[-2])}
+                chains.append(self._to_tip(self._to_tip(chain[::-1])[::-1]))
+        if not chains:
+            return self._blob()
+        axis = Axis(np.array(self.points), np.array(self.radii), chains)
+        for chain in chains:
+            axis.points[chain] = smooth(axis.points[chain])
+        return merged(without_spurs(axis))
+
+    def _to_tip(self, chain: list[int]) -> list[int]:
+        """The chain with its last points, which lie askew in a round or flat end, straightened to the tip."""
+        region = self.tips.get(chain[-1])
+        if region is None:
+            return chain
+        points, radii = np.array(self.points)[chain], np.array(self.radii)[chain]
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        far = along[-1] - along
+        base = int(np.flatnonzero(far >= min(radii[-1], 0.5 * along[-1]))[-1])
+        before = int(np.flatnonzero(far >= min(far[base] + radii[-1], along[-1]))[-1])
+        if before == base:
+            before, base = 0, max(base, 1)
+        ahead = points[base] - points[before]
+        ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-300)
+        reach = float(((self.outline[region] - points[base]) @ ahead).max()) - TIP * radii[base]
+        end = self._add(points[base] + max(reach, 0.1 * radii[base]) * ahead, 0.5 * float(radii[base]))
+        return [*chain[: base + 1], end]

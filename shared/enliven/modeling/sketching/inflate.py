@@ -1,0 +1,158 @@
+"""A flat outline blown up into a closed surface: round across its axis, smooth everywhere.
+
+The half height z over the plane is z = rho sqrt(u), where u solves the Poisson equation laplace(u) = -2
+with u = 0 on the outline: over a strip sqrt(u) is a half circle. Where the outline is rounder than a strip
+that would be flatter than a circle, so rho lifts the surface to the circle of the axis there (RigMesh
+inflates circles across the axis), and runs smoothly in between. The two halves meet in the outline, so the
+surface is closed and a sphere in its topology whatever the outline is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csc_matrix, diags
+from scipy.sparse.linalg import splu
+
+from enliven.arrays import Float, Int, Int32
+from enliven.meshes.kernels import split_long_edges
+from enliven.modeling.mesh.planar import refined
+from enliven.modeling.mesh.poisson import SYMMETRIC_LU, poisson
+from enliven.modeling.mesh.remesh import flipped, slid
+from enliven.modeling.skinning.bone_heat import cotangents
+
+_LONG = 1.5
+"""Edges longer than so many steps of the outline are halved."""
+
+
+def inflated(
+    outline: Float, triangles: Int, axis: Float, radii: Float, depth: float, smooth: int
+) -> tuple[Float, Int32]:
+    """(V, 3) vertices and (F, 3) outward faces; x and y in the plane, z towards the viewer.
+
+    Args:
+        outline: (N, 2) metres, counter-clockwise, evenly spaced.
+        triangles: (T, 3) its constrained Delaunay triangulation.
+        axis: (A, 2) metres, points of the axis.
+        radii: (A,) metres, the circles there.
+        depth: 1 for circles, less for something flatter.
+        smooth: how often vertices are slid between their neighbours.
+    """
+    step = float(np.linalg.norm(np.roll(outline, -1, 0) - outline, axis=1).mean())
+    flat, cells = refined(outline, triangles, np.full(len(outline), step))
+    squared = _squared_heights(flat, cells, len(outline), axis, radii) * depth**2
+    vertices, faces, squared = _both_halves(flat, cells, squared, len(outline), depth)
+    while True:
+        count = len(vertices)
+        vertices, faces, parents, _ = split_long_edges(vertices, faces, _LONG * step)
+        if len(parents) == 0 or count > 100_000:
+            break
+        # Halved in u, the height of a point between follows the circle.
+        between = (squared[parents[:, 0]] + squared[parents[:, 1]]) / 2
+        squared = np.concatenate([squared, between])
+        side = np.sign(vertices[parents[:, 0], 2] + vertices[parents[:, 1], 2])
+        vertices[count:, 2] = side * np.sqrt(between)
+    for _ in range(2):
+        faces = flipped(vertices, faces)
+        vertices = slid(vertices, faces, (smooth + 1) // 2)
+    return vertices, flipped(vertices, faces)
+
+
+def _squared_heights(flat: Float, cells: Int, rim: int, axis: Float, radii: Float) -> Float:
+    """(V,) square metres: z squared at depth 1; zero on the first ``rim`` points, the outline."""
+    points = np.concatenate([flat, np.zeros((len(flat), 1))], 1)
+    inner = np.arange(rim, len(flat))
+    if len(inner) == 0:
+        return np.zeros(len(flat))
+    out = poisson(points, cells.astype(np.int32), np.arange(len(flat)) >= rim)
+    laplacian, _ = cotangents(points, cells.astype(np.int32))
+    # The lift: the axis asks for its circles, what is between is as smooth as can be.
+    far = np.linalg.norm(flat[None, inner] - axis[:, None], axis=2)
+    nearest = inner[np.argmin(far, axis=1)]
+    wanted = radii**2 / np.maximum(out[nearest], 1e-12 * float(out.max()))
+    pull = np.zeros(len(flat))
+    np.add.at(pull, nearest, 0.3)
+    right = np.zeros(len(flat))
+    np.add.at(right, nearest, 0.3 * np.clip(wanted, 0.7, 2.2))
+    if not pull.any():
+        return out
+    lift = splu(csc_matrix(laplacian + diags(pull)), **SYMMETRIC_LU).solve(right)
+    return np.asarray(out * np.clip(lift, 0.7, 2.2))
+
+
+def _both_halves(
+    flat: Float, cells: Int, squared: Float, rim: int, depth: float
+) -> tuple[Float, Int32, Float]:
+    """The upper half, the lower half, one outline."""
+    height = np.sqrt(np.maximum(squared, 0.0))
+    upper = np.concatenate([flat, height[:, None]], 1)
+    lower = np.concatenate([flat[rim:], -height[rim:, None]], 1)
+    under = np.concatenate([np.arange(rim), len(flat) + np.arange(len(flat) - rim)])
+    faces = np.concatenate([cells, under[cells][:, ::-1]])
+    # A triangle with all corners on the outline would lie on its own double: both get a point inside.
+    whole = np.concatenate([upper, lower])
+    return _opened(whole, faces, np.concatenate([squared, squared[rim:]]), rim, depth)
+
+
+def _opened(
+    vertices: Float, faces: Int, squared: Float, rim: int, depth: float
+) -> tuple[Float, Int32, Float]:
+    """Edges within the outline from rim to rim are halved apart in the two halves."""
+    ends = np.sort(np.stack([faces, np.roll(faces, -1, 1)], -1), -1).reshape(-1, 2)
+    step = ends[:, 1] - ends[:, 0]
+    across = (ends[:, 1] < rim) & (step != 1) & (step != rim - 1)
+    touched = across.reshape(-1, 3).any(1)
+    upper = (np.arange(len(faces)) < len(faces) // 2)[touched]
+    made: list[Float] = []
+    heights: list[float] = []
+    out: list[list[int]] = []
+    number: dict[tuple[int, int, bool], int] = {}
+    for face, above in zip(faces[touched].tolist(), upper.tolist(), strict=True):
+        corners: list[int] = []
+        for a, b in zip(face, [*face[1:], face[0]], strict=True):
+            corners.append(a)
+            low, high = min(a, b), max(a, b)
+            if high < rim and high - low not in (1, rim - 1):
+                key = (low, high, above)
+                if key not in number:
+                    number[key] = len(vertices) + len(made)
+                    width = depth * float(np.linalg.norm(vertices[a] - vertices[b])) / 2
+                    middle = (vertices[a] + vertices[b]) / 2
+                    middle[2] = width if above else -width
+                    made.append(middle)
+                    heights.append(width**2)
+                corners.append(number[key])
+        out += _fanned(corners, len(vertices))
+    whole = np.concatenate([vertices, *([np.array(made)] if made else [])])
+    parts = np.concatenate([faces[~touched], np.array(out, np.int64).reshape(-1, 3)])
+    return whole, parts.astype(np.int32), np.concatenate([squared, np.array(heights)])
+
+
+def _fanned(corners: list[int], first_made: int) -> list[list[int]]:
+    """A polygon of three to six corners as triangles, cut at the made ones."""
+    made = [k for k, v in enumerate(corners) if v >= first_made]
+    if not made:
+        return [corners]
+    if len(made) == 1:
+        k = made[0]
+        turn = corners[k:] + corners[:k]
+        return [[turn[0], turn[i], turn[i + 1]] for i in range(1, len(turn) - 1)]
+    out: list[list[int]] = []
+    rest = list(corners)
+    while len(rest) > 3:
+        # Cut off a given corner between two made ones, where there is one.
+        size = len(rest)
+        ear = next(
+            (
+                k
+                for k in range(size)
+                if rest[k] < first_made and rest[k - 1] >= first_made and rest[(k + 1) % size] >= first_made
+            ),
+            None,
+        )
+        if ear is None:
+            k = next(k for k in range(size) if rest[k] >= first_made)
+            turn = rest[k:] + rest[:k]
+            return out + [[turn[0], turn[i], turn[i + 1]] for i in range(1, size - 1)]
+        out.append([rest[ear - 1], rest[ear], rest[(ear + 1) % size]])
+        rest.pop(ear)
+    return [*out, rest]

@@ -1,0 +1,123 @@
+"""A stroke becomes an outline: closed, evenly spaced, counter-clockwise, without a crossing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.kernels import njit
+from enliven.modeling.mesh.cut_loops import area
+
+_ENDS = 0.15
+"""How much of a stroke at each end may run past where it closes, of its length."""
+_WHERE = "stroke"
+
+
+def outline_of(stroke: Float, count: int, smooth: int = 2) -> Float:
+    """(count, 2) points of the closed outline, evenly spaced along it.
+
+    Where the two ends of the stroke cross each other, what runs past the crossing is left out.
+
+    Args:
+        stroke: (N, 2) metres, open or closed.
+        count: of points.
+        smooth: how often each point is drawn towards its neighbours, against a trembling hand.
+
+    Raises:
+        InputError: for too few points, a stroke that crosses itself, or one that encloses nothing.
+    """
+    points = np.array(stroke, np.float64).reshape(-1, 2)
+    if not np.isfinite(points).all():
+        raise InputError("it is not finite", where=_WHERE, mend="Draw it again.")
+    extent = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+    points = _apart(points, 1e-6 * extent)
+    if len(points) < 3:
+        raise InputError("it is a dot or a line", where=_WHERE, mend="Draw the outline of the part.")
+    dense = _resampled(points, 2 * count, closed=False)
+    crossings = _crossings(dense, closed=False)
+    if len(crossings):
+        dense = _without_ends(dense, crossings)
+    even = _resampled(_apart(dense, 1e-6 * extent), count, closed=True)
+    # Smoothing can pull a thin tip across itself: then less of it.
+    points = even
+    for times in range(smooth, -1, -1):
+        points = _smoothed(even, times)
+        if len(_crossings(points, closed=True)) == 0:
+            break
+    else:
+        raise InputError(
+            "it crosses itself", where=_WHERE, mend="Draw an outline that does not cross itself."
+        )
+    size = area(points)
+    length = float(np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).sum())
+    if abs(size) < 1e-3 * length**2 / (4 * np.pi):
+        raise InputError("it encloses nothing", where=_WHERE, mend="Draw the outline of the part.")
+    return points if size > 0 else points[::-1].copy()
+
+
+def _smoothed(points: Float, times: int) -> Float:
+    for _ in range(times):
+        points = 0.5 * points + 0.25 * (np.roll(points, 1, 0) + np.roll(points, -1, 0))
+    return points
+
+
+def _apart(points: Float, least: float) -> Float:
+    """The points without those that repeat the one before, or at the end the first."""
+    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    points = points[np.concatenate([[True], step > least])] if len(points) else points
+    while len(points) > 1 and np.linalg.norm(points[-1] - points[0]) <= least:
+        points = points[:-1]
+    return points
+
+
+def _resampled(points: Float, count: int, closed: bool) -> Float:
+    """(count, 2) points at equal steps along a polyline."""
+    path = np.concatenate([points, points[:1]]) if closed else points
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    at = np.linspace(0.0, along[-1], count, endpoint=not closed)
+    return np.stack([np.interp(at, along, path[:, k]) for k in range(2)], 1)
+
+
+def _crossings(points: Float, closed: bool) -> Float:
+    """(K, 2) pairs of segments that cross, as ``segment + where along it``, the earlier first."""
+    ends = np.roll(points, -1, 0) if closed else points[1:]
+    starts = points if closed else points[:-1]
+    return np.array(_crossed(np.ascontiguousarray(starts), np.ascontiguousarray(ends), closed)).reshape(-1, 2)
+
+
+@njit(cache=True, nogil=True)
+def _crossed(starts, ends, closed):  # type: ignore[no-untyped-def]
+    """See :func:`_crossings`; segments that share an end do not cross."""
+    found = [(0.0, 0.0) for _ in range(0)]
+    count = starts.shape[0]
+    for i in range(count):
+        ax, ay = ends[i, 0] - starts[i, 0], ends[i, 1] - starts[i, 1]
+        for j in range(i + 2, count):
+            if closed and i == 0 and j == count - 1:
+                continue
+            bx, by = ends[j, 0] - starts[j, 0], ends[j, 1] - starts[j, 1]
+            cross = ax * by - ay * bx
+            # Parallel ones do not cross; of those in one line rounding would say anything.
+            if abs(cross) <= 1e-9 * np.sqrt((ax * ax + ay * ay) * (bx * bx + by * by)):
+                continue
+            x, y = starts[j, 0] - starts[i, 0], starts[j, 1] - starts[i, 1]
+            s, t = (x * by - y * bx) / cross, (x * ay - y * ax) / cross
+            if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
+                found.append((i + s, j + t))
+    return found
+
+
+def _without_ends(points: Float, crossings: Float) -> Float:
+    """The stroke from its first to its second passage through the place where its ends cross."""
+    count = len(points) - 1
+    near_ends = (crossings[:, 0] < _ENDS * count) & (crossings[:, 1] > (1 - _ENDS) * count)
+    if not near_ends.any():
+        where = points[int(crossings[0, 0])]
+        what = f"it crosses itself at ({where[0]:.3g}, {where[1]:.3g})"
+        raise InputError(what, where=_WHERE, mend="Draw an outline that does not cross itself.")
+    # The innermost passage leaves no other crossing of the ends.
+    pick = crossings[near_ends]
+    start, end = pick[np.argmin(pick[:, 1] - pick[:, 0])]
+    first = points[int(start)] + (start - int(start)) * (points[int(start) + 1] - points[int(start)])
+    return np.concatenate([first[None], points[int(start) + 1 : int(end) + 1]])

@@ -1,0 +1,141 @@
+"""RigMesh's sketch: a closed stroke becomes a rigged, weighted part at once.
+
+    shape_from_stroke(stroke, origin, right, up, settings, id) -> Shape
+
+P. Borosan et al., "RigMesh: automatic rigging for part-based shape modeling and deformation", 2012: the
+outline is triangulated, the chordal axis of the triangles becomes bones, the outline is inflated around it,
+and skin weights are computed. ``part_from_outline`` gives the parts for whoever wants to look inside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.document.rigged import Shape, still_shape
+from enliven.document.skeleton import Skeleton, skeleton_of
+from enliven.errors import InputError
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.mesh.cut_loops import area
+from enliven.modeling.mesh.planar import triangulated
+from enliven.modeling.sketching.axis import Axis
+from enliven.modeling.sketching.axis_bones import bones_of_axis, root_of
+from enliven.modeling.sketching.chordal import axis_of
+from enliven.modeling.sketching.inflate import inflated
+from enliven.modeling.sketching.outline import outline_of
+from enliven.modeling.skinning.bone_heat import bone_heat
+from enliven.settings import setting
+
+
+@dataclass(frozen=True)
+class SketchSettings:
+    """How strokes become parts."""
+
+    points: int = setting(200, "points along the outline at most", low=24, high=2000)
+    vertices: int = setting(4000, "about how many vertices the mesh has at most", low=100, high=100_000)
+    tolerance: float = setting(
+        0.45, "how far the axis may leave its bone, of the radius; less makes more bones", low=0.02, high=10.0
+    )
+    longest: float = setting(8.0, "a bone's length at most", unit="diameters", low=0.5, high=1e6)
+    depth: float = setting(1.0, "how thick parts are; 1 is round", unit="diameters", low=0.05, high=4.0)
+    smooth: int = setting(6, "rounds of smoothing of the surface", low=0, high=100)
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Where a stroke is drawn: ``origin + x right + y up``, in metres, the viewer before it."""
+
+    origin: Float
+    right: Float
+    up: Float
+
+    def axes(self) -> Float:
+        """(3, 3) rows right, up and towards the viewer, unit and square."""
+        right, up = np.array(self.right, np.float64), np.array(self.up, np.float64)
+        right = right / max(float(np.linalg.norm(right)), 1e-300)
+        up = up - (up @ right) * right
+        if not (np.isfinite(right).all() and np.linalg.norm(up) > 1e-9 and np.linalg.norm(right) > 0.5):
+            raise InputError("the plane's right and up are no two directions", where="stroke")
+        up = up / np.linalg.norm(up)
+        return np.stack([right, up, np.cross(right, up)])
+
+
+FRONT = Plane(np.zeros(3), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+"""The plane z = 0, seen from +z."""
+
+
+def shape_from_stroke(
+    stroke: Float, plane: Plane = FRONT, settings: SketchSettings | None = None, id: str = "part"
+) -> Shape:
+    """A shape at rest from a closed stroke.
+
+    Args:
+        stroke: (N, 2) metres in the plane.
+
+    Raises:
+        InputError: for a stroke that crosses itself or encloses nothing.
+    """
+    settings = settings or SketchSettings()
+    axes = plane.axes()
+    outline = outline_of(stroke, settings.points)
+    fewer = _points_for(outline, settings.vertices)
+    if fewer < settings.points:
+        outline = outline_of(stroke, fewer)
+    triangles, axis = flat_axis(outline)
+    places, radii, links = bones_of_axis(axis, settings.tolerance, settings.longest)
+    middles, widths = _along(axis)
+    vertices, faces = inflated(outline, triangles, middles, widths, settings.depth, settings.smooth)
+    mesh = Mesh(np.asarray(plane.origin) + vertices @ axes, faces, id)
+    skeleton = _skeleton(places, radii, links, plane, axes)
+    return still_shape(id, skeleton, mesh, bone_heat(mesh, skeleton))
+
+
+def _points_for(outline: Float, vertices: int) -> int:
+    """How many points along an outline make a surface of so many vertices: triangles as long as its steps."""
+    step = np.sqrt(7.5 * area(outline) / vertices)
+    length = float(np.linalg.norm(np.roll(outline, -1, 0) - outline, axis=1).sum())
+    return max(48, int(length / step))
+
+
+def flat_axis(outline: Float) -> tuple[Int, Axis]:
+    """(T, 3) triangles of an outline, and its chordal axis."""
+    triangles = triangulated(outline, [np.arange(len(outline))])
+    return triangles, axis_of(outline, triangles)
+
+
+def _along(axis: Axis) -> tuple[Float, Float]:
+    """The axis' points that lie between others, and their radii: the circles to inflate."""
+    inner = np.unique([i for chain in axis.chains for i in chain[1:-1]]).astype(np.int64)
+    if len(inner) == 0:
+        inner = np.arange(len(axis.points))
+    return axis.points[inner], axis.radii[inner]
+
+
+def _skeleton(
+    places: Float, radii: Float, links: list[tuple[int, int]], plane: Plane, axes: Float
+) -> Skeleton:
+    """The bones in space, hung on the thickest joint; joints are named by branch and number."""
+    positions = np.asarray(plane.origin) + places @ axes[:2]
+    numbers = [str(i) for i in range(len(places))]
+    tree, _ = skeleton_of(numbers, links, positions, root_of(places, radii, links))
+    names, branch = ["root"], [""]
+    letters = 0
+    for j in range(1, len(tree)):
+        parent = int(tree.parents[j])
+        alone = len(tree.children[parent]) == 1 and branch[parent]
+        if not alone:
+            letters += 1
+        branch.append(branch[parent] if alone else _letters(letters))
+        names.append(f"{branch[j]}{1 + sum(b == branch[j] for b in branch[:j])}")
+    return Skeleton(tuple(names), tree.parents, tree.positions)
+
+
+def _letters(number: int) -> str:
+    """1 is a, 26 z, 27 aa."""
+    text = ""
+    while number:
+        number, rest = divmod(number - 1, 26)
+        text = chr(97 + rest) + text
+    return text

@@ -1,0 +1,172 @@
+"""Skin weights by bone heat: bounded, smooth, at most four a vertex, sum one.
+
+    bone_heat(mesh, skeleton) -> SkinWeights                       bones numbered as the skeleton's
+    heat_weights(mesh, segments, owners, bones, ...) -> (V, B)     dense, of any segments
+
+I. Baran and J. Popovic, "Automatic rigging and animation of 3D characters", 2007, section 4: for each bone
+i the equilibrium of heat on the surface, -laplace(w_i) + H w_i = H p_i, with p_i one where i is the nearest
+bone that a vertex sees, and H = c / d^2, d the distance to it. The Laplacian is the cotangent one with
+negative weights left out, so that the matrix is an M-matrix: weights lie within 0..1, and as the rows of
+both sides agree, the weights of all bones sum to one. A bone hidden behind other parts of the surface gives
+a vertex no heat; a part that sees no bone takes the nearest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_matrix, csc_matrix, diags
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+
+from enliven.arrays import Bool, Float, Int, Int32
+from enliven.document.character import SkinWeights
+from enliven.document.skeleton import Skeleton
+from enliven.errors import InputError
+from enliven.meshes.kernels import face_areas
+from enliven.meshes.mesh import Mesh, weld
+from enliven.modeling.skinning.skin_values import sparse
+from enliven.modeling.skinning.visibility import nearest_seen
+from enliven.settings import setting
+
+
+@dataclass(frozen=True)
+class HeatSettings:
+    """How skin weights are computed."""
+
+    heat: float = setting(2.0, "more makes weights sharper, less softer around joints", low=1e-3, high=1e3)
+    tie: float = setting(
+        1e-3, "bones that are farther by no more than this share give heat together", low=0.0, high=1.0
+    )
+
+
+def bone_heat(mesh: Mesh, skeleton: Skeleton, settings: HeatSettings | None = None) -> SkinWeights:
+    """The four bones that each vertex follows, and how much.
+
+    Args:
+        mesh: at rest, in the skeleton's frame; any number of shells, duplicated vertices allowed.
+
+    Raises:
+        InputError: for a mesh without faces.
+    """
+    segments, owners = segments_of(skeleton)
+    return sparse(heat_weights(mesh, segments, owners, len(skeleton), settings), smooth=True)
+
+
+def segments_of(skeleton: Skeleton) -> tuple[Float, Int]:
+    """(S, 2, 3) the bones' two ends, and (S,) their numbers; a lone root is a point."""
+    bones = np.arange(1, len(skeleton)) if len(skeleton) > 1 else np.zeros(1, np.int64)
+    starts = skeleton.positions[np.maximum(skeleton.parents[bones], 0)]
+    return np.stack([starts, skeleton.positions[bones]], 1), bones
+
+
+def heat_weights(
+    mesh: Mesh,
+    segments: Float,
+    owners: Int,
+    bones: int,
+    settings: HeatSettings | None = None,
+    known: Float | None = None,
+    free: Bool | None = None,
+) -> Float:
+    """(V, bones) the weights of all bones.
+
+    Args:
+        segments: (S, 2, 3) metres; a bone may own several.
+        owners: (S,) the bone of each.
+        known: (V, bones) weights where ``free`` (V,) is false; they stay, and the others join them smoothly.
+    """
+    settings = settings or HeatSettings()
+    if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
+        raise InputError("it has no faces, or positions that are not finite", where=mesh.name)
+    welded, of = weld(mesh)
+    chosen, distance = nearest_seen(welded.vertices, outward(welded), welded.faces, segments, settings.tie)
+    laplacian, mass = cotangents(welded.vertices, welded.faces)
+    _warm_the_blind(welded, laplacian, segments, chosen, distance)
+    extent = float(np.ptp(welded.vertices, axis=0).max()) or 1.0
+    # A vertex on a bone would be infinitely hot.
+    near = np.maximum(distance, 1e-4 * extent)
+    heat = np.where(np.isfinite(near), settings.heat / near**2, 0.0) * mass
+    source = np.zeros((len(welded.vertices), bones))
+    shares = (chosen >= 0) / np.maximum((chosen >= 0).sum(1), 1)[:, None]
+    rows = np.repeat(np.arange(len(source)), chosen.shape[1])
+    np.add.at(source, (rows, owners[np.maximum(chosen, 0)].ravel()), shares.ravel())
+    matrix = csc_matrix(laplacian + diags(heat))
+    if free is None or known is None:
+        weights = _solved(matrix, heat[:, None] * source)
+    else:
+        weights = _joined_to(matrix, heat[:, None] * source, of, known, free)
+    return np.asarray(weights[of])
+
+
+def cotangents(vertices: Float, faces: Int32) -> tuple[csc_matrix, Float]:
+    """(V, V) the cotangent Laplacian without negative weights, rows that sum to zero; (V,) areas in m^2."""
+    count = len(vertices)
+    area = face_areas(vertices, faces)
+    # Needles and faces without area would have weights without bound: no angle counts below half a degree.
+    longest = np.zeros(len(faces))
+    halves = []
+    for k in range(3):
+        tip, left, right = (faces[:, (k + m) % 3] for m in range(3))
+        u, v = vertices[left] - vertices[tip], vertices[right] - vertices[tip]
+        halves.append((left, right, (u * v).sum(1)))
+        longest = np.maximum(longest, (u * u).sum(1))
+    least = np.maximum(area, 0.01 * longest)
+    least = np.where(least > 0, least, 1.0)
+    rows = np.concatenate([left for left, _, _ in halves] + [right for _, right, _ in halves])
+    columns = np.concatenate([right for _, right, _ in halves] + [left for left, _, _ in halves])
+    values = np.tile(np.concatenate([dot / least for _, _, dot in halves]) / 2, 2)
+    web = coo_matrix((values, (rows, columns)), (count, count)).tocsr()
+    web.data = np.maximum(web.data, 1e-6)
+    own = np.asarray(web.sum(1)).ravel()
+    mass = np.bincount(faces.ravel(), np.repeat(least / 6, 3), count)
+    return csc_matrix(diags(own) - web), np.maximum(mass, 1e-12 * float(mass.max() or 1.0))
+
+
+def outward(welded: Mesh) -> Float:
+    """(V, 3) unit normals that point out of the volume, also where the mesh is inside out."""
+    a, b, c = (welded.vertices[welded.faces[:, k]] for k in range(3))
+    inside_out = np.einsum("ij,ij->", a - welded.vertices.mean(0), np.cross(b - a, c - a)) < 0
+    normals = welded.vertex_normals()
+    return -normals if inside_out else normals
+
+
+def _warm_the_blind(
+    welded: Mesh, laplacian: csc_matrix, segments: Float, chosen: Int32, distance: Float
+) -> None:
+    """Vertices of parts that see no bone take the nearest, hidden or not."""
+    part = connected_components(laplacian, directed=False)[1]
+    lit = np.zeros(part.max() + 1, bool)
+    lit[part[np.isfinite(distance)]] = True
+    for v in np.flatnonzero(~lit[part]):
+        starts, vectors = segments[:, 0], segments[:, 1] - segments[:, 0]
+        along = ((welded.vertices[v] - starts) * vectors).sum(1)
+        u = np.clip(along / np.maximum((vectors**2).sum(1), 1e-300), 0, 1)
+        far = np.linalg.norm(starts + u[:, None] * vectors - welded.vertices[v], axis=1)
+        chosen[v, 0], distance[v] = np.argmin(far), far.min()
+
+
+def _solved(matrix: csc_matrix, right: Float) -> Float:
+    """(N, B) the solution; columns of zeros are left out."""
+    out = np.zeros_like(right)
+    warm = np.flatnonzero(right.any(0))
+    if len(warm):
+        factor = splu(
+            matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0
+        )
+        out[:, warm] = factor.solve(np.ascontiguousarray(right[:, warm]))
+    return np.clip(out, 0.0, 1.0)
+
+
+def _joined_to(matrix: csc_matrix, right: Float, of: Int, known: Float, free: Bool) -> Float:
+    """(W, B) known weights where they are not free, and the solution that joins them."""
+    loose = np.ones(len(right), bool)
+    loose[of[~free]] = False
+    weights = np.zeros_like(right)
+    weights[of[~free]] = known[~free]
+    inner, rim = np.flatnonzero(loose), np.flatnonzero(~loose)
+    if len(inner):
+        rows = matrix[inner]
+        weights[inner] = _solved(csc_matrix(rows[:, inner]), right[inner] - rows[:, rim] @ weights[rim])
+    return weights

@@ -1,0 +1,73 @@
+"""Skin weights as values: dense and back, mixed at new vertices, given other bone numbers, joined."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float, Int
+from enliven.document.character import SkinWeights
+
+
+def dense(skin: SkinWeights, bones: int) -> Float:
+    """(V, bones) the weight of every bone at every vertex."""
+    out = np.zeros((len(skin.indices), bones))
+    rows = np.repeat(np.arange(len(out)), 4)
+    np.add.at(out, (rows, skin.indices.ravel().astype(np.int64)), skin.weights.ravel().astype(np.float64))
+    return out
+
+
+def sparse(weights: Float, smooth: bool = False) -> SkinWeights:
+    """The four largest of each row of (V, B) weights, largest first, scaled to sum one.
+
+    Args:
+        smooth: take the fifth largest from each, so that weights stay continuous where the four change.
+    """
+    count, bones = weights.shape
+    some = min(4, bones)
+    order = np.argsort(-weights, axis=1, kind="stable")[:, :some]
+    chosen = np.take_along_axis(weights, order, 1)
+    if smooth and bones > 4:
+        fifth = np.partition(weights, bones - 5, axis=1)[:, bones - 5]
+        less = chosen - fifth[:, None]
+        chosen = np.where(less.sum(1, keepdims=True) > 0, less, chosen)
+    chosen = np.maximum(chosen, 0.0)
+    total = chosen.sum(1, keepdims=True)
+    # A row of zeros follows its first bone.
+    chosen = np.where(total > 0, chosen / np.where(total > 0, total, 1.0), np.eye(1, some))
+    indices, kept = np.zeros((count, 4), np.uint16), np.zeros((count, 4), np.float32)
+    indices[:, :some], kept[:, :some] = np.where(chosen > 0, order, 0), chosen
+    return SkinWeights(indices, kept)
+
+
+def taken(skin: SkinWeights, vertices: AnyArray) -> SkinWeights:
+    """The skin of some of the vertices, to the bit."""
+    return SkinWeights(skin.indices[vertices], skin.weights[vertices])
+
+
+def stacked(skins: Sequence[SkinWeights]) -> SkinWeights:
+    """Skins of vertices that follow one another."""
+    return SkinWeights(
+        np.concatenate([skin.indices for skin in skins]), np.concatenate([skin.weights for skin in skins])
+    )
+
+
+def renumbered(skin: SkinWeights, numbers: Int) -> SkinWeights:
+    """The skin with bone j called ``numbers[j]``; bones that get one number add up.
+
+    Vertices whose bones all keep apart keep their weights to the bit.
+    """
+    indices = np.maximum(numbers, 0)[skin.indices].astype(np.uint16)
+    weights = skin.weights.copy()
+    for k in range(1, 4):
+        for m in range(k):
+            twice = (indices[:, k] == indices[:, m]) & (weights[:, k] > 0) & (weights[:, m] > 0)
+            weights[twice, m] += weights[twice, k]
+            weights[twice, k] = 0.0
+    return SkinWeights(indices, weights)
+
+
+def bone_count(skin: SkinWeights) -> int:
+    """One more than the largest bone that a vertex names."""
+    return int(skin.indices.max(initial=0)) + 1

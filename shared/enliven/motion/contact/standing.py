@@ -1,0 +1,156 @@
+"""When the pinned feet of a shape stand.
+
+    window_of(layers, takes) -> Window                       # the time that has to be watched
+    standing_of(pins, window, free) -> Standing              # contacts, and how far the root comes down
+    standing.hold(times, on, skeleton, turns, joints)        # pins the feet of a pose, in place
+
+The whole motion is played once, free, and watched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import convolve1d, maximum_filter1d
+
+from enliven.arrays import Float
+from enliven.document.clip import Clip
+from enliven.document.layers import Layer
+from enliven.document.skeleton import Skeleton
+from enliven.motion.contact.contacts import Contacts, contacts_of, hold
+from enliven.motion.contact.pin import HeldPin, pin_limb
+
+_RATE = 60.0
+"""Moments a second at which feet are watched."""
+_LONGEST = 120.0
+"""Seconds that are watched where layers of unlike lengths are looped; after that no foot is pinned."""
+_STRETCH = 0.998
+"""Share of its length that a limb may be stretched to before the root comes down."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """The seconds of the project in which a shape's motion is all there is.
+
+    Attributes:
+        start: where the first layer begins.
+        end: where the last one ends.
+        looped: all begin again together at the end.
+    """
+
+    start: float
+    end: float
+    looped: bool
+
+    def folded(self, times: Float) -> Float:
+        """The times (T,) within the window that look the same, where all is looped."""
+        if not self.looped or self.end <= self.start:
+            return times
+        return np.asarray(self.start + np.mod(times - self.start, self.end - self.start))
+
+
+def window_of(layers: Sequence[Layer], takes: Mapping[str, Clip]) -> Window:
+    """The window of layers that are played together; of none, no time at all."""
+    if not layers:
+        return Window(0.0, 0.0, False)
+    lengths = [takes[layer.take].duration / abs(layer.speed) for layer in layers]
+    start = min(layer.offset for layer in layers)
+    end = max(layer.offset + length for layer, length in zip(layers, lengths, strict=True))
+    looped = [length for layer, length in zip(layers, lengths, strict=True) if layer.loop]
+    if len(looped) == len(layers) and np.ptp(looped) < 1e-9:
+        return Window(start, start + looped[0], True)
+    return Window(start, max(end, start + _LONGEST) if looped else end, False)
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """When and how the feet of a shape stand.
+
+    Attributes:
+        pins: each with its contacts, in seconds of the project.
+        window: the seconds that were watched.
+        times: (F,) seconds.
+        drops: (F,) metres that the root comes down then.
+    """
+
+    pins: tuple[tuple[HeldPin, Contacts], ...]
+    window: Window
+    times: Float
+    drops: Float
+
+    def hold(self, times: Float, on: Float, skeleton: Skeleton, turns: Float, joints: Float) -> None:
+        """Pins the feet at times (T,) in the window; changes turns (T, N, 4) and joints (T, N, 3) in place.
+
+        ``on`` (T, 3) metres is how far the shape went on in the rounds before.
+        """
+        drops = np.interp(times, self.times, self.drops)
+        joints[:, :, 1] -= drops[:, None]
+        for pin, contacts in self.pins:
+            weights, goals = _held(pin, contacts, times)
+            goals += on
+            tree, limb = (skeleton.parents, skeleton.vectors), (pin.chain, pin.middle, pin.side, pin.kept)
+            pin_limb(*tree, *limb, pin.settings.rise, weights, goals, drops, turns, joints)
+
+
+def standing_of(
+    pins: Sequence[HeldPin], window: Window, free: Callable[[Float], tuple[Float, Float]]
+) -> Standing:
+    """What the pinned feet do, found by playing the whole window once.
+
+    Args:
+        free: gives turns and joints (T, N, 3) at times (T,), with no foot pinned.
+    """
+    count = int(np.ceil((window.end - window.start) * _RATE)) + 1
+    step = (window.end - window.start) / max(count - 1, 1)
+    times: Float = window.start + np.arange(count, dtype=np.float64) * step
+    _, joints = free(times)
+    made, drops = [], np.zeros(count)
+    for pin in pins:
+        seen = contacts_of(joints[:, pin.chain[-1]], step or 1.0, pin.size, pin.settings)
+        seen = replace(seen, starts=seen.starts + window.start, ends=seen.ends + window.start)
+        made.append((pin, seen))
+        drops = np.maximum(drops, _needed(pin, joints, *_held(pin, seen, times)))
+    wide = max((pin.settings.blend for pin in pins), default=0.0)
+    return Standing(
+        tuple(made), window, times, _even(drops, round(wide / step) if step else 0, window.looped)
+    )
+
+
+def _held(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Float, Float]:
+    """How much (T,) a foot is held at times (T,), and where (T, 3)."""
+    weights, goals = np.empty(len(times)), np.empty((len(times), 3))
+    hold(times, contacts.starts, contacts.ends, contacts.places, pin.settings.blend, weights, goals)
+    return weights, goals
+
+
+def _needed(pin: HeldPin, joints: Float, weights: Float, goals: Float) -> Float:
+    """(F,) metres that the root must come down for a limb to reach where it is held.
+
+    The hip above the goal at height sqrt(reach^2 - across^2) reaches it just so. The reach is a little less
+    than the limb, so that a knee does not snap straight; a limb that is not held needs nothing.
+    """
+    start, middle, end = (joints[:, pin.chain[i]] for i in (0, pin.middle, -1))
+    now = np.linalg.norm(end - start, axis=1)
+    limb = np.linalg.norm(middle - start, axis=1) + np.linalg.norm(end - middle, axis=1)
+    goal = goals.copy()
+    goal[:, 1] += pin.settings.rise * np.maximum(end[:, 1] - goals[:, 1], 0.0)
+    goal = end + weights[:, None] * (goal - end)
+    reach = limb * _STRETCH
+    reach = reach + (1.0 - weights) * np.maximum(now - reach, 0.0)
+    across = np.minimum(np.linalg.norm((goal - start)[:, [0, 2]], axis=1), reach)
+    needed = start[:, 1] - goal[:, 1] - np.sqrt(reach**2 - across**2)
+    return np.asarray(np.clip(needed, 0.0, pin.settings.drop * pin.size))
+
+
+def _even(drops: Float, wide: int, looped: bool) -> Float:
+    """(F,) an even curve that is nowhere below ``drops``: the largest within reach of a smooth window, then
+    that window's average."""
+    if wide < 1 or not drops.any():
+        return drops
+    mode = "wrap" if looped else "nearest"
+    size = 2 * wide + 1
+    window = np.hanning(size + 2)[1:-1]
+    high = maximum_filter1d(drops, size, mode=mode)
+    return np.asarray(convolve1d(high, window / window.sum(), mode=mode))

@@ -1,0 +1,57 @@
+"""Compiled: the turns of bones from samples of their layers, and where the bones are with them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.kernels import njit
+from enliven.motion.kinematics.quaternions import between, conj, load, mul, store, turn
+
+
+@njit(cache=True, nogil=True)
+def own_turns(knots, knot, part, fixed, first, terms, inverse, out):  # type: ignore[no-untyped-def]
+    """Kernel: ``out`` (T, N, 4) takes the product of each bone's terms ``first[j]`` to ``first[j + 1]``.
+
+    Term m >= 0 is the slerp of ``knots`` (T, K, 4) at ``part[m]`` from ``knot[m]`` to the next; term m < 0
+    is the turn ``fixed[-1 - m]``.
+    """
+    taken = np.empty((len(knot), 4))
+    for t in range(len(knots)):
+        for m in range(len(knot)):
+            k = knot[m]
+            store(taken, m, between(load(knots[t], k), load(knots[t], k + 1), part[m]))
+        for j in range(len(first) - 1):
+            total = (1.0, 0.0, 0.0, 0.0)
+            for i in range(first[j], first[j + 1]):
+                m = terms[i]
+                q = load(taken, m) if m >= 0 else load(fixed, -1 - m)
+                total = mul(total, conj(q) if inverse[i] else q)
+            store(out[t], j, total)
+
+
+@njit(cache=True, nogil=True)
+def compose(parents, vectors, modeling, own, root, turns, joints):  # type: ignore[no-untyped-def]
+    """Kernel: D_j = D_parent m_j a_j into ``turns`` (T, N, 4), and where the joints are (T, N, 3)."""
+    for t in range(len(own)):
+        for j in range(len(parents)):
+            q = mul(load(modeling, j), load(own[t], j))
+            if parents[j] < 0:
+                store(turns[t], j, q)
+                joints[t, j, 0], joints[t, j, 1], joints[t, j, 2] = root[t, 0], root[t, 1], root[t, 2]
+                continue
+            q = mul(load(turns[t], parents[j]), q)
+            store(turns[t], j, q)
+            x, y, z = turn(q, vectors[j, 0], vectors[j, 1], vectors[j, 2])
+            joints[t, j, 0] = joints[t, parents[j], 0] + x
+            joints[t, j, 1] = joints[t, parents[j], 1] + y
+            joints[t, j, 2] = joints[t, parents[j], 2] + z
+
+
+@njit(cache=True, nogil=True)
+def upright(turns):  # type: ignore[no-untyped-def]
+    """Kernel: (N, 4) the same rotations with w >= 0."""
+    out = np.empty(turns.shape)
+    for j in range(len(turns)):
+        q = load(turns, j)
+        store(out, j, q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3]))
+    return out

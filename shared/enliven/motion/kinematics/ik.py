@@ -1,0 +1,80 @@
+"""Compiled inverse kinematics of a limb of two bones, in closed form.
+
+It turns what is there as little as it can, so that what follows a motion stays a motion. A goal out of reach
+is met as nearly as the limb allows: stretched towards it, or folded.
+"""
+
+from __future__ import annotations
+
+import math
+
+from enliven.kernels import njit
+from enliven.motion.kinematics.quaternions import mul, turn
+from enliven.motion.kinematics.vectors import about, at_right_angles, cross, dot, length, minus, swing_to
+
+_STRAIGHT = 0.15
+"""Sine of the bend about which a limb counts as straight."""
+
+
+@njit(cache=True, nogil=True)
+def two_bone(start, middle, end, goal, side):  # type: ignore[no-untyped-def]
+    """Kernel: turns of the upper part (about ``start``) and of the lower (about ``middle``) that bring the
+    end to ``goal``: first the bend at the middle by the law of cosines, then the swing of the whole.
+
+    A limb that is clearly bent stays in its plane. One that is nearly straight has none to speak of (a knee
+    may even lean backwards by a hair): what it is bent more, it is bent towards ``side``.
+
+    Args:
+        side: triple, where the middle bulges to at rest.
+
+    Returns:
+        Two quaternions, to be applied in the world before (on the left of) what the parts turned.
+    """
+    u, v = minus(start, middle), minus(end, middle)
+    a, b = length(u), length(v)
+    if a < 1e-12 or b < 1e-12:
+        whole = swing_to(minus(end, start), minus(goal, start))
+        return whole, whole
+    d = min(max(length(minus(goal, start)), abs(a - b)), a + b)
+    plane = cross(u, v)
+    sine = length(plane) / (a * b)
+    now = math.atan2(sine, dot(u, v) / (a * b))
+    half = (d * d - (a - b) * (a - b)) / (4.0 * a * b)
+    wanted = 2.0 * math.asin(math.sqrt(min(max(half, 0.0), 1.0)))
+    n = bend_axis(u, plane, sine, max(now - wanted, 0.0), side)
+    q = about(n, wanted)
+    scale = b / a
+    bent = turn(q, u[0] * scale, u[1] * scale, u[2] * scale)
+    bend = swing_to(v, bent)
+    reached = (middle[0] + bent[0], middle[1] + bent[1], middle[2] + bent[2])
+    whole = swing_to(minus(reached, start), minus(goal, start))
+    return whole, mul(whole, bend)
+
+
+@njit(cache=True, nogil=True)
+def bend_axis(u, plane, sine, more, side):  # type: ignore[no-untyped-def]
+    """Kernel: the unit axis, at right angles to ``u`` (middle to start), about which a limb is bent.
+
+    Args:
+        plane: triple along the axis of the bend that it has, whose ``sine`` is known.
+        more: radians that it is to be bent more.
+        side: triple, where it bulges at rest.
+    """
+    wish = cross(u, (-side[0], -side[1], -side[2]))
+    size = length(wish)
+    if size > 1e-9 * length(u) * max(length(side), 1e-300):
+        wish = (wish[0] / size, wish[1] / size, wish[2] / size)
+    else:
+        wish = at_right_angles(u)
+    whole = length(plane)
+    if whole < 1e-300:
+        return wish
+    lean = math.exp(-((sine / _STRAIGHT) ** 2))
+    own, drawn = (sine + (1.0 - lean) * more) / whole, lean * more
+    n = (
+        own * plane[0] + drawn * wish[0],
+        own * plane[1] + drawn * wish[1],
+        own * plane[2] + drawn * wish[2],
+    )
+    size = length(n)
+    return (n[0] / size, n[1] / size, n[2] / size) if size > 1e-12 else wish

@@ -1,0 +1,143 @@
+"""Compiled inverse kinematics of a chain of any bones: FABRIK (Aristidou & Lasenby 2011), made exact.
+
+FABRIK's rounds spread the bend over the chain; then its two halves, each rigid, are two bones that meet the
+goal in closed form. A goal out of reach is met as nearly as can be.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.kernels import njit
+from enliven.motion.kinematics.ik import two_bone
+from enliven.motion.kinematics.quaternions import between, conj, load, mul, store, turn
+from enliven.motion.kinematics.vectors import length, minus, row, swing_to
+
+_ROUNDS = 8
+"""FABRIK rounds: they spread the bend over the chain; the closed form then makes it exact."""
+_TRIES = 4
+"""How often that is done where one half alone cannot be folded enough."""
+
+
+@njit(cache=True, nogil=True)
+def reach(points, goal, side, turns):  # type: ignore[no-untyped-def]
+    """Kernel: moves the end of a chain of points (K, 3) to ``goal``; bones keep their length, the first
+    point stays.
+
+    Args:
+        points: (K, 3) metres; they are moved.
+        goal: triple, metres.
+        side: triple, where a straight chain bulges to.
+        turns: (K - 1, 4) takes the turn of each bone since before, the shortest.
+    """
+    count = len(points)
+    before = points.copy()
+    first = row(points, 0)
+    sizes = np.empty(count - 1)
+    for i in range(count - 1):
+        sizes[i] = length(minus(row(points, i + 1), row(points, i)))
+    whole, far = sizes.sum(), length(minus(goal, first))
+    if far >= whole or count == 2:
+        straighten(points, goal, sizes)
+    elif count == 3:
+        settle(points, goal, side)
+    else:
+        for _ in range(_TRIES):
+            spread(points, goal, sizes)
+            settle(points, goal, side)
+            if length(minus(row(points, count - 1), goal)) < 1e-9 * whole:
+                break
+        if length(minus(row(points, count - 1), first)) < far * (1.0 - 1e-9):
+            unbend(points, goal, far, sizes)
+    for i in range(count - 1):
+        old, new = minus(row(before, i + 1), row(before, i)), minus(row(points, i + 1), row(points, i))
+        store(turns, i, swing_to(old, new))
+
+
+@njit(cache=True, nogil=True)
+def straighten(points, goal, sizes):  # type: ignore[no-untyped-def]
+    """Kernel: lays a chain (K, 3) of ``sizes`` (K - 1,) straight towards the goal."""
+    way = minus(goal, row(points, 0))
+    far = length(way)
+    if far < 1e-12:
+        return
+    for i in range(len(sizes)):
+        for axis in range(3):
+            points[i + 1, axis] = points[i, axis] + way[axis] * (sizes[i] / far)
+
+
+@njit(cache=True, nogil=True)
+def spread(points, goal, sizes):  # type: ignore[no-untyped-def]
+    """Kernel: FABRIK rounds, backwards from the goal and forwards from the first point (K, 3)."""
+    count = len(points)
+    first = row(points, 0)
+    for _ in range(_ROUNDS):
+        points[count - 1, 0], points[count - 1, 1], points[count - 1, 2] = goal
+        for i in range(count - 2, -1, -1):
+            pulled(points, i + 1, i, sizes[i])
+        points[0, 0], points[0, 1], points[0, 2] = first
+        for i in range(count - 1):
+            pulled(points, i, i + 1, sizes[i])
+
+
+@njit(cache=True, nogil=True)
+def unbend(points, goal, far, sizes):  # type: ignore[no-untyped-def]
+    """Kernel: takes so much off every bend of a chain (K, 3) that its end is ``far`` from its start, and
+    points it at the goal: what is left to do where the halves are too bent to reach."""
+    count = len(points)
+    bends, made = np.empty((count - 1, 4)), points.copy()
+    for i in range(count - 2):
+        a, b = minus(row(points, i + 1), row(points, i)), minus(row(points, i + 2), row(points, i + 1))
+        store(bends, i + 1, swing_to(a, b))
+    low, high = 0.0, 1.0
+    for _ in range(50):
+        part = (low + high) / 2
+        link = minus(row(points, 1), row(points, 0))
+        scale = 1.0 / max(length(link), 1e-300)
+        link = (link[0] * scale, link[1] * scale, link[2] * scale)
+        for i in range(count - 1):
+            if i > 0:
+                # The bend as the less bent bones before it carry it, and only a part of it.
+                q = between((1.0, 0.0, 0.0, 0.0), load(bends, i), part)
+                old = minus(row(points, i), row(points, i - 1))
+                q = mul(mul(swing_to(old, link), q), conj(swing_to(old, link)))
+                link = turn(q, link[0], link[1], link[2])
+            for axis in range(3):
+                made[i + 1, axis] = made[i, axis] + sizes[i] * link[axis]
+        if length(minus(row(made, count - 1), row(made, 0))) < far:
+            high = part
+        else:
+            low = part
+    q = swing_to(minus(row(made, count - 1), row(made, 0)), minus(goal, row(made, 0)))
+    for i in range(1, count):
+        way = minus(row(made, i), row(made, 0))
+        x, y, z = turn(q, way[0], way[1], way[2])
+        points[i, 0], points[i, 1], points[i, 2] = points[0, 0] + x, points[0, 1] + y, points[0, 2] + z
+
+
+@njit(cache=True, nogil=True)
+def pulled(points, fixed, moved, size):  # type: ignore[no-untyped-def]
+    """Kernel: puts point ``moved`` at ``size`` from point ``fixed``, in the direction that it has."""
+    way = minus(row(points, moved), row(points, fixed))
+    far = length(way)
+    if far < 1e-12:
+        return
+    for axis in range(3):
+        points[moved, axis] = points[fixed, axis] + way[axis] * (size / far)
+
+
+@njit(cache=True, nogil=True)
+def settle(points, goal, side):  # type: ignore[no-untyped-def]
+    """Kernel: makes the end of (K, 3) meet the goal: the two halves, each rigid, as two bones."""
+    count = len(points)
+    middle = count // 2
+    upper, lower = two_bone(row(points, 0), row(points, middle), row(points, count - 1), goal, side)
+    before = points.copy()
+    for i in range(1, count):
+        origin = 0 if i <= middle else middle
+        q = upper if i <= middle else lower
+        way = minus(row(before, i), row(before, origin))
+        x, y, z = turn(q, way[0], way[1], way[2])
+        points[i, 0] = points[origin, 0] + x
+        points[i, 1] = points[origin, 1] + y
+        points[i, 2] = points[origin, 2] + z

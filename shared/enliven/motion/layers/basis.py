@@ -1,0 +1,128 @@
+"""The view-dependent basis of a polyline (AniMesh, sections 5.1 and 5.2): up stays up from source to target.
+
+    B = basis_of(first, view, up)                       # (4,) quaternion, axes x, y, z in the world
+    layer.basis = basis_between(source_first, target_first, view, up, flip=False)
+
+z points along the first bone at rest; y is perpendicular to z and to the viewing direction, on the side of
+the camera's up; x = y x z. The paper leaves open:
+- a bone along the viewing direction: every y at right angles to it is perpendicular to both; y is the one
+  nearest to up (and for a bone that is along up as well, the one nearest to the world's x, else z).
+- a bone that the screen shows upright (or hanging): y lies on the screen's horizontal, and the least tilt
+  would turn it over and mirror the motion. Where up says nothing at all, x points away from the viewer. In a
+  pair of which one is nearly upright, the target's y takes the side that turns the source's basis least.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.document.skeleton import Skeleton
+from enliven.errors import InputError
+from enliven.rotation import canonical, conjugate, from_matrix, multiply
+
+VIEW = np.array([0.0, 0.0, -1.0])
+"""(3,) where a camera looks that stands before somebody who faces +Z."""
+UP = np.array([0.0, 1.0, 0.0])
+"""(3,) its up."""
+UPRIGHT = math.sin(math.radians(15.0))
+"""Sine of the tilt on the screen within which a bone counts as upright."""
+HALF_TURN = np.array([0.0, 0.0, 0.0, 1.0])
+"""(4,) half a turn about z, which is the flip of y."""
+_PARALLEL = 1e-4
+
+
+def basis_of(first: AnyArray, view: AnyArray = VIEW, up: AnyArray = UP) -> Float:
+    """(4,) unit quaternion whose rotation has x, y and z of the polyline as columns.
+
+    Args:
+        first: (3,) along the first bone at rest, any length.
+        view: (3,) the viewing direction, from the eye into the scene.
+        up: (3,) the camera's up.
+
+    Raises:
+        InputError: where a direction is zero or not finite.
+    """
+    return _basis(*(_unit(v, name) for v, name in ((first, "first bone"), (view, "view"), (up, "up"))))[0]
+
+
+def basis_between(
+    source: AnyArray,
+    target: AnyArray,
+    view: AnyArray = VIEW,
+    up: AnyArray = UP,
+    *,
+    flip: bool = False,
+    source_view: AnyArray | None = None,
+    source_up: AnyArray | None = None,
+) -> Float:
+    """(4,) target_from_source, w >= 0: a turn Q of the source becomes basis Q basis^-1 in the target.
+
+    Args:
+        source: (3,) the first bone of the source polyline at rest.
+        target: (3,) that of the target.
+        view: (3,) the viewing direction onto the target, and onto the source unless that has its own.
+        up: (3,) the camera's up.
+        flip: turn the y axis over (half a turn about z before).
+        source_view: (3,) the capture device's viewing direction.
+        source_up: (3,) its up.
+    """
+    view, up = _unit(view, "view"), _unit(up, "up")
+    seen = view if source_view is None else _unit(source_view, "source view")
+    above = up if source_up is None else _unit(source_up, "source up")
+    one, sure_one = _basis(_unit(source, "first bone of the source"), seen, above)
+    other, sure_other = _basis(_unit(target, "first bone of the target"), view, up)
+    made = multiply(other, conjugate(one))
+    turned = multiply(multiply(other, HALF_TURN), conjugate(one))
+    if not (sure_one and sure_other) and abs(turned[0]) > abs(made[0]) + 1e-9:
+        made, turned = turned, made
+    return canonical(turned if flip else made)
+
+
+def first_bone(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
+    """(3,) along the first bone of a chain at rest that has a length; up for a chain that has none.
+
+    A chain of one joint is along the bone that ends there.
+    """
+    if len(chain) == 1 and skeleton.lengths[chain[0]] > 0.0:
+        return np.asarray(skeleton.vectors[chain[0]])
+    for a, b in itertools.pairwise(chain):
+        vector = skeleton.positions[b] - skeleton.positions[a]
+        if np.linalg.norm(vector) > 1e-9:
+            return np.asarray(vector)
+    return UP
+
+
+def _basis(z: Float, view: Float, up: Float) -> tuple[Float, bool]:
+    """The basis of unit vectors, and whether ``up`` was what decided its side."""
+    y = np.cross(z, view)
+    sure = True
+    if np.linalg.norm(y) < _PARALLEL:
+        y = _nearest_at_right_angles(z, up)
+    else:
+        y = y / np.linalg.norm(y)
+        sure = abs(float(y @ up)) >= UPRIGHT
+        # z x view makes x point away from the viewer; that is kept where up does not say.
+        if float(y @ up) < -1e-12:
+            y = -y
+    return from_matrix(np.stack([np.cross(y, z), y, z], -1)), sure
+
+
+def _nearest_at_right_angles(z: Float, up: Float) -> Float:
+    """(3,) unit vector at right angles to ``z`` that is nearest to ``up``, or else to the world's x or z."""
+    for wish in (up, np.eye(3)[0], np.eye(3)[2]):
+        y = wish - (wish @ z) * z
+        if np.linalg.norm(y) > 1e-3:
+            return np.asarray(y / np.linalg.norm(y))
+    raise AssertionError("one of three axes is at right angles enough")
+
+
+def _unit(vector: AnyArray, name: str) -> Float:
+    vector = np.asarray(vector, np.float64)
+    length = float(np.linalg.norm(vector)) if vector.shape == (3,) else math.nan
+    if not (math.isfinite(length) and length > 0.0):
+        raise InputError(f"{vector} is no direction", where=name, mend="Give three numbers, not all zero.")
+    return np.asarray(vector / length)

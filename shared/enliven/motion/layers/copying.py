@@ -1,0 +1,158 @@
+"""Copy motion alone, from one polyline to another of any lengths: every layer, every span, by arc length.
+
+    copy_motion(project, from_shape, from_chain, to_shape, to_chain, *, view=VIEW, up=UP, basis=None,
+                flip=False, delay=0.0, replaced=False)
+
+The copy has layers of its own, so that it can be shifted, muted or weighted apart from what it was copied of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from enliven.arrays import AnyArray
+from enliven.document.layers import STILL, Layer, Ref, Span
+from enliven.document.project import Project, unused
+from enliven.document.rigged import Shape
+from enliven.motion.layers.basis import UP, VIEW, basis_between, first_bone
+from enliven.motion.layers.polyline import arc_of
+from enliven.motion.layers.retarget import checked_down, clear_chain
+from enliven.rotation import canonical, multiply
+
+_SLIVER = 1e-9
+"""Shares below this are no part of a bone."""
+
+
+def copy_motion(
+    project: Project,
+    from_shape: str,
+    from_chain: Sequence[int],
+    to_shape: str,
+    to_chain: Sequence[int],
+    *,
+    view: AnyArray = VIEW,
+    up: AnyArray = UP,
+    basis: AnyArray | None = None,
+    flip: bool = False,
+    delay: float = 0.0,
+    replaced: bool = False,
+) -> Project:
+    """A project in which one chain moves as another does, on top of what moves it already.
+
+    The total turn along the chain is the same at every time; each span of the one falls on the same arc
+    length of the other. Modeling rotations stay where they are.
+
+    Args:
+        view: (3,) the viewing direction in which the two chains are alike (5.1).
+        up: (3,) the camera's up.
+        basis: (4,) to_from in the place of the view's.
+        flip: turn the y axis over; not with a ``basis``.
+        delay: seconds by which the copy is later.
+        replaced: take off what moves the other chain, instead of adding to it.
+
+    Raises:
+        InputError: where a shape or a chain is not there, or runs up the tree.
+    """
+    source, target = project.shape(from_shape), project.shape(to_shape)
+    pieces = _pieces(source, from_chain)
+    checked_down(target, to_chain)
+    if basis is None:
+        first = first_bone(source.skeleton, tuple(from_chain))
+        other = first_bone(target.skeleton, tuple(to_chain))
+        basis = basis_between(first, other, view, up, flip=flip)
+    fresh: dict[str, Layer] = {}
+    for name in dict.fromkeys(ref.layer for _, _, refs in pieces for ref in refs):
+        taken = {**project.layers, **{layer.id: layer for layer in fresh.values()}}
+        fresh[name] = _moved(project.layers[name], basis, delay, unused(name, taken))
+    if replaced:
+        project = clear_chain(project, to_shape, to_chain)
+        target = project.shape(to_shape)
+    renamed = [(a, b, tuple(replace(r, layer=fresh[r.layer].id) for r in refs)) for a, b, refs in pieces]
+    return project.with_layers(*fresh.values()).with_shapes(_along(target, to_chain, renamed))
+
+
+_Piece = tuple[float, float, tuple[Ref, ...]]
+"""From, to (share of what it lies along), and what falls on it."""
+
+
+def _pieces(shape: Shape, chain: Sequence[int]) -> list[_Piece]:
+    """The spans of a chain's bones, one after the other, with their place on the chain."""
+    made: list[_Piece] = []
+    for bone, (start, end) in _places(shape, chain):
+        for a, b, span in _laid_out(shape.spans[bone]):
+            made.append((start + (end - start) * a, start + (end - start) * b, span.refs))
+    return made
+
+
+def _places(shape: Shape, chain: Sequence[int]) -> list[tuple[int, tuple[float, float]]]:
+    """The bones of a chain, each with its interval of the chain's arc length."""
+    bones = checked_down(shape, chain)
+    arc = arc_of(shape.skeleton, chain).tolist() if len(chain) > 1 else [0.0, 1.0]
+    return list(zip(bones, pairwise(arc), strict=True))
+
+
+def _laid_out(spans: tuple[Span, ...]) -> list[tuple[float, float, Span]]:
+    """Every span with its interval of the bone."""
+    ends = np.cumsum([0.0, *(span.share for span in spans)])
+    ends = ends / ends[-1]
+    return [(a, b, span) for (a, b), span in zip(pairwise(ends.tolist()), spans, strict=True)]
+
+
+def _moved(layer: Layer, basis: AnyArray, delay: float, name: str) -> Layer:
+    turned = canonical(multiply(basis, layer.basis))
+    return replace(layer, id=name, basis=turned, offset=layer.offset + delay)
+
+
+def _along(shape: Shape, chain: Sequence[int], pieces: list[_Piece]) -> Shape:
+    """The shape with ``pieces`` laid along a chain, innermost; its own spans are cut where a piece ends."""
+    spans = list(shape.spans)
+    for bone, (start, end) in _places(shape, chain):
+        width = end - start
+        inside = [((a - start) / width, (b - start) / width, refs) for a, b, refs in pieces if refs]
+        spans[bone] = _overlaid(spans[bone], inside)
+    return shape.with_changes(spans=tuple(spans))
+
+
+def _overlaid(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span, ...]:
+    """The spans of a bone with what of the pieces lies on [0, 1] of it; pieces may reach beyond."""
+    own = _laid_out(spans)
+    bounds = [x for a, b, _ in own for x in (a, b)] + [x for a, b, _ in pieces for x in (a, b)]
+    cuts = _apart([min(max(x, 0.0), 1.0) for x in bounds])
+    made: list[Span] = []
+    for i, low in enumerate(cuts):
+        # What has no length is at the joint itself; at the end of a bone, a piece is the next bone's.
+        made += [replace(span, share=0.0) for a, b, span in own if b - a <= _SLIVER and _near(a, low)]
+        if i == len(cuts) - 1:
+            break
+        made += [Span(0.0, refs) for a, b, refs in pieces if b - a <= _SLIVER and _near(a, low)]
+        high, middle = cuts[i + 1], (low + cuts[i + 1]) / 2
+        a, b, span = next(piece for piece in own if piece[0] < middle < piece[1])
+        refs = [_part_of(ref, a, b, low, high) for ref in span.refs]
+        refs += [_part_of(r, c, d, low, high) for c, d, some in pieces if c < middle < d for r in some]
+        made.append(Span(high - low, tuple(refs), span.before if _near(a, low) else STILL[0].before))
+    return tuple(made)
+
+
+def _part_of(ref: Ref, start: float, end: float, low: float, high: float) -> Ref:
+    """What of a ref on [start, end] falls on [low, high] within; exact where that is the whole."""
+    wide = (ref.end - ref.start) / (end - start)
+    first = ref.start if _near(start, low) else ref.start + (low - start) * wide
+    last = ref.end if _near(end, high) else ref.start + (high - start) * wide
+    return Ref(ref.layer, first, last)
+
+
+def _apart(places: list[float]) -> list[float]:
+    """The places in order, with those that are the same but for rounding once; 0 and 1 exact."""
+    kept = [0.0]
+    for place in sorted(places):
+        if place - kept[-1] > _SLIVER and place < 1.0 - _SLIVER:
+            kept.append(place)
+    return [*kept, 1.0]
+
+
+def _near(a: float, b: float) -> bool:
+    return abs(a - b) <= _SLIVER

@@ -1,0 +1,171 @@
+"""The end of a chain follows the end of the take's: the alternative mode of a layer (AniMesh, section 8).
+
+    set_layer(project, layer_id, mode="end")                 # or bind_chain(..., mode="end")
+    led_chains(shape, layer, line) -> list[LedChain]         # what the player works with
+
+The bones turn as in the mode "turns" first; then the end of their chain is brought, by the shortest turns, to
+
+    start + D (curve(b) - curve(a)) length / source length
+
+with D the turn of what carries the chain, and curve(s) the take's posed polyline relative to what carries
+that, in the layer's basis. [a, b] is what of the layer the chain has, so a chain that was cut follows its own
+part. A weight below 1 goes that part of the way from the turned end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Int32
+from enliven.document.layers import Layer
+from enliven.document.rigged import Shape
+from enliven.document.skeleton import Skeleton
+from enliven.kernels import njit
+from enliven.motion.contact.pin import bend_of, local_turns, rebuild
+from enliven.motion.kinematics.quaternions import between, conj, load, mul, store, turn
+from enliven.motion.kinematics.reaching import reach
+from enliven.motion.kinematics.vectors import row
+from enliven.motion.layers.polyline import Polyline, place_of
+from enliven.rotation import rotate
+
+_SLIVER = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class LedChain:
+    """A chain of a shape whose end is led.
+
+    Attributes:
+        joints: (K,) int32 from the one that stays to the one that is led.
+        side: (3,) to where it bulges at rest.
+        links: (S, 3) metres, the take's polyline at rest, bone by bone, in the target's axes.
+        knots: (2,) int32 and parts: (2,) where on that polyline the chain begins and ends.
+        scale: target length by source length.
+        weight: of the layer.
+    """
+
+    joints: Int32
+    side: Float
+    links: Float
+    knots: Int32
+    parts: Float
+    scale: float
+    weight: float
+
+
+def led_chains(shape: Shape, layer: Layer, line: Polyline) -> list[LedChain]:
+    """The chains of a shape that a layer of the mode "end" leads; none for a take's chain of one joint."""
+    if layer.mode != "end" or len(layer.chain) < 2:
+        return []
+    at = line.clip.skeleton.positions[list(layer.chain)]
+    if layer.mirrored:
+        at = at * [-1.0, 1.0, 1.0]
+    links = rotate(layer.basis, np.diff(at, axis=0))
+    return [
+        made
+        for chain, start, end in _chains(shape, layer.id)
+        if (made := _led(shape, chain, start, end, links, line.knots, layer.weight)) is not None
+    ]
+
+
+def _led(
+    shape: Shape, chain: list[int], start: float, end: float, links: Float, knots: Float, weight: float
+) -> LedChain | None:
+    skeleton = shape.skeleton
+    lengths = np.linalg.norm(links, axis=1)
+    along = np.concatenate([[0.0], np.cumsum(lengths)])
+    knot, part = place_of(knots, np.array([start, end]))
+    way = along[knot] + part * lengths[knot]
+    ours, theirs = float(skeleton.lengths[chain[1:]].sum()), float(way[1] - way[0])
+    if ours <= _SLIVER or theirs <= _SLIVER:
+        return None
+    side = bend_of(skeleton, chain)[1] if len(chain) > 2 else np.zeros(3)
+    return LedChain(np.array(chain, np.int32), side, links, knot, part, ours / theirs, weight)
+
+
+def _chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
+    """The chains of joints whose bones have refs of a layer, each with the first start and the last end."""
+    intervals: dict[int, tuple[float, float]] = {}
+    for bone, spans in enumerate(shape.spans):
+        refs = [ref for span in spans for ref in span.refs if ref.layer == layer]
+        if refs and bone > 0:
+            intervals[bone] = refs[0].start, refs[-1].end
+    taken: set[int] = set()
+    made = []
+    for bone in sorted(intervals):
+        if bone in taken:
+            continue
+        chain = [int(shape.skeleton.parents[bone]), bone]
+        end = intervals[bone][1]
+        while True:
+            # A chain goes on in the child whose interval goes on where this one ends.
+            after = [
+                c
+                for c in shape.skeleton.children[chain[-1]]
+                if c in intervals and c not in taken and abs(intervals[c][0] - end) < _SLIVER
+            ]
+            if not after:
+                break
+            chain.append(after[0])
+            end = intervals[after[0]][1]
+        taken.update(chain[1:])
+        made.append((chain, intervals[bone][0], end))
+    return made
+
+
+def lead_at(chain: LedChain, knots: Float, skeleton: Skeleton, turns: Float, joints: Float) -> None:
+    """Leads one chain at the times of ``knots`` (T, S + 1, 4); changes turns and joints in place."""
+    fixed = (chain.joints, chain.side, chain.links, chain.knots, chain.parts, chain.scale, chain.weight)
+    # Laid out anew, so that compiled code is made once, for one time as for many.
+    apart = np.ascontiguousarray(knots)
+    lead_end(skeleton.parents, skeleton.vectors, *fixed, apart, turns, joints)
+
+
+@njit(cache=True, nogil=True)
+def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weight, knots, turns, joints):  # type: ignore[no-untyped-def]
+    """Kernel: brings the end of a chain to where the take's is, and rebuilds what hangs on it.
+
+    Args:
+        chain: (K,) joints.
+        links: (S, 3) the take's bones at rest in the target's axes.
+        ends: (2,) and parts (2,): where on the take's polyline the chain begins and ends.
+        knots: (T, S + 1, 4) the take's turns at its joints.
+        turns: (T, N, 4) world turns, changed in place; joints: (T, N, 3) metres, too.
+    """
+    count = len(chain)
+    local, made = np.empty((len(parents), 4)), np.empty((count - 1, 4))
+    points = np.empty((count, 3))
+    fixed = np.zeros(len(parents), np.bool_)
+    for t in range(len(turns)):
+        q = conj(between(load(knots[t], ends[0]), load(knots[t], ends[0] + 1), parts[0]))
+        a, b = curve(links, knots[t], ends[0], parts[0]), curve(links, knots[t], ends[1], parts[1])
+        way = turn(q, (b[0] - a[0]) * scale, (b[1] - a[1]) * scale, (b[2] - a[2]) * scale)
+        way = turn(load(turns[t], chain[0]), way[0], way[1], way[2])
+        start, at = row(joints[t], chain[0]), row(joints[t], chain[count - 1])
+        goal = (
+            at[0] + weight * (start[0] + way[0] - at[0]),
+            at[1] + weight * (start[1] + way[1] - at[1]),
+            at[2] + weight * (start[2] + way[2] - at[2]),
+        )
+        for i in range(count):
+            points[i, 0], points[i, 1], points[i, 2] = row(joints[t], chain[i])
+        bulge = turn(load(turns[t], chain[0]), side[0], side[1], side[2])
+        reach(points, goal, bulge, made)
+        local_turns(parents, turns[t], local)
+        for i in range(1, count):
+            fixed[chain[i]] = True
+            store(turns[t], chain[i], mul(load(made, i - 1), load(turns[t], chain[i])))
+        rebuild(parents, vectors, fixed, local, chain[0], turns[t], joints[t])
+
+
+@njit(cache=True, nogil=True)
+def curve(links, knots, knot, part):  # type: ignore[no-untyped-def]
+    """Kernel: where the take's posed polyline is, from its start, ``part`` of the way along bone ``knot``."""
+    x, y, z = 0.0, 0.0, 0.0
+    for i in range(knot + 1):
+        share = part if i == knot else 1.0
+        a, b, c = turn(load(knots, i + 1), links[i, 0], links[i, 1], links[i, 2])
+        x, y, z = x + share * a, y + share * b, z + share * c
+    return x, y, z

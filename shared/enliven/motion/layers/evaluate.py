@@ -1,0 +1,171 @@
+"""A shape at a time: its layers sampled, multiplied along the tree, and put where they are.
+
+    pose_of(project, shape_id, seconds) -> ShapePose       # once
+    player = Player(project, shape_id)                     # prepared: evaluate often
+    player.at(seconds) -> ShapePose                        # turns (N, 4), joints (N, 3)
+    player.sample(times) -> (turns (T, N, 4), joints (T, N, 3))
+    player.own(times) -> (T, N, 4)                         # a_j alone: the animation rotations
+    player.contacts() -> {joint name: Contacts}            # of the pinned feet
+    player.pose(seconds) -> enliven.document.character.Pose         # for the wire and the viewer
+    player.feed(take, turns, root)                         # live: this frame in the place of the take
+    pose_from(shape, ShapePose, seconds) -> Pose
+
+D_0 = m_0 a_0, D_j = D_parent m_j a_j; x_root = rest + place + travel, x_j = x_parent + D_j (rest_j -
+rest_parent). a_j is the product over the bone's spans of what stands before each and the span's own turn
+C(0)^-1 C(1), with C the product of its layers' q, the first outermost. A muted layer, and one of weight 0, is
+left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float, Float32
+from enliven.document.character import Pose
+from enliven.document.layers import Layer
+from enliven.document.project import Project
+from enliven.document.rigged import Shape
+from enliven.errors import InputError
+from enliven.motion.contact.contacts import Contacts
+from enliven.motion.contact.pin import held_pins
+from enliven.motion.contact.standing import Standing, standing_of, window_of
+from enliven.motion.kinematics.compose import compose, upright
+from enliven.motion.layers.end_effector import lead_at, led_chains
+from enliven.motion.layers.sampling import Sampler
+from enliven.motion.layers.travel import Travel
+from enliven.rotation import to_matrix
+
+
+@dataclass(frozen=True, eq=False)
+class ShapePose:
+    """A shape at a moment.
+
+    Attributes:
+        turns: (N, 4) unit quaternions D_j, w >= 0: what bone j turned since rest, in world axes.
+        joints: (N, 3) float64 metres.
+    """
+
+    turns: Float
+    joints: Float
+
+
+def pose_of(project: Project, shape_id: str, seconds: float) -> ShapePose:
+    """The shape at a time of the project; a :class:`Player` is quicker for many.
+
+    Raises:
+        InputError: where there is no such shape.
+    """
+    return Player(project, shape_id).at(seconds)
+
+
+def pose_from(shape: Shape, at: ShapePose, seconds: float) -> Pose:
+    """The transforms of ``character_of``: bone j about the rest position of its parent."""
+    above = np.maximum(shape.skeleton.parents, 0)
+    linear = to_matrix(at.turns).astype(np.float32)
+    positions: Float32 = at.joints[above].astype(np.float32)
+    return Pose(shape.id, round(seconds * 1e9), linear, positions)
+
+
+class Player:
+    """A shape of a project, ready to be evaluated at any time.
+
+    It holds what the project was when it was made: after an edit, make another.
+    """
+
+    def __init__(self, project: Project, shape_id: str) -> None:
+        self.project, self.shape = project, project.shape(shape_id)
+        self._sampler, self._travel = Sampler(project, self.shape), Travel(project, self.shape)
+        parts = self._sampler
+        self._led = [
+            (part, chain)
+            for layer, line, part in zip(parts.layers, parts.lines, parts.parts, strict=True)
+            for chain in led_chains(self.shape, layer, line)
+        ]
+        self._pins, self._live = held_pins(self.shape), False
+        self._standing: Standing | None = None
+        self._window = window_of([*parts.layers, *self._travelling()], project.takes)
+
+    def at(self, seconds: float) -> ShapePose:
+        """The shape at a time of the project."""
+        turns, joints = self.sample(np.array([seconds], np.float64))
+        return ShapePose(upright(turns[0]), joints[0])
+
+    def pose(self, seconds: float) -> Pose:
+        """What the wire and the viewer want to know; transforms as in :func:`pose_from`."""
+        return pose_from(self.shape, self.at(seconds), seconds)
+
+    def sample(self, times: AnyArray) -> tuple[Float, Float]:
+        """(T, N, 4) turns D_j and (T, N, 3) joints in metres at times (T,) in seconds."""
+        times = _times(times)
+        turns, joints = self.free(times)
+        standing = self.standing()
+        if standing is not None:
+            first = standing.window.folded(times)
+            on = joints[:, 0] - self._travel.at(first)
+            standing.hold(first, on, self.shape.skeleton, turns, joints)
+        return turns, joints
+
+    def free(self, times: AnyArray) -> tuple[Float, Float]:
+        """As :meth:`sample`, with no foot pinned."""
+        times = _times(times)
+        knots, skeleton = self._sampler.knots(times), self.shape.skeleton
+        own, root = self._sampler.own(knots), self._travel.at(times)
+        turns, joints = np.empty_like(own), np.empty((*own.shape[:2], 3))
+        compose(skeleton.parents, skeleton.vectors, self.shape.modeling, own, root, turns, joints)
+        for part, chain in self._led:
+            lead_at(chain, knots[:, part], skeleton, turns, joints)
+        return turns, joints
+
+    def own(self, times: AnyArray) -> Float:
+        """(T, N, 4) the animation rotations a_j at times (T,): what the layers do, without the modeling."""
+        return self._sampler.own(self._sampler.knots(_times(times)))
+
+    def root(self, times: AnyArray) -> Float:
+        """(T, 3) metres, where the root joint is at times (T,)."""
+        return self._travel.at(_times(times))
+
+    def feed(self, take: str, turns: Float, root: Float) -> None:
+        """Plays a live moment in the place of a take, whatever the time; its layers stay as they are.
+
+        While a shape is fed, no foot of it is pinned: a pin has to know how long a contact lasts.
+
+        Args:
+            take: the id of the take.
+            turns: (N, 4) world turns of its skeleton's bones since rest.
+            root: (3,) metres, the position of its joint 0.
+
+        Raises:
+            InputError: where there is no such take or the turns are not of its skeleton.
+        """
+        known = self.project.takes.get(take)
+        turns, root = np.array(turns, np.float64)[None], np.array(root, np.float64)[None]
+        if known is None or turns.shape != (1, len(known.skeleton), 4) or root.shape != (1, 3):
+            raise InputError(f"turns {turns.shape[1:]} cannot be played", where=f"take {take!r}")
+        # A clip's arrays are read-only, and so are these: compiled code is made once for both.
+        for array in (turns, root):
+            array.setflags(write=False)
+        self._sampler.feed(take, turns)
+        self._travel.feed(take, root)
+        self._live = True
+
+    def standing(self) -> Standing | None:
+        """When the pinned feet stand, found once by playing the whole shape; None without pins or live."""
+        if not self._pins or self._live:
+            return None
+        if self._standing is None:
+            self._standing = standing_of(self._pins, self._window, self.free)
+        return self._standing
+
+    def contacts(self) -> dict[str, Contacts]:
+        """When the pinned joints stand, by name; seconds of the project."""
+        standing, names = self.standing(), self.shape.skeleton.names
+        return {names[pin.chain[-1]]: seen for pin, seen in (standing.pins if standing else ())}
+
+    def _travelling(self) -> list[Layer]:
+        return [] if self._travel.layer is None else [self._travel.layer]
+
+
+def _times(times: AnyArray) -> Float:
+    return np.ascontiguousarray(np.atleast_1d(times), np.float64)

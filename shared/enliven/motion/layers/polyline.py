@@ -1,0 +1,221 @@
+"""q(s, t): the turning of a take, accumulated along a polyline of its skeleton (AniMesh, section 5.1).
+
+    line = Polyline.of(clip, chain)           # what does not change with time
+    line.knots                                # (K,) arc length s of the joints, 0..1
+    line.turns(frames, weight=1.0)            # (T, K, 4) P at the knots, at frame numbers (fractions too)
+    line.sample(s, frames, weight=1.0)        # (T, S, 4) q(s, t)
+
+The take at a time between two frames has the slerp of their world turns; everything else is read from that,
+so a polyline that is played on itself is the take, between frames as at them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float, Int32
+from enliven.document.clip import Clip
+from enliven.document.skeleton import Skeleton
+from enliven.errors import InputError
+from enliven.kernels import njit
+from enliven.motion.kinematics.quaternions import between, conj, load, mul, store
+from enliven.rotation import IDENTITY
+
+SHORTEST = 1e-6
+"""Share of a polyline that a bone without length still takes, so that its turn has a place of its own."""
+_NO_LENGTH = 1e-9
+"""Share of a polyline below which a bone has no length."""
+
+
+@dataclass(frozen=True, eq=False)
+class Polyline:
+    """A chain of a take's skeleton, ready to be sampled.
+
+    Attributes:
+        clip: the take.
+        chain: joints, neighbours in its tree.
+        knots: (K,) float64 arc length at the joints, from 0 to 1. A chain of one joint has knots 0 and 1.
+        bones: (K - 1,) int32 which turn of the take is reached at knots 1, 2, ...
+        base: the turn that the others are relative to: of the bone that ends at the first joint, or the
+            root's (0) for a chain that goes up the tree; -1 for none.
+    """
+
+    clip: Clip
+    chain: tuple[int, ...]
+    knots: Float
+    bones: Int32
+    base: int
+
+    @staticmethod
+    def of(clip: Clip, chain: Sequence[int]) -> Polyline:
+        """The polyline along ``chain``.
+
+        Raises:
+            InputError: where the joints are not there or not neighbours.
+        """
+        chain = tuple(int(joint) for joint in chain)
+        bones = bones_of(clip.skeleton, chain, where=f"take {clip.id!r}")
+        if len(chain) == 1:
+            return Polyline(clip, chain, np.array([0.0, 1.0]), np.array(chain, np.int32), -1)
+        base = chain[0] if goes_down(clip.skeleton, chain) else 0
+        return Polyline(clip, chain, arc_of(clip.skeleton, chain), np.array(bones, np.int32), base)
+
+    def turns(
+        self, frames: AnyArray, weight: float = 1.0, basis: AnyArray = IDENTITY, mirrored: bool = False
+    ) -> Float:
+        """(T, K, 4) P_i = D_base^-1 D_i at the knots, each of the same sign as the one before it.
+
+        Args:
+            frames: (T,) frame numbers in [0, F - 1]; fractions are between frames.
+            weight: of every bone's turn relative to the one before.
+            basis: (4,) target_from_source; P becomes basis P basis^-1.
+            mirrored: take (w, x, -y, -z) for P before that: the source reflected in the plane x = 0.
+        """
+        at = np.array(np.atleast_1d(frames), np.float64).reshape(-1, 1)
+        out = np.empty((len(at), len(self.knots), 4))
+        first, bases = np.array([0, len(self.bones)], np.int32), np.array([self.base], np.int32)
+        how = (np.array([weight], np.float64), np.array([basis], np.float64), np.array([mirrored], np.bool_))
+        knot_turns(self.clip.turns, self.bones, first, bases, at, *how, 0, out)
+        return out
+
+    def sample(
+        self,
+        s: AnyArray,
+        frames: AnyArray,
+        weight: float = 1.0,
+        basis: AnyArray = IDENTITY,
+        mirrored: bool = False,
+    ) -> Float:
+        """(T, S, 4) q(s, t) at arc lengths ``s`` (S,) and frame numbers (T,)."""
+        turns = self.turns(frames, weight, basis, mirrored)
+        knot, part = place_of(self.knots, np.atleast_1d(s))
+        out = np.empty((len(turns), len(knot), 4))
+        for t in range(len(turns)):
+            samples(turns[t], knot, part, out[t])
+        return out
+
+
+def bones_of(skeleton: Skeleton, chain: Sequence[int], where: str) -> list[int]:
+    """The bone between each joint of a chain and the next.
+
+    Raises:
+        InputError: where a joint is not there, comes twice, or is no neighbour of the one before.
+    """
+    if not chain:
+        raise InputError("the chain has no joint", where=where, mend="Name one at least.")
+    for joint in chain:
+        if not 0 <= joint < len(skeleton):
+            raise InputError(f"there is no joint {joint} among {len(skeleton)}", where=where)
+    if len(set(chain)) != len(chain):
+        raise InputError("the chain comes to a joint twice", where=where, mend="Go along it once.")
+    bones = []
+    for a, b in itertools.pairwise(chain):
+        if skeleton.parents[b] == a:
+            bones.append(b)
+        elif skeleton.parents[a] == b:
+            bones.append(a)
+        else:
+            what = f"joints {skeleton.names[a]!r} and {skeleton.names[b]!r} are no neighbours"
+            raise InputError(what, where=where, mend="Skeleton.path gives the joints between two ends.")
+    return bones
+
+
+def goes_down(skeleton: Skeleton, chain: Sequence[int]) -> bool:
+    """Whether every joint of the chain hangs on the one before it."""
+    return all(skeleton.parents[b] == a for a, b in itertools.pairwise(chain))
+
+
+def arc_of(skeleton: Skeleton, chain: Sequence[int]) -> Float:
+    """(K,) arc length at the joints of a chain at rest, from 0 to 1; a bone without length takes a little."""
+    lengths = np.linalg.norm(np.diff(skeleton.positions[list(chain)], axis=0), axis=1)
+    total = lengths.sum()
+    none = lengths <= _NO_LENGTH * total
+    lengths = np.where(none, SHORTEST * total, lengths) if total > 0 else np.ones(len(lengths))
+    arc = np.concatenate([[0.0], np.cumsum(lengths)])
+    return np.asarray(arc / arc[-1] if arc[-1] > 0 else arc)
+
+
+def place_of(knots: Float, s: AnyArray) -> tuple[Int32, Float]:
+    """The knot (S,) at or before each ``s`` (S,), and how far (S,) in [0, 1] it is to the next."""
+    s = np.clip(np.asarray(s, np.float64), 0.0, 1.0)
+    knot = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(knots) - 2)
+    width = knots[knot + 1] - knots[knot]
+    part = np.where(width > 0.0, (s - knots[knot]) / np.where(width > 0.0, width, 1.0), 0.0)
+    return knot.astype(np.int32), np.clip(part, 0.0, 1.0)
+
+
+@njit(cache=True, nogil=True)
+def knot_turns(turns, bones, first, bases, at, weights, basis, mirrored, begin, out):  # type: ignore[no-untyped-def]
+    """Kernel: basis P basis^-1 at the knots of L polylines of one take, into ``out`` (T, K, 4) from knot
+    ``begin`` on: for each polyline the identity and then a turn for each of its bones.
+
+    Args:
+        turns: (F, N, 4) the take's.
+        bones: (B,) of all polylines, of polyline i from ``first[i]`` to ``first[i + 1]``.
+        bases: (L,) the bone that each is relative to, or -1.
+        at: (T, L) frame numbers.
+        weights: (L,); basis: (L, 4); mirrored: (L,).
+    """
+    for t in range(len(at)):
+        knot = begin
+        for i in range(len(bases)):
+            frame = max(min(int(at[t, i]), len(turns) - 2), 0)
+            part = min(max(at[t, i] - frame, 0.0), 1.0)
+            row_turns(
+                turns,
+                bones[first[i] : first[i + 1]],
+                bases[i],
+                frame,
+                part,
+                weights[i],
+                basis[i],
+                mirrored[i],
+                out[t, knot:],
+            )
+            knot += first[i + 1] - first[i] + 1
+
+
+@njit(cache=True, nogil=True)
+def row_turns(turns, bones, base, frame, part, weight, basis, mirrored, out):  # type: ignore[no-untyped-def]
+    """Kernel: the knots (K, 4) of one polyline, ``part`` of the way from ``frame`` to the next."""
+    one = (1.0, 0.0, 0.0, 0.0)
+    turned = (basis[0], basis[1], basis[2], basis[3])
+    plain = turned[1] == 0.0 and turned[2] == 0.0 and turned[3] == 0.0
+    start = conj(turn_at(turns, frame, part, base)) if base >= 0 else one
+    total, last, before = one, one, one
+    store(out, 0, one)
+    for k in range(len(bones)):
+        whole = mul(start, turn_at(turns, frame, part, bones[k]))
+        if weight == 1.0:
+            total = whole
+        else:
+            total = mul(total, between(one, mul(conj(last), whole), weight))
+            last = whole
+        knot = total
+        if mirrored:
+            knot = (knot[0], knot[1], -knot[2], -knot[3])
+        if not plain:
+            knot = mul(mul(turned, knot), conj(turned))
+        if knot[0] * before[0] + knot[1] * before[1] + knot[2] * before[2] + knot[3] * before[3] < 0.0:
+            knot = (-knot[0], -knot[1], -knot[2], -knot[3])
+        store(out, k + 1, knot)
+        before = knot
+
+
+@njit(cache=True, nogil=True)
+def turn_at(turns, frame, part, entry):  # type: ignore[no-untyped-def]
+    """Kernel: the turn of ``entry`` of (F, N, 4) ``turns`` between ``frame`` and the next."""
+    if part == 0.0:
+        return load(turns[frame], entry)
+    return between(load(turns[frame], entry), load(turns[frame + 1], entry), part)
+
+
+@njit(cache=True, nogil=True)
+def samples(knots, knot, part, out):  # type: ignore[no-untyped-def]
+    """Kernel: ``out`` (S, 4) takes slerps of the turns ``knots`` (K, 4) from ``knot`` (S,) to the next."""
+    for i in range(len(knot)):
+        store(out, i, between(load(knots, knot[i]), load(knots, knot[i] + 1), part[i]))

@@ -1,0 +1,213 @@
+"""Give a shape the motion of a take, chain by chain (AniMesh, section 5.2). Edits: Project -> Project.
+
+    bind_chain(project, shape_id, target, take_id, source, *, view=VIEW, up=UP, source_view=None,
+               source_up=None, basis=None, flip=False, offset=0, speed=1, loop=False, weight=1,
+               mirrored=False, layer_id=None)                  # adds a layer to what is there
+    clear_chain(project, shape_id, chain, layer_id=None)       # takes one layer, or all, off the bones
+    set_layer(project, layer_id, muted=..., weight=..., offset=..., speed=..., loop=..., basis=...)
+    copy_motion(project, from_shape, from_chain, to_shape, to_chain, ...)  # of enliven.motion.layers.copying
+    set_travel(project, shape_id, layer_id or None, scale=None)  # root motion of that layer's take, or off
+    extended(skeleton, joint)                                  # the longest way down from a joint (Figure 5)
+    branch(skeleton, start, end, extend=True)                  # from one joint through another, on to a leaf
+
+Chains are joints from the one that stays to the one that moves. A chain of one joint is the turn of that
+entry itself: ((0,), (0,)) gives a root the turn of the take's root.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from enliven.arrays import AnyArray
+from enliven.document.layers import Layer, Ref, Span
+from enliven.document.project import Project, unused
+from enliven.document.rigged import Shape
+from enliven.document.skeleton import Skeleton
+from enliven.errors import InputError
+from enliven.motion.layers.basis import UP, VIEW, basis_between, first_bone
+from enliven.motion.layers.polyline import arc_of, bones_of, goes_down
+from enliven.motion.layers.travel import travel_scale
+
+
+def bind_chain(
+    project: Project,
+    shape_id: str,
+    target: Sequence[int],
+    take_id: str,
+    source: Sequence[int],
+    *,
+    view: AnyArray = VIEW,
+    up: AnyArray = UP,
+    source_view: AnyArray | None = None,
+    source_up: AnyArray | None = None,
+    basis: AnyArray | None = None,
+    flip: bool = False,
+    layer_id: str | None = None,
+    **played: Any,
+) -> Project:
+    """A project in which a chain of a shape moves as a chain of a take, on top of what moves it already.
+
+    Args:
+        target: joints of the shape, each hanging on the one before.
+        source: joints of the take's skeleton, neighbours.
+        view: (3,) the viewing direction onto the target (and the source, unless ``source_view`` is given).
+        up: (3,) the camera's up.
+        basis: (4,) target_from_source in the place of the view's; the identity turns in world axes.
+        flip: turn the y axis over; not with a ``basis``.
+        layer_id: the new layer's name; None finds one.
+        played: offset, speed, loop, weight, muted, mirrored of the :class:`Layer`.
+
+    Raises:
+        InputError: where there is no such shape, take or joint, or a chain cannot be followed.
+    """
+    shape = project.shape(shape_id)
+    if take_id not in project.takes:
+        mend = f"Known: {', '.join(project.takes)}." if project.takes else "Record or import one first."
+        raise InputError(f"there is no take {take_id!r}", where="project", mend=mend)
+    take = project.takes[take_id].skeleton
+    source = tuple(int(joint) for joint in source)
+    bones_of(take, source, where=f"take {take_id!r}")
+    bones = checked_down(shape, target)
+    if basis is None:
+        first = first_bone(take, source)
+        if played.get("mirrored"):
+            first = first * [-1.0, 1.0, 1.0]
+        basis = basis_between(
+            first,
+            first_bone(shape.skeleton, tuple(target)),
+            view,
+            up,
+            flip=flip,
+            source_view=source_view,
+            source_up=source_up,
+        )
+    name = unused(take_id, project.layers) if layer_id is None else layer_id
+    if name in project.layers:
+        raise InputError(f"there is a layer {name!r} already", where="project", mend="Choose another name.")
+    layer = Layer(name, take_id, source, basis, **played)
+    arc = arc_of(shape.skeleton, target) if len(target) > 1 else [0.0, 1.0]
+    spans = list(shape.spans)
+    for bone, start, end in zip(bones, arc[:-1], arc[1:], strict=True):
+        spans[bone] = _laid(spans[bone], name, float(start), float(end))
+    return project.with_layers(layer).with_shapes(shape.with_changes(spans=tuple(spans)))
+
+
+def clear_chain(
+    project: Project, shape_id: str, chain: Sequence[int], layer_id: str | None = None
+) -> Project:
+    """A project in which no layer (or not this one) turns the bones of a chain of a shape.
+
+    Layers that nothing refers to any more go too; the take stays.
+    """
+    shape = project.shape(shape_id)
+    spans = list(shape.spans)
+    for bone in checked_down(shape, chain):
+        spans[bone] = tuple(
+            replace(span, refs=tuple(r for r in span.refs if layer_id is not None and r.layer != layer_id))
+            for span in spans[bone]
+        )
+    return without_idle_layers(project.with_shapes(shape.with_changes(spans=tuple(spans))), project, shape_id)
+
+
+def set_layer(project: Project, layer_id: str, **changes: Any) -> Project:
+    """A project with a layer changed: muted, weight, offset, speed, loop, basis, mirrored.
+
+    Raises:
+        InputError: where there is no such layer, or it cannot be played like that.
+    """
+    return project.with_layers(replace(layer_named(project, layer_id), **changes))
+
+
+def set_travel(project: Project, shape_id: str, layer_id: str | None, scale: float | None = None) -> Project:
+    """A project in which the root of a shape goes where the root of a layer's take goes, or stays (None).
+
+    Args:
+        scale: metres for a metre of the take's; None keeps the ratio of the sizes that they have now, so
+            that cutting the shape later does not change its way.
+    """
+    shape = project.shape(shape_id)
+    if layer_id is None:
+        return project.with_shapes(shape.with_changes(travel=None, travel_scale=None))
+    clip = project.takes[layer_named(project, layer_id).take]
+    if scale is None:
+        scale = travel_scale(shape.with_changes(travel_scale=None), clip)
+    return project.with_shapes(shape.with_changes(travel=layer_id, travel_scale=float(scale)))
+
+
+def extended(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
+    """The joints from ``joint`` on along the longest way down to a leaf, it first (Figure 5, right)."""
+    reach = [0.0] * len(skeleton)
+    for child in range(len(skeleton) - 1, 0, -1):
+        parent = int(skeleton.parents[child])
+        reach[parent] = max(reach[parent], reach[child] + float(skeleton.lengths[child]))
+    chain = [int(joint)]
+    while skeleton.children[chain[-1]]:
+        chain.append(max(skeleton.children[chain[-1]], key=lambda j: reach[j] + float(skeleton.lengths[j])))
+    return tuple(chain)
+
+
+def branch(skeleton: Skeleton, start: int, end: int, *, extend: bool = True) -> tuple[int, ...]:
+    """The chain from ``start`` to ``end``, and on along the longest branch below it where ``extend``."""
+    path = skeleton.path(start, end)
+    return (*path, *extended(skeleton, end)[1:]) if extend and goes_down(skeleton, path) else path
+
+
+def layer_named(project: Project, layer_id: str) -> Layer:
+    """The layer of an id.
+
+    Raises:
+        InputError: where there is none, with those that there are.
+    """
+    if layer_id not in project.layers:
+        mend = f"Known: {', '.join(project.layers)}." if project.layers else "Bind a chain first."
+        raise InputError(f"there is no layer {layer_id!r}", where="project", mend=mend)
+    return project.layers[layer_id]
+
+
+def checked_down(shape: Shape, chain: Sequence[int]) -> list[int]:
+    """The bones of a chain of a shape that runs down its tree; of one joint, that entry.
+
+    Raises:
+        InputError: where it goes up, or is no chain.
+    """
+    where, skeleton = f"shape {shape.id!r}", shape.skeleton
+    bones = bones_of(skeleton, chain, where=where)
+    if len(chain) == 1:
+        return [int(chain[0])]
+    if not goes_down(skeleton, chain):
+        first, last = skeleton.names[chain[0]], skeleton.names[chain[-1]]
+        if goes_down(skeleton, chain[::-1]):
+            mend = f"Give it from {last!r} to {first!r}: motion runs from the root outwards."
+        else:
+            top = skeleton.names[min(chain)]
+            mend = f"Give it as two chains, from {top!r} to each end."
+        raise InputError(f"the chain from {first!r} to {last!r} goes up the tree", where=where, mend=mend)
+    return bones
+
+
+def without_idle_layers(project: Project, before: Project, shape_id: str) -> Project:
+    """The project without layers that the shape used ``before`` and that no shape uses now."""
+    used = {key for shape in project.shapes.values() for key in layers_of(shape)}
+    gone = set(layers_of(before.shape(shape_id))) - used
+    return replace(project, layers={k: v for k, v in project.layers.items() if k not in gone})
+
+
+def layers_of(shape: Shape) -> tuple[str, ...]:
+    """The layers that a shape refers to, each once; that of its travel last."""
+    named = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
+    if shape.travel is not None:
+        named[shape.travel] = None
+    return tuple(named)
+
+
+def _laid(spans: tuple[Span, ...], layer: str, start: float, end: float) -> tuple[Span, ...]:
+    """The spans of a bone with [start, end] of one more layer, each its share."""
+    made, done = [], 0.0
+    for i, span in enumerate(spans):
+        a = start + done * (end - start)
+        done = 1.0 if i == len(spans) - 1 else done + span.share
+        b = end if i == len(spans) - 1 else start + done * (end - start)
+        made.append(replace(span, refs=(*span.refs, Ref(layer, a, b))))
+    return tuple(made)

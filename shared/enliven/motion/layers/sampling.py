@@ -1,0 +1,137 @@
+"""All the layers of a shape sampled at once: what the player of ``evaluate`` works with.
+
+    sampler = Sampler(project, shape)
+    sampler.knots(times) -> (T, K, 4)        # the turns at the joints of every layer's chain, target's basis
+    sampler.own(knots) -> (T, N, 4)          # a_j: the animation rotation of every bone
+    sampler.feed(take, turns)                # a live moment in the place of a take
+
+What does not change with time is worked out once: which knots a place on a bone lies between, and how far.
+"""
+
+from __future__ import annotations
+
+from itertools import groupby, pairwise
+
+import numpy as np
+
+from enliven.arrays import Float, Int32
+from enliven.document.layers import Layer
+from enliven.document.project import Project
+from enliven.document.rigged import Shape
+from enliven.motion.kinematics.compose import own_turns
+from enliven.motion.layers.polyline import Polyline, knot_turns, place_of
+from enliven.motion.layers.timing import Clocks
+
+
+class Sampler:
+    """The layers of a shape that are heard, laid out for compiled loops.
+
+    Attributes:
+        layers: those that turn a bone, neither muted nor of weight 0, those of one take side by side.
+        lines: the polyline of each.
+        parts: where among all the knots (K,) its own are.
+    """
+
+    def __init__(self, project: Project, shape: Shape) -> None:
+        heard = [project.layers[key] for key in heard_layers(project, shape)]
+        self.layers: list[Layer] = sorted(heard, key=lambda layer: layer.take)
+        self.lines = [Polyline.of(project.takes[layer.take], layer.chain) for layer in self.layers]
+        ends = np.cumsum([0, *(len(line.knots) for line in self.lines)]).tolist()
+        self.parts = [slice(a, b) for a, b in pairwise(ends)]
+        self._takes = [
+            _Take([self.layers[i] for i in some], [self.lines[i] for i in some], ends[some[0]])
+            for _, group in groupby(range(len(self.layers)), key=lambda i: self.layers[i].take)
+            for some in [list(group)]
+        ]
+        self._count = ends[-1]
+        self._lay_out(shape)
+
+    def knots(self, times: Float) -> Float:
+        """(T, K, 4) the turns at all the knots of all the layers at times (T,), in the target's basis."""
+        out = np.empty((len(times), self._count, 4))
+        for take in self._takes:
+            take.sample(times, out)
+        return out
+
+    def own(self, knots: Float) -> Float:
+        """(T, N, 4) the animation rotations a_j of the bones."""
+        out = np.empty((len(knots), len(self._first) - 1, 4))
+        own_turns(knots, self._knot, self._part, self._fixed, self._first, self._terms, self._inverse, out)
+        return out
+
+    def feed(self, take: str, turns: Float) -> None:
+        """Plays ``turns`` (1, N, 4) in the place of a take from now on, whatever the time."""
+        for each in self._takes:
+            if each.id == take:
+                each.fed = turns
+
+    def _lay_out(self, shape: Shape) -> None:
+        """Lays every bone's spans out as a row of terms: samples of q, or their inverses, to be multiplied.
+
+        A span with layers 1 and 2 is C(0)^-1 C(1) = q2(a2)^-1 q1(a1)^-1 q1(b1) q2(b2). A sample that is
+        wanted twice, at the end of a bone and the start of the next, is taken once. A fixed turn before a
+        span is numbered from -1 down.
+        """
+        number = {layer.id: i for i, layer in enumerate(self.layers)}
+        wanted: dict[tuple[int, float], int] = {}
+        fixed: list[tuple[float, ...]] = []
+        terms: list[tuple[int, bool]] = []
+        first = [0]
+        for spans in shape.spans:
+            for span in spans:
+                if span.before != (1.0, 0.0, 0.0, 0.0):
+                    fixed.append(span.before)
+                    terms.append((-len(fixed), False))
+                heard = [ref for ref in span.refs if ref.layer in number and ref.start != ref.end]
+                for ref in reversed(heard):
+                    terms.append((wanted.setdefault((number[ref.layer], ref.start), len(wanted)), True))
+                for ref in heard:
+                    terms.append((wanted.setdefault((number[ref.layer], ref.end), len(wanted)), False))
+            first.append(len(terms))
+        self._first, self._fixed = np.array(first, np.int32), np.array(fixed, np.float64).reshape(-1, 4)
+        self._terms = np.array([term for term, _ in terms], np.int32)
+        self._inverse = np.array([inverse for _, inverse in terms], np.bool_)
+        self._knot, self._part = self._places(list(wanted))
+
+    def _places(self, wanted: list[tuple[int, float]]) -> tuple[Int32, Float]:
+        """The knot (M,) among all layers' and the part (M,) of the way to the next, of each sample."""
+        knot, part = np.empty(len(wanted), np.int32), np.empty(len(wanted))
+        which = np.array([layer for layer, _ in wanted], np.int32)
+        s = np.array([place for _, place in wanted], np.float64)
+        for layer in set(which.tolist()):
+            some = which == layer
+            at, part[some] = place_of(self.lines[layer].knots, s[some])
+            knot[some] = self.parts[layer].start + at
+        return knot, part
+
+
+class _Take:
+    """The layers of one take, and where their knots begin among all."""
+
+    def __init__(self, layers: list[Layer], lines: list[Polyline], begin: int) -> None:
+        clip = lines[0].clip
+        self.id, self._turns, self._begin = clip.id, clip.turns, begin
+        self.fed: Float | None = None
+        self._clocks = Clocks.of(layers, [clip] * len(layers))
+        self._bones = np.concatenate([line.bones for line in lines])
+        self._first = np.cumsum([0, *(len(line.bones) for line in lines)]).astype(np.int32)
+        self._bases = np.array([line.base for line in lines], np.int32)
+        self._weights = np.array([layer.weight for layer in layers])
+        self._turned = np.array([layer.basis for layer in layers])
+        self._mirrored = np.array([layer.mirrored for layer in layers])
+
+    def sample(self, times: Float, out: Float) -> None:
+        """Writes the turns at the knots of these layers into ``out`` (T, K, 4) of all."""
+        how = (self._weights, self._turned, self._mirrored, self._begin, out)
+        if self.fed is None:
+            at = self._clocks.frames(times)
+            knot_turns(self._turns, self._bones, self._first, self._bases, at, *how)
+        else:
+            at = np.zeros((len(times), len(self._bases)))
+            knot_turns(self.fed, self._bones, self._first, self._bases, at, *how)
+
+
+def heard_layers(project: Project, shape: Shape) -> list[str]:
+    """The layers that turn a bone of the shape, each once, without those that are muted or have no weight."""
+    named = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
+    return [key for key in named if not project.layers[key].muted and project.layers[key].weight > 0.0]

@@ -1,0 +1,101 @@
+"""Root motion: where a take's root went since rest, in the size of the shape that goes along.
+
+    height_of(skeleton)                  # metres: what two skeletons' strides are compared by
+    travel_scale(shape, clip)            # the shape's own, or the ratio of the heights
+    Travel(project, shape).at(times)     # (T, 3) where the root joint is
+
+A looped take goes on from where it ended, over the ground: a walk of two steps walks on, at its height.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document.clip import Clip
+from enliven.document.project import Project
+from enliven.document.rigged import Shape
+from enliven.document.skeleton import Skeleton
+from enliven.kernels import njit
+from enliven.motion.kinematics.quaternions import turn
+from enliven.motion.layers.timing import Clocks
+
+_LOW = 0.15
+"""Share of its whole extent below which a root is too near the lowest joint to stand on legs."""
+
+
+def height_of(skeleton: Skeleton) -> tuple[float, float]:
+    """Metres at rest: of the root over the lowest joint (the legs), and the diagonal of the joints' box."""
+    low, high = skeleton.positions.min(0), skeleton.positions.max(0)
+    return float(skeleton.positions[0, 1] - low[1]), float(np.linalg.norm(high - low))
+
+
+def travel_scale(shape: Shape, clip: Clip) -> float:
+    """How many metres the shape's root goes for a metre of the take's.
+
+    The shape's own ``travel_scale``; or else the ratio of the legs, root over lowest joint, so that feet that
+    step the same angle step the same place; or of the whole extents where one of the two has no legs to
+    stand on.
+    """
+    if shape.travel_scale is not None:
+        return shape.travel_scale
+    (legs, extent), (their_legs, their_extent) = height_of(shape.skeleton), height_of(clip.skeleton)
+    if legs > _LOW * extent and their_legs > _LOW * their_extent:
+        return legs / their_legs
+    return extent / their_extent if their_extent > 0.0 else 1.0
+
+
+class Travel:
+    """The way of a shape's root, ready to be asked for any time."""
+
+    def __init__(self, project: Project, shape: Shape) -> None:
+        self._still = np.array(shape.skeleton.positions[0] + shape.place)
+        layer = project.layers.get(shape.travel or "")
+        self.layer = None if layer is None or layer.muted else layer
+        if self.layer is not None:
+            clip = project.takes[self.layer.take]
+            self._clip, self._root = clip, clip.root
+            self._clocks = Clocks.of([self.layer], [clip])
+            self._factor = self.layer.weight * travel_scale(shape, clip)
+            self._fed = False
+
+    def at(self, times: Float) -> Float:
+        """(T, 3) metres, where the root joint is at times (T,): its rest, its place and the way of the take.
+
+        The way is the take's root since its rest, mirrored, turned by the basis, scaled and weighted.
+        """
+        out = np.empty((len(times), 3))
+        if self.layer is None:
+            out[:] = self._still
+            return out
+        frames = np.zeros((len(times), 1)) if self._fed else self._clocks.frames(times)
+        rounds = np.zeros((len(times), 1)) if self._fed or not self.layer.loop else self._clocks.rounds(times)
+        rest, layer = self._clip.skeleton.positions[0], self.layer
+        how = (layer.basis, layer.mirrored, self._factor, self._still)
+        travelled(self._root, rest, frames, rounds, *how, out)
+        return out
+
+    def feed(self, take: str, root: Float) -> None:
+        """Plays ``root`` (1, 3) in the place of a take's from now on, whatever the time."""
+        if self.layer is not None and self._clip.id == take:
+            self._root, self._fed = root, True
+
+
+@njit(cache=True, nogil=True)
+def travelled(root, rest, frames, rounds, basis, mirrored, factor, still, out):  # type: ignore[no-untyped-def]
+    """Kernel: ``out`` (T, 3) is ``still`` and the way from ``rest`` to ``root`` (F, 3) at frames (T, 1).
+
+    ``rounds`` (T, 1) is how often the take was gone through before: each adds its way over the ground.
+    """
+    turned = (basis[0], basis[1], basis[2], basis[3])
+    on_x, on_z = root[len(root) - 1, 0] - root[0, 0], root[len(root) - 1, 2] - root[0, 2]
+    for t in range(len(frames)):
+        frame = max(min(int(frames[t, 0]), len(root) - 2), 0)
+        after, part = min(frame + 1, len(root) - 1), frames[t, 0] - frame
+        x = (1.0 - part) * root[frame, 0] + part * root[after, 0] - rest[0] + rounds[t, 0] * on_x
+        y = (1.0 - part) * root[frame, 1] + part * root[after, 1] - rest[1]
+        z = (1.0 - part) * root[frame, 2] + part * root[after, 2] - rest[2] + rounds[t, 0] * on_z
+        x, y, z = turn(turned, -x if mirrored else x, y, z)
+        out[t, 0] = still[0] + factor * x
+        out[t, 1] = still[1] + factor * y
+        out[t, 2] = still[2] + factor * z

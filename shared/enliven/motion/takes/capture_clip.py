@@ -1,0 +1,163 @@
+"""Clips of motion captures and of tracked people, at another rate, and cut out of longer ones.
+
+    clip_of_capture(capture, id, *, rest="auto", unit=None) -> Clip
+    clip_of_bodies(bodies, seconds, id, *, rest=0, step=1/30, names=None) -> Clip  # enliven.person.body.Body
+    clip_of_positions(skeleton, positions (F, N, 3), id, step) -> Clip                 # any tree of points
+    resampled(clip, step) -> Clip
+    between_times(clip, start, stop) -> Clip
+
+Clips are in metres, +Y up; their quaternions change no sign from frame to frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.document.clip import Clip
+from enliven.document.skeleton import Skeleton
+from enliven.errors import InputError
+from enliven.formats.motion.capture import Capture
+from enliven.motion.takes.capture_rest import links, metres, rooted, stiff_pose, zero_pose, zero_stands
+from enliven.motion.takes.positions import filled, rest_of, turns_of
+from enliven.person.body import PARENTS, Body, Joint
+from enliven.rotation import conjugate, from_matrix, multiply, slerp
+
+BODY_NAMES: tuple[str, ...] = tuple(joint.name.lower().replace("_", " ") for joint in Joint)
+"""Names of the 20 joints of a tracked person in a clip: "hip center", "spine", ..."""
+
+
+def clip_of_capture(
+    capture: Capture, id: str, *, rest: str | int = "auto", unit: str | float | None = None
+) -> Clip:
+    """The motion of a file as a clip in metres.
+
+    Bones keep their length: what a file moves against its parent beyond the root is left out. A joint above
+    all others that only carries the one that moves (a point on the floor) is left out too.
+
+    Args:
+        rest: "zero", all rotations zero; "first", the first frame; a frame number; or "auto": "zero" where
+            that pose stands as tall as the frames do, else "first".
+        unit: a name of ``UNITS``, metres a unit, or None to guess it by the
+            height of the root over the lowest joint.
+
+    Raises:
+        InputError: for a tree with two roots, a frame or a unit that is not there.
+    """
+    names, parents, positions, rotations = rooted(capture, id)
+    offsets = links(parents, positions, rotations)
+    turns = from_matrix(rotations)
+    if rest == "auto":
+        rest = "zero" if zero_stands(parents, offsets, positions) else "first"
+    if rest == "zero":
+        at_rest, before = zero_pose(parents, offsets, positions), np.tile([1.0, 0, 0, 0], (len(names), 1))
+    else:
+        frame = 0 if rest == "first" else rest
+        if not isinstance(frame, int) or not 0 <= frame < len(positions):
+            mend = f'Say "auto", "zero", "first" or 0..{len(positions) - 1}.'
+            raise InputError(f"there is no rest pose {rest!r}", where=f"clip {id!r}", mend=mend)
+        at_rest = stiff_pose(parents, offsets, positions[frame], rotations[frame])
+        before = turns[frame]
+    scale = metres(unit, at_rest, f"clip {id!r}")
+    # Bone j turns with the joint that it hangs on; the root's children and the root turn as one.
+    holds = np.array([0, *parents[1:]])
+    world = multiply(turns[:, holds], conjugate(before[holds]))
+    skeleton = Skeleton(names, np.array(parents, np.int32), at_rest * scale)
+    return Clip(id, skeleton, _continuous(world), positions[:, 0] * scale, capture.seconds)
+
+
+def clip_of_bodies(
+    bodies: Sequence[Body],
+    seconds: AnyArray,
+    id: str,
+    *,
+    rest: int | Body = 0,
+    step: float = 1.0 / 30.0,
+    names: Sequence[str] | None = None,
+) -> Clip:
+    """A tracked person's motion as a clip of 20 joints.
+
+    Where a body has orientations, a bone's turn is theirs since rest; elsewhere it is the swing of least
+    twist against the bone before. In both, every bone points where its joints say. A joint of confidence 0
+    is taken from the frames before and after.
+
+    Args:
+        bodies: (F,) the person over time.
+        seconds: (F,) their times, ascending, as irregular as they come.
+        rest: which of them is the rest pose, or a body that is.
+        step: seconds between the frames of the clip.
+        names: (20,) of the joints; None for :data:`BODY_NAMES`.
+
+    Raises:
+        InputError: where there is no body, or the times do not fit or do not ascend.
+    """
+    times: Float = np.asarray(seconds, np.float64)
+    where = f"clip {id!r}"
+    if not bodies or times.shape != (len(bodies),) or (np.diff(times) <= 0).any():
+        mend = "Give one time for each body, each after the one before."
+        raise InputError(f"{len(bodies)} bodies at {times.shape} times", where=where, mend=mend)
+    joints = np.stack([body.joints for body in bodies])
+    seen = np.stack([body.confidence > 0 for body in bodies])
+    joints = filled(np.array(PARENTS), joints, seen)
+    still = bodies[rest] if isinstance(rest, int) else rest
+    rest_joints = joints[rest] if isinstance(rest, int) else rest.joints
+    positions = rest_of(np.array(PARENTS), rest_joints, joints)
+    skeleton = Skeleton(tuple(names or BODY_NAMES), np.array(PARENTS, np.int32), positions)
+    turns = turns_of(skeleton, joints, _known(bodies, still))
+    return _even(id, skeleton, times - times[0], turns, joints[:, 0], step)
+
+
+def clip_of_positions(skeleton: Skeleton, positions: Float, id: str, step: float) -> Clip:
+    """A clip of joints whose places alone are known: swings of least twist.
+
+    Args:
+        positions: (F, N, 3) metres.
+        step: seconds between frames.
+    """
+    positions = np.asarray(positions, np.float64)
+    return Clip(id, skeleton, _continuous(turns_of(skeleton, positions, None)), positions[:, 0], step)
+
+
+def resampled(clip: Clip, step: float) -> Clip:
+    """The clip with a frame every ``step`` seconds; its last frame is the last at or before its end."""
+    times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
+    return _even(clip.id, clip.skeleton, times, clip.turns, clip.root, step)
+
+
+def between_times(clip: Clip, start: float, stop: float) -> Clip:
+    """The frames of a clip from ``start`` to ``stop`` seconds, one at least."""
+    first = min(max(round(start / clip.step), 0), len(clip.turns) - 1)
+    last = max(round(stop / clip.step) + 1, first + 1)
+    return replace(clip, turns=clip.turns[first:last], root=clip.root[first:last])
+
+
+def _even(id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, step: float) -> Clip:
+    """A clip with frames ``step`` seconds apart of turns and root at ``times`` (F,) from 0 on."""
+    count = int(np.floor(times[-1] / step + 1e-6)) + 1
+    wanted = np.minimum(np.arange(count) * step, times[-1])
+    before = np.clip(np.searchsorted(times, wanted, side="right") - 1, 0, max(len(times) - 2, 0))
+    after = np.minimum(before + 1, len(times) - 1)
+    width = np.where(after > before, times[after] - times[before], 1.0)
+    part = (wanted - times[before]) / width
+    made = slerp(turns[before], turns[after], part[:, None])
+    at = root[before] + part[:, None] * (root[after] - root[before])
+    return Clip(id, skeleton, _continuous(made), at, step)
+
+
+def _known(bodies: Sequence[Body], still: Body) -> Float | None:
+    """(F, 20, 4) turns since rest that the bodies' orientations say, or None where one has none."""
+    if still.orientations is None or any(body.orientations is None for body in bodies):
+        return None
+    world = np.stack([np.asarray(body.orientations) for body in bodies])
+    return multiply(world, conjugate(still.orientations))
+
+
+def _continuous(turns: Float) -> Float:
+    """The same rotations (F, N, 4), each of the sign that is nearest to the frame before."""
+    signs = np.where((turns[1:] * turns[:-1]).sum(-1) < 0, -1.0, 1.0)
+    turns = turns.copy()
+    turns[1:] *= np.cumprod(signs, axis=0)[..., None]
+    return turns

@@ -1,0 +1,126 @@
+"""The frames of a captured person's limbs, from the joints' places."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.formats.motion.capture import Capture
+from enliven.motion.takes.capture_roles import Roles
+from enliven.person.limbs import Limb
+from enliven.rotation import nearest_rotation, rotate, swing
+
+_UP, _DOWN, _FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+
+
+def limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
+    """(F, 16, 3, 3) world_from_limb in every frame; (F, 2) whether each foot stands."""
+    p = capture.positions
+    at = lambda pair: p[:, list(pair)]  # noqa: E731  (F, 2, 3)
+    shoulders, elbows, wrists, tips = (
+        at(r) for r in (roles.shoulders, roles.elbows, roles.wrists, roles.tips)
+    )
+    hips, knees, ankles, toes = (at(r) for r in (roles.hips, roles.knees, roles.ankles, roles.toes))
+    low, top = hips.mean(1), shoulders.mean(1)
+    middle = half_way(np.concatenate([low[:, None], p[:, list(roles.spine)], top[:, None]], 1))
+    out = np.empty((capture.frames, 16, 3, 3))
+    across_hips, across_shoulders = hips[:, 0] - hips[:, 1], shoulders[:, 0] - shoulders[:, 1]
+    out[:, Limb.PELVIS] = _axes(middle - low, across_hips)
+    out[:, Limb.CHEST] = _axes(top - middle, across_shoulders)
+    out[:, Limb.ABDOMEN] = _axes(top - low, _unit(across_hips) + _unit(across_shoulders))
+    out[:, Limb.SKULL] = _skull(out[:, Limb.CHEST], capture.rotations[:, roles.head])
+    beyond = np.where(np.linalg.norm(tips - wrists, axis=-1, keepdims=True) > 1e-6, tips, 2 * wrists - elbows)
+    standing = _standing(toes, ankles, capture.seconds, knees, hips)
+    for side in (0, 1):
+        hinge = _hinge(shoulders[:, side], elbows[:, side], wrists[:, side], out[:, Limb.CHEST], 1.0)
+        out[:, Limb.UPPER_ARM_LEFT + side] = _axes(shoulders[:, side] - elbows[:, side], hinge)
+        out[:, Limb.FOREARM_LEFT + side] = _axes(elbows[:, side] - wrists[:, side], hinge)
+        out[:, Limb.HAND_LEFT + side] = _axes(wrists[:, side] - beyond[:, side], hinge)
+        hinge = _hinge(hips[:, side], knees[:, side], ankles[:, side], out[:, Limb.PELVIS], -1.0)
+        out[:, Limb.THIGH_LEFT + side] = _axes(hips[:, side] - knees[:, side], hinge)
+        out[:, Limb.SHANK_LEFT + side] = _axes(knees[:, side] - ankles[:, side], hinge)
+        shank = out[:, Limb.SHANK_LEFT + side, :, 0]
+        out[:, Limb.FOOT_LEFT + side] = _foot(toes[:, side] - ankles[:, side], shank, standing[:, side])
+    return out, standing
+
+
+def _standing(toes: Float, ankles: Float, seconds: float, knees: Float, hips: Float) -> Bool:
+    """(F, 2) frames in which a foot is low and hardly moves; the best fifth of them at least."""
+    leg = float(np.median(np.linalg.norm(hips - knees, axis=-1) + np.linalg.norm(knees - ankles, axis=-1)))
+    speed = np.linalg.norm(np.gradient(toes, axis=0), axis=-1) / seconds / leg
+    height = (toes[..., 1] + ankles[..., 1]) / leg
+    badness = speed + 6.0 * (height - np.percentile(height, 3, axis=0))
+    return np.asarray(badness <= np.maximum(np.percentile(badness, 20, axis=0), 0.25))
+
+
+def half_way(path: Float) -> Float:
+    """(F, 3) the point in the middle of each polyline (F, K, 3), by length."""
+    steps = np.linalg.norm(np.diff(path, axis=1), axis=-1)
+    upto = np.concatenate([np.zeros((len(path), 1)), np.cumsum(steps, 1)], 1)
+    half = upto[:, -1:] / 2
+    k = np.clip((upto <= half).sum(1) - 1, 0, path.shape[1] - 2)
+    f = np.arange(len(path))
+    part = (half[:, 0] - upto[f, k]) / np.maximum(steps[f, k], 1e-9)
+    return np.asarray(path[f, k] + part[:, None] * (path[f, k + 1] - path[f, k]))
+
+
+def _axes(up: Float, left: Float) -> Float:
+    """(F, 3, 3) frames with +Y along ``up`` and +X as near to ``left`` as that allows."""
+    y = _unit(up)
+    x = _unit(left - (left * y).sum(-1, keepdims=True) * y)
+    return np.stack([x, y, np.cross(x, y)], -1)
+
+
+def _hinge(first: Float, middle: Float, last: Float, trunk: Float, sense: float) -> Float:
+    """(F, 3) the axis about which a limb bends, pointing to the body's left; straight limbs ask the trunk.
+
+    Args:
+        trunk: (F, 3, 3) the frame that the limb hangs on.
+        sense: 1 where the lower half bends forward (elbows), -1 backward (knees).
+    """
+    upper, lower = _unit(middle - first), _unit(last - middle)
+    bent = sense * np.cross(lower, upper)
+    carried = rotate(swing(trunk @ _DOWN, upper), trunk[:, :, 0])
+    weight = smoothstep(np.linalg.norm(bent, axis=-1), 0.1, 0.35)[:, None]
+    return np.asarray(
+        weight * bent / np.maximum(np.linalg.norm(bent, axis=-1, keepdims=True), 1e-9)
+        + (1.001 - weight) * carried
+    )
+
+
+def _foot(along: Float, shank_left: Float, standing: Bool) -> Float:
+    """(F, 3, 3) a foot that is level where it stands, whatever slope the captured one has there.
+
+    Args:
+        along: (F, 3) from the ankle to the toes.
+        shank_left: (F, 3) the shank's +X: which way is left where the foot points up or down.
+    """
+    z = _unit(along)
+    flat = np.hypot(z[:, 0], z[:, 2])
+    weight = smoothstep(flat, 0.4, 0.8)[:, None]
+    left = weight * np.cross(_UP, z) / np.maximum(flat, 1e-9)[:, None] + (1.0 - weight) * shank_left
+    x = _unit(left - (left * z).sum(-1, keepdims=True) * z)
+    slope = float(np.median(np.arcsin(-z[standing, 1])))
+    c, s = np.cos(slope), np.sin(slope)
+    level = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
+    return np.asarray(np.stack([x, np.cross(z, x), z], -1) @ level)
+
+
+def _skull(chest: Float, head: Float) -> Float:
+    """(F, 3, 3) the head as its joint turns; over the whole capture it looks where the chest does."""
+    usual = nearest_rotation((chest.transpose(0, 2, 1) @ head).mean(0))
+    return np.asarray(head @ usual.T)
+
+
+def level_direction(direction: Float) -> Float:
+    return _unit(direction * [1.0, 0.0, 1.0])
+
+
+def _unit(v: Float) -> Float:
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12))
+
+
+def smoothstep(value: Float, low: float, high: float) -> Float:
+    """0 up to ``low``, 1 from ``high``, smooth between."""
+    t = np.clip((value - low) / (high - low), 0.0, 1.0)
+    return np.asarray(t * t * (3.0 - 2.0 * t))

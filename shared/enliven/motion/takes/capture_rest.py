@@ -1,0 +1,79 @@
+"""What a capture's own file says of its rest pose: its moving root, its bones, its zero pose, its unit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.formats.motion.capture import UNITS, Capture, guess_unit
+
+_STANDS = 0.9
+"""A zero pose stands when it is at least this much as tall as the frames are."""
+_MOVES = 0.002
+"""Share of the extent by which a joint must move against its parent to be a root of its own."""
+_HIP_TO_ANKLE = 0.9
+"""Share of a root's height over the lowest joint that is leg, for the guess of the unit."""
+
+
+def rooted(capture: Capture, id: str) -> tuple[tuple[str, ...], list[int], Float, Float]:
+    """The capture's names, parents, positions and rotations from the joint on that moves as the root."""
+    if sum(parent < 0 for parent in capture.parents) != 1 or capture.parents[0] != -1:
+        raise InputError("it has more than one root", where=f"clip {id!r}", mend="Keep one of its skeletons.")
+    names, parents = capture.names, list(capture.parents)
+    positions, rotations = capture.positions, capture.rotations
+    extent = float(np.median(np.ptp(positions, axis=1).max(1)))
+    while parents.count(0) == 1 and len(names) > 2:
+        local = np.einsum("fji,fj->fi", rotations[:, 0], positions[:, 1] - positions[:, 0])
+        if np.ptp(local, axis=0).max() < _MOVES * extent:
+            break
+        names, parents = names[1:], [max(parent - 1, -1) for parent in parents[1:]]
+        positions, rotations = positions[:, 1:], rotations[:, 1:]
+    return names, parents, positions, rotations
+
+
+def links(parents: list[int], positions: Float, rotations: Float) -> Float:
+    """(N, 3) each joint in its parent's frame, the middle of what the frames say; zero at the root."""
+    above = np.maximum(parents, 0)
+    apart = positions - positions[:, above]
+    return np.asarray(np.median(np.einsum("fnji,fnj->fni", rotations[:, above], apart), axis=0))
+
+
+def stiff_pose(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
+    """(N, 3) the joints of a frame with the bones' own lengths."""
+    at = positions.copy()
+    for j, parent in enumerate(parents[1:], 1):
+        at[j] = at[parent] + rotations[parent] @ offsets[j]
+    return at
+
+
+def zero_pose(parents: list[int], offsets: Float, positions: Float) -> Float:
+    """(N, 3) the joints with all rotations zero, on the floor that the frames stand on, where they begin."""
+    count = len(parents)
+    at = stiff_pose(parents, offsets, np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
+    floor = np.percentile(positions[:, :, 1].min(1), 10)
+    moved = np.array([positions[0, 0, 0], floor - at[:, 1].min(), positions[0, 0, 2]])
+    return np.asarray(at + moved)
+
+
+def zero_stands(parents: list[int], offsets: Float, positions: Float) -> bool:
+    """Whether the zero pose is about as tall, and its root as high, as those of the frames."""
+    zero = zero_pose(parents, offsets, positions)
+    lowest = positions[:, :, 1].min(1)
+    tall, high = np.median(positions[:, :, 1].max(1) - lowest), np.median(positions[:, 0, 1] - lowest)
+    legs = zero[0, 1] - zero[:, 1].min()
+    return bool(np.ptp(zero[:, 1]) > _STANDS * tall and _STANDS * high < legs < high / _STANDS**2)
+
+
+def metres(unit: str | float | None, at_rest: Float, where: str) -> float:
+    """Metres in a unit of the file."""
+    if unit is None:
+        legs = at_rest[0, 1] - at_rest[:, 1].min()
+        return UNITS[guess_unit(float(legs) * _HIP_TO_ANKLE)]
+    if isinstance(unit, str):
+        if unit not in UNITS:
+            raise InputError(f"there is no unit {unit!r}", where=where, mend=f"Known: {', '.join(UNITS)}.")
+        return UNITS[unit]
+    if not 0.0 < unit < 1e6:
+        raise InputError(f"a unit of {unit} m cannot be", where=where, mend="Give metres a unit.")
+    return float(unit)

@@ -1,0 +1,146 @@
+"""Which joint of a motion capture is the left elbow: found by name and by what hangs on what."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.formats.motion.capture import Capture
+
+_ELBOWS = ("forearm", "lowerarm", "elbow")
+_KNEES = ("knee", "lowerleg", "shin", "calf", "leg")
+_WRISTS = ("hand", "wrist")
+_ANKLES = ("foot", "ankle")
+_TOES = ("toebase", "toes", "toe", "ball")
+_SIDES = (("left", "l"), ("right", "r"))
+
+
+@dataclass(frozen=True)
+class Roles:
+    """Indices into a capture's joints; of pairs the left comes first.
+
+    Attributes:
+        root: the joint from which trunk and legs part.
+        spine: the joints from the root to where the arms part, both included.
+        tips: what lies beyond the wrist; the wrist itself where nothing does.
+        toes: what lies beyond the ankle.
+    """
+
+    root: int
+    spine: tuple[int, ...]
+    head: int
+    shoulders: tuple[int, int]
+    elbows: tuple[int, int]
+    wrists: tuple[int, int]
+    tips: tuple[int, int]
+    hips: tuple[int, int]
+    knees: tuple[int, int]
+    ankles: tuple[int, int]
+    toes: tuple[int, int]
+
+
+def find_roles(capture: Capture) -> Roles:
+    """The roles of a capture's joints.
+
+    Raises:
+        InputError: where it has no such joint, naming those it has.
+    """
+    names = [re.sub(r"[^a-z0-9]", "", name.split(":")[-1].lower()) for name in capture.names]
+    elbows = _pair(capture, names, _ELBOWS, "elbow")
+    knees = _pair(capture, names, _KNEES, "knee")
+    head = next((j for j, name in enumerate(names) if name == "head"), -1)
+    if head < 0:
+        raise _missing(capture, "head")
+    shoulders = capture.parents[elbows[0]], capture.parents[elbows[1]]
+    hips = capture.parents[knees[0]], capture.parents[knees[1]]
+    if min(*shoulders, *hips) < 0:
+        raise _missing(capture, "shoulder or hip")
+    wrists = _below(capture, names, elbows, _WRISTS)
+    ankles = _below(capture, names, knees, _ANKLES)
+    trunk = _shared(capture, (*shoulders, head))
+    root = _shared(capture, (*hips, trunk[-1]))[-1]
+    return Roles(
+        root=root,
+        spine=tuple(trunk[trunk.index(root) :]),
+        head=head,
+        shoulders=shoulders,
+        elbows=elbows,
+        wrists=wrists,
+        tips=(_beyond(capture, names, wrists[0], ()), _beyond(capture, names, wrists[1], ())),
+        hips=hips,
+        knees=knees,
+        ankles=ankles,
+        toes=(_beyond(capture, names, ankles[0], _TOES), _beyond(capture, names, ankles[1], _TOES)),
+    )
+
+
+def _pair(capture: Capture, names: list[str], parts: tuple[str, ...], role: str) -> tuple[int, int]:
+    """The left and the right joint of the first part of which both exist."""
+    for part in parts:
+        found = [
+            next((names.index(n) for n in (w + part, part + w, s + part, part + s) if n in names), -1)
+            for w, s in _SIDES
+        ]
+        if min(found) >= 0:
+            return found[0], found[1]
+    raise _missing(capture, role)
+
+
+def _missing(capture: Capture, role: str) -> InputError:
+    return InputError(
+        f"there is no {role} among the joints",
+        where="motion capture",
+        mend=f"The joints are called {', '.join(capture.names[:40])}.",
+    )
+
+
+def _ancestors(capture: Capture, joint: int) -> list[int]:
+    """The joints from the file's root to ``joint``."""
+    chain = [joint]
+    while capture.parents[chain[-1]] >= 0:
+        chain.append(capture.parents[chain[-1]])
+    return chain[::-1]
+
+
+def _shared(capture: Capture, joints: tuple[int, ...]) -> list[int]:
+    """The ancestors that all of the joints have."""
+    chains = [_ancestors(capture, j) for j in joints]
+    return [j for j in chains[0] if all(j in chain for chain in chains)]
+
+
+def _children(capture: Capture, joint: int) -> list[int]:
+    return [j for j, parent in enumerate(capture.parents) if parent == joint]
+
+
+def _below(
+    capture: Capture, names: list[str], joints: tuple[int, int], parts: tuple[str, ...]
+) -> tuple[int, int]:
+    """For each joint the child that is called so, or its first child."""
+    found = []
+    for joint in joints:
+        below = _children(capture, joint)
+        if not below:
+            raise _missing(capture, f"{parts[0]} below {capture.names[joint]}")
+        named = [j for part in parts for j in below if part in names[j]]
+        found.append((named or below)[0])
+    return found[0], found[1]
+
+
+def _beyond(capture: Capture, names: list[str], joint: int, parts: tuple[str, ...]) -> int:
+    """The nearest descendant that is somewhere else (no thumb), or the joint itself."""
+    fringe = [joint]
+    while fringe:
+        fringe = [j for f in fringe for j in _children(capture, f) if "thumb" not in names[j]]
+        apart = [j for j in fringe if _distance(capture.positions, joint, j) > 1e-3]
+        named = [j for part in parts for j in apart if part in names[j]]
+        if named or apart:
+            return (named or apart)[0]
+    return joint
+
+
+def _distance(positions: Float, a: int, b: int) -> float:
+    return float(np.median(np.linalg.norm(positions[:, a] - positions[:, b], axis=-1)))

@@ -1,0 +1,71 @@
+"""One motion of a file, of whatever kind it is.
+
+clip, notes = read_take("walk.bvh")
+clip, notes = read_take("fox.glb", "Run", start=1.0, end=3.0)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from enliven.document.clip import Clip
+from enliven.errors import InputError
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.motion.bvh import read_bvh
+from enliven.formats.motion.expmap import read_expmap
+from enliven.formats.project.file import read_project
+from enliven.motion.takes.capture_clip import between_times, clip_of_capture
+from enliven.motion.takes.recorded import clips_of_recording
+
+_KNOWN = (
+    "Known: .bvh, .txt (CMU's exponential maps), .mcap, .glb and .gltf with animations, .enliven with takes."
+)
+
+
+def read_take(
+    path: Path | str, animation: str | None = None, start: float = 0.0, end: float | None = None
+) -> tuple[Clip, tuple[str, ...]]:
+    """The clip in a file, from ``start`` to ``end`` seconds, and what was odd about the file.
+
+    Args:
+        animation: of a glTF, person of a recording, or take of a project; None for the first.
+
+    Raises:
+        InputError: where there is none, or the times are not in it.
+    """
+    path = Path(path)
+    clip, notes = _read(path, animation)
+    if start == 0.0 and end is None:
+        return clip, notes
+    stop = clip.duration if end is None else end
+    if start > clip.duration or stop <= start:
+        what = f"it lasts {clip.duration:.2f} s: from {start:g} s to {stop:g} s is nothing"
+        raise InputError(what, where=str(path), mend="Choose another start and end.")
+    return between_times(clip, start, stop), notes
+
+
+def _read(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...]]:
+    kind = path.suffix.lower()
+    if kind in (".glb", ".gltf"):
+        rig = read_gltf(path)
+        return _named(rig.clips, path, animation), tuple(rig.notes)
+    if kind == ".mcap":
+        return _named(clips_of_recording(path), path, animation), ()
+    if kind == ".enliven":
+        return _named(list(read_project(path).takes.values()), path, animation), ()
+    if kind not in (".bvh", ".txt"):
+        raise InputError(f"{kind or 'a file without an ending'} is no motion", where=str(path), mend=_KNOWN)
+    capture = read_bvh(path) if kind == ".bvh" else read_expmap(path)
+    return clip_of_capture(capture, path.stem), tuple(capture.notes)
+
+
+def _named(clips: Sequence[Clip], path: Path, wanted: str | None) -> Clip:
+    """The clip of that name (a glTF name may end in it, after a bar), or the first."""
+    if not clips:
+        raise InputError("it has no animation", where=str(path), mend=_KNOWN)
+    for clip in clips:
+        if wanted is None or wanted in (clip.id, clip.id.rpartition("|")[2]):
+            return clip
+    known = ", ".join(clip.id for clip in clips)
+    raise InputError(f"there is no animation {wanted!r}", where=str(path), mend=f"Known: {known}.")

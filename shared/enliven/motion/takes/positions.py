@@ -1,0 +1,154 @@
+"""The turns of bones of which only the joints' places are known: swings of least twist.
+
+    turns_of(skeleton, positions (F, N, 3), known=None) -> (F, N, 4)
+    rest_of(parents, at_rest, positions) -> (N, 3)           # the bones' own lengths at rest
+    filled(parents, positions, seen) -> (F, N, 3)            # what was not seen, from before and after
+
+Every bone points where its joints say; its twist is the least against the bone before.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Bool, Float
+from enliven.document.skeleton import Skeleton
+from enliven.kernels import njit
+from enliven.motion.kinematics.quaternions import load, mul, store, turn
+from enliven.motion.kinematics.vectors import about, cross, dot, length, minus, row, swing_to
+from enliven.rotation import nearest_quaternion
+
+_SHORT = 1e-6
+"""Metres below which a bone points nowhere."""
+
+
+def turns_of(skeleton: Skeleton, positions: Float, known: Float | None = None) -> Float:
+    """(F, N, 4) world turns since rest that point every bone along its joints.
+
+    A bone swings on the shortest way from where the bone before carries it. The root, and a bone after which
+    several others begin, turn about themselves to what fits those best: hips turn the pelvis, shoulders the
+    chest.
+
+    Args:
+        positions: (F, N, 3) metres.
+        known: (F, N, 4) turns that are known in another way (orientations since rest), which are kept but for
+            the swing that points the bone along its joints.
+    """
+    turns = np.empty((len(positions), len(skeleton), 4))
+    given = np.empty((0, len(skeleton), 4)) if known is None else np.ascontiguousarray(known, np.float64)
+    places = np.ascontiguousarray(positions, np.float64)
+    point_bones(skeleton.parents, skeleton.vectors, places, given, turns)
+    return turns
+
+
+def rest_of(parents: AnyArray, at_rest: Float, positions: Float) -> Float:
+    """(N, 3) the joints at rest with every bone as long as it is in the middle of the frames (F, N, 3)."""
+    made = np.array(at_rest, np.float64)
+    for j, parent in enumerate(parents):
+        if parent < 0:
+            continue
+        length = float(np.median(np.linalg.norm(positions[:, j] - positions[:, parent], axis=1)))
+        made[j] = made[parent] + _direction(at_rest[j] - at_rest[parent]) * length
+    return made
+
+
+def filled(parents: AnyArray, positions: Float, seen: Bool) -> Float:
+    """(F, N, 3) with joints that were not seen put where their parent and the frames beside say.
+
+    The link to the parent is interpolated in time; one that was never seen stays as it was given.
+    """
+    made = np.array(positions, np.float64)
+    frames = np.arange(len(positions))
+    for j, parent in enumerate(parents):
+        sure = seen[:, j] if parent < 0 else seen[:, j] & seen[:, parent]
+        base = np.zeros_like(made[:, j]) if parent < 0 else made[:, parent]
+        raw = positions[:, j] if parent < 0 else positions[:, j] - positions[:, parent]
+        link = raw.copy()
+        if sure.any() and not sure.all():
+            for axis in range(3):
+                link[~sure, axis] = np.interp(frames[~sure], frames[sure], raw[sure, axis])
+        made[:, j] = base + link
+    return made
+
+
+def _direction(v: Float) -> Float:
+    """Unit vectors; up for one without length."""
+    length = np.linalg.norm(v, axis=-1, keepdims=True)
+    return np.asarray(np.where(length > _SHORT, v / np.where(length > _SHORT, length, 1.0), [0.0, 1.0, 0.0]))
+
+
+@njit(cache=True, nogil=True)
+def point_bones(parents, vectors, positions, known, turns):  # type: ignore[no-untyped-def]
+    """Kernel: ``turns`` (F, N, 4) takes the world turns that point bones along ``positions`` (F, N, 3).
+
+    ``known`` is (F, N, 4), or (0, N, 4) where nothing is known.
+    """
+    given = len(known) > 0
+    for f in range(len(positions)):
+        for j in range(len(parents)):
+            if given:
+                q = load(known[f], j)
+            elif parents[j] < 0:
+                q = root_turn(parents, vectors, positions[f])
+            else:
+                q = load(turns[f], parents[j])
+            if parents[j] >= 0:
+                q = swung(q, row(vectors, j), minus(row(positions[f], j), row(positions[f], parents[j])))
+                if not given:
+                    q = twisted(parents, vectors, positions[f], j, q)
+            store(turns[f], j, q)
+
+
+@njit(cache=True, nogil=True)
+def root_turn(parents, vectors, positions):  # type: ignore[no-untyped-def]
+    """Kernel: the rotation that fits the root's own bones best (Kabsch); one bone alone is a swing."""
+    moment = np.zeros((3, 3))
+    count, only = 0, 0
+    for j in range(1, len(parents)):
+        if parents[j] == 0 and length(row(vectors, j)) > _SHORT:
+            count, only = count + 1, j
+            for a in range(3):
+                for b in range(3):
+                    moment[a, b] += (positions[j, a] - positions[0, a]) * vectors[j, b]
+    if count > 1:
+        return nearest_quaternion(moment)
+    one = (1.0, 0.0, 0.0, 0.0)
+    if count == 0:
+        return one
+    return swung(one, row(vectors, only), minus(row(positions, only), row(positions, 0)))
+
+
+@njit(cache=True, nogil=True)
+def swung(q, rest, now):  # type: ignore[no-untyped-def]
+    """Kernel: ``q`` and then the shortest way that points ``rest`` along ``now``; a joint on top of its
+    parent says nothing, and the bone stays as it is carried."""
+    if length(rest) < _SHORT or length(now) < _SHORT:
+        return q
+    return mul(swing_to(turn(q, rest[0], rest[1], rest[2]), now), q)
+
+
+@njit(cache=True, nogil=True)
+def twisted(parents, vectors, positions, joint, q):  # type: ignore[no-untyped-def]
+    """Kernel: ``q`` turned about its bone so that the bones after it, if there are several, fit best.
+
+    With a and b the parts at right angles to the bone of a child as carried and as it is, the angle is
+    atan2(sum (a x b).n, sum a.b): the least squares fit of one angle.
+    """
+    bone = row(vectors, joint)
+    size = length(bone)
+    if size < _SHORT:
+        bone, size = (0.0, 1.0, 0.0), 1.0
+    n = turn(q, bone[0] / size, bone[1] / size, bone[2] / size)
+    sine, cosine, count = 0.0, 0.0, 0
+    for child in range(joint + 1, len(parents)):
+        if parents[child] == joint:
+            count += 1
+            a = turn(q, vectors[child, 0], vectors[child, 1], vectors[child, 2])
+            b = minus(row(positions, child), row(positions, joint))
+            sine += dot(cross(a, b), n)
+            cosine += dot(a, b) - dot(a, n) * dot(b, n)
+    if count < 2 or (sine == 0.0 and cosine == 0.0):
+        return q
+    return mul(about(n, math.atan2(sine, cosine)), q)

@@ -1,0 +1,88 @@
+"""Takes of recordings: what each person did in a file of tracked bodies.
+
+    clips_of_recording(path, *, settings=TakeSettings()) -> list[Clip]
+    clips_of_frames(frames, name, settings) -> list[Clip]          # enliven.frames.BodyFrame, as they come
+
+Only recordings of bodies have takes; depth has to be tracked first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from enliven.document.clip import Clip
+from enliven.errors import InputError
+from enliven.frames import BodyFrame, Frame
+from enliven.motion.takes.capture_clip import clip_of_bodies
+from enliven.person.body import Body
+from enliven.recording import Recording
+from enliven.settings import setting
+
+
+@dataclass(frozen=True)
+class TakeSettings:
+    """How a recording is made into takes."""
+
+    gap: float = setting(
+        0.5, "Somebody who is away for longer comes back in a take of its own.", unit="s", low=0.0, high=60.0
+    )
+    shortest: float = setting(0.5, "What is shorter is no take.", unit="s", low=0.0, high=600.0)
+    step: float = setting(1.0 / 30.0, "Time between two frames of a take.", unit="s", low=1e-3, high=1.0)
+
+
+def clips_of_recording(path: Path | str, *, settings: TakeSettings | None = None) -> list[Clip]:
+    """A clip for each person of a recording, and for each time that they come back.
+
+    The rest pose is the first that was seen of them; ``clip_of_bodies`` takes
+    any other.
+
+    Raises:
+        InputError: where the file is no recording, or nobody is in it for long enough.
+    """
+    path = Path(path)
+    made = clips_of_frames(Recording(path).frames(), path.stem, settings or TakeSettings())
+    if not made:
+        mend = "Depth must be tracked first: only recordings of bodies have takes."
+        raise InputError("nobody is in it for long enough to be a take", where=str(path), mend=mend)
+    return made
+
+
+def clips_of_frames(frames: Iterable[Frame], name: str, settings: TakeSettings) -> list[Clip]:
+    """As :func:`clips_of_recording`, of frames in the order of time; clips are called by ``name``."""
+    parts = [part for part in _visits(frames, settings.gap) if _seconds(part) >= settings.shortest]
+    ids = [name] if len(parts) == 1 else [f"{name} {number}" for number in range(1, len(parts) + 1)]
+    return [_clip(id, part, settings.step) for id, part in zip(ids, parts, strict=True)]
+
+
+_Visit = list[tuple[int, Body]]
+"""Times in nanoseconds, ascending, and what was seen of one person then."""
+
+
+def _visits(frames: Iterable[Frame], gap: float) -> list[_Visit]:
+    """The people of the frames, each from when they come to when they go, in the order of coming."""
+    made: list[_Visit] = []
+    now: dict[tuple[str, int], _Visit] = {}
+    for frame in frames:
+        for body in frame.bodies if isinstance(frame, BodyFrame) else []:
+            who = (frame.sensor, body.id)
+            visit = now.get(who)
+            if visit is not None and frame.time_ns <= visit[-1][0]:
+                continue
+            if visit is None or (frame.time_ns - visit[-1][0]) * 1e-9 > gap:
+                visit = now[who] = []
+                made.append(visit)
+            visit.append((frame.time_ns, body))
+    return made
+
+
+def _seconds(visit: _Visit) -> float:
+    return (visit[-1][0] - visit[0][0]) * 1e-9
+
+
+def _clip(id: str, visit: _Visit, step: float) -> Clip:
+    times = np.array([ns - visit[0][0] for ns, _ in visit]) * 1e-9
+    return clip_of_bodies([body for _, body in visit], times, id, step=step)

@@ -1,0 +1,66 @@
+"""The tracked person: 20 joints, the bones between them, and what is known of the person at one moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.person.joints import BONES, MIRROR, PARENTS, J, Joint
+from enliven.person.parts import PARTS, parts_named
+
+__all__ = [
+    "ANKLE_ABOVE_SOLE",
+    "BONES",
+    "HEAD_ABOVE_JOINT",
+    "MIRROR",
+    "PARENTS",
+    "PARTS",
+    "Body",
+    "J",
+    "Joint",
+    "parts_named",
+]
+
+
+@dataclass(frozen=True)
+class Body:
+    """One person at one moment.
+
+    Attributes:
+        id: stable while the person is in view.
+        joints: (20, 3) float64 metres, world frame, ordered by :class:`Joint`.
+        confidence: (20,) float64 in [0, 1]; 0 where the joint is a guess that must not pull anything.
+        orientations: (20, 4) unit quaternions world_from_bone of the bone that ends at each joint (the
+            pelvis at the root), or None. All are the identity for a person who stands upright facing +Z with
+            hanging arms, palms to the thighs: a bone of a limb runs along its -Y, one of the trunk along +Y;
+            +Z is the front, +X the person's left. See ``orientation`` for what to read from them.
+        contacts: (2,) probability that the left and the right foot stand on the floor, or None where nobody
+            looked; 0 as well where the foot is not seen.
+        stature: metres from the soles to the crown when standing straight, as measured, or None.
+    """
+
+    id: int
+    joints: Float
+    confidence: Float
+    orientations: Float | None = None
+    contacts: Float | None = None
+    stature: float | None = None
+
+    @property
+    def height(self) -> float:
+        """Metres from the soles to the crown: the stature, or what the bones' lengths say of it."""
+        if self.stature is not None:
+            return self.stature
+        chain = (Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD, Joint.KNEE_LEFT, Joint.ANKLE_LEFT)
+        length = sum(float(np.linalg.norm(self.joints[j] - self.joints[PARENTS[j]])) for j in chain)
+        hips = self.joints[[Joint.HIP_LEFT, Joint.HIP_RIGHT]].mean(0)
+        length += float(np.linalg.norm(self.joints[Joint.HIP_CENTER] - hips))
+        return length + HEAD_ABOVE_JOINT + ANKLE_ABOVE_SOLE
+
+
+HEAD_ABOVE_JOINT = 0.12
+"""Metres from the head joint to the crown of an average adult."""
+ANKLE_ABOVE_SOLE = 0.08
+"""Metres from the ankle joint to the sole of an average adult."""

@@ -1,0 +1,94 @@
+"""Named parts of the body, to possess with: "left arm", "upper body", "hip + right arm", ..."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+
+from enliven.errors import InputError
+from enliven.person.joints import Joint
+
+_SIDES = ("left", "right")
+
+
+def _limb(side: str, *names: str) -> frozenset[Joint]:
+    return frozenset(Joint[f"{name}_{side.upper()}"] for name in names)
+
+
+def _sided() -> dict[str, frozenset[Joint]]:
+    """The parts that are there twice."""
+    parts: dict[str, frozenset[Joint]] = {}
+    for side in _SIDES:
+        parts[f"{side} arm"] = _limb(side, "SHOULDER", "ELBOW", "WRIST", "HAND")
+        parts[f"{side} forearm"] = _limb(side, "WRIST", "HAND")
+        parts[f"{side} hand"] = _limb(side, "HAND")
+        parts[f"{side} leg"] = _limb(side, "HIP", "KNEE", "ANKLE", "FOOT")
+        parts[f"{side} shin"] = _limb(side, "ANKLE", "FOOT")
+        parts[f"{side} foot"] = _limb(side, "FOOT")
+        parts[f"{side} side"] = parts[f"{side} arm"] | parts[f"{side} leg"]
+    return parts
+
+
+def _all() -> dict[str, frozenset[Joint]]:
+    sided = _sided()
+    torso = frozenset({Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD})
+    arms, legs = sided["left arm"] | sided["right arm"], sided["left leg"] | sided["right leg"]
+    hip = frozenset({Joint.HIP_CENTER})
+    return {
+        "all": frozenset(Joint),
+        **sided,
+        "arms": arms,
+        "both arms": arms,
+        "hands": sided["left hand"] | sided["right hand"],
+        "legs": legs,
+        "both legs": legs,
+        "feet": sided["left foot"] | sided["right foot"],
+        "head": frozenset({Joint.HEAD}),
+        "hip": hip,
+        "spine": torso - {Joint.HEAD},
+        "torso": torso,
+        "upper body": torso | arms,
+        "lower body": legs | hip,
+        "arms and legs": arms | legs,
+        "hip and right arm": sided["right arm"] | hip,
+        "hip and left arm": sided["left arm"] | hip,
+    }
+
+
+PARTS: dict[str, frozenset[Joint]] = _all()
+"""Named subsets of the body (KinEtre: "left arm", "upper body", "hip and right arm", ...); a bone belongs to
+its child joint."""
+
+_BETWEEN = re.compile(r"\s*(?:\+|,|&|\band\b)\s*")
+
+
+def parts_named(parts: str | Iterable[str]) -> frozenset[Joint]:
+    """The joints of one or several named parts: "all", "legs", "hip + right arm", "left arm and head".
+
+    Names are joined by "+", "&", "," or "and"; case and extra spaces do not matter.
+
+    Raises:
+        InputError: for an unknown name; it lists the known ones.
+    """
+    names = [parts] if isinstance(parts, str) else list(parts)
+    return frozenset().union(*(_named(name) for name in names))
+
+
+def _named(name: str) -> frozenset[Joint]:
+    """The joints of one name, or of several joined in one string."""
+    plain = " ".join(name.lower().split())
+    if plain in PARTS:
+        return PARTS[plain]
+    pieces = [piece for piece in _BETWEEN.split(plain) if piece]
+    unknown = next((piece for piece in pieces if piece not in PARTS), None)
+    if unknown is None and pieces:
+        return frozenset().union(*(PARTS[piece] for piece in pieces))
+    wrong = plain if unknown is None else unknown
+    near = difflib.get_close_matches(wrong, PARTS, n=1)
+    guess = f"Did you mean {near[0]}? " if near else ""
+    raise InputError(
+        f"no part of the body is called {wrong!r}",
+        where="parts",
+        mend=f"{guess}Known: {', '.join(PARTS)}; join them with '+'.",
+    )

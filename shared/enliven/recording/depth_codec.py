@@ -1,0 +1,212 @@
+"""Lossless compression of one depth image, each frame on its own.
+
+Depth cameras quantise: a Kinect frame of 300,000 pixels holds a few hundred different distances. So the
+distances are replaced by their rank among those that occur, predicted from the neighbours, and the
+residuals are packed: fast, with zstd, or small, with an arithmetic coder that knows the neighbours.
+:data:`LAYOUT` states every byte; it is written into each recording beside the data.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+import numpy as np
+import zstandard
+
+from enliven.arrays import UInt8, UInt16
+from enliven.errors import InputError
+from enliven.recording.depth_entropy import pack_levels, unpack_levels
+from enliven.recording.depth_kernels import mark_levels, predict_image, restore_image
+
+MAX_PIXELS = 1 << 24
+"""The largest image that a decoder allocates for, unless told otherwise."""
+
+SMALL = 19
+"""From this compression level on, images are packed by the arithmetic coder (zstd packing below)."""
+
+LAYOUT = """\
+enliven depth image, version 1 (little endian; lossless; every image stands on its own)
+
+offset size
+ 0     1    version = 1
+ 1     1    packing: 0 = zstd, 1 = arithmetic coder
+ 2     2    width W
+ 4     2    height H
+ 6     4    L, the number of levels (different non-zero values); 0 = no table, the level of v is v
+10     4    CRC-32 (zlib) of bytes 0..9 followed by the packed bytes
+14     ...  packed bytes
+
+Value 0 (nothing measured) is level 0, the ascending levels are 1..P (P = L, or 65535 where L = 0).
+The level v of a pixel is predicted from its neighbours' w (left), n (above), nw, ne (0 outside the image):
+ p = w, n, nw all known: the median of w, n, w + n - nw (LOCO-I);  w, n known: (w + n) // 2;
+     else the first known of w, n, ne; else the last known level in reading order; else (P + 1) // 2.
+Where v > 0, r = v - p is brought into -((P - 1) // 2) .. P // 2 by adding or subtracting P.
+
+Packing 0: one zstd frame that states its content size. Its content:
+ table      L differences between ascending levels (the first from 0), uint16: all low bytes, then all high.
+ residuals  of all pixels, row by row: W*H low bytes, then, where L = 0 or L > 255, W*H high bytes of
+            s = 0 where v = 0;  s = 2r where r > 0;  s = 1 - 2r elsewhere.
+
+Packing 1: yes-no answers in one arithmetic code; ww is left of w, nn above n.
+ table      for each of the L differences d (as above; before the first, d' = 1): the residual d - d', d' the
+            difference before, with the surroundings 7500 + c, c = min(3, |residual before|), 0 for the first.
+ pixels     row by row: "v = 0?" with the odds of (w, n, nw, ne, ww, nn known?, as bits 0..5); if not, the
+            residual r with the surroundings (((e*5 + f(n-p))*5 + f(w-p))*5 + f(ne-p))*5 + f(ww-w), where
+            f(x) = 2 + x kept within -2..2, and e = the bit length, at most 11, of
+            E(left) + E(above) + (E(above left) + E(above right)) // 2, with E = min(|r|, 2000), 0 for holes.
+ residual   "zero?", "negative?", then "|r| = m?" for m = 1..12, each with odds of its own in these
+            surroundings; else |r| - 12 in bits: "no bit after this one?" with 17 odds shared by all
+            residuals, one for each place from the second bit on, then the bits below the highest from high
+            to low, at even odds.
+ odds       of "yes", of 65536: 32768 at first; after the k-th answer (k from 0, at most 60) moved by
+            ((65535*answer - odds) * round(65536 / (k + 1.6))) >> 16, and kept within 32..65503.
+ code       low = 0, high = 2^32 - 1; with width = high - low, middle = low + (width >> 16) * odds
+            + ((width & 65535) * odds >> 16); yes: high = middle, no: low = middle + 1; while the top bytes
+            of both agree that byte is written and both move up by 8 bits (low gains 0, high 255).
+            At the end the top byte of low, plus 1, is written; zeros follow.
+"""
+
+_HEADER = struct.Struct("<BBHHI")
+_CHECK = struct.Struct("<I")
+_START = _HEADER.size + _CHECK.size
+_ZSTD, _ARITHMETIC = 0, 1
+
+
+def encode_depth(depth: UInt16, level: int = 1) -> bytes:
+    """The payload of one image.
+
+    Args:
+        depth: (H, W) uint16, any values; 0 where nothing is known.
+        level: 1 (live) to 18: the zstd level; 19 to 22 (archives): the arithmetic coder.
+
+    Raises:
+        InputError: for another type or shape, an empty image, or one above :data:`MAX_PIXELS`.
+    """
+    height, width = _checked_shape(depth)
+    depth = np.require(depth, requirements=["C", "W", "A"])
+    levels, ranks = _levels(depth)
+    packed = _pack_small(depth, levels, ranks) if level >= SMALL else None
+    packing = _ZSTD if packed is None else _ARITHMETIC
+    if packed is None:
+        packed = _pack_fast(depth, levels, ranks, level)
+    header = _HEADER.pack(1, packing, width, height, len(levels))
+    return header + _CHECK.pack(zlib.crc32(packed, zlib.crc32(header))) + packed
+
+
+def decode_depth(payload: bytes, *, max_pixels: int = MAX_PIXELS) -> UInt16:
+    """(H, W) uint16, exactly the image that :func:`encode_depth` was given.
+
+    Raises:
+        InputError: for a payload that is damaged, of a later version, or larger than ``max_pixels``.
+    """
+    packing, width, height, levels = _checked_header(payload, max_pixels)
+    packed = payload[_START:]
+    depth = np.empty((height, width), np.uint16)
+    if packing == _ARITHMETIC:
+        values = np.zeros(levels + 1, np.uint16) if levels else np.arange(65536, dtype=np.uint16)
+        whole = unpack_levels(np.frombuffer(bytearray(packed), np.uint8), values, levels > 0, depth)
+    else:
+        values, residuals = _unpack_fast(packed, width, height, levels)
+        whole = restore_image(residuals, values, len(values) - 1, depth)
+    if not whole:
+        raise _damaged("a level is outside the table of levels")
+    return depth
+
+
+def _pack_fast(depth: UInt16, levels: UInt16, ranks: UInt16, level: int) -> bytes:
+    """Packing 0."""
+    planes = predict_image(depth, ranks, len(levels) or 65535)
+    content = _table_bytes(levels) + planes.tobytes()
+    return zstandard.ZstdCompressor(level=level).compress(content)
+
+
+def _pack_small(depth: UInt16, levels: UInt16, ranks: UInt16) -> bytes | None:
+    """Packing 1, or None where noise would make it larger than the image."""
+    values = np.concatenate([[0], levels]).astype(np.uint16) if len(levels) else ranks
+    out = np.empty(depth.nbytes + 64, np.uint8)
+    used = pack_levels(depth, ranks, values, len(levels) > 0, out)
+    return out[:used].tobytes() if used >= 0 else None
+
+
+def _unpack_fast(packed: bytes, width: int, height: int, levels: int) -> tuple[UInt16, UInt8]:
+    """The values of the levels, and (1 or 2, H, W) residuals of packing 0."""
+    planes = 1 if 0 < levels <= 255 else 2
+    content = _unpacked(packed, 2 * levels + planes * width * height)
+    return _values(content[: 2 * levels], levels), content[2 * levels :].reshape(planes, height, width)
+
+
+def _checked_shape(depth: UInt16) -> tuple[int, int]:
+    if depth.dtype != np.uint16 or depth.ndim != 2:
+        raise InputError(f"the image is {depth.dtype} {depth.shape}, expected (H, W) uint16", where="depth")
+    if not depth.size or depth.size > MAX_PIXELS or max(depth.shape) > 65535:
+        raise InputError(f"the image is {depth.shape}, expected 1 to {MAX_PIXELS} pixels", where="depth")
+    return depth.shape[0], depth.shape[1]
+
+
+def _levels(depth: UInt16) -> tuple[UInt16, UInt16]:
+    """(L,) the table of levels (empty where it does not pay), and (65536,) the level of each value."""
+    seen = mark_levels(depth)
+    levels = np.flatnonzero(seen).astype(np.uint16)
+    if not levels.size or 2 * levels.size > int(levels[-1]) - int(levels[0]) + 1:
+        return np.empty(0, np.uint16), np.arange(65536, dtype=np.uint16)
+    ranks = np.zeros(65536, np.uint16)
+    ranks[levels] = np.arange(1, levels.size + 1, dtype=np.uint16)
+    return levels, ranks
+
+
+def _table_bytes(levels: UInt16) -> bytes:
+    steps = np.diff(levels, prepend=np.uint16(0)).astype("<u2")
+    return steps.view(np.uint8).reshape(-1, 2).T.tobytes()
+
+
+def _checked_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int]:
+    """Packing, width, height and number of levels of a payload whose checksum is right."""
+    if len(payload) < _START:
+        raise _damaged(f"it is {len(payload)} bytes long")
+    version, packing, width, height, levels = _HEADER.unpack_from(payload)
+    if version != 1 or packing not in (_ZSTD, _ARITHMETIC):
+        raise InputError(
+            f"the encoding is version {version}, packing {packing}, which is not known here",
+            where="depth payload",
+            mend="Update enliven, or record again.",
+        )
+    (check,) = _CHECK.unpack_from(payload, _HEADER.size)
+    if zlib.crc32(memoryview(payload)[_START:], zlib.crc32(payload[: _HEADER.size])) != check:
+        raise _damaged("its checksum is wrong")
+    if not 0 < width * height <= max_pixels or levels > 65535:
+        raise _damaged(f"it states {width}x{height} pixels and {levels} levels")
+    return packing, width, height, levels
+
+
+def _unpacked(packed: bytes, size: int) -> UInt8:
+    """(size,) the content of a zstd frame that must state exactly this size."""
+    try:
+        stated = zstandard.frame_content_size(packed)
+        if stated != size:
+            raise _damaged(f"its content has {stated} bytes where {size} belong")
+        content = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+    except zstandard.ZstdError as error:
+        raise _damaged(str(error)) from None
+    if len(content) != size:
+        raise _damaged(f"its content has {len(content)} bytes where {size} belong")
+    return np.frombuffer(content, np.uint8)
+
+
+def _values(table: UInt8, levels: int) -> UInt16:
+    """(P + 1,) the millimetres of each level."""
+    if not levels:
+        return np.arange(65536, dtype=np.uint16)
+    steps = table.reshape(2, -1).T.copy().view("<u2").ravel().astype(np.int64)
+    values = np.concatenate([[0], np.cumsum(steps)])
+    if steps.min() < 1 or values[-1] > 65535:
+        raise _damaged("its table of levels does not ascend")
+    return values.astype(np.uint16)
+
+
+def _damaged(what: str) -> InputError:
+    return InputError(
+        f"the depth image is damaged: {what}",
+        where="depth payload",
+        mend="Record or import it again; the other frames can still be read.",
+    )

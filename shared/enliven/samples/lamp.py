@@ -1,0 +1,221 @@
+"""A desk lamp as large as a person: a base, two arms with springs, a shade; each is a closed shell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int32
+from enliven.meshes.mesh import Mesh
+
+_CREAM, _STEEL, _DARK = (233, 226, 208), (158, 164, 170), (74, 78, 86)
+_INSIDE, _BULB = (250, 236, 200), (255, 221, 130)
+_FOOT, _ELBOW, _HEAD = (
+    np.array([-0.11, 0.44, 0.0]),
+    np.array([-0.17, 1.40, 0.0]),
+    np.array([-0.80, 1.51, 0.0]),
+)
+"""Metres: where the lower arm stands on the post, where both arms meet, where the shade hangs."""
+_LOOKS = np.array([-0.8, -0.6, 0.0])
+"""Unit direction in which the shade opens."""
+_PIN = np.array([0.0, 0.0, 1.0])
+"""Along the pins about which everything turns."""
+_HOOKED = 0.48
+"""Where along an arm its springs end."""
+
+
+@dataclass(frozen=True)
+class _Shell:
+    """One closed surface.
+
+    Attributes:
+        vertices: (V, 3) metres.
+        faces: (F, 3) outward.
+        colours: (V, 3) sRGB.
+    """
+
+    vertices: Float
+    faces: Int32
+    colours: Float
+
+
+def make_lamp(cell: float = 0.016) -> Mesh:
+    """A sprung lamp 1.7 m tall that a standing person can possess with "hip and right arm".
+
+    It stands on y = 0 and reaches to the right. A person who stands at the origin facing +Z, with the right
+    arm held out to the side, has the hip beside the lower arm, the shoulder at the lamp's elbow at 1.4 m, the
+    arm in the upper arm and the hand at the shade. Eighteen closed shells, each running into its neighbours;
+    the vertices have colours.
+
+    Args:
+        cell: metres, about the longest edge.
+    """
+    shells = [
+        _base(cell),
+        *_arm(_FOOT, _ELBOW, cell),
+        *_arm(_ELBOW, _HEAD, cell),
+        *_joints(cell),
+        *_top(cell),
+    ]
+    starts = np.cumsum([0, *(len(shell.vertices) for shell in shells)])
+    vertices = np.concatenate([shell.vertices for shell in shells])
+    faces = np.concatenate([s.faces + start for s, start in zip(shells, starts, strict=False)])
+    colours = np.concatenate([shell.colours for shell in shells]).astype(np.uint8)
+    vertices[:, 1] -= vertices[:, 1].min()
+    return Mesh(vertices, faces.astype(np.int32), "lamp", colours)
+
+
+def _base(cell: float) -> _Shell:
+    """A heavy foot that runs up into a post."""
+    profile = [(0.0, 0.0), (0.228, 0.0), (0.242, 0.010), (0.244, 0.024), (0.226, 0.036), (0.150, 0.052)]
+    profile += [
+        (0.078, 0.072),
+        (0.048, 0.100),
+        (0.036, 0.160),
+        (0.031, 0.400),
+        (0.036, 0.412),
+        (0.036, 0.436),
+    ]
+    profile += [(0.026, 0.448), (0.0, 0.450)]
+    at = np.array([_FOOT[0], 0.0, _FOOT[2]])
+    return _painted(_revolved(np.array(profile), at, np.array([0.0, 1.0, 0.0]), cell), _CREAM)
+
+
+def _arm(start: Float, end: Float, cell: float) -> list[_Shell]:
+    """Two parallel bars, a spring on either side near the arm's lower end, and the pin that holds both."""
+    along = (end - start) / np.linalg.norm(end - start)
+    apart = np.cross(_PIN, along)
+    bars = [_bar(start + s * 0.030 * apart, end + s * 0.030 * apart, cell) for s in (-1.0, 1.0)]
+    hook = start + (_HOOKED * (end - start)) + 0.030 * apart
+    pin = [(0.0, -0.050), (0.008, -0.048), (0.008, 0.048), (0.0, 0.050)]
+    held = _painted(_revolved(np.array(pin), hook, _PIN, cell), _DARK)
+    springs = (_spring(start, hook, s * 0.042 * _PIN) for s in (-1.0, 1.0))
+    return [*bars, held, *springs]
+
+
+def _bar(start: Float, end: Float, cell: float) -> _Shell:
+    """A round bar."""
+    return _painted(_tube(start, end, np.array([[0.0, 0.013], [1.0, 0.013]]), cell), _CREAM)
+
+
+def _spring(start: Float, end: Float, beside: Float) -> _Shell:
+    """A tension spring, its coils touching, between two hooks: one tube whose radius winds around it."""
+    length = float(np.linalg.norm(end - start))
+    pitch, around, coil = 0.016, 14, 0.020
+    rings = int(length / pitch * 5)
+    t = np.linspace(0.0, 1.0, rings)[:, None]
+    angle = np.arange(around) / around * 2 * np.pi
+    inside = np.clip(np.minimum(t - 0.14, 0.86 - t) / 0.02, 0.0, 1.0)
+    wound = coil - 0.0045 + 0.0045 * np.abs(np.cos(np.pi * t * length / pitch + 0.5 * angle)) ** 0.7
+    radius = 0.005 + inside * (wound - 0.005)
+    return _painted(_rings(start + beside, end + beside, t[:, 0], radius), _STEEL)
+
+
+def _joints(cell: float) -> list[_Shell]:
+    """The pins about which the arms turn, with plates beside the bars at the elbow."""
+    pin = [(0.0, -0.036), (0.030, -0.036), (0.036, -0.030), (0.036, 0.030), (0.030, 0.036), (0.0, 0.036)]
+    plate = [(0.0, -0.006), (0.058, -0.006), (0.062, 0.0), (0.058, 0.006), (0.0, 0.006)]
+    shells = [_painted(_revolved(np.array(pin), at, _PIN, cell), _DARK) for at in (_FOOT, _ELBOW, _HEAD)]
+    for side in (-0.024, 0.024):
+        shells.append(_painted(_revolved(np.array(plate), _ELBOW + side * _PIN, _PIN, cell), _CREAM))
+    return shells
+
+
+def _top(cell: float) -> list[_Shell]:
+    """The shade with its socket, open in front, and the bulb in it."""
+    outer = [(0.0, -0.052), (0.040, -0.052), (0.050, -0.042), (0.052, 0.060), (0.066, 0.086), (0.110, 0.130)]
+    outer += [(0.150, 0.190), (0.172, 0.262), (0.178, 0.300)]
+    inner = [(0.172, 0.300), (0.165, 0.262), (0.143, 0.194), (0.104, 0.138), (0.060, 0.096), (0.030, 0.090)]
+    outer, inner = _rounded(outer), [*_rounded(inner), (0.0, 0.090)]
+    shade = _revolved(np.array(outer + inner), _HEAD, _LOOKS, cell)
+    inside = _within(shade[0], np.array(inner))
+    painted = np.where(inside[:, None], _INSIDE, _CREAM).astype(np.float64)
+    bulb = [(0.0, 0.070), (0.020, 0.074), (0.024, 0.110), (0.044, 0.150), (0.052, 0.180), (0.044, 0.210)]
+    bulb += [(0.024, 0.228), (0.0, 0.232)]
+    light = _revolved(np.array(_rounded(bulb)), _HEAD, _LOOKS, cell)
+    return [_Shell(*shade, painted), _painted(light, _BULB)]
+
+
+def _rounded(profile: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """The profile with its corners cut twice (Chaikin); its ends stay."""
+    points = np.array(profile)
+    for _ in range(2):
+        cut = np.stack([0.75 * points[:-1] + 0.25 * points[1:], 0.25 * points[:-1] + 0.75 * points[1:]], 1)
+        points = np.concatenate([points[:1], cut.reshape(-1, 2)[1:-1], points[-1:]])
+    return [(float(r), float(h)) for r, h in points]
+
+
+def _within(vertices: Float, inner: Float) -> Bool:
+    """(V,) whether a point of the shade lies on its inner side."""
+    along = (vertices - _HEAD) @ _LOOKS
+    radius = np.linalg.norm(vertices - _HEAD - along[:, None] * _LOOKS, axis=1)
+    middle = np.interp(along, inner[::-1, 1], inner[::-1, 0] + 0.003, left=-1.0, right=-1.0)
+    return np.asarray((radius < middle) & (along > inner[-1, 1] - 1e-6))
+
+
+def _painted(surface: tuple[Float, Int32], colour: tuple[int, int, int]) -> _Shell:
+    vertices, faces = surface
+    return _Shell(vertices, faces, np.broadcast_to(np.array(colour, np.float64), vertices.shape))
+
+
+def _revolved(profile: Float, at: Float, axis: Float, cell: float) -> tuple[Float, Int32]:
+    """A closed surface of revolution.
+
+    Args:
+        profile: (P, 2) radius and height along ``axis``; from the axis to the axis, outside on its right.
+        at: (3,) where the height is 0.
+    """
+    steps = np.linalg.norm(np.diff(profile, axis=0), axis=1)
+    counts = np.maximum(np.ceil(steps / cell).astype(int), 1)
+    points = [profile[:1]]
+    for k, count in enumerate(counts):
+        t = np.linspace(0.0, 1.0, count + 1)[1:, None]
+        points.append(profile[k] * (1 - t) + profile[k + 1] * t)
+    curve = np.concatenate(points)[1:-1]
+    around = max(12, int(np.ceil(2 * np.pi * profile[:, 0].max() / cell)))
+    radius = np.broadcast_to(curve[:, :1], (len(curve), around))
+    return _wrapped(at, axis, curve[:, 1], radius, float(profile[0, 1]), float(profile[-1, 1]))
+
+
+def _tube(start: Float, end: Float, radii: Float, cell: float) -> tuple[Float, Int32]:
+    """A round bar from ``start`` to ``end``; ``radii`` (R, 2) are fractions of the way and radii there."""
+    length = float(np.linalg.norm(end - start))
+    t = np.linspace(0.0, 1.0, max(2, int(np.ceil(length / cell)) + 1))
+    radius = np.broadcast_to(np.interp(t, *radii.T)[:, None], (len(t), 10))
+    return _rings(start, end, t, radius)
+
+
+def _rings(start: Float, end: Float, t: Float, radius: Float) -> tuple[Float, Int32]:
+    """A tube of rings at the fractions ``t`` (R,), with ``radius`` (R, K) at K angles."""
+    way, length = (end - start) / np.linalg.norm(end - start), float(np.linalg.norm(end - start))
+    cap = 0.3 * float(radius[0].min())
+    return _wrapped(start, way, t * length, radius, -cap, length + cap)
+
+
+def _wrapped(
+    at: Float, axis: Float, heights: Float, radius: Float, first: float, last: float
+) -> tuple[Float, Int32]:
+    """Rings about an axis, joined, and closed by a point at each end.
+
+    Args:
+        heights: (R,) of the rings along ``axis``; ``first`` and ``last`` are those of the end points.
+        radius: (R, K) metres.
+    """
+    rings, around = radius.shape
+    axis = axis / np.linalg.norm(axis)
+    u = np.cross(axis, _PIN if abs(axis @ _PIN) < 0.9 else np.array([1.0, 0.0, 0.0]))
+    u /= np.linalg.norm(u)
+    angle = np.arange(around) / around * 2 * np.pi
+    spoke = np.cos(angle)[:, None] * u + np.sin(angle)[:, None] * np.cross(axis, u)
+    body = at + heights[:, None, None] * axis + radius[..., None] * spoke
+    vertices = np.concatenate([body.reshape(-1, 3), [at + first * axis, at + last * axis]])
+    row, column = np.meshgrid(np.arange(rings - 1), np.arange(around), indexing="ij")
+    a, b = row * around + column, row * around + (column + 1) % around
+    c, d = a + around, b + around
+    k = np.arange(around)
+    low, high = np.full(around, rings * around), np.full(around, rings * around + 1)
+    top = (rings - 1) * around
+    faces = [np.stack(f, -1).reshape(-1, 3) for f in ((a, b, c), (b, d, c))]
+    faces += [np.stack([low, (k + 1) % around, k], -1), np.stack([high, top + k, top + (k + 1) % around], -1)]
+    return vertices, np.concatenate(faces).astype(np.int32)

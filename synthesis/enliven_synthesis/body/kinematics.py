@@ -1,0 +1,258 @@
+"""A performer's forward kinematics, compiled: frames (3, 4) world_from_limb, one put after the other."""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+from dataclasses import fields
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+from enliven.arrays import Float
+from enliven.kernels import copy_row, copy_rows, njit
+from enliven.person.body import Joint
+from enliven.person.limbs import Limb
+from enliven_synthesis.body.posture import Arm, Foot, Posture
+
+STRAIGHTEST = 0.997
+"""The part of thigh + shank that a leg reaches at most: a knee is never quite locked."""
+FOLDED = 0.3
+"""The part of thigh + shank at which a leg is folded: no knee bends further."""
+_AHEAD = 0.35
+"""How much the pelvis says where a knee bends to, against the foot."""
+
+
+_PELVIS, _ABDOMEN, _CHEST, _SKULL = (int(limb) for limb in list(Limb)[:4])
+# Of two alike the left one's place; the right one's is the next.
+_UPPER_ARM, _FOREARM, _HAND, _THIGH, _SHANK, _FOOT = (int(limb) for limb in list(Limb)[4::2])
+_SPINE, _NECK, _HEAD = int(Joint.SPINE), int(Joint.SHOULDER_CENTER), int(Joint.HEAD)
+_SHOULDER, _HIP = int(Joint.SHOULDER_LEFT), int(Joint.HIP_LEFT)
+_SIDES_APART = int(Joint.HIP_RIGHT) - int(Joint.HIP_LEFT)
+
+
+class Lengths(NamedTuple):
+    """A performer's build in metres: offsets (3,), those of limbs as on the left, and lengths."""
+
+    spine: Float
+    neck_base: Float
+    head: Float
+    shoulder: Float
+    hip: Float
+    ball: Float
+    upper_arm: float
+    forearm: float
+    hand: float
+    thigh: float
+    shank: float
+    ankle_height: float
+    standing: float
+
+
+def _numbers(name: str, kind: type) -> Any:
+    """A named tuple of a dataclass's numbers."""
+    named: Any = namedtuple
+    return named(name, [f.name for f in fields(kind) if f.type == "float"])
+
+
+_Trunk, _Arm, _Foot = _numbers("_Trunk", Posture), _numbers("_Arm", Arm), _numbers("_Foot", Foot)
+_trunk_of, _arm_of, _foot_of = (attrgetter(*numbers._fields) for numbers in (_Trunk, _Arm, _Foot))
+
+
+def numbers_of(posture: Posture) -> tuple[Any, Any, Any]:
+    """The trunk's, both arms' and both feet's numbers as kernels take them: by name, all of one type."""
+    trunk = _Trunk._make(map(float, _trunk_of(posture)))
+    arms = tuple(_Arm._make(map(float, _arm_of(arm))) for arm in (posture.left_arm, posture.right_arm))
+    feet = tuple(_Foot._make(map(float, _foot_of(foot))) for foot in (posture.left_foot, posture.right_foot))
+    return trunk, arms, feet
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def put(build: Any, trunk: Any, arms: Any, feet: Any, joints: Float, frames: Float) -> None:
+    """Fills the joints (20, 3) and the frames (16, 3, 4) of a posture.
+
+    Args:
+        build: :class:`Lengths`.
+        trunk, arms, feet: what :func:`numbers_of` gives.
+    """
+    for side in range(2):
+        _put_foot(build, feet[side], frames[_FOOT + side])
+    pelvis = frames[_PELVIS]
+    _upright(pelvis)
+    pelvis[0, 3], pelvis[1, 3], pelvis[2, 3] = trunk.x, build.standing + trunk.rise, trunk.z
+    _bend(pelvis, trunk.yaw, trunk.pitch, trunk.roll, 1.0)
+    for side in range(2):
+        if feet[side].lift <= 0:
+            pelvis[1, 3] = min(pelvis[1, 3], _highest(build, pelvis, frames[_FOOT + side], 1.0 - 2.0 * side))
+    copy_row(joints[0], pelvis[:, 3])
+    _put_trunk(build, trunk, joints, frames)
+    for side in range(2):
+        _put_arm(build, arms[side], side, joints[_SHOULDER + _SIDES_APART * side :], frames)
+        _put_leg(build, feet[side], side, joints[_HIP + _SIDES_APART * side :], frames)
+
+
+@njit(cache=True, nogil=True)
+def _upright(frame: Float) -> None:
+    """The rotation that is none."""
+    for i in range(3):
+        for j in range(3):
+            frame[i, j] = 1.0 if i == j else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _turn(frame: Float, axis: int, angle: float) -> None:
+    """Turns a frame by ``angle`` radians about its own axis of that number."""
+    one, other = (axis + 1) % 3, (axis + 2) % 3
+    c, s = math.cos(angle), math.sin(angle)
+    for i in range(3):
+        a, b = frame[i, one], frame[i, other]
+        frame[i, one], frame[i, other] = c * a + s * b, c * b - s * a
+
+
+@njit(cache=True, nogil=True)
+def _bend(frame: Float, yaw: float, pitch: float, roll: float, share: float) -> None:
+    """A share of a turn to the own left, a bend forward and a lean to the own left."""
+    _turn(frame, 1, share * yaw)
+    _turn(frame, 0, share * pitch)
+    _turn(frame, 2, -share * roll)
+
+
+@njit(cache=True, nogil=True)
+def _shift(point: Float, frame: Float, x: float, y: float, z: float) -> None:
+    """Adds to a point (3,) an offset that is given in a frame."""
+    for i in range(3):
+        point[i] += frame[i, 0] * x + frame[i, 1] * y + frame[i, 2] * z
+
+
+@njit(cache=True, nogil=True)
+def _put_foot(build: Any, foot: Any, frame: Float) -> None:
+    """Where a foot's ankle wants to be, and how the foot is turned; the pitch is about its ball."""
+    _upright(frame)
+    frame[0, 3], frame[1, 3], frame[2, 3] = foot.x, build.ankle_height + foot.lift, foot.z
+    _turn(frame, 1, foot.yaw)
+    _shift(frame[:, 3], frame, build.ball[0], build.ball[1], build.ball[2])
+    _turn(frame, 0, -foot.pitch)
+    _shift(frame[:, 3], frame, -build.ball[0], -build.ball[1], -build.ball[2])
+
+
+@njit(cache=True, nogil=True)
+def _highest(build: Any, pelvis: Float, foot: Float, sign: float) -> float:
+    """Metres at which the pelvis is when the leg to a planted foot is stretched."""
+    x, y, z = sign * build.hip[0], build.hip[1], build.hip[2]
+    up = pelvis[1, 0] * x + pelvis[1, 1] * y + pelvis[1, 2] * z
+    aside = pelvis[0, 3] + (pelvis[0, 0] * x + pelvis[0, 1] * y + pelvis[0, 2] * z) - foot[0, 3]
+    along = pelvis[2, 3] + (pelvis[2, 0] * x + pelvis[2, 1] * y + pelvis[2, 2] * z) - foot[2, 3]
+    reach = STRAIGHTEST * (build.thigh + build.shank)
+    return foot[1, 3] - up + math.sqrt(max(reach * reach - (aside * aside + along * along), 0.0))
+
+
+@njit(cache=True, nogil=True)
+def _put_trunk(build: Any, trunk: Any, joints: Float, frames: Float) -> None:
+    """Pelvis to head: a third of the spine's bend below the spine joint, the rest above it."""
+    abdomen, chest, skull = frames[_ABDOMEN], frames[_CHEST], frames[_SKULL]
+    copy_rows(abdomen, frames[_PELVIS])
+    _bend(abdomen, trunk.spine_yaw, trunk.spine_pitch, trunk.spine_roll, 1.0 / 3.0)
+    _shift(abdomen[:, 3], abdomen, build.spine[0], build.spine[1], build.spine[2])
+    copy_rows(chest, abdomen)
+    _bend(chest, trunk.spine_yaw, trunk.spine_pitch, trunk.spine_roll, 2.0 / 3.0)
+    _shift(chest[:, 3], chest, build.neck_base[0], build.neck_base[1], build.neck_base[2])
+    copy_rows(skull, chest)
+    _bend(skull, trunk.head_yaw, trunk.head_pitch, trunk.head_roll, 1.0 / 3.0)
+    _shift(skull[:, 3], skull, build.head[0], build.head[1], build.head[2])
+    copy_rows(skull[:, :3], chest[:, :3])
+    _bend(skull, trunk.head_yaw, trunk.head_pitch, trunk.head_roll, 1.0)
+    copy_row(joints[_SPINE], abdomen[:, 3])
+    copy_row(joints[_NECK], chest[:, 3])
+    copy_row(joints[_HEAD], skull[:, 3])
+
+
+@njit(cache=True, nogil=True)
+def _put_arm(build: Any, arm: Any, side: int, joints: Float, frames: Float) -> None:
+    """Shoulder to hand; ``side`` 0 is the left, 1 the right, and ``joints`` begin at its shoulder."""
+    sign, chest = 1.0 - 2.0 * side, frames[_CHEST]
+    upper, fore, palm = frames[_UPPER_ARM + side], frames[_FOREARM + side], frames[_HAND + side]
+    copy_rows(upper, chest)
+    _turn(upper, 2, sign * arm.shrug)
+    _shift(upper[:, 3], upper, sign * build.shoulder[0], build.shoulder[1], build.shoulder[2])
+    copy_rows(upper[:, :3], chest[:, :3])
+    _turn(upper, 2, sign * arm.abduct)
+    _turn(upper, 0, -arm.flex)
+    _turn(upper, 1, -sign * arm.twist)
+    copy_rows(fore, upper)
+    _shift(fore[:, 3], upper, 0.0, -build.upper_arm, 0.0)
+    _turn(fore, 0, -arm.elbow)
+    copy_rows(palm, fore)
+    _shift(palm[:, 3], fore, 0.0, -build.forearm, 0.0)
+    _turn(palm, 1, -sign * arm.pronate)
+    _turn(palm, 2, -sign * arm.wrist)
+    copy_row(joints[0], upper[:, 3])
+    copy_row(joints[1], fore[:, 3])
+    copy_row(joints[2], palm[:, 3])
+    copy_row(joints[3], palm[:, 3])
+    _shift(joints[3], palm, 0.0, -build.hand, 0.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _put_leg(build: Any, foot: Any, side: int, joints: Float, frames: Float) -> None:
+    """Hip to foot; the knee bends in the plane of the foot and its splay. ``joints`` begin at the hip."""
+    sign, pelvis, sole = 1.0 - 2.0 * side, frames[_PELVIS], frames[_FOOT + side]
+    hip, knee, ankle = joints[0], joints[1], joints[2]
+    copy_row(hip, pelvis[:, 3])
+    _shift(hip, pelvis, sign * build.hip[0], build.hip[1], build.hip[2])
+    shank = frames[_SHANK + side]
+    along, forward = shank[:, 0], shank[:, 1]
+    reach = STRAIGHTEST * (build.thigh + build.shank)
+    apart = _direction(sole[:, 3], hip, along)
+    distance = min(max(apart, FOLDED * reach), reach)
+    heading = foot.yaw + sign * foot.splay
+    copy_row(forward, pelvis[:, 2])
+    forward[0], forward[1] = _AHEAD * forward[0] + math.sin(heading), _AHEAD * forward[1]
+    forward[2] = _AHEAD * forward[2] + math.cos(heading)
+    _clear_of(forward, along)
+    reach_along = (distance**2 + build.thigh**2 - build.shank**2) / (2.0 * distance)
+    bow = math.sqrt(max(build.thigh**2 - reach_along**2, 0.0))
+    for i in range(3):
+        knee[i] = hip[i] + reach_along * along[i] + bow * forward[i]
+        ankle[i] = hip[i] + distance * along[i]
+    copy_row(sole[:, 3], ankle)
+    copy_row(joints[3], ankle)
+    _shift(joints[3], sole, build.ball[0], build.ball[1], build.ball[2])
+    _put_bone(hip, knee, forward, frames[_THIGH + side])
+    _put_bone(knee, ankle, forward, shank)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _direction(to: Float, start: Float, out: Float) -> float:
+    """The unit vector (3,) from one point to another, down where they are one, and how far it is."""
+    x, y, z = to[0] - start[0], to[1] - start[1], to[2] - start[2]
+    apart = math.sqrt(x * x + y * y + z * z)
+    out[0], out[1], out[2] = 0.0, -1.0, 0.0
+    if apart > 1e-6:
+        out[0], out[1], out[2] = x / apart, y / apart, z / apart
+    return apart
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _clear_of(vector: Float, unit: Float) -> None:
+    """Makes a vector (3,) perpendicular to a unit vector (3,), and of length 1."""
+    shared = vector[0] * unit[0] + vector[1] * unit[1] + vector[2] * unit[2]
+    for i in range(3):
+        vector[i] -= shared * unit[i]
+    length = math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+    for i in range(3):
+        vector[i] /= length
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _put_bone(top: Float, end: Float, forward: Float, frame: Float) -> None:
+    """A frame at ``top`` with +Y away from ``end`` and +Z as near to ``forward`` as that allows.
+
+    ``forward`` may be the frame's own second column.
+    """
+    x, y, z = frame[:, 0], frame[:, 1], frame[:, 2]
+    copy_row(z, forward)
+    _direction(top, end, y)
+    _clear_of(z, y)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        x[i] = y[j] * z[k] - y[k] * z[j]
+    copy_row(frame[:, 3], top)

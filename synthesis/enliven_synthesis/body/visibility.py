@@ -1,0 +1,60 @@
+"""Which joints a depth camera can see: those with nothing before them but their own flesh."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int32
+from enliven.camera import Intrinsics, project
+from enliven_synthesis.body.performer import Performer
+
+THICKNESS = np.array(
+    [
+        0.17, 0.17, 0.15, 0.14,  # hip centre, spine, shoulder centre, head
+        0.105, 0.075, 0.065, 0.065,  # shoulder, elbow, wrist, hand
+        0.105, 0.075, 0.065, 0.065,
+        0.15, 0.095, 0.085, 0.075,  # hip, knee, ankle, foot
+        0.15, 0.095, 0.085, 0.075,
+    ]
+)  # fmt: skip
+"""(20,) metres of an average build's own flesh and clothes before each joint, at most."""
+_AROUND = 0.03
+"""Metres around a joint of which the larger part must be seen."""
+_ENOUGH = 0.5
+
+
+def seen_joints(
+    joints: Float,
+    performer: Performer,
+    number: int,
+    depth: Float,
+    owner: Int32,
+    intrinsics: Intrinsics,
+    camera_from_world: Float,
+    reach: tuple[float, float],
+) -> Bool:
+    """(20,) whether each joint is in the image, in range, and behind nothing but its own flesh.
+
+    Args:
+        joints: (20, 3) metres, world.
+        number: whose they are, as in ``owner``.
+        depth: (H, W) metres, without noise.
+        owner: (H, W) the number of the person whom a pixel shows; -1 the room.
+        reach: metres along the optical axis between which the sensor measures.
+    """
+    camera = joints @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
+    thick = THICKNESS * performer.scale * max(1.0, performer.proportions.girth)
+    seen = np.zeros(len(joints), bool)
+    for j, point in enumerate(camera):
+        if not reach[0] <= point[2] <= reach[1]:
+            continue
+        u, v = project(point, intrinsics)
+        radius = max(_AROUND * intrinsics.fx / point[2], 1.0)
+        if not (0 <= u < intrinsics.width and 0 <= v < intrinsics.height):
+            continue
+        rows = slice(max(int(v - radius + 0.5), 0), int(v + radius + 0.5) + 1)
+        columns = slice(max(int(u - radius + 0.5), 0), int(u + radius + 0.5) + 1)
+        own = owner[rows, columns] == number
+        behind_flesh = own & (depth[rows, columns] > point[2] - thick[j])
+        seen[j] = behind_flesh.mean() >= _ENOUGH
+    return seen

@@ -1,0 +1,288 @@
+"""What is hard to track, made to measure: arms overhead, crouching, kneeling, turning, hands to the floor.
+
+Each exercise takes a seed. Seed 0 is as written; any other one varies the angles, the depth of the bends and
+the tempo, so that a tracker can be tuned on some and measured on others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import is_dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from enliven.errors import InputError
+from enliven_synthesis.body.posture import Arm, Foot, Posture
+from enliven_synthesis.motion.dance import HOME_Z, Choreography
+from enliven_synthesis.motion.footwork import Footwork
+from enliven_synthesis.motion.tracks import Step, ease
+
+T = TypeVar("T")
+_HANGING = Arm(flex=0.03, abduct=0.13, twist=0.25, elbow=0.22, wrist=0.1)
+_OUT = Arm(flex=0.0, abduct=1.50, twist=0.0, elbow=0.10)
+_FORWARD = Arm(flex=1.50, abduct=0.05, elbow=0.12)
+_UP = Arm(flex=2.95, abduct=0.10, elbow=0.12, shrug=0.30)
+_ON_HIP = Arm(flex=-0.35, abduct=0.75, twist=0.9, elbow=1.75, wrist=0.3)
+_FOLDED = Arm(flex=0.45, abduct=0.12, twist=1.10, elbow=1.75)
+_AT_FACE = Arm(flex=1.05, abduct=0.15, twist=0.6, elbow=2.25)
+_BEHIND_HEAD = Arm(flex=2.0, abduct=0.75, twist=0.3, elbow=2.35, shrug=0.25)
+_DOWN = Arm(flex=1.75, abduct=0.08, elbow=0.10)
+
+
+def _home(**changes: Any) -> Posture:
+    """Standing relaxed, changed as told."""
+    values: dict[str, Any] = {"left_arm": _HANGING, "right_arm": _HANGING, "z": HOME_Z, "pitch": 0.02}
+    values |= {"left_foot": Foot(0.13, HOME_Z, yaw=0.12), "right_foot": Foot(-0.13, HOME_Z, yaw=-0.12)}
+    return Posture(**(values | {"spine_pitch": 0.04} | changes))
+
+
+class _Dice:
+    """Small changes of what is written down; none at seed 0."""
+
+    def __init__(self, seed: int) -> None:
+        self._random = np.random.default_rng(seed) if seed else None
+
+    def near(self, value: float, spread: float) -> float:
+        return value if self._random is None else value + spread * float(self._random.uniform(-1.0, 1.0))
+
+    def arm(self, arm: Arm) -> Arm:
+        return replace(
+            arm,
+            flex=self.near(arm.flex, 0.15),
+            abduct=max(self.near(arm.abduct, 0.15), 0.0),
+            twist=self.near(arm.twist, 0.25),
+            elbow=min(max(self.near(arm.elbow, 0.2), 0.02), 2.4),
+            pronate=self.near(arm.pronate, 0.5),
+        )
+
+    def posture(self, posture: Posture) -> Posture:
+        return replace(
+            posture,
+            left_arm=self.arm(posture.left_arm),
+            right_arm=self.arm(posture.right_arm),
+            spine_yaw=self.near(posture.spine_yaw, 0.12),
+            spine_pitch=self.near(posture.spine_pitch, 0.08),
+            spine_roll=self.near(posture.spine_roll, 0.08),
+            head_yaw=self.near(posture.head_yaw, 0.3),
+            head_pitch=self.near(posture.head_pitch, 0.12),
+        )
+
+
+def _keyed(name: str, dice: _Dice, *keys: tuple[float, Posture]) -> Choreography:
+    """Postures at times in seconds, eased from one to the next; the feet stay unless a key lifts them."""
+    tempo = dice.near(1.0, 0.2)
+    times = [tempo * time for time, _ in keys]
+    postures = [keys[0][1], *(dice.posture(p) for _, p in keys[1:-1]), keys[-1][1]]
+
+    def posture(time: float) -> Posture:
+        k = max(0, min(int(np.searchsorted(times, time, side="right")) - 1, len(times) - 2))
+        return _mixed(postures[k], postures[k + 1], ease((time - times[k]) / (times[k + 1] - times[k])))
+
+    def planted(side: int, time: float) -> bool:
+        made = posture(time)
+        return (made.left_foot, made.right_foot)[side].lift == 0.0
+
+    return Choreography(name, times[-1], posture, planted)
+
+
+def _mixed(a: T, b: T, part: float) -> T:
+    """Every number of two dataclasses of a kind, ``part`` of the way from one to the other."""
+    ours, theirs = vars(a), vars(b)
+    mixed = {
+        name: _mixed(value, theirs[name], part)
+        if is_dataclass(value)
+        else (1.0 - part) * value + part * theirs[name]
+        for name, value in ours.items()
+    }
+    return type(a)(**mixed)
+
+
+def _arms(left: Arm, right: Arm | None = None, **changes: Any) -> Posture:
+    return _home(left_arm=left, right_arm=right or left, **changes)
+
+
+def _still(dice: _Dice) -> Choreography:
+    home = _home()
+    breath = replace(home, spine_pitch=0.05, head_pitch=0.02, head_yaw=0.04)
+    steps = [(2.0 * n, home if n % 2 == 0 else breath) for n in range(5)]
+    return _keyed("still", dice, *steps)
+
+
+def _overhead(dice: _Dice) -> Choreography:
+    return _keyed(
+        "overhead", dice, (0.0, _home()), (0.8, _home()), (1.5, _arms(_OUT)), (1.8, _arms(_OUT)),
+        (2.5, _arms(_UP)), (3.2, _arms(_UP, spine_roll=0.2)), (3.9, _arms(_UP, spine_roll=-0.2)),
+        (4.7, _arms(_BEHIND_HEAD)), (5.2, _arms(_BEHIND_HEAD, spine_yaw=0.3)),
+        (5.9, _arms(_UP, _HANGING)), (6.8, _home()),
+    )  # fmt: skip
+
+
+def _crouch(dice: _Dice) -> Choreography:
+    low = dice.near(-0.42, 0.06)
+    deep = _arms(_FORWARD, rise=low, pitch=0.45, spine_pitch=0.35, head_pitch=-0.3)
+    held = _arms(replace(_DOWN, flex=0.9), rise=low - 0.05, pitch=0.55, spine_pitch=0.45, head_pitch=-0.2)
+    return _keyed(
+        "crouch", dice, (0.0, _home()), (0.8, _home()), (1.8, deep), (2.4, deep), (3.2, held), (3.8, held),
+        (4.8, _arms(_ON_HIP)), (5.5, _arms(_ON_HIP, rise=-0.25, pitch=0.2)), (6.4, _home()),
+    )  # fmt: skip
+
+
+def _kneel(dice: _Dice) -> Choreography:
+    back = Foot(-0.13, HOME_Z - 0.52, pitch=-1.1, yaw=-0.05)
+    going = Foot(-0.13, HOME_Z - 0.30, lift=0.06, pitch=-0.4)
+    front = Foot(0.13, HOME_Z + 0.10, yaw=0.1)
+    start = replace(_home(), left_foot=front)
+    down = replace(start, right_foot=back, rise=dice.near(-0.44, 0.02), z=HOME_Z - 0.24, pitch=0.08)
+    busy = replace(down, left_arm=_FORWARD, right_arm=_AT_FACE, spine_pitch=0.15, spine_yaw=0.2)
+    half = replace(start, right_foot=going, rise=-0.10, z=HOME_Z - 0.05)
+    return _keyed(
+        "kneel", dice, (0.0, start), (0.8, start), (1.3, half), (2.1, down), (2.8, down), (3.6, busy),
+        (4.4, replace(busy, spine_pitch=0.5)), (5.2, down), (6.0, half), (6.6, start),
+    )  # fmt: skip
+
+
+def _floor(dice: _Dice) -> Choreography:
+    bent = _arms(
+        _DOWN, rise=-0.12, z=HOME_Z - 0.10, pitch=1.05, spine_pitch=dice.near(0.85, 0.1), head_pitch=0.1
+    )
+    low = _arms(_DOWN, rise=-0.34, z=HOME_Z - 0.06, pitch=0.95, spine_pitch=0.70, head_pitch=-0.3)
+    aside = replace(low, left_arm=_OUT, spine_yaw=0.5)
+    return _keyed(
+        "floor", dice, (0.0, _home()), (0.6, _home()), (1.8, bent), (2.5, bent), (3.4, low), (4.0, low),
+        (4.8, aside), (5.3, aside), (6.8, _home()),
+    )  # fmt: skip
+
+
+def _one_leg(dice: _Dice) -> Choreography:
+    over: dict[str, Any] = {"x": -0.11, "roll": -0.04}
+    knee = _arms(_OUT, left_foot=Foot(0.10, HOME_Z + 0.10, lift=dice.near(0.42, 0.08), pitch=-0.5), **over)
+    kick = _arms(_ON_HIP, left_foot=Foot(0.12, HOME_Z + 0.55, lift=0.45, pitch=0.2), pitch=-0.1, **over)
+    side = _arms(_HANGING, left_foot=Foot(0.62, HOME_Z, lift=0.28, yaw=0.3), roll=-0.2, x=-0.12)
+    shift = _home(**over)
+    return _keyed(
+        "one leg", dice, (0.0, _home()), (0.6, shift), (1.3, knee), (2.2, knee), (2.9, kick), (3.4, kick),
+        (4.2, shift), (4.9, side), (5.4, side), (6.2, shift), (6.8, _home()),
+    )  # fmt: skip
+
+
+def _signals(dice: _Dice) -> Choreography:
+    stop = replace(_OUT, flex=0.5, elbow=1.5, pronate=0.4, twist=-1.2)
+    come = replace(_FORWARD, elbow=1.4)
+    return _keyed(
+        "signals", dice, (0.0, _home()), (0.6, _home()), (1.1, _arms(_OUT, _HANGING)),
+        (1.5, _arms(_OUT, stop)),
+        (2.0, _arms(_FORWARD, stop, spine_yaw=0.3)), (2.5, _arms(come, _OUT)), (2.9, _arms(_FORWARD, _OUT)),
+        (3.3, _arms(come, _OUT)), (3.8, _arms(stop, _FORWARD, spine_yaw=-0.4)), (4.3, _arms(_UP, _OUT)),
+        (4.8, _arms(_HANGING, come)), (5.2, _arms(_HANGING, _FORWARD)), (6.0, _home()),
+    )  # fmt: skip
+
+
+def _crossed(dice: _Dice) -> Choreography:
+    return _keyed(
+        "crossed", dice, (0.0, _home()), (0.6, _home()), (1.3, _arms(_FOLDED)), (2.1, _arms(_FOLDED)),
+        (2.8, _arms(_ON_HIP)), (3.4, _arms(_ON_HIP, spine_yaw=0.4)), (4.0, _arms(_AT_FACE, _ON_HIP)),
+        (4.6, _arms(_AT_FACE)), (5.2, _arms(_FORWARD, _FOLDED)), (6.2, _home()),
+    )  # fmt: skip
+
+
+def _turn(dice: _Dice) -> Choreography:
+    """All the way round on the spot, a sixth of a turn a step of both feet."""
+    beat = dice.near(0.55, 0.08)
+    steps = 12
+    duration = 1.0 + beat * (steps + 1) + 0.6
+
+    def heading(side: int, time: float) -> tuple[float, float]:
+        """Radians that a foot has turned, and how high it is."""
+        yaw = lift = 0.0
+        for n in range(side, steps + 1, 2):
+            span = 2 * math.pi / steps * (1 if n in (0, steps) else 2)
+            s = (time - 0.6 - n * beat) / (0.8 * beat)
+            yaw += span * ease(s)
+            lift += 0.05 * (4 * s * (1 - s)) ** 2 if 0.0 < s < 1.0 else 0.0
+        return yaw, lift
+
+    def posture(time: float) -> Posture:
+        feet, turned = [], []
+        for side, x in ((0, 0.12), (1, -0.12)):
+            yaw, lift = heading(side, time)
+            turned.append(yaw)
+            out = 0.12 * (1 - 2 * side)
+            feet.append(Foot(x * math.cos(yaw), HOME_Z - x * math.sin(yaw), lift, yaw + out))
+        yaw = (turned[0] + turned[1]) / 2
+        swing = 0.25 * math.sin(turned[0] - turned[1])
+        left, right = replace(_HANGING, flex=0.03 + swing), replace(_HANGING, flex=0.03 - swing)
+        return Posture(feet[0], feet[1], left, right, 0.0, HOME_Z, yaw=yaw, pitch=0.02, spine_pitch=0.04)
+
+    return Choreography("turn", duration, posture, lambda side, time: heading(side, time)[1] == 0.0)
+
+
+def _stroll(dice: _Dice) -> Choreography:
+    """Nine steps straight on, about three metres and a half."""
+    stride, beat = dice.near(0.42, 0.05), dice.near(0.52, 0.05)
+    steps = [Step(1, 0.4, 0.4 + 0.8 * beat, dz=stride, lift=0.07)]
+    for n in range(1, 8):
+        start = 0.4 + n * beat
+        steps.append(Step((n + 1) % 2, start, start + 0.8 * beat, dz=2 * stride, lift=0.07))
+    start = 0.4 + 8 * beat
+    steps.append(Step(1, start, start + 0.8 * beat, dz=stride, lift=0.07))
+    feet = Footwork(((0.09, HOME_Z, 0.1), (-0.09, HOME_Z, -0.1)), steps, carry=0.6)
+
+    def posture(time: float) -> Posture:
+        x, _ = feet.pelvis(time)
+        left, right = feet.foot(0, time), feet.foot(1, time)
+        apart = left.z - right.z
+
+        def arm(forward: float) -> Arm:
+            return replace(_HANGING, flex=0.03 + forward, elbow=0.28 + 0.6 * max(forward, 0.0))
+
+        return Posture(
+            left, right, arm(-0.7 * apart), arm(0.7 * apart), x, (left.z + right.z) / 2, yaw=-0.2 * apart,
+            roll=-0.04 * feet.favour(time), pitch=0.04, spine_yaw=0.4 * apart, spine_pitch=0.04,
+        )  # fmt: skip
+
+    return Choreography("stroll", start + beat + 0.3, posture, feet.planted)
+
+
+def _touch(dice: _Dice) -> Choreography:
+    """A hand is given to whoever stands at the own left."""
+    give = replace(_OUT, abduct=dice.near(1.2, 0.1), elbow=0.15)
+    return _keyed(
+        "touch", dice, (0.0, _home()), (1.2, _home()), (2.2, _arms(give, _HANGING, head_yaw=0.5)),
+        (3.4, _arms(give, _HANGING, head_yaw=0.5)), (4.2, _arms(give, _ON_HIP)), (5.4, _home()),
+    )  # fmt: skip
+
+
+_MAKERS: dict[str, Callable[[_Dice], Choreography]] = {
+    "still": _still,
+    "overhead": _overhead,
+    "crouch": _crouch,
+    "kneel": _kneel,
+    "floor": _floor,
+    "one leg": _one_leg,
+    "signals": _signals,
+    "crossed": _crossed,
+    "turn": _turn,
+    "stroll": _stroll,
+    "touch": _touch,
+}
+
+
+def exercise(name: str, seed: int = 0) -> Choreography:
+    """The exercise of that name, varied by ``seed``.
+
+    Raises:
+        InputError: for an unknown name, listing the known ones.
+    """
+    if name not in _MAKERS:
+        known = ", ".join(_MAKERS)
+        raise InputError(
+            f"there is no exercise {name!r}", where="synthetic performer", mend=f"Known: {known}."
+        )
+    return _MAKERS[name](_Dice(seed))
+
+
+def exercise_names() -> list[str]:
+    """The names that :func:`exercise` knows."""
+    return list(_MAKERS)

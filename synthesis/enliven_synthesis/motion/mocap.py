@@ -1,0 +1,107 @@
+"""A performer who moves as somebody was captured: every limb points where theirs did, in its own proportions.
+
+Bone directions turn the limbs; the plane in which an elbow or a knee bends turns them about their length, and
+where they are straight the trunk does. The soles are put on the floor where the captured ones were.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.formats.motion.capture import Capture
+from enliven.motion.takes.capture_limbs import (
+    level_direction,
+    limb_rotations,
+    smoothstep,
+)
+from enliven.motion.takes.capture_roles import Roles, find_roles
+from enliven.person.limbs import Limb
+from enliven.rotation import from_matrix, slerp, swing, to_matrix
+from enliven_synthesis.body.performer import Figure, Performer
+
+_FORWARD = np.array([0.0, 0.0, 1.0])
+_SETTLE = 0.06
+"""Seconds over which corrections of the height are smoothed."""
+
+
+class Captured:
+    """A motion capture danced by a performer; it begins at the world's origin, facing +Z.
+
+    Args:
+        performer: who dances it.
+        capture: what was captured.
+        start, stop: seconds of it; None for its end.
+
+    Attributes:
+        duration: seconds.
+
+    Raises:
+        InputError: where the capture has no hips, knees, elbows or head.
+    """
+
+    def __init__(
+        self, performer: Performer, capture: Capture, start: float = 0.0, stop: float | None = None
+    ) -> None:
+        roles = find_roles(capture)
+        rotations, standing = limb_rotations(capture, roles)
+        pelvis = _pelvis_path(performer, capture, roles, rotations, standing)
+        first = round(start / capture.seconds)
+        last = capture.frames if stop is None else min(round(stop / capture.seconds) + 1, capture.frames)
+        rotations, pelvis = rotations[first:last], pelvis[first:last]
+        facing = rotations[: max(1, round(0.3 / capture.seconds)), Limb.PELVIS, :, 2].mean(0)
+        level = to_matrix(swing(level_direction(facing), _FORWARD))
+        self._rotations = from_matrix(level @ rotations)
+        self._pelvis = (pelvis - pelvis[0] * [1.0, 0.0, 1.0]) @ level.T
+        self._performer, self._seconds = performer, capture.seconds
+        self.duration = (len(pelvis) - 1) * capture.seconds
+
+    def figure(self, time: float) -> Figure:
+        """The figure at a time in seconds; before the start and after the end it stands still."""
+        at = min(max(time / self._seconds, 0.0), len(self._pelvis) - 1.0)
+        before = min(int(at), max(len(self._pelvis) - 2, 0))
+        after, part = min(before + 1, len(self._pelvis) - 1), at - before
+        pelvis = (1.0 - part) * self._pelvis[before] + part * self._pelvis[after]
+        turned = slerp(self._rotations[before], self._rotations[after], np.full(16, part))
+        return self._performer.figure(to_matrix(turned), pelvis)
+
+
+def _pelvis_path(
+    performer: Performer, capture: Capture, roles: Roles, rotations: Float, standing: Bool
+) -> Float:
+    """(F, 3) metres: the performer's hip centre, scaled by the legs, the soles as high as the captured."""
+    p = capture.positions
+    hips, knees, ankles = (p[:, list(r)] for r in (roles.hips, roles.knees, roles.ankles))
+    leg = np.linalg.norm(hips - knees, axis=-1) + np.linalg.norm(knees - ankles, axis=-1)
+    scale = (performer.thigh + performer.shank) / float(np.median(leg))
+    own = performer.hip * [0.0, 1.0, 1.0]
+    pelvis = scale * hips.mean(1) - rotations[:, Limb.PELVIS] @ own
+    wanted = _clearance(scale * p[:, list(roles.toes)], scale * ankles, standing)
+    lowest = np.array(
+        [performer.soles(performer.figure(r, at)).min() for r, at in zip(rotations, pelvis, strict=True)]
+    )
+    pelvis[:, 1] += _smoothed(wanted - lowest, _SETTLE / capture.seconds)
+    return pelvis
+
+
+def _clearance(toes: Float, ankles: Float, standing: Bool) -> Float:
+    """(F,) metres from the floor to the lower foot; 0 where it is less than a few centimetres.
+
+    Args:
+        toes, ankles: (F, 2, 3) metres.
+        standing: (F, 2) where that foot stands: there it is on the floor.
+    """
+    heights = []
+    for side in (0, 1):
+        for part in (toes, ankles):
+            floor = np.median(part[standing[:, side], side, 1])
+            heights.append(part[:, side, 1] - floor)
+    low = np.maximum(np.min(heights, axis=0), 0.0)
+    return np.asarray(low * smoothstep(low, 0.03, 0.07))
+
+
+def _smoothed(values: Float, width: float) -> Float:
+    """(F,) means over a Gaussian of ``width`` frames."""
+    reach = max(1, round(3 * width))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(width, 1e-6)) ** 2)
+    return np.convolve(np.pad(values, reach, mode="edge"), kernel / kernel.sum(), mode="valid")

@@ -1,0 +1,112 @@
+"""Walking about: what a person does to let several sensors find each other, and what a visitor does anyway.
+
+The way is a closed curve with crossing strands, so that the floor is covered both ways and the walker is seen
+from every side; the arms swing, and rise now and then.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven_synthesis.body.posture import Arm, Foot, Posture
+from enliven_synthesis.motion.dance import HOME_Z, Choreography
+from enliven_synthesis.motion.tracks import ease
+
+_HALF = 0.56
+"""Part of a stride for which a foot stands."""
+_APART = 0.09
+"""Metres of a foot beside the way."""
+
+
+class Way:
+    """A walk along x = a sin(m u), z = b sin(n u), once round in ``duration`` seconds.
+
+    Args:
+        breadth, depth: metres between the outermost points.
+        waves: (m, n); (1, 2) is a figure of eight, (1, 1) and a quarter turn an ellipse, (1, 0) a line.
+        phase: radians that z is ahead of x.
+        pace: seconds a step.
+    """
+
+    def __init__(
+        self,
+        duration: float = 16.0,
+        breadth: float = 1.6,
+        depth: float = 1.2,
+        waves: tuple[int, int] = (1, 2),
+        phase: float = 0.0,
+        pace: float = 0.55,
+    ) -> None:
+        self.duration, self._waves, self._phase = duration, waves, phase
+        self._size = np.array([breadth, depth]) / 2
+        self._pace = duration / (2 * max(1, round(duration / pace / 2)))
+
+    def at(self, time: float) -> Float:
+        """(2,) x and z, metres, about the middle of the way."""
+        u = 2 * math.pi * time / self.duration
+        m, n = self._waves
+        return np.asarray(self._size * [math.sin(m * u), math.sin(n * u + self._phase)])
+
+    def yaw(self, time: float) -> float:
+        """Radians about +Y of the direction of walking; 0 is +Z."""
+        ahead = self.at(time + 0.12) - self.at(time - 0.12)
+        return math.atan2(ahead[0], ahead[1])
+
+    def posture(self, time: float) -> Posture:
+        """The walker at a time."""
+        x, z = self.at(time)
+        yaw = self.yaw(time)
+        left, right = self._foot(0, time), self._foot(1, time)
+        forward = np.array([math.sin(yaw), math.cos(yaw)])
+        stride = float(np.array([left.x - right.x, left.z - right.z]) @ forward)
+        raised = 0.5 - 0.5 * math.cos(2 * math.pi * 3 * time / self.duration)
+        return Posture(
+            left, right, _arm(-0.8 * stride, 0.0), _arm(0.8 * stride, raised), x, HOME_Z + z,
+            yaw=yaw, pitch=0.03, spine_yaw=0.4 * stride, spine_pitch=0.04, head_yaw=0.2 * raised,
+        )  # fmt: skip
+
+    def _foot(self, side: int, time: float) -> Foot:
+        """A foot that stands for one step and flies for the next; side 0 is the left."""
+        stride = 2 * self._pace
+        count, share = divmod(time / stride + 0.5 * side, 1.0)
+        middle = (count - 0.5 * side) * stride
+        start, stop = self._print(side, middle), self._print(side, middle + stride)
+        flown = ease((share - _HALF) / (1.0 - _HALF))
+        bump = 4.0 * flown * (1.0 - flown)
+        (x, z), yaw = start[0] + flown * (stop[0] - start[0]), start[1] + flown * _turned(start[1], stop[1])
+        return Foot(float(x), HOME_Z + float(z), 0.07 * bump, yaw, -0.25 * bump)
+
+    def stands(self, side: int, time: float) -> bool:
+        """Whether the left (0) or right (1) foot stands."""
+        return (time / (2 * self._pace) + 0.5 * side) % 1.0 < _HALF
+
+    def _print(self, side: int, time: float) -> tuple[Float, float]:
+        """Where a foot that lands before ``time`` stands, beside where the body is halfway through."""
+        at = time + 0.25 * 2 * self._pace
+        yaw = self.yaw(at)
+        aside = np.array([math.cos(yaw), -math.sin(yaw)]) * (_APART if side == 0 else -_APART)
+        return self.at(at) + aside, yaw
+
+
+def _turned(start: float, stop: float) -> float:
+    """The shorter turn from one direction to another, radians."""
+    return (stop - start + math.pi) % (2 * math.pi) - math.pi
+
+
+def _arm(swing: float, raised: float) -> Arm:
+    return Arm(
+        flex=0.03 + swing * (1 - raised) + 1.2 * raised,
+        abduct=0.14 + 0.3 * raised,
+        twist=0.2,
+        elbow=0.3 + 0.6 * max(swing, 0.0) + 0.8 * raised,
+        wrist=0.1,
+    )
+
+
+def wander(duration: float = 16.0, **way: float) -> Choreography:
+    """The choreography of a way; see :class:`Way`."""
+    walked = Way(duration, **way)  # type: ignore[arg-type]
+    return Choreography("wander", duration, walked.posture, walked.stands)

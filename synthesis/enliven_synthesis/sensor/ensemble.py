@@ -1,0 +1,182 @@
+"""Several performers and furniture before one sensor, with the truth of everything that it shows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int32
+from enliven.camera import world_from_level_camera
+from enliven.frames import DepthFrame
+from enliven.person.body import Body
+from enliven_edge.sensors.profile import SensorProfile
+from enliven_synthesis.body.body_sdf import Anatomy
+from enliven_synthesis.body.performer import Figure, Performer
+from enliven_synthesis.body.rotations import about_y, on_grid
+from enliven_synthesis.body.visibility import seen_joints
+from enliven_synthesis.motion.motion import Motion, placed
+from enliven_synthesis.sensor.noise import DepthNoise
+from enliven_synthesis.sensor.render import Renderer
+from enliven_synthesis.sensor.scene import ROOM, Box, cast_room
+
+_STANDS = 0.02
+"""Metres of the sole above the floor within which a foot stands,"""
+_STILL = 0.35
+"""and metres a second of its slowest part below which it does."""
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """One performer's part in a scene.
+
+    Attributes:
+        performer: the build.
+        motion: made for that performer.
+        place: (x, z) metres, world, where the motion begins.
+        yaw: radians about +Y; 0 begins by facing a camera that looks along -Z.
+        start: seconds after the scene's beginning at which the motion begins.
+        present: seconds between which the performer is in the room at all.
+    """
+
+    performer: Performer
+    motion: Motion
+    place: tuple[float, float] = (0.0, -2.7)
+    yaw: float = 0.0
+    start: float = 0.0
+    present: tuple[float, float] = (-math.inf, math.inf)
+
+    def figure(self, time: float) -> Figure | None:
+        """The figure at a time of the scene; None while the performer is not there."""
+        if not self.present[0] <= time < self.present[1]:
+            return None
+        return placed(self.motion.figure(time - self.start), self.place, self.yaw)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is truly before the sensor at one moment; P performers, those away included.
+
+    Attributes:
+        present: (P,) whether the performer is in the room.
+        joints: (P, 20, 3) metres, world; NaN for those who are away.
+        visible: (P, 20) in the image, in range, and hidden by nothing but their own flesh.
+        contacts: (P, 2) whether the left and the right foot stand on the floor.
+        owner: (H, W) int32 the performer that a pixel shows, -1 the room.
+    """
+
+    present: Bool
+    joints: Float
+    visible: Bool
+    contacts: Bool
+    owner: Int32
+
+    def bodies(self) -> list[Body]:
+        """Those who are there; the confidence is 1 for visible joints, 0 for hidden ones; ids from 1."""
+        return [
+            Body(int(p) + 1, self.joints[p], self.visible[p].astype(float))
+            for p in np.flatnonzero(self.present)
+        ]
+
+
+class Ensemble:
+    """Frames by number: the same scene and number always give the same frame and truth.
+
+    Args:
+        profile: the sensor.
+        cast: who performs.
+        height, tilt: metres of the sensor above the floor, degrees that it looks down.
+        room: the furniture.
+        rate: frames a second, None for the profile's.
+        roll: degrees the sensor is turned about its optical axis; 180 hangs upside down.
+        told: whether a frame says where the sensor stands.
+        place, yaw: (x, z) metres and degrees about +Y of the sensor, for a second one in the same room.
+    """
+
+    def __init__(
+        self,
+        profile: SensorProfile,
+        cast: tuple[Appearance, ...],
+        *,
+        height: float = 1.15,
+        tilt: float = 5.0,
+        roll: float = 0.0,
+        room: tuple[Box, ...] = ROOM,
+        rate: float | None = None,
+        seed: int = 0,
+        width: int | None = None,
+        noise: bool = True,
+        told: bool = True,
+        place: tuple[float, float] = (0.0, 0.0),
+        yaw: float = 0.0,
+    ) -> None:
+        self.profile, self.cast = profile, cast
+        self.rate = rate or profile.camera.fps
+        self.intrinsics = profile.intrinsics(width)
+        stand = np.eye(4)
+        stand[:3, :3], stand[:3, 3] = about_y(math.radians(yaw)), (place[0], 0.0, place[1])
+        self.world_from_camera = on_grid(
+            stand @ world_from_level_camera(height, math.radians(tilt), math.radians(roll))
+        )
+        self.camera_from_world: Float = np.asarray(np.linalg.inv(self.world_from_camera), np.float64)
+        self.sensor = f"synthetic {profile.name}"
+        self._told = told
+        self._anatomies = [Anatomy(a.performer) for a in cast]
+        self._renderer = Renderer(self.intrinsics)
+        self._noise = DepthNoise(profile, self.intrinsics, seed) if noise else None
+        self._room, self._room_material = cast_room(self.intrinsics, self.world_from_camera, room)
+
+    def time_ns(self, index: int) -> int:
+        """The sensor's time of a frame, integer nanoseconds."""
+        return round(index * 1_000_000_000 / self.rate)
+
+    def frame(self, index: int) -> tuple[DepthFrame, Truth]:
+        """What the sensor reports as its frame of that number, and what is true then."""
+        time = index / self.rate
+        figures = [a.figure(time) for a in self.cast]
+        depth, material = self._room.copy(), self._room_material.copy()
+        owner = np.full(depth.shape, -1, np.int32)
+        for number, (figure, anatomy) in enumerate(zip(figures, self._anatomies, strict=True)):
+            if figure is None:
+                continue
+            before = depth.copy()
+            self._renderer.draw(anatomy.place(figure, self.camera_from_world), depth, material)
+            owner[depth < before] = number
+        image = (
+            np.where(depth < 65.0, np.rint(np.minimum(depth, 65.0) * 1000.0), 0.0).astype(np.uint16)
+            if self._noise is None
+            else self._noise.corrupt(depth, material, index)
+        )
+        told = self.world_from_camera if self._told else None
+        frame = DepthFrame(image, self.intrinsics, self.time_ns(index), self.sensor, world_from_camera=told)
+        return frame, self._truth(time, figures, depth, owner)
+
+    def _truth(self, time: float, figures: list[Figure | None], depth: Float, owner: Int32) -> Truth:
+        count = len(figures)
+        joints, visible = np.full((count, 20, 3), np.nan), np.zeros((count, 20), bool)
+        contacts = np.zeros((count, 2), bool)
+        reach = (self.profile.range.near, self.profile.range.far)
+        for p, figure in enumerate(figures):
+            if figure is None:
+                continue
+            performer = self.cast[p].performer
+            joints[p] = figure.joints
+            visible[p] = seen_joints(
+                figure.joints, performer, p, depth, owner, self.intrinsics, self.camera_from_world, reach
+            )
+            contacts[p] = self._standing(p, figure, time)
+        return Truth(np.array([f is not None for f in figures], bool), joints, visible, contacts, owner)
+
+    def _standing(self, p: int, figure: Figure, time: float) -> Bool:
+        """(2,) whether each foot of performer ``p`` stands: a part of its sole on the floor, and at rest."""
+        performer, step = self.cast[p].performer, 1.0 / 120.0
+        soles = performer.soles(figure)
+        later = self.cast[p].figure(time + step)
+        if later is None:
+            return np.asarray(soles.min(1) < _STANDS)
+        ends = [14, 15], [18, 19]
+        speed = np.array(
+            [np.linalg.norm(later.joints[e] - figure.joints[e], axis=-1).min() / step for e in ends]
+        )
+        return np.asarray((soles.min(1) < _STANDS) & (speed < _STILL))

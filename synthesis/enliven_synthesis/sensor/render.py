@@ -1,0 +1,150 @@
+"""Depth of the performer's flesh over the depth of an empty room.
+
+Each 4 x 4 tile of the image keeps the few primitives that can touch it, and its rays march through those.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float, Int, UInt8
+from enliven.camera import Intrinsics, rays
+from enliven.kernels import njit
+from enliven_synthesis.body.body_sdf import BETWEEN, BLEND, PIECES, Flesh
+from enliven_synthesis.body.sphere_tracing import (
+    DEPTH,
+    END,
+    LANES,
+    LANES_SIZE,
+    LENGTH,
+    MET,
+    SIDE,
+    X,
+    Y,
+    march,
+)
+
+_BLEND = np.array(BLEND)
+_REACH = np.array([BLEND[piece.group] + 0.5 * BETWEEN for piece in PIECES])
+"""Metres around each primitive in which it can still pull the surface."""
+_NEAR = 0.15
+"""Metres: nothing nearer to the camera is drawn."""
+
+
+class Renderer:
+    """Draws figures into the depth image of one camera; keeps what depends on the camera only."""
+
+    def __init__(self, intrinsics: Intrinsics) -> None:
+        self.intrinsics = intrinsics
+        self.ray = rays(intrinsics)
+        self._tiles = self._tile_bounds()
+        edges = self._tiles[:, :, 2].max(1)
+        self._bands = np.stack([self._tiles[:, :, 1].min(1) - edges, self._tiles[:, :, 1].max(1) + edges], 1)
+        rows, columns = self._tiles.shape[:2]
+        self._lists = np.zeros((rows, columns, len(PIECES)), np.int64)
+        self._spans = np.zeros((rows, columns, 2))
+        self._counts = np.zeros((rows, columns), np.int64)
+
+    def _tile_bounds(self) -> Float:
+        """(R, C, 3) centre (x/z, y/z) and radius of every tile, in the plane at depth 1."""
+        height, width = self.ray.shape[:2]
+        # A tile over the rim repeats the last pixels, which changes neither its box nor its radius.
+        whole = np.pad(self.ray, ((0, -height % SIDE), (0, -width % SIDE), (0, 0)), mode="edge")
+        blocks = whole.reshape(len(whole) // SIDE, SIDE, -1, SIDE, 2)
+        centre = (blocks.min((1, 3), keepdims=True) + blocks.max((1, 3), keepdims=True)) / 2
+        apart = np.square(blocks - centre)
+        radius = np.sqrt((apart[..., 0] + apart[..., 1]).max((1, 3)))
+        return np.concatenate([centre[:, 0, :, 0], radius[..., None]], -1)
+
+    def draw(self, flesh: Flesh, depth: Float, material: UInt8) -> None:
+        """Draw over ``depth`` (H, W) metres (inf: nothing there) and ``material`` (H, W), in place."""
+        _sort_into_tiles(flesh.hull, _REACH, self._tiles, self._bands, self._lists, self._spans, self._counts)
+        _draw(
+            flesh.shape, flesh.kind, flesh.group, flesh.material, self._lists, self._spans, self._counts,
+            self.ray, _BLEND, BETWEEN, depth, material,
+        )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def _sort_into_tiles(
+    hull: Float, reach: Float, tiles: Float, bands: Float, lists: Int, spans: Float, counts: Int
+) -> None:
+    """The primitives that may show in each tile, and the depths (m) between which they all lie."""
+    counts[:] = 0
+    spans[:, :, 0], spans[:, :, 1] = np.inf, 0.0
+    for i in range(len(hull)):
+        radius = hull[i, 6] + reach[i]
+        last = max(hull[i, 2], hull[i, 5]) + radius
+        first = max(min(hull[i, 2], hull[i, 5]) - radius, _NEAR)
+        if last <= first:
+            continue
+        low = min(hull[i, 1], hull[i, 4]) - radius
+        high = max(hull[i, 1], hull[i, 4]) + radius
+        for r in range(tiles.shape[0]):
+            if low > max(bands[r, 1] * first, bands[r, 1] * last) or high < min(
+                bands[r, 0] * first, bands[r, 0] * last
+            ):
+                continue
+            for c in range(tiles.shape[1]):
+                span = radius / first + tiles[r, c, 2] * 1.0001
+                if _hull_distance(hull, i, tiles[r, c, 0], tiles[r, c, 1], span) > span:
+                    continue
+                lists[r, c, counts[r, c]] = i
+                counts[r, c] += 1
+                spans[r, c, 0] = min(spans[r, c, 0], first)
+                spans[r, c, 1] = max(spans[r, c, 1], last)
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def _hull_distance(hull: Float, i: int, x: float, y: float, enough: float) -> float:
+    """Distance in the plane at depth 1 from (x, y) to the projected core of a hull.
+
+    0 where the hull reaches behind the camera; inf where it is plainly more than ``enough``.
+    """
+    if hull[i, 2] < _NEAR or hull[i, 5] < _NEAR:
+        return 0.0
+    ax, ay = hull[i, 0] / hull[i, 2], hull[i, 1] / hull[i, 2]
+    bx, by = hull[i, 3] / hull[i, 5] - ax, hull[i, 4] / hull[i, 5] - ay
+    px, py = x - ax, y - ay
+    if min(px, px - bx) > enough or max(px, px - bx) < -enough or abs(py - 0.5 * by) > enough + 0.5 * abs(by):
+        return np.inf
+    length2 = bx * bx + by * by
+    t = 0.0
+    if length2 > 0.0:
+        t = min(max((px * bx + py * by) / length2, 0.0), 1.0)
+    dx, dy = px - t * bx, py - t * by
+    return np.sqrt(dx * dx + dy * dy)
+
+
+@njit(cache=True, nogil=True)
+def _draw(
+    shape: Float, kind: Int, group: Int, stuff: Int, lists: Int, spans: Float, counts: Int, ray: Float,
+    blend: Float, between: float, depth: Float, material: UInt8,
+) -> None:  # fmt: skip
+    """March the rays of every tile that has primitives, and keep what is nearer than what was there."""
+    clear, lanes = np.empty(len(shape)), np.empty(LANES_SIZE)
+    for r in range(lists.shape[0]):
+        for c in range(lists.shape[1]):
+            if counts[r, c] == 0:
+                continue
+            near_by = lists[r, c, : counts[r, c]]
+            _aim(lanes, ray, depth, r * SIDE, c * SIDE, spans[r, c, 1])
+            march(shape, kind, group, near_by, clear, lanes, spans[r, c, 0], blend, between)
+            for k in range(LANES):
+                if lanes[MET + k] >= 0.0:
+                    v, u = r * SIDE + k // SIDE, c * SIDE + k % SIDE
+                    depth[v, u] = lanes[DEPTH + k]
+                    material[v, u] = stuff[int(lanes[MET + k])]
+
+
+@njit(cache=True, nogil=True)
+def _aim(lanes: Float, ray: Float, depth: Float, top: int, left: int, far: float) -> None:
+    """The rays of a tile, their lengths, and where they end; those outside the image end at once."""
+    height, width = depth.shape
+    for k in range(LANES):
+        v, u = top + k // SIDE, left + k % SIDE
+        inside = v < height and u < width
+        v, u = min(v, height - 1), min(u, width - 1)
+        x, y = ray[v, u, 0], ray[v, u, 1]
+        lanes[X + k], lanes[Y + k], lanes[LENGTH + k] = x, y, np.sqrt(x * x + y * y + 1.0)
+        lanes[END + k] = min(far, depth[v, u]) if inside else 0.0

@@ -1,0 +1,123 @@
+"""The performer in the room before the sensor: one call a frame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, UInt16
+from enliven.camera import world_from_level_camera
+from enliven.errors import InputError
+from enliven.frames import DepthFrame
+from enliven.person.body import Body
+from enliven.settings import setting
+from enliven_edge.sensors.profile import SensorProfile
+from enliven_synthesis.body.body_sdf import Anatomy
+from enliven_synthesis.body.performer import Figure, Performer, Proportions
+from enliven_synthesis.body.rotations import about_y, on_grid
+from enliven_synthesis.motion.choreography import choreography
+from enliven_synthesis.sensor.noise import DepthNoise
+from enliven_synthesis.sensor.render import Renderer
+from enliven_synthesis.sensor.scene import cast_room
+
+
+@dataclass(frozen=True)
+class StudioSettings:
+    """What is performed, by whom, and how it is seen."""
+
+    choreography: str = setting("chair", "What the performer does.")
+    performer: Proportions = setting(Proportions, "The performer's build.")
+    camera_height: float = setting(1.15, "The sensor above the floor.", unit="m", low=0.1, high=3.0)
+    camera_tilt: float = setting(5.0, "How far the sensor looks down.", unit="deg", low=-45, high=60)
+    camera_x: float = setting(0.0, "The sensor beside the world's origin.", unit="m", low=-20, high=20)
+    camera_z: float = setting(0.0, "The sensor behind the world's origin.", unit="m", low=-20, high=20)
+    camera_yaw: float = setting(0.0, "Turn to the left; 0 looks along -Z.", unit="deg", low=-180, high=180)
+    noise: bool = setting(True, "Whether the sensor has the faults of its profile, or none.")
+    seed: int = setting(0, "Another seed, another sensor of the same make.", low=0, high=2**31)
+    width: int = setting(0, "Width of the images; 0 for the profile's own.", unit="px", low=0, high=4096)
+
+
+class Studio:
+    """Frames by number: the same settings and number always give the same frame.
+
+    Args:
+        profile: the sensor.
+        settings: the rest.
+
+    Raises:
+        InputError: for an unknown choreography, or a width that does not scale the image evenly.
+    """
+
+    def __init__(self, profile: SensorProfile, settings: StudioSettings | None = None) -> None:
+        self.profile, self.settings = profile, settings or StudioSettings()
+        s = self.settings
+        self.intrinsics = profile.intrinsics(_checked_width(profile, s.width))
+        self.choreography = choreography(s.choreography)
+        stand = np.eye(4)
+        stand[:3, :3], stand[:3, 3] = about_y(math.radians(s.camera_yaw)), (s.camera_x, 0.0, s.camera_z)
+        self.world_from_camera = on_grid(
+            stand @ world_from_level_camera(s.camera_height, math.radians(s.camera_tilt))
+        )
+        self._camera_from_world = _inverse(self.world_from_camera)
+        self._performer = Performer(s.performer)
+        self._anatomy = Anatomy(self._performer)
+        self._room, self._room_material = cast_room(self.intrinsics, self.world_from_camera)
+        self._renderer = Renderer(self.intrinsics)
+        self._noise = DepthNoise(profile, self.intrinsics, s.seed)
+        self.sensor = f"synthetic {profile.name}"
+
+    @property
+    def frames(self) -> int:
+        """How many frames one run of the choreography has."""
+        return round(self.choreography.duration * self.profile.camera.fps)
+
+    def time_ns(self, index: int) -> int:
+        """The sensor's time of a frame, integer nanoseconds."""
+        return round(index * 1_000_000_000 / self.profile.camera.fps)
+
+    def figure(self, time: float) -> Figure:
+        """The performer at a time in seconds; the choreography begins again when it is over."""
+        return self._performer.pose(self.choreography.posture(time % self.choreography.duration))
+
+    def body(self, time_ns: int) -> Body:
+        """The true joints at a time of the sensor's clock."""
+        return Body(1, self.figure(time_ns * 1e-9).joints, np.ones(20))
+
+    def frame(self, index: int) -> DepthFrame:
+        """What the sensor reports as its frame of that number."""
+        figure = self.figure(self.time_ns(index) * 1e-9)
+        depth, material = self._room.copy(), self._room_material.copy()
+        self._renderer.draw(self._anatomy.place(figure, self._camera_from_world), depth, material)
+        image = self._noise.corrupt(depth, material, index) if self.settings.noise else _perfect(depth)
+        return DepthFrame(
+            image, self.intrinsics, self.time_ns(index), self.sensor, world_from_camera=self.world_from_camera
+        )
+
+
+def _inverse(rigid: Float) -> Float:
+    """(4, 4) the inverse of a rotation and translation, with a fixed order of additions."""
+    inverse = np.eye(4)
+    inverse[:3, :3] = rigid[:3, :3].T
+    r, t = rigid[:3, :3], rigid[:3, 3]
+    inverse[:3, 3] = -(r[0] * t[0] + r[1] * t[1] + r[2] * t[2])
+    return inverse
+
+
+def _perfect(depth: Float) -> UInt16:
+    """(H, W) uint16 millimetres of a depth in metres, 0 where there is nothing."""
+    return np.where(depth < 65.0, np.rint(np.minimum(depth, 65.0) * 1000.0), 0.0).astype(np.uint16)
+
+
+def _checked_width(profile: SensorProfile, width: int) -> int | None:
+    """The width to render at, None for the profile's own."""
+    if width == 0:
+        return None
+    if width < 16 or width * profile.camera.height % profile.camera.width:
+        raise InputError(
+            f"{width} pixels across is no even scale of {profile.camera.width}x{profile.camera.height}",
+            where=profile.name,
+            mend=f"Give {profile.camera.width}, or its half or quarter.",
+        )
+    return width

@@ -1,0 +1,97 @@
+"""A sensor that needs no hardware: a made-up performer before a camera of a known make."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from types import TracebackType
+
+from enliven.frames import DepthFrame
+from enliven.person.body import Body
+from enliven.settings import load_settings
+from enliven_edge.sensors.profile import load_profile
+from enliven_synthesis.sensor.studio import Studio, StudioSettings
+
+
+class SyntheticSensor:
+    """Delivers depth frames of a performer, and knows where the performer's joints truly are.
+
+    In real time it behaves as a camera does: a frame comes when it is due, and who reads too late has missed
+    the ones between. Otherwise every frame comes, at once.
+
+    Args:
+        profile: the camera, by name or by the path of its TOML file (see ``firmware_configs/sensors``).
+        choreography: "chair", "walk", "wave", "idle" or "wander".
+        seed: fixes everything random.
+        width: pixels across, None for the profile's own.
+        realtime: deliver at the profile's frame rate.
+        loop: begin again at the end; the images go on with fresh noise.
+        more: any other field of :class:`StudioSettings`, such as ``camera_height`` or ``noise``.
+
+    Raises:
+        InputError: for an unknown profile, choreography or setting, or a value out of range.
+    """
+
+    def __init__(
+        self,
+        profile: str | Path = "kinect1",
+        choreography: str = "chair",
+        seed: int = 0,
+        width: int | None = None,
+        realtime: bool = True,
+        loop: bool = True,
+        **more: object,
+    ) -> None:
+        values = {"choreography": choreography, "seed": seed, "width": width or 0, **more}
+        settings = load_settings(StudioSettings, values, where="synthetic sensor")
+        self.studio = Studio(load_profile(profile), settings)
+        self.name, self.fps = self.studio.sensor, self.studio.profile.camera.fps
+        self._realtime, self._loop = realtime, loop
+        self._index, self._closed = 0, False
+        self._started: float | None = None
+
+    def read(self, timeout: float | None = None) -> DepthFrame | None:
+        """The next frame, as soon as it is due; None after the last, or once closed.
+
+        Raises:
+            TimeoutError: when it is not due within ``timeout`` seconds.
+        """
+        if self._realtime and not self._closed:
+            self._wait(timeout)
+        if self._closed or (not self._loop and self._index >= self.studio.frames):
+            return None
+        frame = self.studio.frame(self._index)
+        self._index += 1
+        return frame
+
+    def truth(self, time_ns: int) -> Body:
+        """The performer at a time of the sensor's clock: (20, 3) true joints, metres, world."""
+        return self.studio.body(time_ns)
+
+    def close(self) -> None:
+        """End the stream."""
+        self._closed = True
+
+    def __enter__(self) -> SyntheticSensor:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _wait(self, timeout: float | None) -> None:
+        """Sleep until the next frame is due; go on to the newest one that is due already."""
+        now = time.monotonic()
+        if self._started is None:
+            self._started = now
+        rate = self.studio.profile.camera.fps
+        newest = int((now - self._started) * rate)
+        last = newest if self._loop else min(newest, self.studio.frames)
+        self._index = max(self._index, last)
+        wait = self._started + self._index / rate - now
+        if timeout is not None and wait > timeout:
+            time.sleep(max(timeout, 0.0))
+            raise TimeoutError(f"the next frame of {self.name} is due in {wait - timeout:.3f} s")
+        if wait > 0:
+            time.sleep(wait)

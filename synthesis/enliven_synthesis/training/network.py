@@ -1,0 +1,109 @@
+"""The network itself, as it is trained: an hourglass that says where every joint is and how sure that is.
+
+Joints are read off heat maps by their mean (Sun et al., *Integral Human Pose Regression*, ECCV 2018), the
+depth of each off a second map under the same heat. A front looks much like a back, so the way that somebody
+faces is told at the waist of the hourglass, by whoever knows it from the frames before: without it, left and
+right would be averaged where both are likely.
+
+Needs PyTorch, which only training does: the tracker runs the exported network by ONNX Runtime.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import interpolate, relu
+
+from enliven_edge.tracking.estimator.crop import CHANNELS, COLUMNS, ROWS
+from enliven_edge.tracking.estimator.labels import FACINGS, PARTS
+
+WIDTHS = (16, 32, 64, 96)
+"""Channels at a half, a quarter, an eighth and a sixteenth of the crop."""
+JOINTS = 20
+USUAL_CELL, CELL_SPREAD = 0.027, 0.01
+"""Metres: about the mean and the spread of a crop's cells."""
+
+
+class PoseNetwork(nn.Module):
+    """From crops and what is known of them to joints, their spread, the way people face and their parts; or
+    that nobody is there."""
+
+    def __init__(self, widths: tuple[int, int, int, int] = WIDTHS) -> None:
+        super().__init__()
+        a, b, c, d = widths
+        self.down_2 = nn.Sequential(_block(CHANNELS, a, stride=2), _block(a, a))
+        self.down_4 = nn.Sequential(_block(a, b, stride=2), _Residual(b))
+        self.down_8 = nn.Sequential(_block(b, c, stride=2), _Residual(c), _Residual(c))
+        self.waist = nn.Sequential(_block(c, d, stride=2), _Residual(d))
+        self.facing = nn.Linear(d, FACINGS + 1)
+        self.told = nn.Linear(3, d)
+        self.mixed = _Residual(d)
+        self.to_8, self.up_8 = _block(d, c, size=1), _block(c, c)
+        self.to_4, self.up_4 = _block(c, b, size=1), _block(b, 2 * b)
+        self.maps = nn.Conv2d(2 * b, 3 * JOINTS, 1)
+        self.to_2, self.up_2 = _block(2 * b, a, size=1), _block(a, 2 * a)
+        self.parts = nn.Conv2d(2 * a, PARTS, 1)
+        self.register_buffer("cells", _cells(ROWS // 4, COLUMNS // 4))
+
+    def forward(self, image: Tensor, told: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """What is seen in N crops.
+
+        Args:
+            image: (N, 4, 80, 64) as of :class:`enliven_edge.tracking.estimator.crop.Crop`.
+            told: (N, 3) cosine and sine of the angle from facing the sensor to the way somebody faces, both 0
+                where that is not known; and the metres of a cell.
+
+        Returns:
+            (N, 20, 3) joints in crop coordinates, metres; (N, 20) the logarithm of the mean distance, in
+            metres, that each is off; (N, 9) logits of the ways to face, the last that of being no person;
+            (N, 17, 40, 32) logits of the parts.
+        """
+        half = self.down_2(image)
+        quarter = self.down_4(half)
+        eighth = self.down_8(quarter)
+        waist = self.waist(eighth)
+        facing = self.facing(waist.mean((2, 3)))
+        size = (told[:, 2:] - USUAL_CELL) / CELL_SPREAD
+        known = self.told(torch.cat([told[:, :2], size], 1))
+        x = self.mixed(relu(waist + known[:, :, None, None]))
+        x = self.up_8(eighth + _doubled(self.to_8(x)))
+        x = self.up_4(quarter + _doubled(self.to_4(x)))
+        joints, spread = self._read(self.maps(x).flatten(2).float(), told[:, 2:])
+        parts = self.parts(self.up_2(half + _doubled(self.to_2(x))))
+        return joints, spread, facing, parts
+
+    def _read(self, maps: Tensor, cell: Tensor) -> tuple[Tensor, Tensor]:
+        """(N, 20, 3) joints and (N, 20) spreads, from the (N, 60, cells) maps."""
+        heat = torch.softmax(maps[:, :JOINTS], 2)
+        flat = (heat @ self.cells) * cell[:, :, None]
+        away = (heat * maps[:, JOINTS : 2 * JOINTS]).sum(2)
+        spread = (heat * maps[:, 2 * JOINTS :]).sum(2)
+        return torch.cat([flat, away[..., None]], 2), spread
+
+
+class _Residual(nn.Module):
+    """Two convolutions beside a way past them."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        last = nn.Conv2d(channels, channels, 3, 1, 1, bias=False)
+        self.way = nn.Sequential(_block(channels, channels), last, nn.BatchNorm2d(channels))
+
+    def forward(self, x: Tensor) -> Tensor:
+        return relu(x + self.way(x))
+
+
+def _block(inward: int, outward: int, stride: int = 1, size: int = 3) -> nn.Sequential:
+    convolution = nn.Conv2d(inward, outward, size, stride, size // 2, bias=False)
+    return nn.Sequential(convolution, nn.BatchNorm2d(outward), nn.ReLU(inplace=True))
+
+
+def _doubled(x: Tensor) -> Tensor:
+    return interpolate(x, scale_factor=2.0, mode="nearest")
+
+
+def _cells(rows: int, columns: int) -> Tensor:
+    """(rows x columns, 2) how many cells of the crop each of a map's is right of and below the middle."""
+    down, right = torch.meshgrid(torch.arange(rows), torch.arange(columns), indexing="ij")
+    middle = torch.tensor([columns / 2, rows / 2])
+    return (torch.stack([right, down], 2).flatten(0, 1) + 0.5 - middle) * (ROWS / rows)

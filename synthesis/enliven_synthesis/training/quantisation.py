@@ -1,0 +1,73 @@
+"""The trained network in eight bits: a third of the size, and more than twice as fast on one core.
+
+Only the maps that joints are read off stay in full precision: a mean over their softmax moves by centimetres
+when its logits are rounded. Weights have seven bits, so that processors that add up pairs of products in
+sixteen (x86 without VNNI) never overflow.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static
+from onnxruntime.quantization.shape_inference import quant_pre_process
+
+from enliven.arrays import Float32
+from enliven_synthesis.training.dataset import Album
+from enliven_synthesis.training.network import JOINTS
+
+_LESSONS, _AT_ONCE = 600, 4
+"""From which the ranges of all values are taken, and how many of them in one run."""
+
+
+def quantise(whole: Path, made: Path, album: Album, first: int) -> None:
+    """Writes the exported network ``whole`` in eight bits.
+
+    Args:
+        album: whose lessons, from number ``first`` on, show what values there are.
+    """
+    import onnx  # of the same extra as PyTorch, whose absence is to be told first
+
+    with tempfile.TemporaryDirectory() as spare:
+        folded = Path(spare) / "folded.onnx"
+        quant_pre_process(whole, folded, skip_symbolic_shape=True)
+        quantize_static(
+            folded,
+            made,
+            _Values(album, first),
+            quant_format=QuantFormat.QDQ,
+            per_channel=True,
+            reduce_range=True,
+            activation_type=QuantType.QUInt8,
+            weight_type=QuantType.QInt8,
+            op_types_to_quantize=["Conv", "Add", "Relu"],
+            nodes_to_exclude=_maps(onnx.load(folded)),
+        )
+
+
+class _Values(CalibrationDataReader):  # type: ignore[misc]
+    """Lessons as the network takes them, the facing told in two of three."""
+
+    def __init__(self, album: Album, first: int) -> None:
+        batch = album.batch(np.arange(first, min(first + _LESSONS, len(album))))
+        known = batch.somebody & (np.arange(len(batch.cell)) // _AT_ONCE % 3 > 0)
+        angle = np.nan_to_num(batch.facing)
+        told = np.stack([known * np.cos(angle), known * np.sin(angle), batch.cell], 1)
+        self._image, self._told = batch.image, told.astype(np.float32)
+        self._next = 0
+
+    def get_next(self) -> dict[str, Float32] | None:
+        some = slice(self._next, self._next + _AT_ONCE)
+        self._next += _AT_ONCE
+        image = self._image[some]
+        return {"image": image, "told": self._told[some]} if len(image) else None
+
+
+def _maps(model: Any) -> list[str]:
+    """The name of the convolution that makes the maps of all joints."""
+    shapes = {weights.name: tuple(weights.dims) for weights in model.graph.initializer}
+    convolutions = [node for node in model.graph.node if node.op_type == "Conv"]
+    return [node.name for node in convolutions if shapes[node.input[1]][0] == 3 * JOINTS]

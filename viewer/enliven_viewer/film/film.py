@@ -1,0 +1,216 @@
+"""A film without a window: every pose in sensor time, drawn off-screen, into MP4 and a contact sheet."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from enliven.arrays import UInt8
+from enliven.commands.processes import parent_is_gone
+from enliven.errors import ResourceError
+from enliven_viewer.film.encoder import FilmWriter
+from enliven_viewer.film.film_strip import FilmStrip
+from enliven_viewer.film.sheet import Tiles, write_sheet
+from enliven_viewer.link.feed import Feed
+from enliven_viewer.live.hud import clock
+from enliven_viewer.live.match_cards import cards_of, draw_cards
+from enliven_viewer.playback.document import Document
+from enliven_viewer.playback.solved_surfaces import Surfaces
+from enliven_viewer.playback.timeline import NS, Moment
+from enliven_viewer.render.camera import FilmCamera
+from enliven_viewer.render.gl.context import offscreen_context
+from enliven_viewer.render.overlay.canvas import Canvas
+from enliven_viewer.render.renderer import EMPTY_BOX, Renderer
+from enliven_viewer.render.scene import Look, scene_of
+from enliven_viewer.settings import ViewerSettings
+
+_IDLE = 0.005
+_QUIET_END = 3.0
+"""Seconds without a pose after which an edge whose heart does not beat either is taken for gone."""
+ENDED = "ended"
+
+
+@dataclass(frozen=True)
+class FilmReport:
+    """What was made: pictures, seconds of film, the encoder, and the mean milliseconds a picture took."""
+
+    pictures: int
+    seconds: float
+    codec: str
+    draw_ms: float
+
+
+def make_film(
+    feed: Feed,
+    document: Document,
+    film: Path | None,
+    sheet: Path | None,
+    settings: ViewerSettings | None = None,
+    *,
+    seconds: float | None = None,
+    title: str = "enliven",
+    caption: bool = True,
+    console: Console | None = None,
+) -> FilmReport:
+    """Draw what the feed brings until it ends, or ``seconds`` of sensor time.
+
+    Args:
+        document: its timeline must be unbounded; what was filmed is dropped from it.
+        film, sheet: where to write; None for not at all.
+
+    Raises:
+        ResourceError: where no edge appears in time, OpenGL is missing, or a file cannot be written.
+    """
+    studio = _Studio(document, settings or ViewerSettings(), caption)
+    with ExitStack() as stack:
+        # The file first: a place that cannot be written is better known before the edge starts.
+        writer = stack.enter_context(studio.writer(film)) if film else None
+        strip = stack.enter_context(FilmStrip(writer, studio.tiles))
+        progress = stack.enter_context(_progress(console))
+        task = progress.add_task("Waiting for the first pose", total=seconds, told="")
+        for moment, second in _moments(feed, document, studio.settings, seconds):
+            strip.add(second, studio.draw(moment, second))
+            told = f"{clock(second)}  {1000 * studio.draw_seconds / studio.count:.0f} ms a picture"
+            progress.update(task, description="Filming", completed=second, told=told)
+    if sheet:
+        subtitle = f"{clock(studio.count / studio.settings.film.rate)} of sensor time"
+        write_sheet(sheet, studio.tiles.chosen(), studio.settings.film.columns, title, subtitle)
+    length = studio.count / studio.settings.film.rate
+    draw_ms = 1000 * studio.draw_seconds / max(studio.count, 1)
+    return FilmReport(studio.count, length, writer.codec if writer else "", draw_ms)
+
+
+class _Studio:
+    """The renderer, the camera and the look of a film, from one picture to the next."""
+
+    def __init__(self, document: Document, settings: ViewerSettings, caption: bool) -> None:
+        self.document, self.settings = document, settings
+        self.size = (settings.width, settings.height)
+        self._renderer = Renderer(offscreen_context(), self.size, settings.render)
+        self._text = max(round(settings.height / 40), 10)
+        self._canvas = Canvas(self._renderer.ctx, (self._text,)) if caption else None
+        self._camera = FilmCamera(settings.render.opening)
+        self._surfaces = Surfaces(wait=True)
+        self._possessed_at: float | None = None
+        film = settings.film
+        self.tiles = Tiles(film.columns * film.rows, film.tile_width)
+        self.count, self.draw_seconds = 0, 0.0
+
+    def writer(self, path: Path) -> FilmWriter:
+        """The film file."""
+        film = self.settings.film
+        return FilmWriter(path, self.size, film.rate, film.bit_rate, film.encoder)
+
+    def draw(self, moment: Moment, second: float) -> UInt8:
+        """(H, W, 4) the picture of a moment, ``second`` seconds into the film; bottom row first."""
+        began = time.perf_counter()
+        scene = scene_of(self.document, moment, self._look(moment, second), self._surfaces)
+        aspect = self.size[0] / self.size[1]
+        self._camera.follow(scene.box or EMPTY_BOX, 1 / self.settings.film.rate, aspect)
+        view = self._camera.view(aspect)
+        self._renderer.draw(scene, view)
+        if self._canvas:
+            cards = cards_of(scene, view)
+            draw_cards(self._canvas, self.size, self.size[1] / 720, self._text, cards)
+            self._caption(moment, second)
+        picture = self._renderer.picture.raw()
+        self.count += 1
+        self.draw_seconds += time.perf_counter() - began
+        return picture
+
+    def _look(self, moment: Moment, second: float) -> Look:
+        """Body and attachments until some seconds after possession, then the mesh alone."""
+        if not moment.possessed:
+            self._possessed_at = None
+            return Look()
+        if self._possessed_at is None:
+            self._possessed_at = second
+        since = second - self._possessed_at - self.settings.film.overlay_seconds
+        left = 1 - min(max(since / 1.2, 0.0), 1.0)
+        shown = left * left * (3 - 2 * left)
+        # Whoever plays along without a mesh has nothing else to be seen by.
+        holding = sum(cues.state == "possessed" for cues in moment.cues.values())
+        playing = moment.props is not None and len(moment.bodies) > holding
+        return Look(body=1.0 if playing else shown, reveal=shown, cues=shown)
+
+    def _caption(self, moment: Moment, second: float) -> None:
+        """The time, and whether somebody holds the mesh, in the lower right corner."""
+        assert self._canvas is not None
+        margin, line = 1.4 * self._text, self._text
+        word = "possessed" if moment.possessed else "free"
+        text = f"{clock(second)}  ·  {word}"
+        if moment.props is not None and moment.props.note:
+            text = f"{moment.props.note}  ·  {text}"
+        right, top = self.size[0] - margin, self.size[1] - margin - line
+        self._canvas.text(right + 1, top + 1, text, line, (0.0, 0.0, 0.0, 0.5), align=1.0)
+        self._canvas.text(right, top, text, line, (0.95, 0.96, 0.98, 0.8), align=1.0)
+        self._canvas.draw(self._renderer.picture.resolved)
+
+
+def _moments(
+    feed: Feed, document: Document, settings: ViewerSettings, seconds: float | None
+) -> Iterator[tuple[Moment, float]]:
+    """(moment, second of the film) at the film's rate of sensor time, as fast as the feed brings them."""
+    timeline, rate = document.timeline, settings.film.rate
+    _await_first(feed, document, settings.film.patience)
+    start, count = timeline.start_ns, 0
+    heard = time.monotonic()
+    while not parent_is_gone() and (seconds is None or count < round(seconds * rate)):
+        due = start + round(count * NS / rate)
+        over = document.edge.phase == ENDED
+        arrived = feed.poll(document)
+        heard = time.monotonic() if arrived else heard
+        over = over and not arrived
+        gone = not document.edge.connected and time.monotonic() - heard > _QUIET_END
+        # A later moment says that the one that is due is complete; the last may be a little early.
+        if timeline.end_ns > due or ((over or gone) and timeline.end_ns > due - 0.5 * NS / rate):
+            moment = timeline.at(due)
+            assert moment is not None
+            yield moment, count / rate
+            timeline.drop_before(due)
+            count += 1
+        elif over or gone:
+            return
+        elif not arrived:
+            time.sleep(_IDLE)
+
+
+def _await_first(feed: Feed, document: Document, patience: float) -> None:
+    """Wait until there is a moment and every character that it names."""
+    deadline = time.monotonic() + patience
+    while True:
+        arrived = feed.poll(document)
+        moment = document.timeline.at(document.timeline.end_ns)
+        if moment is not None and document.characters and set(moment.poses) <= set(document.characters):
+            return
+        if not arrived:
+            if document.edge.phase == ENDED or time.monotonic() > deadline or parent_is_gone():
+                break
+            time.sleep(_IDLE)
+    if document.edge.connected or len(document.timeline):
+        raise ResourceError(
+            "the edge sent no pose", where=document.edge.address, mend="Look at what the edge says."
+        )
+    raise ResourceError(
+        f"no edge appeared within {patience:g} s",
+        where=document.edge.address,
+        mend="Start one with 'enliven edge', or give its address with --edge.",
+    )
+
+
+def _progress(console: Console | None) -> Progress:
+    return Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[told]}"),
+        TimeElapsedColumn(),
+        console=console or Console(stderr=True),
+        transient=False,
+    )

@@ -1,0 +1,53 @@
+"""What becomes of a film's pictures: encoded, and chosen for the sheet, in a thread beside the drawing."""
+
+from __future__ import annotations
+
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
+from types import TracebackType
+
+from enliven.arrays import UInt8
+from enliven_viewer.film.encoder import FilmWriter
+from enliven_viewer.film.sheet import Tiles
+
+WAITING = 4
+"""Pictures that may wait to be encoded; 3.7 MB each at 1280 x 720."""
+
+
+class FilmStrip:
+    """Takes pictures in order and hands each to the film and the sheet; ``with`` waits for the last.
+
+    An error of the encoder is raised by a later :meth:`add`, or at the end of the ``with``.
+
+    Args:
+        writer: the film, or None for none.
+        tiles: the pictures of the sheet.
+    """
+
+    def __init__(self, writer: FilmWriter | None, tiles: Tiles) -> None:
+        self._writer, self._tiles = writer, tiles
+        self._thread = ThreadPoolExecutor(1, "film")
+        self._waiting: deque[Future[None]] = deque()
+
+    def add(self, second: float, raw: UInt8) -> None:
+        """Append a picture, (H, W, 4) with the bottom row first, ``second`` seconds into the film."""
+        while len(self._waiting) >= WAITING:
+            self._waiting.popleft().result()
+        self._waiting.append(self._thread.submit(self._finish, second, raw))
+
+    def _finish(self, second: float, raw: UInt8) -> None:
+        picture = raw[::-1]
+        self._tiles.add(second, picture)
+        if self._writer:
+            self._writer.add(picture)
+
+    def __enter__(self) -> FilmStrip:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._thread.shutdown(wait=True)
+        if error is None:
+            for work in self._waiting:
+                work.result()

@@ -1,0 +1,193 @@
+"""A picture of a deformation graph over its mesh: nodes, edges, bridges, cut vertices, from three sides."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from enliven.arrays import Float, Float32, UInt8
+from enliven.deformation.graph.graph import DeformationGraph
+from enliven.document.character import Character
+from enliven.errors import ResourceError
+from enliven_viewer.film.sheet import INK, PAPER, QUIET
+from enliven_viewer.render.camera import Box, OrbitCamera, View
+from enliven_viewer.render.gl.context import offscreen_context
+from enliven_viewer.render.overlay.tubes import Tubes, tube_rows
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import Actor, Look, Scene
+from enliven_viewer.render.skinned import linear
+
+CLAY = (112, 116, 126)
+NODE, EDGE = (236, 244, 255), (92, 178, 255)
+BRIDGE, WEAK, CUT = (255, 74, 52), (255, 190, 64), (255, 96, 214)
+"""sRGB of nodes, edges, bridges, other edges where E_rig acts, and cut vertices."""
+SIDES = (math.radians(-24), math.radians(96), math.radians(216))
+"""How far each view is turned from the front right."""
+HEADER, _FOOTER = 88, 72
+_SIZE = 1.75
+"""Metres: the largest extent of what is drawn, whatever the mesh's own size."""
+
+
+class Counts(NamedTuple):
+    """What the picture shows: how many, and the radius R in metres."""
+
+    nodes: int
+    edges: int
+    bridges: int
+    rigid: int
+    cut_vertices: int
+    radius: float
+
+
+def counts_of(graph: DeformationGraph) -> Counts:
+    """The numbers of a graph."""
+    return Counts(
+        len(graph.positions),
+        len(graph.edges),
+        int(graph.bridges.sum()),
+        int(graph.rigid.sum()),
+        int(graph.cut_vertices.sum()),
+        graph.radius,
+    )
+
+
+def draw_graph(character: Character, graph: DeformationGraph, panel: tuple[int, int]) -> list[UInt8]:
+    """The mesh with its graph from three sides, each (H, W, 3) sRGB of the size ``panel`` (width, height)."""
+    shown, nodes, scale = fitted(character, graph)
+    renderer = Renderer(offscreen_context(), panel)
+    tubes = Tubes(renderer.ctx)
+    spacing = scale * math.sqrt(_area(character) / len(nodes))
+    scene = Scene((Actor(shown, shown.rest_pose()),), (), Look(body=0, reveal=0, cues=0))
+    box = (shown.vertices.min(0).astype(float), shown.vertices.max(0).astype(float))
+    return [_view(renderer, tubes, scene, box, graph, nodes, spacing, turn) for turn in SIDES]
+
+
+def _view(
+    renderer: Renderer,
+    tubes: Tubes,
+    scene: Scene,
+    box: Box,
+    graph: DeformationGraph,
+    nodes: Float,
+    spacing: float,
+    turn: float,
+) -> UInt8:
+    """One picture, the camera turned by ``turn`` radians from the front right."""
+    width, height = renderer.size
+    view = view_of(box, width / height, turn)
+    renderer.draw(scene, view)
+    distance = float(np.linalg.norm(view.eye - (box[0] + box[1]) / 2))
+    pixel = distance / (view.clip_from_camera[1, 1] * height / 2)
+    tubes.draw(renderer.picture, graph_rows(graph, nodes, spacing, pixel), 0.3 * spacing)
+    return renderer.pixels()
+
+
+def view_of(box: Box, aspect: float, turn: float) -> View:
+    """The camera that has the box in its picture, turned by ``turn`` radians from the front right."""
+    camera = OrbitCamera(math.radians(24))
+    camera.orbit(turn, math.radians(3))
+    camera.frame(box, aspect, at_once=True, room=1.08)
+    return camera.view(aspect)
+
+
+def graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel: float) -> Float32:
+    """(E + N, 12) the tubes of the edges and the balls of the nodes, no thinner than can be seen.
+
+    Args:
+        nodes: (N, 3) metres, where the nodes are drawn.
+        spacing: metres between nodes.
+        pixel: metres that a pixel spans at the mesh.
+    """
+    thin = max(0.026 * spacing, 0.8 * pixel)
+    edge_tints = np.tile(linear(np.array(EDGE)), (len(graph.edges), 1))
+    edge_tints[graph.rigid] = linear(np.array(WEAK))
+    edge_tints[graph.bridges] = linear(np.array(BRIDGE))
+    edge_radii = np.where(graph.rigid, 1.9, 1.0) * thin
+    node_tints = np.tile(linear(np.array(NODE)), (len(nodes), 1))
+    node_tints[graph.cut_vertices] = linear(np.array(CUT))
+    node_radii = np.where(graph.cut_vertices, 3.4, 2.3) * thin
+    starts, ends = nodes[graph.edges[:, 0]], nodes[graph.edges[:, 1]]
+    return np.concatenate(
+        [tube_rows(starts, ends, edge_radii, edge_tints), tube_rows(nodes, nodes, node_radii, node_tints)]
+    )
+
+
+def fitted(character: Character, graph: DeformationGraph) -> tuple[Character, Float, float]:
+    """The character and the nodes at the size that they are drawn at, on the floor, and the scale."""
+    low, high = character.vertices.min(0), character.vertices.max(0)
+    scale = _SIZE / max(float((high - low).max()), 1e-12)
+    foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2], np.float64)
+    colours = np.tile(np.array(CLAY, np.uint8), (len(character.vertices), 1))
+    nodes = (graph.positions - foot) * scale
+    vertices = ((character.vertices - foot) * scale).astype(np.float32)
+    return (
+        replace(character, vertices=vertices, pivots=nodes.astype(np.float32), colours=colours),
+        nodes,
+        scale,
+    )
+
+
+def _area(character: Character) -> float:
+    a, b, c = (character.vertices[character.faces[:, k]].astype(np.float64) for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def write_graph_picture(
+    path: Path, character: Character, graph: DeformationGraph, title: str, panel: tuple[int, int]
+) -> Counts:
+    """Draw the graph and write the picture, in the format that the path's ending names.
+
+    Raises:
+        ResourceError: where OpenGL is missing, or the file cannot be written.
+    """
+    counts = counts_of(graph)
+    sheet = composed(draw_graph(character, graph, panel), title, counts)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        sheet.save(path)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ResourceError(
+            f"the picture cannot be written ({reason})", where=str(path), mend="Choose another place with -o."
+        ) from None
+    return counts
+
+
+def composed(panels: list[UInt8], title: str, counts: Counts) -> Image.Image:
+    """The panels side by side under a title, over a legend."""
+    height, width = panels[0].shape[:2]
+    sheet = Image.new("RGB", (width * len(panels), HEADER + height + _FOOTER), PAPER)
+    for number, panel in enumerate(panels):
+        sheet.paste(Image.fromarray(panel), (number * width, HEADER))
+    draw = ImageDraw.Draw(sheet)
+    draw.text((28, 24), title, fill=INK, font=ImageFont.load_default(30))
+    told = f"R = {counts.radius:.3g} m"
+    font = ImageFont.load_default(20)
+    draw.text((sheet.width - 28 - font.getlength(told), 33), told, fill=QUIET, font=font)
+    _legend(draw, sheet.width, HEADER + height, counts)
+    return sheet
+
+
+def _legend(draw: ImageDraw.ImageDraw, width: int, top: int, counts: Counts) -> None:
+    """Swatches with their names and numbers, spread over the width."""
+    items = (
+        (NODE, True, f"{counts.nodes} nodes"),
+        (EDGE, False, f"{counts.edges} edges"),
+        (BRIDGE, False, f"{counts.bridges} bridges"),
+        (WEAK, False, f"{counts.rigid - counts.bridges} at cut vertices"),
+        (CUT, True, f"{counts.cut_vertices} cut vertices"),
+    )
+    font = ImageFont.load_default(max(min(20, width // 56), 10))
+    step = (width - 56) / len(items)
+    for number, (colour, ball, text) in enumerate(items):
+        x, y = 28 + number * step, top + _FOOTER / 2
+        if ball:
+            draw.ellipse((x + 6, y - 8, x + 22, y + 8), fill=colour)
+        else:
+            draw.rounded_rectangle((x, y - 3, x + 28, y + 3), 3, fill=colour)
+        draw.text((x + 40, y), text, fill=INK, font=font, anchor="lm")

@@ -1,0 +1,152 @@
+"""A contact sheet of a motion: the performer above, what the model makes of it below, at the same times."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import Float, Float32, Int, UInt8
+from enliven.deformation.skinning import skin_vertices
+from enliven.document.character import Character, Pose, SkinWeights
+from enliven.document.project import Project
+from enliven.document.rigged import Shape, character_of, still_shape
+from enliven.document.skeleton import Skeleton
+from enliven.formats.rig.rig import playing
+from enliven.mapping.automatic import Retargeted
+from enliven.meshes.mesh import Mesh
+from enliven.motion.layers.evaluate import Player
+from enliven_viewer.film.sheet import Tile, write_sheet
+from enliven_viewer.render.camera import Box, OrbitCamera
+from enliven_viewer.render.gl.context import offscreen_context
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import Actor, Look, Scene
+
+STICK = (120, 190, 255)
+"""sRGB of the performer."""
+SIDE = math.radians(38)
+"""How far the camera stands from the front towards the left."""
+_ABOVE, _FLAT = (math.radians(12), math.radians(38)), 0.5
+"""How far the camera looks down on what is tall, and on what lies flat: below this share of its extent."""
+_TALL = 1.75
+"""Metres of the largest extent of what is drawn: light and floor are made for people."""
+
+
+@dataclass(frozen=True)
+class Film:
+    """A character in its poses, and the side that it is seen from.
+
+    Attributes:
+        azimuth: radians about +Y.
+        surfaces: (V, 3) float32 metres in the world for each pose; None where the transforms make them.
+    """
+
+    character: Character
+    poses: list[Pose]
+    azimuth: float
+    surfaces: list[Float32] | None = None
+
+
+def write_motion_sheet(
+    path: Path, made: Retargeted, title: str, *, frames: int = 6, size: tuple[int, int] = (420, 420)
+) -> None:
+    """Draw the sheet as PNG.
+
+    Args:
+        frames: how many times, evenly over the take.
+        size: of each picture in pixels.
+
+    Raises:
+        ResourceError: where OpenGL is missing, or the file cannot be written.
+    """
+    times = np.linspace(0.0, made.duration, frames)
+    rows = [_take(made, times), _model(made, times)]
+    renderer = Renderer(offscreen_context(), size)
+    tiles = [
+        Tile(second, picture)
+        for film in rows
+        for second, picture in zip(times, pictures_of(renderer, film), strict=True)
+    ]
+    write_sheet(path, tiles, frames, title, f"{made.duration:.1f} s, {len(made.plan.chains)} chains")
+
+
+def _model(made: Retargeted, times: Float) -> Film:
+    player = Player(made.project, made.shape_id)
+    shape = made.project.shape(made.shape_id)
+    return Film(character_of(shape), [player.pose(t) for t in times], made.model_facing + SIDE)
+
+
+def _take(made: Retargeted, times: Float) -> Film:
+    shape = stick_shape("performer", made.clip.skeleton)
+    project, shape = playing(Project(), shape, made.clip)
+    if not made.plan.travel:
+        project = project.with_shapes(shape.with_changes(travel=None))
+    player = Player(project, shape.id)
+    return Film(character_of(shape), [player.pose(t) for t in times], made.take_facing + SIDE)
+
+
+def stick_shape(name: str, skeleton: Skeleton) -> Shape:
+    """A shape that shows a skeleton: a slender double pyramid for every bone."""
+    size = float(np.ptp(skeleton.positions, axis=0).max())
+    vertices, faces, bones = list[Float](), list[Int](), list[int]()
+    for j in range(1, len(skeleton)):
+        if skeleton.lengths[j] < 1e-3 * size:
+            continue
+        start = len(bones)
+        vertices.append(_double_pyramid(skeleton.positions[skeleton.parents[j]], skeleton.vectors[j], size))
+        faces.append(_PYRAMID + start)
+        bones += [j] * 6
+    mesh = Mesh(np.concatenate(vertices), np.concatenate(faces).astype(np.int32), name)
+    mesh = replace(mesh, colours=np.tile(np.array(STICK, np.uint8), (len(mesh.vertices), 1)))
+    indices = np.zeros((len(bones), 4), np.uint16)
+    indices[:, 0] = bones
+    weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(bones), 1))
+    return still_shape(name, skeleton, mesh, SkinWeights(indices, weights))
+
+
+_PYRAMID = np.array(
+    [[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 1, 4], [5, 1, 2], [5, 2, 3], [5, 3, 4], [5, 4, 1]], np.int64
+)
+
+
+def _double_pyramid(start: Float, along: Float, size: float) -> Float:
+    """(6, 3) the first end, four corners a fifth of the way on, the last end."""
+    length = float(np.linalg.norm(along))
+    radius = min(0.16 * length, 0.02 * size) + 0.004 * size
+    other = np.eye(3)[np.abs(along).argmin()]
+    u = np.cross(along, other)
+    u *= radius / np.linalg.norm(u)
+    v = np.cross(along / length, u)
+    waist = start + 0.2 * along
+    return np.stack([start, waist + u, waist + v, waist - u, waist - v, start + along])
+
+
+def pictures_of(renderer: Renderer, film: Film) -> list[UInt8]:
+    """All poses from one place, with everything that they reach in the picture."""
+    surfaces = film.surfaces or [skin_vertices(film.character, pose) for pose in film.poses]
+    reached = np.stack(surfaces)
+    low, high = reached.min((0, 1)).astype(float), reached.max((0, 1)).astype(float)
+    scale = _TALL / max(float((high - low).max()), 1e-9)
+    foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
+    box: Box = ((low - foot) * scale, (high - foot) * scale)
+    character = replace(
+        film.character,
+        vertices=((film.character.vertices - foot) * scale).astype(np.float32),
+        pivots=((film.character.pivots - foot) * scale).astype(np.float32),
+    )
+    camera, aspect = OrbitCamera(math.radians(26)), renderer.size[0] / renderer.size[1]
+    flat = 1.0 - min(float(box[1][1] - box[0][1]) / (_FLAT * _TALL), 1.0)
+    camera.face(film.azimuth, _ABOVE[0] + flat * (_ABOVE[1] - _ABOVE[0]))
+    camera.frame(box, aspect, at_once=True, room=1.04)
+    pictures = []
+    for pose, surface in zip(film.poses, surfaces, strict=True):
+        placed = replace(pose, positions=((pose.positions - foot) * scale).astype(np.float32))
+        solved = ((surface - foot) * scale).astype(np.float32) if film.surfaces else None
+        renderer.draw(
+            Scene((Actor(character, placed, vertices=solved),), (), Look(0, 0, 0), extent=box),
+            camera.view(aspect),
+        )
+        pictures.append(renderer.pixels())
+    return pictures

@@ -1,0 +1,75 @@
+"""A contact sheet of a puppet: the performer above, what the puppet makes of it below, at the same times."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.deformation.arap.control_point_surface import PuppetSurface
+from enliven.document.project import Project
+from enliven.document.puppet import Puppet, character_of_puppet
+from enliven.document.rigged import character_of
+from enliven.examples.puppet_motion import clock, in_world, motion_of, pose_of_state, state_of
+from enliven.formats.rig.rig import playing
+from enliven.mapping.facing import facing_of
+from enliven.motion.layers.evaluate import Player
+from enliven_viewer.film.motion_sheet import SIDE, Film, pictures_of, stick_shape
+from enliven_viewer.film.sheet import Tile, write_sheet
+from enliven_viewer.render.gl.context import offscreen_context
+from enliven_viewer.render.renderer import Renderer
+
+
+def write_puppet_sheet(
+    path: Path,
+    project: Project,
+    puppet: Puppet,
+    span: tuple[float, float],
+    *,
+    frames: int = 6,
+    size: tuple[int, int] = (420, 420),
+) -> None:
+    """Draw the sheet as PNG.
+
+    Args:
+        span: seconds of the project from when to when.
+        frames: how many times, evenly over them.
+        size: of each picture in pixels.
+
+    Raises:
+        InputError: where the puppet lacks something to move.
+        ResourceError: where OpenGL is missing, or the file cannot be written.
+    """
+    times = np.linspace(*span, frames)
+    films = [_performer(project, puppet, times), _puppet(project, puppet, times)]
+    renderer = Renderer(offscreen_context(), size)
+    tiles = [
+        Tile(second, picture)
+        for film in films
+        for second, picture in zip(times, pictures_of(renderer, film), strict=True)
+    ]
+    said = f"{len(puppet.poses)} key poses, {len(puppet.points)} control points"
+    write_sheet(path, tiles, frames, puppet.id, f"{span[1] - span[0]:.1f} s, {said}")
+
+
+def _performer(project: Project, puppet: Puppet, times: Float) -> Film:
+    """Who performs the lowest layer that is heard, at the frames that it plays."""
+    number = next(n for n, layer in enumerate(puppet.layers) if not layer.muted)
+    layer, motion = puppet.layers[number], motion_of(project, puppet, number)
+    clip = project.takes[layer.take]
+    shown, shape = playing(Project(), stick_shape("performer", clip.skeleton), clip)
+    if not motion.travels:
+        shown = shown.with_shapes(shape.with_changes(travel=None))
+    player = Player(shown, shape.id)
+    poses = [player.pose(clock(layer, motion, time)[0] * clip.step) for time in times]
+    return Film(character_of(shape), poses, facing_of(clip.skeleton) + SIDE)
+
+
+def _puppet(project: Project, puppet: Puppet, times: Float) -> Film:
+    held, weights = zip(*((point.vertex, point.weight) for point in puppet.points), strict=True)
+    surface = PuppetSurface(puppet.mesh, held, weights, puppet.surface)
+    states = [state_of(project, puppet, time) for time in times]
+    surfaces = [in_world(puppet, state, surface.settle(state.places)).astype(np.float32) for state in states]
+    poses = [pose_of_state(puppet, state) for state in states]
+    return Film(character_of_puppet(puppet), poses, SIDE, surfaces)

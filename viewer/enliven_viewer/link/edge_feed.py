@@ -1,0 +1,139 @@
+"""A document that follows an edge: what the link received goes onto the timeline."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from enliven.wire.convert import messages_to_health
+from enliven.wire.messages import Done, Look, Mode
+from enliven_viewer.link.edges import Link
+from enliven_viewer.link.received import ReceivedCues, ReceivedPose
+from enliven_viewer.playback.document import Document, EdgeState
+from enliven_viewer.playback.timeline import Cues
+
+_NOTICE_SECONDS = 5.0
+_BARE_SECONDS = 3.0
+_HEARD = ("connected", "on rate", "ended")
+_EASE = 0.1
+"""Share of a new latency in the shown one, which would flicker otherwise."""
+
+
+class EdgeFeed:
+    """A ``Feed`` over a ``Link`` to one edge."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._shown_cues: dict[str, ReceivedCues] = {}
+        self._notice, self._notice_until = "", 0.0
+        self._edge_ms: float | None = None
+        self._way_ms: float | None = None
+        self._bare_since: float | None = None
+        self._look: Look | None = None
+        self._told_instance: int | None = None
+
+    def poll(self, document: Document) -> int:
+        """Apply everything that has arrived since the last call, without waiting; how many messages."""
+        self._link.poll()
+        document.characters = dict(self._link.characters)
+        poses, bodies = self._link.take_poses(), self._link.take_bodies()
+        for seen in bodies:
+            document.add_bodies(seen.time_ns, seen.bodies)
+        for received in poses:
+            document.add_pose(received.pose)
+        for props in self._link.take_props():
+            document.add_props(props)
+        for board in self._link.take_boards():
+            document.add_board(board)
+        self._take_cues(document)
+        if poses:
+            self._take_latency(poses[-1])
+        self._look_again()
+        document.edge = self._state()
+        return len(poses) + len(bodies)
+
+    def possess(
+        self, character_id: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
+    ) -> None:
+        """Ask that a performer, or whoever is in view, takes hold of a character."""
+        self._link.possess(character_id, body, parts, mode=mode)
+
+    def release(self, character_id: str, body: int | None = None) -> None:
+        """Ask that a performer, or whoever holds it, lets a character go."""
+        self._link.release(character_id, body=body)
+
+    def smooth(self, body: int, amount: float | None = None) -> None:
+        """Ask that a performer be smoothed by so much: 0 not at all, None as the edge's settings say."""
+        self._link.smooth(body, amount)
+
+    def lock(self, on: bool, then: Callable[[], None]) -> None:
+        """Ask that only who is followed now performs; or, with False, everybody who comes."""
+        self._link.lock(on, lambda answer: then() if isinstance(answer, Done) else None)
+
+    def look(self, look: Look) -> None:
+        """Say from where the viewer looks: what a pose means is decided on the screen."""
+        self._look = look
+        self._link.look(look)
+
+    def browse(self, character_id: str, step: int = 1) -> None:
+        """Ask for another match of a character to be shown."""
+        self._link.browse(character_id, step)
+
+    def close(self) -> None:
+        """Let the sockets go."""
+        self._link.close()
+
+    def _take_cues(self, document: Document) -> None:
+        """Cues that are new, each at its own time; none for what the edge has forgotten."""
+        current = self._link.cues
+        for cues in self._link.take_cues():
+            shown = Cues(cues.character, cues.nodes, cues.strengths, cues.state, cues.owners, cues.held)
+            document.set_cues(shown, cues.time_ns)
+        for name in self._shown_cues.keys() - current.keys():
+            document.forget_cues(name)
+        self._shown_cues = current
+
+    def _look_again(self) -> None:
+        """An edge that has restarted does not know from where the viewer looks."""
+        instance = self._link.edges[0].instance
+        if instance != self._told_instance and self._link.status is not None:
+            self._told_instance = instance
+            if self._look is not None:
+                self._link.look(self._look)
+
+    def _lacks_characters(self, connected: bool, now: float) -> bool:
+        """Whether the edge is heard, but has not told its characters for a while: often a wrong port."""
+        if not connected or self._link.characters:
+            self._bare_since = None
+            return False
+        self._bare_since = self._bare_since or now
+        return now - self._bare_since > _BARE_SECONDS
+
+    def _take_latency(self, newest: ReceivedPose) -> None:
+        edge, whole = newest.sensor_to_pose_ms, newest.age_ms()
+        way = max(whole - edge, 0.0)
+        self._edge_ms = edge if self._edge_ms is None else self._edge_ms + _EASE * (edge - self._edge_ms)
+        self._way_ms = way if self._way_ms is None else self._way_ms + _EASE * (way - self._way_ms)
+
+    def _state(self) -> EdgeState:
+        """What the link and the edge say, in the viewer's words."""
+        endpoint, health = next(iter(self._link.health.items()))
+        now = time.monotonic()
+        for notice in self._link.take_notices():
+            self._notice, self._notice_until = notice.text, now + _NOTICE_SECONDS
+        status = self._link.status
+        connected = health.state in _HEARD
+        message = self._notice if now < self._notice_until else ""
+        if not message and not connected and health.state != "waiting":
+            message = health.text
+        if not message and self._lacks_characters(connected, now):
+            message = f"no characters from port {endpoint.control_port}: see --control-port"
+        return EdgeState(
+            connected=connected,
+            address=endpoint.stream_address,
+            phase=status.phase if status is not None else "",
+            message=message,
+            sensor_to_pose_ms=self._edge_ms,
+            pose_to_screen_ms=self._way_ms,
+            health=tuple(messages_to_health(status.health)) if status is not None and connected else (),
+        )

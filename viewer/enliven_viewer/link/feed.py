@@ -1,0 +1,62 @@
+"""Where a viewer's document is filled from: a link to an edge, or a take on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from enliven.wire.messages import Look, Mode
+from enliven_viewer.playback.document import Document
+
+
+class Feed(Protocol):
+    """Brings characters, poses, bodies, cues and the edge's state into a document.
+
+    ``EdgeFeed`` does so from an edge, ``Take``
+    from a file.
+    Errors of a peer never reach the caller: they become ``document.edge.message``.
+    """
+
+    def poll(self, document: Document) -> int:
+        """Apply what has arrived since the last call, without waiting; 0 where nothing had."""
+        ...
+
+    def possess(
+        self, character_id: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
+    ) -> None:
+        """Ask that a performer takes hold of a character.
+
+        Args:
+            body: who; None: whoever is in view.
+            parts: what of the body, as in :data:`enliven.person.body.PARTS`.
+            mode: who else holds it then; "preview": only show what would be held.
+        """
+        ...
+
+    def release(self, character_id: str, body: int | None = None) -> None:
+        """Ask that a performer, or whoever holds it, lets a character go."""
+        ...
+
+    def smooth(self, body: int, amount: float | None = None) -> None:
+        """Ask that a performer be smoothed by so much: 0 not at all, None as the edge's settings say."""
+        ...
+
+    def lock(self, on: bool, then: Callable[[], None]) -> None:
+        """Ask that only who is followed now performs; or, with False, everybody who comes.
+
+        Args:
+            then: called from a later :meth:`poll` once it is so.
+        """
+        ...
+
+    def look(self, look: Look) -> None:
+        """Say from where the viewer looks: what a pose means is decided on the screen."""
+        ...
+
+    def browse(self, character_id: str, step: int = 1) -> None:
+        """Ask for another match of a character to be shown: so many places on in the ranking."""
+        ...
+
+    def close(self) -> None:
+        """Let sockets, threads and files go."""
+        ...

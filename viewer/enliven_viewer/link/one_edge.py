@@ -1,0 +1,360 @@
+"""The link to one edge, through late starts, silences, restarts and other versions."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import zmq
+
+from enliven.document.character import Character
+from enliven.document.props import Props
+from enliven.errors import EnlivenError
+from enliven.matching.board import Board
+from enliven.wire.convert import (
+    message_to_bodies,
+    message_to_character,
+    message_to_cues,
+    message_to_owners,
+    message_to_pose,
+    message_to_props,
+)
+from enliven.wire.envelope import Malformed, OtherVersion, Rejects, unpack_stream
+from enliven.wire.matches import message_to_board
+from enliven.wire.messages import (
+    SUPERSEDED,
+    Answer,
+    BodiesMessage,
+    CharacterMessage,
+    CuesMessage,
+    GetState,
+    Hello,
+    MatchesMessage,
+    Order,
+    Ping,
+    Pong,
+    PoseMessage,
+    PropsMessage,
+    Refused,
+    StatusMessage,
+    Welcome,
+)
+from enliven.wire.posecode import PoseCodec
+from enliven.wire.sockets import Endpoint, make_socket
+from enliven.wire.topics import MAX_STREAM_BYTES, POSE
+from enliven_viewer.link.clock import ClockEstimate
+from enliven_viewer.link.received import Health, Notice, ReceivedBodies, ReceivedCues, ReceivedPose
+from enliven_viewer.link.requests import Requests
+
+_MOST_PER_POLL = 5000
+_KEPT = 4000
+"""Poses, and frames of bodies, kept for a caller that does not take them: two minutes of one character."""
+_SILENT_AFTER = 2.0
+_ASK_EVERY = 1.0
+_ASK_FIRST_EVERY = 0.1
+_REPLY_WITHIN = 1.0
+_CHARACTER_WITHIN = 10.0
+_FETCHED_AT_ONCE = 4
+_COMMAND_WITHIN = 3.0
+_RATE_OVER = 2.0
+
+
+@dataclass(frozen=True)
+class _Held:
+    revision: int
+    character: Character
+    codec: PoseCodec
+
+
+class EdgeLink:
+    """One SUB and one DEALER socket, and what was heard over them; a Link polls it.
+
+    Args:
+        endpoint: where the edge is, or will be.
+        viewer: the name to say hello with.
+        label: makes the id that a character has in this viewer from its edge's name and its own id.
+        notify: takes notices for the user.
+    """
+
+    def __init__(
+        self,
+        context: zmq.Context[Any],
+        endpoint: Endpoint,
+        viewer: str,
+        label: Callable[[str, str], str],
+        notify: Callable[[Notice], None],
+    ) -> None:
+        self.endpoint, self.clock = endpoint, ClockEstimate()
+        self._viewer, self._label, self._notify = viewer, label, notify
+        self._stream = make_socket(context, zmq.SUB, MAX_STREAM_BYTES)
+        self._stream.setsockopt(zmq.SUBSCRIBE, b"")
+        self._stream.connect(endpoint.stream_address)
+        self._requests = Requests(context, endpoint)
+        self._rejects = Rejects(f"edge at {endpoint}")
+        self.status: StatusMessage | None = None
+        self.held: dict[str, _Held] = {}
+        self.poses: deque[ReceivedPose] = deque(maxlen=_KEPT)
+        self.bodies: deque[ReceivedBodies] = deque(maxlen=_KEPT)
+        self.latest_bodies: ReceivedBodies | None = None
+        self.cues: dict[str, ReceivedCues] = {}
+        self.new_cues: deque[ReceivedCues] = deque(maxlen=_KEPT)
+        self.props: deque[Props] = deque(maxlen=_KEPT)
+        self.boards: deque[Board] = deque(maxlen=_KEPT)
+        self.instance: int | None = None
+        self.clash = False
+        self._lost = 0
+        self._other_version: int | None = None
+        self.last_heard = self._ping_at = -math.inf
+        self._told_listening = False
+        self._arrivals: deque[float] = deque(maxlen=1000)
+        self._begin(None)
+
+    def poll(self) -> None:
+        """Take in what has arrived, and ask for what is missing; returns at once."""
+        self._requests.poll(self._reject)
+        for _ in range(_MOST_PER_POLL):
+            try:
+                parts = self._stream.recv_multipart(zmq.DONTWAIT)
+            except zmq.Again:
+                break
+            self._receive(b"".join(parts), latched=False)
+        self._ask()
+
+    @property
+    def name(self) -> str:
+        """The edge's name, or its address before it was heard."""
+        return self.status.edge if self.status else str(self.endpoint)
+
+    def health(self) -> Health:
+        """How the edge is."""
+        now = time.monotonic()
+        while self._arrivals and now - self._arrivals[0] > _RATE_OVER:
+            self._arrivals.popleft()
+        rate = len(self._arrivals) / _RATE_OVER
+        state, text = self._state(now, rate)
+        return Health(state, text, rate, self._rejects.total, self._lost)
+
+    def command(self, request: Order, on_reply: Callable[[Answer], None] | None) -> None:
+        """Ask the edge to do something; whatever comes of it is a notice, and ``on_reply`` gets the reply."""
+
+        def replied(answer: Answer | None) -> None:
+            answer = answer or Refused(f"{self.name} does not answer")
+            if isinstance(answer, Refused) and answer.reason != SUPERSEDED:
+                self._notify(Notice("warning", answer.reason))
+            if on_reply is not None:
+                on_reply(answer)
+
+        if not self._requests.send(request, "command", _COMMAND_WITHIN, replied):
+            replied(Refused(f"there is no edge at {self.endpoint}"))
+
+    def close(self) -> None:
+        """Let the sockets go."""
+        self._requests.close()
+        self._stream.close(linger=0)
+
+    def _state(self, now: float, rate: float) -> tuple[Any, str]:
+        """The word and the sentence of :class:`Health`."""
+        if self._other_version is not None:
+            return "version mismatch", (
+                f"the edge at {self.endpoint} speaks version {self._other_version} of the wire and this "
+                "viewer another: install the same release of enliven on both"
+            )
+        if self.status is None:
+            return "waiting", f"waiting for an edge at {self.endpoint}"
+        if self.clash:
+            return "name clash", f"two edges are named {self.name!r}: give one another name with --name"
+        if self.status.phase == "ended":
+            return "ended", f"{self.name}: the stream has ended"
+        silent = now - self.last_heard
+        if silent > _SILENT_AFTER:
+            return "stale", f"{self.name} has been silent for {silent:.0f} s"
+        if rate and rate >= 0.5 * min(self.status.fps or POSE.rate_hz, POSE.rate_hz):
+            return "on rate", f"{self.name}: {self.status.phase}"
+        return "connected", f"{self.name}: {self.status.phase}"
+
+    def _begin(self, instance: int | None) -> None:
+        """An edge's first start, or its next: what was counted or asked of the one before is void.
+
+        Its characters stay on the screen until the new one says what it has.
+        """
+        self.instance = instance
+        self._known_revision = -1
+        self._revisions: dict[str, int] = {}
+        self._sequences: dict[str, int] = {}
+        self._waiting: deque[tuple[PoseMessage, int]] = deque(maxlen=_KEPT)
+        self._wanted: dict[str, int] = {}
+        self._asked_at: dict[str, float] = {}
+        self._hello_at = -math.inf
+        self._requests.forget()
+
+    def _reject(self, error: Malformed) -> None:
+        """Count what cannot be read; another version is something the user must know."""
+        if isinstance(error, OtherVersion) and self._other_version != error.version:
+            self._other_version = error.version
+            self._notify(Notice("error", self._state(0.0, 0.0)[1]))
+        self._rejects.add(error)
+
+    def _receive(self, data: bytes, latched: bool) -> None:
+        """One stream message; what contradicts itself is dropped like what cannot be read."""
+        try:
+            _, message = unpack_stream(data)
+            if not latched:
+                self.last_heard = time.monotonic()
+                self._other_version = None
+            match message:
+                case PoseMessage():
+                    self._take_pose(message, latched)
+                case StatusMessage():
+                    self._take_status(message)
+                case BodiesMessage():
+                    self._take_bodies(message)
+                case CuesMessage():
+                    self._take_cues(message)
+                case PropsMessage():
+                    self.props.append(message_to_props(message))
+                case MatchesMessage():
+                    board = message_to_board(message)
+                    self.boards.append(replace(board, character=self._label(self.name, board.character)))
+        except Malformed as error:
+            self._reject(error)
+        except (EnlivenError, ValueError) as error:
+            self._rejects.add(error)
+
+    def _take_status(self, message: StatusMessage) -> None:
+        if message.instance != self.instance:
+            if self.instance is not None:
+                self._notify(Notice("info", f"{message.edge} has restarted"))
+            self._begin(message.instance)
+        self.status = message
+        self.clock.heard(message.published_ns, time.time_ns())
+        if message.revision != self._known_revision:
+            self._hello_at = -math.inf
+
+    def _take_pose(self, message: PoseMessage, latched: bool) -> None:
+        """Number a pose, and decode it, now or when its character has come."""
+        if message.instance != self.instance:
+            if latched:
+                return
+            self._begin(message.instance)
+        last = self._sequences.get(message.character)
+        if last is not None and (latched or message.sequence <= last):
+            return
+        if not latched:
+            self._sequences[message.character] = message.sequence
+            self._lost += message.sequence - last - 1 if last is not None else 0
+            self._arrivals.append(time.monotonic())
+        self._decode(message, time.time_ns())
+
+    def _decode(self, message: PoseMessage, received_ns: int) -> None:
+        held_revision = self._revisions.get(message.character, 0)
+        if held_revision != message.revision:
+            if message.revision > held_revision:
+                self._waiting.append((message, received_ns))
+            return
+        shown = self._label(self.name, message.character)
+        pose = message_to_pose(message, self.held[shown].codec)
+        self.poses.append(
+            ReceivedPose(
+                replace(pose, character=shown),
+                self.name,
+                message.sequence,
+                message.captured_ns,
+                message.published_ns,
+                received_ns,
+                self.clock.offset_ns,
+            )
+        )
+
+    def _take_bodies(self, message: BodiesMessage) -> None:
+        bodies = tuple(message_to_bodies(message))
+        self.latest_bodies = ReceivedBodies(self.name, message.time_ns, message.captured_ns, bodies)
+        self.bodies.append(self.latest_bodies)
+
+    def _take_cues(self, message: CuesMessage) -> None:
+        if self.status is None:
+            return
+        nodes, strengths = message_to_cues(message)
+        shown = self._label(self.name, message.character)
+        self.cues[shown] = ReceivedCues(
+            shown,
+            message.state,
+            nodes,
+            strengths,
+            message.body,
+            message.time_ns,
+            message_to_owners(message),
+            message.held,
+        )
+        self.new_cues.append(self.cues[shown])
+
+    def _ask(self) -> None:
+        """Say hello until welcomed, ask for characters that are missing, and for the time."""
+        now = time.monotonic()
+        listening = now - self.last_heard < _SILENT_AFTER
+        # Until the streams arrive, every question makes the edge's heart beat once.
+        pause = _ASK_EVERY if listening else _ASK_FIRST_EVERY
+        behind = self.status is None or self.status.revision != self._known_revision
+        if behind and now - self._hello_at >= pause and not self._requests.under_way("hello"):
+            hello = Hello(self._viewer, listening)
+            if self._requests.send(hello, "hello", _REPLY_WITHIN, self._welcomed):
+                self._hello_at = now
+        elif now - self._ping_at >= pause or listening != self._told_listening:
+            ping = Ping(self._viewer, time.time_ns(), listening)
+            if self._requests.send(ping, "ping", _REPLY_WITHIN, self._ponged):
+                self._ping_at, self._told_listening = now, listening
+        for character, revision in self._wanted.items():
+            if (
+                self._revisions.get(character) != revision
+                and now - self._asked_at.get(character, 0.0) > pause
+            ):
+                self._fetch(character, now)
+
+    def _fetch(self, character: str, now: float) -> None:
+        key = f"character {character}\0"
+        if self._requests.under_way("character ") < _FETCHED_AT_ONCE and not self._requests.under_way(key):
+            self._asked_at[character] = now
+            self._requests.send(GetState(character), key, _CHARACTER_WITHIN, self._take_character)
+
+    def _ponged(self, answer: Answer | None) -> None:
+        if isinstance(answer, Pong):
+            self.clock.answered(answer.sent_ns, answer.edge_ns, time.time_ns())
+
+    def _welcomed(self, answer: Answer | None) -> None:
+        """What there is; characters that the edge does not have any more go."""
+        if not isinstance(answer, Welcome):
+            return
+        self._take_status(answer.status)
+        self._known_revision = answer.status.revision
+        wanted = {each.character: each.revision for each in answer.characters}
+        self._asked_at = {c: t for c, t in self._asked_at.items() if wanted.get(c) == self._wanted.get(c)}
+        self._wanted = wanted
+        shown = {self._label(self.name, character) for character in self._wanted}
+        for gone in [name for name in self.held if name not in shown]:
+            del self.held[gone]
+            self.cues.pop(gone, None)
+        for message in answer.latest:
+            self._receive(message, latched=True)
+
+    def _take_character(self, answer: Answer | None) -> None:
+        """A character, and the poses that waited for it; one that cannot be used leaves the old one."""
+        if not isinstance(answer, CharacterMessage):
+            return
+        shown = self._label(self.name, answer.id)
+        try:
+            character = replace(message_to_character(answer), id=shown)
+            codec = PoseCodec(character)
+        except (EnlivenError, ValueError) as error:
+            self._rejects.add(error)
+            return
+        self.held[shown] = _Held(answer.revision, character, codec)
+        self._revisions[answer.id] = answer.revision
+        waiting, self._waiting = self._waiting, deque(maxlen=_KEPT)
+        for message, received_ns in waiting:
+            try:
+                self._decode(message, received_ns)
+            except ValueError as error:
+                self._rejects.add(error)

@@ -1,0 +1,224 @@
+"""The viewer in a window: poll the feed, move the playhead, draw, show."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import glfw
+
+from enliven.commands.processes import parent_is_gone
+from enliven.wire.messages import Mode
+from enliven_viewer.link.feed import Feed
+from enliven_viewer.live.hud import Hud, HudState, timeline_area
+from enliven_viewer.live.keys import Controls
+from enliven_viewer.live.match_cards import cards_of
+from enliven_viewer.live.possession_choice import Grasp
+from enliven_viewer.live.view_report import Gaze, hidden, turn_to_bones
+from enliven_viewer.playback.document import Document
+from enliven_viewer.playback.playhead import Playhead
+from enliven_viewer.playback.solved_surfaces import Surfaces
+from enliven_viewer.playback.timeline import NS
+from enliven_viewer.render.camera import OrbitCamera
+from enliven_viewer.render.gl.context import window_context
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import Look, Scene, scene_of
+from enliven_viewer.settings import ViewerSettings
+from enliven_viewer.window import open_window
+
+_MINIMISED_PAUSE = 0.05
+_ROOM = 1.14
+"""Leaves the timeline's bar below the subject's feet."""
+
+
+class App:
+    """One window on one feed.
+
+    Args:
+        feed: where the document is filled from.
+        take: the name of the take that the feed plays, or empty for a live edge.
+    """
+
+    def __init__(
+        self,
+        feed: Feed,
+        document: Document,
+        settings: ViewerSettings | None = None,
+        *,
+        take: str = "",
+        hud: bool = True,
+    ) -> None:
+        self.feed, self.document = feed, document
+        self.settings = settings or ViewerSettings()
+        self.playhead = Playhead(document.timeline, live=not take, loop=bool(take))
+        self.camera = OrbitCamera(self.settings.render.opening)
+        self.look, self.help, self.scale = Look(), False, 1.0
+        self._take, self._with_hud = take, hud
+        self.grasp = Grasp()
+        self._gaze = Gaze()
+        self._surfaces = Surfaces()
+        self._framed: tuple[str, ...] | None = None
+        self._size = (1, 1)
+        self._scene = Scene()
+        self._fps = 0.0
+
+    def run(
+        self, seconds: float | None = None, on_frame: Callable[[App, Renderer], None] | None = None
+    ) -> None:
+        """Show the window until it is closed, Ctrl-C, or ``seconds`` have passed.
+
+        Args:
+            on_frame: called after every drawn picture.
+
+        Raises:
+            ResourceError: without a display or OpenGL.
+        """
+        title = f"enliven · {self._take}" if self._take else "enliven"
+        with open_window(self.settings.width, self.settings.height, title) as window:
+            self._size = glfw.get_framebuffer_size(window)
+            renderer = Renderer(window_context(), _at_least_one(self._size), self.settings.render)
+            hud = Hud(renderer.ctx)
+            Controls(self, window)
+            end = None if seconds is None else time.monotonic() + seconds
+            last = time.monotonic()
+            while not glfw.window_should_close(window) and not parent_is_gone():
+                if end is not None and time.monotonic() > end:
+                    break
+                now = time.monotonic()
+                self._step(window, renderer, hud, now - last)
+                if on_frame:
+                    on_frame(self, renderer)
+                last = now
+
+    def possess(self, mode: Mode = "alone") -> None:
+        """Ask the feed that the chosen performer takes hold of every character with the chosen parts."""
+        for name in self.document.characters:
+            self.feed.possess(name, self.grasp.body, self.grasp.parts, mode)
+
+    def release(self) -> None:
+        """Ask the feed that the chosen performer, or everybody, lets go of every character."""
+        for name in self.document.characters:
+            self.feed.release(name, self.grasp.body)
+
+    def choose_parts(self, number: int) -> None:
+        """What the next possession takes hold with, and is previewed with from now on."""
+        self.grasp.choose(number)
+        self.possess("preview")
+
+    def choose_performer(self) -> None:
+        """Who the next possession is of: the next one in view, or whoever comes."""
+        self.grasp.next_performer(body.id for body in self._scene.bodies)
+        self.possess("preview")
+
+    def smoother(self, step: int) -> None:
+        """Ask the feed that the chosen performer, or everybody in view, be smoothed more (1) or less (-1)."""
+        present = [body.id for body in self._scene.bodies]
+        for body, amount in self.grasp.smoother(step, present).items():
+            self.feed.smooth(body, amount)
+
+    def toggle_lock(self) -> None:
+        """Ask the feed that only who is there now performs, or everybody who comes again."""
+        wanted = not self.grasp.locked
+        self.feed.lock(wanted, lambda: setattr(self.grasp, "locked", wanted))
+
+    def frame_all(self) -> None:
+        """Bring everything into the picture, seen from the front right."""
+        if self._scene.box is not None:
+            self.camera.frame(self._scene.box, self._aspect, reset=True, room=_ROOM)
+
+    def browse(self, step: int) -> None:
+        """Ask the feed for another match with the pose, of every character from which somebody chooses."""
+        for name in self._scene.boards:
+            self.feed.browse(name, step)
+
+    def show_bones(self) -> None:
+        """Turn the camera to where most of the bones of the characters can be seen."""
+        turn_to_bones(self.camera, self._scene)
+
+    def tell_gaze(self) -> None:
+        """Tell the feed from where the user looks, where somebody chooses, and where that is new."""
+        if not self._scene.boards:
+            return
+        look = self._gaze.changed(self.camera.view(self._aspect), time.monotonic())
+        if look is not None:
+            self.feed.look(look)
+
+    def fraction_along(self, x: float) -> float:
+        """The place on the timeline, 0..1, of a pixel's column."""
+        left, _, width, _ = timeline_area(self._size, self.scale)
+        return min(max((x - left) / width, 0.0), 1.0)
+
+    @property
+    def _aspect(self) -> float:
+        return self._size[0] / max(self._size[1], 1)
+
+    def _step(self, window: Any, renderer: Renderer, hud: Hud, elapsed: float) -> None:
+        """One turn of the loop."""
+        glfw.poll_events()
+        self.feed.poll(self.document)
+        self.playhead.advance(elapsed)
+        self.camera.advance(elapsed)
+        self._size = glfw.get_framebuffer_size(window)
+        if self._size[0] < 1 or self._size[1] < 1:
+            time.sleep(_MINIMISED_PAUSE)
+            return
+        self._fps += (1 / max(elapsed, 1e-3) - self._fps) * min(elapsed * 2, 1.0)
+        renderer.resize(self._size)
+        self._scene = scene_of(self.document, self.playhead.moment(), self.look, self._surfaces)
+        self._frame_newcomers()
+        self.tell_gaze()
+        renderer.draw(self._scene, self.camera.view(self._aspect))
+        if self._with_hud:
+            self.scale = max(glfw.get_window_content_scale(window)[0], 1.0)
+            hud.rescale(self.scale)
+            hud.draw(renderer.picture.resolved, self._hud_state())
+        renderer.present(renderer.ctx.screen)
+        glfw.swap_buffers(window)
+
+    def _frame_newcomers(self) -> None:
+        """Look at everything when the first, or another, character or performer comes."""
+        present = (*self.document.characters, *("body" for _ in self._scene.bodies[:1]))
+        if self._framed != present and self._scene.box is not None:
+            first = self._framed is None
+            self.camera.frame(self._scene.box, self._aspect, at_once=first, room=_ROOM)
+            self._framed = present
+
+    def _hud_state(self) -> HudState:
+        timeline, head = self.document.timeline, self.playhead
+        return HudState(
+            edge=None if self._take else replace(self.document.edge),
+            title=self._take,
+            fps=self._fps,
+            fraction=head.fraction,
+            shown_s=(head.time_ns - timeline.start_ns) / NS,
+            length_s=(timeline.end_ns - timeline.start_ns) / NS,
+            live=head.live,
+            paused=head.paused,
+            speed=head.speed,
+            notice=self._notice(),
+            help=self.help,
+            grasp="" if self._take else self._grasp_words(),
+            cards=cards_of(self._scene, self.camera.view(self._aspect)),
+            score=self._scene.props.note if self._scene.props is not None else "",
+        )
+
+    def _grasp_words(self) -> str:
+        """What the next possession takes, or what keeps the user from seeing it."""
+        if hidden(self._scene, self.camera.view(self._aspect)):
+            return "some bones point at you: V shows more of them"
+        return self.grasp.words
+
+    def _notice(self) -> str:
+        """What to say in the middle of an empty picture."""
+        if self.document.characters or len(self.document.timeline):
+            return ""
+        edge = self.document.edge
+        if edge.connected:
+            return "waiting for the edge's characters"
+        return edge.message or f"waiting for an edge at {edge.address}"
+
+
+def _at_least_one(size: tuple[int, int]) -> tuple[int, int]:
+    return max(size[0], 1), max(size[1], 1)

@@ -1,0 +1,258 @@
+"""What is written over the picture: the state of the link, the pace, the timeline, and the keys."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import moderngl
+
+from enliven.health import HealthState, Severity
+from enliven_viewer.live.match_cards import Card, draw_cards
+from enliven_viewer.playback.document import EdgeState
+from enliven_viewer.render.overlay.canvas import Canvas, Colour
+
+KEYS = (
+    ("Space", "pause, go on"),
+    ("Left / Right", "one pose back, forward"),
+    ("Up / Down", "faster, slower"),
+    ("L", "live"),
+    ("P / J", "possess alone, beside others"),
+    ("E", "hold with these parts as well"),
+    ("R", "release"),
+    ("1 ... 9", "with all, upper body, legs, ..."),
+    ("B", "of whom: anybody, 1, 2, ..."),
+    (", / .", "less smoothed, more"),
+    ("K", "only who is here now performs"),
+    ("N / M", "next, previous match with the pose"),
+    ("V", "see more of the bones"),
+    ("F", "frame everything"),
+    ("G / S", "graph, skeleton"),
+    ("H", "this help"),
+    ("F11", "full screen"),
+    ("Esc", "quit"),
+    ("Drag", "turn; right: move; wheel: closer"),
+)
+"""The keys and what they do, as the help lists them."""
+
+INK: Colour = (0.95, 0.96, 0.98, 0.96)
+QUIET: Colour = (0.78, 0.81, 0.86, 0.85)
+GLASS: Colour = (0.05, 0.06, 0.085, 0.58)
+ACCENT: Colour = (1.0, 0.69, 0.30, 1.0)
+GOOD: Colour = (0.42, 0.86, 0.56, 1.0)
+WAIT: Colour = (1.0, 0.74, 0.30, 1.0)
+BAD: Colour = (1.0, 0.36, 0.33, 1.0)
+TRACK: Colour = (1.0, 1.0, 1.0, 0.20)
+
+SEVERITY = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
+"""The colour of what is wrong."""
+
+
+@dataclass(frozen=True)
+class HudState:
+    """Everything that the HUD says.
+
+    Attributes:
+        edge: state of the link; None when a take is played.
+        title: the take's name, or the edge's address.
+        fps: pictures a second.
+        fraction: place on the timeline, 0..1.
+        shown_s, length_s: seconds since the timeline's start, and its length.
+        live, paused, speed: of the playhead.
+        notice: one line for the middle of the picture, or empty.
+        help: whether the keys are listed.
+        grasp: what the next possession takes, or empty.
+        score: what is said of loose things, or empty.
+        cards: the matches of a pose that are to choose from.
+    """
+
+    edge: EdgeState | None = None
+    title: str = ""
+    fps: float = 0.0
+    fraction: float = 1.0
+    shown_s: float = 0.0
+    length_s: float = 0.0
+    live: bool = True
+    paused: bool = False
+    speed: float = 1.0
+    notice: str = ""
+    help: bool = False
+    grasp: str = ""
+    score: str = ""
+    cards: tuple[Card, ...] = ()
+
+
+def timeline_area(size: tuple[int, int], scale: float) -> tuple[float, float, float, float]:
+    """x, y, width, height in pixels of the timeline's track."""
+    left, right = 96 * scale, 150 * scale
+    return left, size[1] - 34 * scale, max(size[0] - left - right, 1.0), 6 * scale
+
+
+def timeline_fraction(x: float, y: float, size: tuple[int, int], scale: float) -> float | None:
+    """Where on the timeline a pixel is, 0..1; None when it is not near the track."""
+    left, top, width, height = timeline_area(size, scale)
+    reach = 14 * scale
+    if not (left - reach <= x <= left + width + reach and top - reach <= y <= top + height + reach):
+        return None
+    return min(max((x - left) / width, 0.0), 1.0)
+
+
+class Hud:
+    """Draws a :class:`HudState` over a framebuffer.
+
+    Args:
+        scale: pixels of the framebuffer for one of a plain screen (2 on many laptops).
+    """
+
+    def __init__(self, ctx: moderngl.Context, scale: float = 1.0) -> None:
+        self._ctx = ctx
+        self._make(scale)
+
+    def _make(self, scale: float) -> None:
+        self.scale = scale
+        self._small, self._normal, self._large = (round(s * scale) for s in (14, 16, 26))
+        self._canvas = Canvas(self._ctx, (self._small, self._normal, self._large))
+
+    def rescale(self, scale: float) -> None:
+        """Take another scale (the window went to another screen)."""
+        if abs(scale - self.scale) > 1e-3:
+            self._canvas.release()
+            self._make(scale)
+
+    def draw(self, target: moderngl.Framebuffer, state: HudState) -> None:
+        """Draw everything onto a framebuffer."""
+        size = (target.width, target.height)
+        below = self._state_panel(state)
+        if state.edge is not None and state.edge.connected and state.edge.health:
+            self._health_panel(size, below, state.edge.health)
+        if state.length_s > 0:
+            self._timeline(size, state)
+        if state.cards:
+            draw_cards(self._canvas, size, self.scale, self._small, state.cards)
+        if state.notice:
+            self._notice(size, state.notice)
+        if state.help:
+            self._help(size)
+        self._canvas.draw(target)
+
+    def _state_panel(self, state: HudState) -> float:
+        """Top left: link, phase, pace, latency; where it ends, pixels from the top."""
+        s, canvas = self.scale, self._canvas
+        lines = _state_lines(state)
+        line = canvas.line_height(self._small)
+        widest = max(canvas.width(text, self._small) for text in lines)
+        height = 22 * s + canvas.line_height(self._normal) + line * len(lines)
+        canvas.rectangle(16 * s, 16 * s, max(292 * s, 60 * s + widest), height, GLASS, 10 * s)
+        y = 27 * s
+        good = state.edge is None or state.edge.connected
+        canvas.disc(33 * s, y + 9 * s, 5 * s, GOOD if good else WAIT)
+        canvas.text(46 * s, y, _headline(state), self._normal, INK)
+        y += canvas.line_height(self._normal) + 2 * s
+        for text in lines:
+            canvas.text(46 * s, y, text, self._small, QUIET)
+            y += line
+        return 16 * s + height
+
+    def _health_panel(self, size: tuple[int, int], top: float, states: tuple[HealthState, ...]) -> None:
+        """Under the state: what is wrong and what to do, the gravest first; what has no room is counted."""
+        s, canvas = self.scale, self._canvas
+        line, gap = canvas.line_height(self._small), 8 * s
+        width = min(430 * s, size[0] - 32 * s)
+        bottom = size[1] - 62 * s
+        y = top + gap
+        for shown, state in enumerate(states):
+            what, mend = (
+                wrapped(text, width - 42 * s, lambda t: canvas.width(t, self._small))
+                for text in (state.what, state.mend)
+            )
+            height = line * (len(what) + len(mend)) + 18 * s
+            if y + height > bottom:
+                if y + line < bottom:
+                    more = f"and {len(states) - shown} more"
+                    canvas.text(30 * s, y, more, self._small, QUIET)
+                return
+            canvas.rectangle(16 * s, y, width, height, GLASS, 10 * s)
+            colour = SEVERITY[state.severity]
+            canvas.rectangle(16 * s, y + 8 * s, 4 * s, height - 16 * s, colour, 2 * s)
+            for row, text in enumerate((*what, *mend)):
+                tint = INK if row < len(what) else QUIET
+                canvas.text(32 * s, y + 8 * s + row * line, text, self._small, tint)
+            y += height + gap
+
+    def _timeline(self, size: tuple[int, int], state: HudState) -> None:
+        """Along the bottom: time, track, mode."""
+        s, canvas = self.scale, self._canvas
+        x, y, width, height = timeline_area(size, s)
+        canvas.rectangle(16 * s, size[1] - 54 * s, size[0] - 32 * s, 42 * s, GLASS, 10 * s)
+        canvas.rectangle(x, y, width, height, TRACK, height / 2)
+        canvas.rectangle(x, y, width * state.fraction, height, ACCENT, height / 2)
+        canvas.disc(x + width * state.fraction, y + height / 2, 8 * s, INK)
+        top = y + height / 2 - 0.62 * self._small
+        canvas.text(x - 18 * s, top, clock(state.shown_s), self._small, INK, align=1.0)
+        if state.live:
+            canvas.disc(x + width + 22 * s, y + height / 2, 4 * s, GOOD)
+            canvas.text(x + width + 32 * s, top, "live", self._small, INK)
+        else:
+            mode = "paused" if state.paused else f"{state.speed:g}x"
+            canvas.text(x + width + 20 * s, top, f"{mode} · {clock(state.length_s)}", self._small, INK)
+
+    def _notice(self, size: tuple[int, int], notice: str) -> None:
+        """The middle of the picture: one line."""
+        s, canvas = self.scale, self._canvas
+        width = canvas.width(notice, self._large) + 64 * s
+        canvas.rectangle((size[0] - width) / 2, size[1] * 0.42 - 18 * s, width, 68 * s, GLASS, 14 * s)
+        canvas.text(size[0] / 2, size[1] * 0.42, notice, self._large, INK, align=0.5)
+
+    def _help(self, size: tuple[int, int]) -> None:
+        """On the right: the keys."""
+        s, canvas = self.scale, self._canvas
+        line = canvas.line_height(self._normal) + 3 * s
+        width, height = 372 * s, line * len(KEYS) + 26 * s
+        beside = size[0] > 2 * width
+        x, y = (size[0] - width - 16 * s, 16 * s) if beside else (16 * s, 104 * s)
+        canvas.rectangle(x, y, width, height, GLASS, 10 * s)
+        for row, (key, meaning) in enumerate(KEYS):
+            canvas.text(x + 114 * s, y + 14 * s + row * line, key, self._normal, INK, align=1.0)
+            canvas.text(x + 132 * s, y + 14 * s + row * line, meaning, self._normal, QUIET)
+
+
+def wrapped(text: str, width: float, measure: Callable[[str], float]) -> list[str]:
+    """The text in lines no wider than ``width``, broken between words; a word that is wider stands alone."""
+    lines: list[str] = []
+    for word in text.split():
+        if lines and measure(f"{lines[-1]} {word}") <= width:
+            lines[-1] += f" {word}"
+        else:
+            lines.append(word)
+    return lines
+
+
+def _headline(state: HudState) -> str:
+    if state.edge is None:
+        return state.title
+    phase = f" · {state.edge.phase}" if state.edge.phase else ""
+    return f"{state.edge.address}{phase}" if state.edge.connected else f"no edge at {state.edge.address}"
+
+
+def _state_lines(state: HudState) -> list[str]:
+    """Pace and latency, one line each."""
+    lines = [f"{state.fps:.0f} pictures a second"]
+    edge = state.edge
+    if edge is not None and edge.connected and edge.sensor_to_pose_ms is not None:
+        text = f"sensor to pose {edge.sensor_to_pose_ms:.0f} ms"
+        if edge.pose_to_screen_ms is not None:
+            text += f", to screen {edge.sensor_to_pose_ms + edge.pose_to_screen_ms:.0f} ms"
+        lines.append(text)
+    if edge is not None and edge.connected and state.grasp:
+        lines.append(state.grasp)
+    if state.score:
+        lines.append(state.score[:58])
+    if edge is not None and edge.message:
+        lines.append(edge.message[:58])
+    return lines
+
+
+def clock(seconds: float) -> str:
+    """Seconds as m:ss.t."""
+    tenths = max(round(seconds * 10), 0)
+    return f"{tenths // 600}:{tenths // 10 % 60:02d}.{tenths % 10}"

@@ -1,0 +1,113 @@
+"""The matches of a pose as cards: a small picture of the skeleton each, what would be driven in colour."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.matching.board import Board
+from enliven_viewer.render.camera import View
+from enliven_viewer.render.overlay.canvas import Canvas, Colour
+from enliven_viewer.render.overlay.match_lines import TINTS
+from enliven_viewer.render.scene import Actor, Scene
+
+WIDTH, HEIGHT, GAP, PAD = 124.0, 92.0, 8.0, 10.0
+"""Pixels of a card on a plain screen, the space between two, and within one."""
+WIDE = 2.0
+"""How much wider than high the picture on a card is."""
+_GLASS: Colour = (0.05, 0.06, 0.085, 0.62)
+_MEANT: Colour = (1.0, 0.69, 0.30, 0.95)
+_BONE: Colour = (0.78, 0.81, 0.86, 0.42)
+_INK: Colour = (0.95, 0.96, 0.98, 0.92)
+_QUIET: Colour = (0.78, 0.81, 0.86, 0.85)
+
+
+@dataclass(frozen=True, eq=False)
+class Card:
+    """One match, ready to be drawn.
+
+    Attributes:
+        title: its place.
+        score: where it begins, and how alike it looks.
+        meant: whether it is the one that would be taken.
+        bones: (E, 2, 2) the whole skeleton, 0..WIDE to the right and 0..1 down.
+        lines: (K, 2) by branch of the source, likewise.
+        held: 0..1 how long of the time to hold still has passed.
+    """
+
+    title: str
+    score: str
+    meant: bool
+    bones: Float
+    lines: tuple[Float, ...]
+    held: float = 0.0
+
+
+def cards_of(scene: Scene, view: View) -> tuple[Card, ...]:
+    """The cards of the first character from which somebody chooses, as it is seen; none where nobody does."""
+    for actor in scene.actors:
+        board = scene.boards.get(actor.character.id)
+        if board is not None and board.state == "choosing":
+            return _cards(actor, board, view)
+    return ()
+
+
+def _cards(actor: Actor, board: Board, view: View) -> tuple[Card, ...]:
+    bones = actor.pose.positions[actor.character.edges].astype(np.float64)
+    every = [bones.reshape(-1, 3), *(line for row in board.rows for line in row.lines)]
+    seen = view.project(np.concatenate(every)) * [1.0, -1.0]
+    # Pixels are square on the card as on the screen: the picture is as much wider as its projection says.
+    seen[:, 0] *= view.clip_from_camera[1, 1] / view.clip_from_camera[0, 0]
+    middle, reach = (seen.max(0) + seen.min(0)) / 2, float((np.ptp(seen, axis=0) / [WIDE, 1.0]).max()) or 1.0
+    seen = np.array([WIDE / 2, 0.5]) + (seen - middle) / reach
+    ends = np.cumsum([0, *(len(points) for points in every)])
+    parts = [seen[a:b] for a, b in itertools.pairwise(ends)]
+    cards, at = [], 1
+    for number, row in enumerate(board.rows):
+        lines = tuple(parts[at : at + len(row.lines)])
+        at += len(row.lines)
+        title = f"{row.place + 1} of {board.total}"
+        meant = number == board.shown
+        score = f"{row.name[:10]}  {row.score:.2f}"
+        cards.append(Card(title, score, meant, parts[0].reshape(-1, 2, 2), lines, board.held * meant))
+    return tuple(cards)
+
+
+def draw_cards(
+    canvas: Canvas, size: tuple[int, int], scale: float, text: int, cards: tuple[Card, ...]
+) -> None:
+    """Draws the cards in a row above the timeline, centred; those that have no room are left out.
+
+    Args:
+        size: width and height of the picture in pixels.
+        text: the size of the writing, pixels.
+    """
+    step = (WIDTH + GAP) * scale
+    cards = cards[: max(int((size[0] - 32 * scale) // step), 0)]
+    left = (size[0] - step * len(cards) + GAP * scale) / 2
+    top = size[1] - (HEIGHT + 66) * scale
+    for number, card in enumerate(cards):
+        _draw_card(canvas, left + number * step, top, scale, text, card)
+
+
+def _draw_card(canvas: Canvas, x: float, y: float, s: float, text: int, card: Card) -> None:
+    width, height = WIDTH * s, HEIGHT * s
+    if card.meant:
+        canvas.rectangle(x - 2 * s, y - 2 * s, width + 4 * s, height + 4 * s, _MEANT, 11 * s)
+        canvas.rectangle(x, y, width, height, (*_GLASS[:3], 0.96), 9 * s)
+    else:
+        canvas.rectangle(x, y, width, height, _GLASS, 9 * s)
+    canvas.text(x + PAD * s, y + 5 * s, card.title, text, _INK if card.meant else _QUIET)
+    canvas.text(x + PAD * s, y + height - 7 * s - text, card.score, text, _QUIET)
+    side = height - 2 * (text + 8 * s)
+    corner = np.array([x + (width - WIDE * side) / 2, y + text + 8 * s])
+    for a, b in corner + side * card.bones:
+        canvas.line(a, b, 1.2 * s, _BONE)
+    for line, tint in zip(card.lines, itertools.cycle(TINTS), strict=False):
+        for a, b in itertools.pairwise(corner + side * line):
+            canvas.line(a, b, 3.0 * s, (*tint, 1.0))
+    if card.held > 0.0:
+        canvas.rectangle(x + 8 * s, y + height - 5 * s, (width - 16 * s) * card.held, 3 * s, _MEANT, 1.5 * s)

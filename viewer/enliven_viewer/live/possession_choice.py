@@ -1,0 +1,66 @@
+"""What is asked of the edge for a performer: who takes hold, with what, how smoothly, and who may come."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+PARTS = (
+    "all",
+    "upper body",
+    "legs",
+    "arms",
+    "left arm",
+    "right arm",
+    "hip + right arm",
+    "torso",
+    "head",
+)
+"""What the keys 1 to 9 choose, names of :data:`enliven.person.body.PARTS`."""
+
+
+SMOOTHING = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
+"""Amounts that the keys go through: 0 is off, 1 is gentle."""
+_USUAL = 2
+
+
+class Grasp:
+    """A choice of performer and parts.
+
+    Attributes:
+        body: the performer's id; None: whoever comes next.
+        parts: what takes hold.
+        locked: whether only those performers count who were there when it was asked for.
+    """
+
+    def __init__(self) -> None:
+        self.body: int | None = None
+        self.parts = PARTS[0]
+        self.locked = False
+        self._smoothing: dict[int, int] = {}
+
+    def choose(self, number: int) -> None:
+        """The parts of a key, counted from 0."""
+        self.parts = PARTS[number]
+
+    def next_performer(self, present: Iterable[int]) -> None:
+        """The next of those in view, after the last of them whoever comes."""
+        order: list[int | None] = [None, *sorted(set(present))]
+        at = order.index(self.body) if self.body in order else 0
+        self.body = order[(at + 1) % len(order)]
+
+    def smoother(self, step: int, present: Iterable[int]) -> dict[int, float]:
+        """Another amount of smoothing for the chosen performer, or for everybody in view: by id."""
+        amounts = {}
+        for body in [self.body] if self.body is not None else present:
+            at = min(max(self._smoothing.get(body, _USUAL) + step, 0), len(SMOOTHING) - 1)
+            self._smoothing[body], amounts[body] = at, SMOOTHING[at]
+        return amounts
+
+    @property
+    def words(self) -> str:
+        """For people: "legs of performer 2"."""
+        who = "whoever is next" if self.body is None else f"performer {self.body}"
+        whole = f"P takes hold: {'the whole' if self.parts == 'all' else self.parts} of {who}"
+        if self.body in self._smoothing:
+            whole += f" · smoothed by {SMOOTHING[self._smoothing[self.body]]:g}"
+        return f"{whole} · locked" if self.locked else whole

@@ -1,0 +1,69 @@
+"""From where the viewer looks, for the edge that ranks what a pose means; and from where to look better."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from enliven.matching import views
+from enliven.wire.messages import Look
+from enliven_viewer.render.camera import OrbitCamera, View
+from enliven_viewer.render.scene import Scene
+
+_EVERY = 0.1
+"""Seconds between two words about it at least."""
+_END_ON = 0.3
+"""A chain of which less than this share of the way from end to end is seen points at the eye."""
+_TURNED, _MOVED = 0.005, 0.02
+"""Radians, and metres, that are worth a word."""
+
+
+class Gaze:
+    """What the edge was told last."""
+
+    def __init__(self) -> None:
+        self._told: View | None = None
+        self._when = -math.inf
+
+    def changed(self, view: View, seconds: float) -> Look | None:
+        """What to tell the edge at a time of the wall clock, or None where that would be nothing new."""
+        if seconds - self._when < _EVERY or (self._told is not None and _alike(view, self._told)):
+            return None
+        self._told, self._when = view, seconds
+        return look_of(view)
+
+
+def look_of(view: View) -> Look:
+    """A camera as the wire says it."""
+    rows = view.camera_from_world[:3, :3]
+    forward, up, eye = (tuple(float(x) for x in row) for row in (-rows[2], rows[1], view.eye))
+    return Look(forward, up, eye)  # type: ignore[arg-type]
+
+
+def hidden(scene: Scene, view: View) -> bool:
+    """Whether a chain from which somebody chooses points at the eye, so that its direction cannot be seen."""
+    rows = view.camera_from_world[:3, :3]
+    for board in scene.boards.values():
+        for row in board.rows if board.state == "choosing" else ():
+            for line in row.lines:
+                ahead = line.mean(0) - view.eye if len(line) else rows[0]
+                seen = views.View(ahead, rows[1])
+                if len(line) and views.end_on(line[-1:] - line[:1], seen, _END_ON)[0]:
+                    return True
+    return False
+
+
+def turn_to_bones(camera: OrbitCamera, scene: Scene) -> None:
+    """Turns a camera to the view that shows most of the bones of all characters (AniMesh, section 8)."""
+    ends = [actor.pose.positions[actor.character.edges].astype(np.float64) for actor in scene.actors]
+    vectors = np.concatenate([np.zeros((0, 3)), *(end[:, 1] - end[:, 0] for end in ends)])
+    rows = camera.view(1.0).camera_from_world[:3, :3]
+    best = views.best_view(vectors, views.View(-rows[2], rows[1]))
+    back = -best.direction if best.direction[1] <= 0 else best.direction
+    camera.face(math.atan2(back[0], back[2]), math.asin(float(np.clip(back[1], -1.0, 1.0))))
+
+
+def _alike(one: View, other: View) -> bool:
+    turned = np.abs(one.camera_from_world[:3, :3] - other.camera_from_world[:3, :3]).max()
+    return bool(turned < _TURNED and np.abs(one.eye - other.eye).max() < _MOVED)

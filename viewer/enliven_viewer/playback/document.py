@@ -1,0 +1,90 @@
+"""What the viewer knows: characters, the timeline of what they did, and the state of the edge."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven.document.character import Character, Pose
+from enliven.document.props import Props
+from enliven.health import HealthState
+from enliven.matching.board import Board
+from enliven.person.body import Body
+from enliven_viewer.playback.timeline import Cues, Timeline
+
+
+@dataclass(frozen=True)
+class EdgeState:
+    """What the edge says of itself, and what the link says of the edge.
+
+    Attributes:
+        connected: messages arrive.
+        address: where the edge is looked for.
+        phase: the edge's own word, such as "waiting", "possessed" or "ended".
+        message: one sentence for the user, or empty.
+        sensor_to_pose_ms: milliseconds from the sensor's frame to its published pose, or None.
+        pose_to_screen_ms: milliseconds from publishing to here, or None.
+        health: what the edge says is wrong, the gravest first.
+    """
+
+    connected: bool = False
+    address: str = ""
+    phase: str = ""
+    message: str = ""
+    sensor_to_pose_ms: float | None = None
+    pose_to_screen_ms: float | None = None
+    health: tuple[HealthState, ...] = ()
+
+
+@dataclass
+class Document:
+    """Characters by id, the timeline of what they did, and the edge's state."""
+
+    timeline: Timeline = field(default_factory=Timeline)
+    characters: dict[str, Character] = field(default_factory=dict)
+    edge: EdgeState = field(default_factory=EdgeState)
+
+    def add_character(self, character: Character) -> None:
+        """Add a character, or replace the one of the same id."""
+        self.characters[character.id] = character
+
+    def remove_character(self, character_id: str) -> None:
+        """Forget a character; the timeline keeps its poses."""
+        self.characters.pop(character_id, None)
+
+    def add_pose(self, pose: Pose) -> None:
+        """Put a pose on the timeline."""
+        self.timeline.add_pose(pose)
+
+    def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
+        """Put the bodies of one moment on the timeline."""
+        self.timeline.add_bodies(time_ns, bodies)
+
+    def add_props(self, props: Props) -> None:
+        """Put what is loose at one moment on the timeline."""
+        self.timeline.add_props(props)
+
+    def add_board(self, board: Board) -> None:
+        """Put what there is to choose from on a character on the timeline."""
+        self.timeline.add_board(board)
+
+    def set_cues(self, cues: Cues, time_ns: int | None = None) -> None:
+        """Say what of a character is held, from a time on or from the newest moment; no nodes: nothing."""
+        self.timeline.set_cues(cues, time_ns)
+
+    def forget_cues(self, character_id: str) -> None:
+        """Nothing of a character is held from the newest moment on."""
+        self.timeline.forget_cues(character_id)
+
+
+def bounds_of(points: Sequence[Float | Float32]) -> tuple[Float, Float] | None:
+    """Lowest and highest corner, (3,) each, of several (N, 3) arrays; None without a finite point."""
+    filled = [p for p in points if len(p)]
+    if not filled:
+        return None
+    every = np.concatenate(filled).astype(np.float64)
+    every = every[np.isfinite(every).all(axis=1)]
+    return (every.min(axis=0), every.max(axis=0)) if len(every) else None

@@ -1,0 +1,137 @@
+"""Poses between poses: linear maps by polar decomposition, positions and joints along straight lines.
+
+A map M = R S is blended as slerp(R0, R1) lerp(S0, S1) (Shoemake and Duff, "Matrix animation and polar
+decomposition", 1992), so that a limb that swings between two frames keeps its length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document.character import Pose
+from enliven.document.props import Props
+from enliven.matching.board import Board, Row
+from enliven.person.body import Body
+from enliven.rotation import slerp
+
+_LEAP = 0.6
+"""Metres between two moments beyond which a thing was put elsewhere, and did not fly there."""
+
+
+def blend_poses(before: Pose, after: Pose, share: float, time_ns: int) -> Pose:
+    """The pose ``share`` in [0, 1] of the way from ``before`` to ``after``.
+
+    Two poses with different numbers of transforms (the character was changed) are not blended: the nearer
+    one is returned.
+    """
+    if before.linear.shape != after.linear.shape:
+        return before if share < 0.5 else after
+    linear = blend_linear(before.linear.astype(np.float64), after.linear.astype(np.float64), share)
+    positions = before.positions + (after.positions - before.positions) * np.float32(share)
+    return Pose(before.character, time_ns, linear.astype(np.float32), np.asarray(positions, np.float32))
+
+
+def blend_linear(before: Float, after: Float, share: float) -> Float:
+    """(J, 3, 3) maps between two sets of (J, 3, 3); plainly linear where a map has no rotation in it."""
+    straight = before + (after - before) * share
+    ok = (np.linalg.det(before) > 1e-6) & (np.linalg.det(after) > 1e-6)
+    if not ok.any():
+        return straight
+    first, last = _nearest_rotation(before[ok]), _nearest_rotation(after[ok])
+    turn = _part_of_turn(np.swapaxes(first, 1, 2) @ last, share)
+    stretch_first = np.swapaxes(first, 1, 2) @ before[ok]
+    stretch_last = np.swapaxes(last, 1, 2) @ after[ok]
+    straight[ok] = first @ turn @ (stretch_first + (stretch_last - stretch_first) * share)
+    return straight
+
+
+def _nearest_rotation(maps: Float) -> Float:
+    """(J, 3, 3) rotations of the polar decomposition of maps with positive determinant."""
+    left, _, right = np.linalg.svd(maps)
+    return np.asarray(left @ right)
+
+
+def _part_of_turn(turn: Float, share: float) -> Float:
+    """(J, 3, 3) ``share`` of each rotation of (J, 3, 3), about the same axis (Rodrigues' formula)."""
+    cosine = np.clip((np.trace(turn, axis1=1, axis2=2) - 1) / 2, -1, 1)
+    angle = np.arccos(cosine)
+    axis = np.stack(
+        [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], -1
+    )
+    length = np.linalg.norm(axis, axis=1, keepdims=True)
+    axis = np.divide(axis, length, out=np.zeros_like(axis), where=length > 1e-9)
+    cross = np.zeros_like(turn)
+    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -axis[:, 2], axis[:, 1], -axis[:, 0]
+    cross -= np.swapaxes(cross, 1, 2)
+    sine, rest = np.sin(share * angle), 1 - np.cos(share * angle)
+    return np.asarray(np.eye(3) + sine[:, None, None] * cross + rest[:, None, None] * (cross @ cross))
+
+
+def _blend_body(before: Body, after: Body, share: float) -> Body:
+    """One person between two moments; what only one moment knows is taken from the nearer."""
+    nearer = before if share < 0.5 else after
+    turns, contacts = nearer.orientations, nearer.contacts
+    if before.orientations is not None and after.orientations is not None:
+        turns = slerp(before.orientations, after.orientations, np.array(share))
+    if before.contacts is not None and after.contacts is not None:
+        contacts = before.contacts + (after.contacts - before.contacts) * share
+    joints = before.joints + (after.joints - before.joints) * share
+    confidence = before.confidence + (after.confidence - before.confidence) * share
+    return Body(before.id, joints, confidence, turns, contacts, nearer.stature)
+
+
+def blend_bodies(before: tuple[Body, ...], after: tuple[Body, ...], share: float) -> tuple[Body, ...]:
+    """The bodies between two moments: matched by id; one that is in a single moment belongs to the nearer."""
+    later = {body.id: body for body in after}
+    blended = []
+    for body in before:
+        other = later.pop(body.id, None)
+        if other is not None:
+            blended.append(_blend_body(body, other, share))
+        elif share < 0.5:
+            blended.append(body)
+    return tuple(blended) + (tuple(later.values()) if share >= 0.5 else ())
+
+
+def blend_props(before: Props | None, after: Props | None, share: float, time_ns: int) -> Props | None:
+    """What is loose between two moments, by id; what only one moment has, or what leapt, is the nearer's.
+
+    Where one of the two moments says nothing, the other's.
+    """
+    if before is None or after is None:
+        return before or after
+    nearer, other = (before, after) if share < 0.5 else (after, before)
+    _, mine, theirs = np.intersect1d(nearer.ids, other.ids, return_indices=True)
+    step = other.positions[theirs] - nearer.positions[mine]
+    flown = np.linalg.norm(step, axis=1) <= _LEAP
+    mine, theirs, step = mine[flown], theirs[flown], step[flown]
+    part = min(share, 1.0 - share)
+    positions, turns = nearer.positions.copy(), nearer.turns.copy()
+    positions[mine] += part * step
+    turns[mine] = slerp(nearer.turns[mine], other.turns[theirs], np.full(len(mine), part))
+    return replace(nearer, time_ns=time_ns, positions=positions, turns=turns)
+
+
+def blend_boards(before: dict[str, Board], after: dict[str, Board], share: float) -> dict[str, Board]:
+    """Boards between two moments: the earlier's, with lines that go with the poses where both have them."""
+    made = dict(before)
+    for name, first in before.items():
+        last = after.get(name)
+        if last is None or (first.state, len(first.rows)) != (last.state, len(last.rows)):
+            continue
+        rows = tuple(_blend_row(a, b, share) for a, b in zip(first.rows, last.rows, strict=True))
+        made[name] = replace(first, rows=rows)
+    return made
+
+
+def _blend_row(first: Row, last: Row, share: float) -> Row:
+    """The same limbs a little later; other limbs are no later place of these."""
+    if [len(line) for line in first.lines] != [len(line) for line in last.lines]:
+        return first
+    pairs = list(zip(first.lines, last.lines, strict=True))
+    if any(np.abs(a - b).max(initial=0.0) > _LEAP for a, b in pairs):
+        return first
+    return replace(first, lines=tuple(a + share * (b - a) for a, b in pairs))

@@ -1,0 +1,89 @@
+"""A playhead on a timeline: live, paused, scrubbed, stepped, looped, at any speed."""
+
+from __future__ import annotations
+
+from enliven_viewer.playback.timeline import NS, Moment, Timeline
+
+SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+
+
+class Playhead:
+    """Where on the timeline the screen is.
+
+    Live follows the newest moment. Every other mode keeps a time inside the timeline, which moves by
+    ``speed`` seconds a second unless it is paused.
+    """
+
+    def __init__(self, timeline: Timeline, *, live: bool = True, loop: bool = False) -> None:
+        self.timeline = timeline
+        self.live = live
+        self.paused = False
+        self.loop = loop
+        self.speed = 1.0
+        self._time = float(timeline.start_ns)
+        self._generation = timeline.generation
+
+    @property
+    def time_ns(self) -> int:
+        """The sensor time that is shown, inside the timeline."""
+        timeline = self.timeline
+        if self.live:
+            return timeline.end_ns
+        return min(max(int(self._time), timeline.start_ns), timeline.end_ns)
+
+    @property
+    def fraction(self) -> float:
+        """Where the shown time is between the timeline's start (0) and end (1)."""
+        length = self.timeline.end_ns - self.timeline.start_ns
+        return (self.time_ns - self.timeline.start_ns) / length if length else 1.0
+
+    def moment(self) -> Moment | None:
+        """What is to be drawn now; None when nothing was received."""
+        return self.timeline.at(self.time_ns)
+
+    def advance(self, seconds: float) -> None:
+        """Let ``seconds`` of the viewer's clock pass."""
+        if self._generation != self.timeline.generation:
+            self._generation = self.timeline.generation
+            self.go_live()
+        if self.live or self.paused:
+            return
+        start, end = self.timeline.start_ns, self.timeline.end_ns
+        self._time = max(self._time, start) + seconds * self.speed * NS
+        if self._time > end:
+            self._time = start + (self._time - end) % max(end - start, 1) if self.loop else end
+
+    def toggle_pause(self) -> None:
+        """Freeze the shown time, or go on from it."""
+        if self.live:
+            self._leave_live()
+            self.paused = True
+        else:
+            self.paused = not self.paused
+
+    def scrub(self, fraction: float) -> None:
+        """Show the time at ``fraction`` in [0, 1] of the timeline, and stay there."""
+        start, end = self.timeline.start_ns, self.timeline.end_ns
+        self.live, self.paused = False, True
+        self._time = start + min(max(fraction, 0.0), 1.0) * (end - start)
+
+    def step(self, count: int) -> None:
+        """Show the moment ``count`` moments later (or earlier), and stay there."""
+        time = self.timeline.neighbour(self.time_ns, count)
+        self.live, self.paused = False, True
+        self._time = float(time)
+
+    def faster(self, steps: int = 1) -> None:
+        """Take the next higher (or lower) speed of :data:`SPEEDS`; a live view begins to play back."""
+        nearest = min(range(len(SPEEDS)), key=lambda k: abs(SPEEDS[k] - self.speed))
+        self.speed = SPEEDS[min(max(nearest + steps, 0), len(SPEEDS) - 1)]
+        if self.live:
+            self._leave_live()
+
+    def go_live(self) -> None:
+        """Follow the newest moment again."""
+        self.live, self.paused, self.speed = True, False, 1.0
+
+    def _leave_live(self) -> None:
+        self._time = float(self.timeline.end_ns)
+        self.live = False

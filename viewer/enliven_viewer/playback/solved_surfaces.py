@@ -1,0 +1,195 @@
+"""Surfaces of puppets: an edge sends control points, and what is between them is solved here.
+
+surfaces = Surfaces()
+vertices = surfaces.vertices(character, pose)     # (V, 3) metres in the world; None: draw it rigidly
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven.document.character import Character, Pose
+from enliven.errors import EnlivenError
+from enliven.kernels import njit
+from enliven.meshes.mesh import Mesh
+
+if TYPE_CHECKING:
+    from enliven.deformation.arap.control_point_surface import PuppetSurface
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+_BUDGET = 0.012
+"""Seconds of a picture that a solve may take; a slower one goes on beside the pictures."""
+_FAILURES = (EnlivenError, ArithmeticError, ValueError, RuntimeError, MemoryError)
+"""What solving a mesh may come to: what a stranger sends ends no viewer."""
+_SETTLING = 12
+"""Pictures for which a surface whose control points do not move is still solved, until it is at rest."""
+
+
+class Surfaces:
+    """The surfaces of everybody's puppets, from picture to picture.
+
+    A mesh is prepared in a thread; until then, and where it cannot be, it is drawn as one rigid piece.
+
+    Args:
+        wait: every picture has the surface of its own pose, whatever that takes: for films.
+    """
+
+    def __init__(self, *, wait: bool = False) -> None:
+        self._wait = wait
+        self._known: dict[str, _Surface] = {}
+
+    def vertices(self, character: Character, pose: Pose) -> Float32 | None:
+        """(V, 3) metres in the world of a puppet in a pose; None for what its transforms alone move."""
+        if character.kind != "points":
+            return None
+        known = self._known.get(character.id)
+        if known is None or known.character is not character:
+            known = _Surface(character)
+            self._known[character.id] = known
+        return known.vertices(pose, wait=self._wait)
+
+    def forget_but(self, characters: Iterable[Character]) -> None:
+        """Lets go of the puppets that are not among these."""
+        names = {character.id for character in characters}
+        self._known = {name: known for name, known in self._known.items() if name in names}
+
+
+class _Surface:
+    """One puppet's surface: prepared, then solved as its control points move."""
+
+    def __init__(self, character: Character) -> None:
+        self.character = character
+        self._prepared = _beside(lambda: _prepared(character))
+        self._solving: Future[Float32] | None = None
+        self._local: Float32 | None = None
+        self._places: Float | None = None
+        self._alike, self._seconds = 0, 0.0
+        self._told = False
+        self._world: Float32 | None = None
+        self._carried_from: Float32 | None = None
+        self._by: Float = np.zeros((3, 4))
+
+    def vertices(self, pose: Pose, *, wait: bool) -> Float32 | None:
+        """(V, 3) metres in the world, or None while it is not prepared, and where it cannot be."""
+        surface = self._surface(wait)
+        frame, pivot = _frame(pose), self.character.pivots[0].astype(np.float64)
+        if surface is None or frame is None:
+            return None
+        linear, position = frame
+        places = (pose.positions[1:] - position) @ np.linalg.inv(linear).T + pivot
+        self._take()
+        if self._is_due(places):
+            self._solve(surface, places, wait)
+        if self._local is None:
+            return None
+        return self._carried(linear, position - linear @ pivot)
+
+    def _carried(self, linear: Float, offset: Float) -> Float32:
+        """(V, 3) the surface in the world; the same array while nothing moves."""
+        assert self._local is not None
+        by = np.concatenate([linear, offset[:, None]], 1)
+        if self._world is None or self._carried_from is not self._local or not np.array_equal(by, self._by):
+            self._world = np.empty_like(self._local)
+            carry(self._local, by, self._world)
+            self._carried_from, self._by = self._local, by
+        return self._world
+
+    def _surface(self, wait: bool) -> PuppetSurface | None:
+        """What was prepared, once it is; why it could not be is said once."""
+        if not wait and not self._prepared.done():
+            return None
+        try:
+            return self._prepared.result()
+        except _FAILURES as error:
+            if not self._told:
+                self._told = True
+                log.warning("%s moves as one piece: %s", self.character.id, error)
+            return None
+
+    def _is_due(self, places: Float) -> bool:
+        """Whether the places say something new, or the surface is still on its way to them."""
+        if self._solving is not None:
+            return False
+        if not np.isfinite(places).all():
+            return False
+        same = self._places is not None and np.array_equal(places, self._places)
+        self._alike = self._alike + 1 if same else 0
+        self._places = places
+        return self._alike < _SETTLING
+
+    def _solve(self, surface: PuppetSurface, places: Float, wait: bool) -> None:
+        """The next frame: now, or beside the pictures where it takes longer than one may."""
+        if wait or (self._seconds < _BUDGET and self._local is not None):
+            self._local = self._solved(surface, places)
+        else:
+            self._solving = _beside(lambda: self._solved(surface, places))
+
+    def _solved(self, surface: PuppetSurface, places: Float) -> Float32:
+        """The surface in the mesh's frame; the last good one where the places cannot be meant."""
+        began = time.perf_counter()
+        try:
+            made = surface.settle(places) if self._local is None else surface.solve(places)
+        except _FAILURES as error:
+            made = surface.pose
+            log.debug("%s keeps its last shape: %s", self.character.id, error)
+        if self._local is not None:
+            self._seconds = time.perf_counter() - began
+        return made.astype(np.float32)
+
+    def _take(self) -> None:
+        """What was solved beside the pictures, once it is there."""
+        if self._solving is not None and self._solving.done():
+            self._local, self._solving = self._solving.result(), None
+
+
+def _beside(work: Callable[[], T]) -> Future[T]:
+    """What comes of some work that no picture waits for, nor the program's end."""
+    future: Future[T] = Future()
+
+    def run() -> None:
+        try:
+            future.set_result(work())
+        except BaseException as error:  # it is raised where the result is asked for
+            future.set_exception(error)
+
+    threading.Thread(target=run, name="puppet", daemon=True).start()
+    return future
+
+
+def _prepared(character: Character) -> PuppetSurface:
+    """The solver of a character's surface."""
+    from enliven.deformation.arap.control_point_surface import (
+        PuppetSurface,  # 0.2 s to load, and puppets alone need it
+    )
+
+    assert character.held is not None
+    mesh = Mesh(character.vertices.astype(np.float64), character.faces)
+    held = character.held.tolist()
+    pulls = [None] * len(held) if character.pulls is None else [w or None for w in character.pulls.tolist()]
+    return PuppetSurface(mesh, held, pulls, character.surface)
+
+
+@njit(cache=True, nogil=True)
+def carry(local: Float32, by: Float, world: Float32) -> None:
+    """Kernel: places (V, 3) by linear | offset (3, 4)."""
+    for v in range(len(local)):
+        x, y, z = local[v, 0], local[v, 1], local[v, 2]
+        for c in range(3):
+            world[v, c] = by[c, 0] * x + by[c, 1] * y + by[c, 2] * z + by[c, 3]
+
+
+def _frame(pose: Pose) -> tuple[Float, Float] | None:
+    """(3, 3) and (3,) of the first transform; None where it has no inverse."""
+    linear, position = pose.linear[0].astype(np.float64), pose.positions[0].astype(np.float64)
+    whole = np.isfinite(linear).all() and np.isfinite(position).all()
+    return (linear, position) if whole and abs(np.linalg.det(linear)) > 1e-9 else None

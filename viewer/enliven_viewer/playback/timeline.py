@@ -1,0 +1,221 @@
+"""A timeline of moments: everything that was received or loaded, by the sensor's clock."""
+
+from __future__ import annotations
+
+import bisect
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from enliven.arrays import Bool, Float32, Int32
+from enliven.document.character import Pose
+from enliven.document.props import Props
+from enliven.matching.board import Board
+from enliven.person.body import Body
+from enliven_viewer.playback.interpolation import blend_boards, blend_bodies, blend_poses, blend_props
+from enliven_viewer.settings import PlaybackSettings
+
+NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Cues:
+    """Where the performer holds a character.
+
+    Attributes:
+        character: the id of the character.
+        nodes: (A,) int32 pivots that the body is attached to.
+        strengths: (A,) float32 in [0, 1], how firmly.
+        state: "possessed"; or "preview", what would be held if the body took hold now.
+        owners: (A,) whose each pivot is, by id; empty: everything is one performer's.
+        held: how many of the first pivots are held, the others are a preview; None: as the state says.
+    """
+
+    character: str
+    nodes: Int32
+    strengths: Float32
+    state: str = "possessed"
+    owners: Int32 = field(default_factory=lambda: np.empty(0, np.int32))
+    held: int | None = None
+
+    @property
+    def firm(self) -> Bool:
+        """(A,) whether each pivot is held, and not only previewed."""
+        every = len(self.nodes) if self.state == "possessed" else 0
+        return np.arange(len(self.nodes)) < (every if self.held is None else self.held)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Everything at one time of the sensor's clock: poses, cues, boards by character, bodies, props."""
+
+    time_ns: int
+    poses: dict[str, Pose] = field(default_factory=dict)
+    bodies: tuple[Body, ...] = ()
+    cues: dict[str, Cues] = field(default_factory=dict)
+    props: Props | None = None
+    boards: dict[str, Board] = field(default_factory=dict)
+
+    @property
+    def possessed(self) -> bool:
+        """Whether anybody held any character."""
+        return any(cues.state == "possessed" for cues in self.cues.values())
+
+
+class Timeline:
+    """Moments sorted by sensor time; the oldest are dropped beyond the settings' length.
+
+    A clock that jumps far back (the edge was restarted, the replay began again) starts a new timeline.
+    """
+
+    def __init__(self, settings: PlaybackSettings | None = None, *, bounded: bool = True) -> None:
+        self.settings = settings or PlaybackSettings()
+        self.generation = 0
+        self._bounded = bounded
+        self._times: list[int] = []
+        self._moments: list[Moment] = []
+        self._cues: dict[str, Cues] = {}
+
+    def __len__(self) -> int:
+        return len(self._moments)
+
+    @property
+    def start_ns(self) -> int:
+        """Time of the first moment; 0 when there is none."""
+        return self._times[0] if self._times else 0
+
+    @property
+    def end_ns(self) -> int:
+        """Time of the last moment; 0 when there is none."""
+        return self._times[-1] if self._times else 0
+
+    def add_pose(self, pose: Pose) -> None:
+        """Put one pose at its time; it replaces an earlier one of the same character and time."""
+        old = self._at(pose.time_ns)
+        self._put(replace(old, poses={**old.poses, pose.character: pose}))
+
+    def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
+        """Put the bodies of one time; they replace earlier ones of the same time."""
+        self._put(replace(self._at(time_ns), bodies=tuple(bodies)))
+
+    def add_props(self, props: Props) -> None:
+        """Put what is loose at its time; it replaces what was of the same time."""
+        self._put(replace(self._at(props.time_ns), props=props))
+
+    def add_board(self, board: Board) -> None:
+        """Put what there is to choose from on a character at its time."""
+        old = self._at(board.time_ns)
+        self._put(replace(old, boards={**old.boards, board.character: board}))
+
+    def set_cues(self, cues: Cues, time_ns: int | None = None) -> None:
+        """Say what of a character is held from a time on (the newest moment's where None) until said anew."""
+        self._cues = {**self._cues, cues.character: cues}
+        first = len(self._times) - 1 if time_ns is None else bisect.bisect_left(self._times, time_ns)
+        for i in range(max(first, 0), len(self._moments)):
+            moment = self._moments[i]
+            self._moments[i] = replace(moment, cues={**moment.cues, cues.character: cues})
+
+    def forget_cues(self, character_id: str) -> None:
+        """Say that nothing of a character is held in the newest moment and all that follow."""
+        self._hold({name: cues for name, cues in self._cues.items() if name != character_id})
+
+    def clear(self) -> None:
+        """Forget everything, and tell the playhead by a new generation."""
+        self._times.clear()
+        self._moments.clear()
+        self.generation += 1
+
+    def at(self, time_ns: int) -> Moment | None:
+        """The moment at a time: blended between its neighbours, the nearer one across a gap.
+
+        Outside the timeline the first or last moment; None when the timeline is empty.
+        """
+        if not self._moments:
+            return None
+        right = bisect.bisect_left(self._times, time_ns)
+        if right == 0:
+            return self._moments[0]
+        if right == len(self._moments):
+            return self._moments[-1]
+        if self._times[right] == time_ns:
+            return self._moments[right]
+        before, after = self._moments[right - 1], self._moments[right]
+        return self._between(before, after, time_ns)
+
+    def neighbour(self, time_ns: int, step: int) -> int:
+        """The time of the moment ``step`` moments after (or before) a time; clamped to the ends."""
+        if not self._times:
+            return time_ns
+        if step >= 0:
+            index = bisect.bisect_right(self._times, time_ns) - 1 + step
+        else:
+            index = bisect.bisect_left(self._times, time_ns) + step
+        return self._times[min(max(index, 0), len(self._times) - 1)]
+
+    def drop_before(self, time_ns: int) -> None:
+        """Forget the moments that no time from ``time_ns`` on needs."""
+        count = max(bisect.bisect_right(self._times, time_ns) - 1, 0)
+        del self._times[:count], self._moments[:count]
+
+    def _between(self, before: Moment, after: Moment, time_ns: int) -> Moment:
+        """The moment between two neighbours."""
+        share = (time_ns - before.time_ns) / (after.time_ns - before.time_ns)
+        if after.time_ns - before.time_ns > self.settings.gap * NS:
+            return before if share < 0.5 else after
+        poses = {}
+        for name in {**before.poses, **after.poses}:
+            first, last = before.poses.get(name), after.poses.get(name)
+            if first is not None and last is not None:
+                poses[name] = blend_poses(first, last, share, time_ns)
+            else:
+                poses[name] = first or last  # type: ignore[assignment]
+        bodies = blend_bodies(before.bodies, after.bodies, share)
+        props = blend_props(before.props, after.props, share, time_ns)
+        boards = blend_boards(before.boards, after.boards, share)
+        return Moment(time_ns, poses, bodies, before.cues, props, boards)
+
+    def _hold(self, cues: dict[str, Cues]) -> None:
+        """Cues of the newest moment and all that follow."""
+        self._cues = cues
+        if self._moments:
+            self._moments[-1] = replace(self._moments[-1], cues=cues)
+
+    def _at(self, time_ns: int) -> Moment:
+        """The moment at exactly this time, or an empty one."""
+        index = bisect.bisect_left(self._times, time_ns)
+        found = index < len(self._times) and self._times[index] == time_ns
+        if found:
+            return self._moments[index]
+        # Boards come after the poses of their time, and must not vanish meanwhile.
+        boards = self._moments[index - 1].boards if index else {}
+        return Moment(time_ns, cues=self._cues, props=self._still_loose(index, time_ns), boards=boards)
+
+    def _still_loose(self, index: int, time_ns: int) -> Props | None:
+        """What was loose a moment ago: it does not vanish while a moment's own props are on their way."""
+        props = self._moments[index - 1].props if index else None
+        fresh = props is not None and time_ns - props.time_ns <= self.settings.gap * NS
+        return props if fresh else None
+
+    def _put(self, moment: Moment) -> None:
+        """Insert or replace; start anew where the clock went back; drop the oldest beyond the bounds."""
+        if self._times and moment.time_ns < self._times[-1] - self.settings.restart * NS and self._bounded:
+            self.clear()
+        index = bisect.bisect_left(self._times, moment.time_ns)
+        if index < len(self._times) and self._times[index] == moment.time_ns:
+            self._moments[index] = moment
+        else:
+            self._times.insert(index, moment.time_ns)
+            self._moments.insert(index, moment)
+        if self._bounded:
+            self._trim()
+
+    def _trim(self) -> None:
+        """Keep at most the settings' minutes, in time and in number."""
+        length = self.settings.minutes * 60
+        oldest = self._times[-1] - int(length * NS)
+        count = max(
+            bisect.bisect_left(self._times, oldest), len(self._times) - int(length * self.settings.rate)
+        )
+        if count > 0:
+            del self._times[:count], self._moments[:count]

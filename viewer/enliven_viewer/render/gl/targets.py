@@ -1,0 +1,158 @@
+"""The framebuffers: a picture that is multisampled where it has edges, and blurred maps for soft shadows."""
+
+from __future__ import annotations
+
+import math
+
+import moderngl
+import numpy as np
+
+from enliven.arrays import UInt8
+from enliven_viewer.render.gl.program import UNITS, load_program
+from enliven_viewer.render.region import Region, beside, whole
+
+Size = tuple[int, int]
+_OUTERMOST = 3.23
+"""Taps of shaders/blur.frag from its middle to its outermost fetch."""
+
+
+class Picture:
+    """A picture to read, draw over or show, and a multisampled framebuffer where its edges are drawn.
+
+    The ground is drawn with one sample a pixel. Where anything stands before it, :attr:`drawn` takes it
+    over, is drawn into, and is averaged back. Without multisampling all are one framebuffer.
+
+    Args:
+        size: width and height in pixels, at least 1.
+        samples: samples a pixel; lowered to what the context has.
+    """
+
+    def __init__(self, ctx: moderngl.Context, size: Size, samples: int) -> None:
+        self.ctx, self.size = ctx, size
+        self.samples = _available(ctx, samples)
+        self.texture = ctx.texture(size, 4)
+        near = ctx.depth_renderbuffer(size)
+        self.ground = self.drawn = self.resolved = ctx.framebuffer([self.texture], near)
+        self._own: list[object] = [self.texture, near, self.ground]
+        self.region = whole(size)
+        self._seen: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
+        if self.samples:
+            colour = ctx.renderbuffer(size, 4, samples=self.samples)
+            depth = ctx.depth_renderbuffer(size, samples=self.samples)
+            self.drawn = ctx.framebuffer([colour], depth)
+            self.resolved = ctx.framebuffer([self.texture])  # without a depth, which would be averaged too
+            self._own += [colour, depth, self.drawn, self.resolved]
+
+    def begin(self, region: Region) -> None:
+        """Draw before the ground, in a region of the picture alone, from here to :meth:`resolve`."""
+        self.region = region
+        self._take_over(region)
+        self.drawn.use()
+
+    def widen(self) -> None:
+        """Draw over the picture from here on, wherever it may be, to the next :meth:`resolve`."""
+        for rest in beside(self.region, self.size):
+            self._take_over(rest)
+        self.region = self.drawn.scissor = whole(self.size)
+        self.drawn.use()
+
+    def _take_over(self, region: Region) -> None:
+        """Fill the samples of a region with the ground and its depth."""
+        if self.drawn is not self.ground:
+            self.drawn.scissor = region
+            self.drawn.use()
+            self.ctx.copy_framebuffer(self.drawn, self.ground)
+
+    def resolve(self) -> None:
+        """Average the samples of the region into the picture."""
+        if self.drawn is not self.resolved:
+            self.drawn.use()  # whose region bounds the copy
+            self.ctx.copy_framebuffer(self.resolved, self.drawn)
+            self.resolved.use()  # else the next framebuffer would be cleared in this region only
+
+    def behind(self) -> moderngl.Texture:
+        """What was drawn so far, to look through what is drawn next."""
+        if self.drawn is not self.ground:
+            self.resolve()
+            self.drawn.use()
+            return self.texture
+        if self._seen is None:
+            copied = self.ctx.texture(self.size, 4)
+            self._seen = copied, self.ctx.framebuffer([copied])
+            self._own += self._seen
+        self.ctx.copy_framebuffer(self._seen[1], self.drawn)
+        return self._seen[0]
+
+    def pixels(self) -> UInt8:
+        """(H, W, 3) sRGB of the resolved picture, top row first."""
+        return upright(self.raw())
+
+    def raw(self) -> UInt8:
+        """(H, W, 4) the resolved picture as OpenGL keeps it, bottom row first."""
+        width, height = self.size
+        return np.frombuffer(self.resolved.read(components=4), np.uint8).reshape(height, width, 4)
+
+    def release(self) -> None:
+        """Give the GPU's memory back."""
+        for item in reversed(self._own):
+            item.release()  # type: ignore[attr-defined]
+
+
+def upright(raw: UInt8) -> UInt8:
+    """(H, W, 3) sRGB, top row first, of a picture as OpenGL keeps it, (H, W, 4)."""
+    return np.ascontiguousarray(raw[::-1, :, :3])
+
+
+def _available(ctx: moderngl.Context, wanted: int) -> int:
+    """The largest number of samples up to ``wanted``; 0 for none."""
+    limit = min(wanted, int(ctx.info.get("GL_MAX_SAMPLES", 0) or ctx.max_samples))
+    return 0 if limit < 2 else 1 << (limit.bit_length() - 1)
+
+
+class SoftMap:
+    """A square map of two floats that is drawn, then blurred in two passes."""
+
+    def __init__(self, ctx: moderngl.Context, size: int) -> None:
+        self.ctx, self.size = ctx, size
+        self._maps = [ctx.texture((size, size), 2, dtype="f4") for _ in range(2)]
+        for texture in self._maps:
+            texture.repeat_x = texture.repeat_y = False
+        depth = ctx.depth_renderbuffer((size, size))
+        self._buffers = [ctx.framebuffer([self._maps[0]], depth), ctx.framebuffer([self._maps[1]])]
+        self._blur = load_program(ctx, "screen.vert", "blur.frag")
+        self._quad = ctx.vertex_array(self._blur, [])
+
+    @property
+    def texture(self) -> moderngl.Texture:
+        """The blurred map."""
+        return self._maps[0]
+
+    def begin(self, value: float) -> None:
+        """Clear to (value, value) and draw here until :meth:`blur`."""
+        for buffer in reversed(self._buffers):
+            buffer.scissor = whole((self.size, self.size))
+            buffer.use()
+            self.ctx.clear(value, value, value, value, depth=1.0)
+        self.ctx.enable_only(moderngl.DEPTH_TEST)
+        self.ctx.depth_func = "<"
+
+    def blur(self, widths: tuple[float, ...], drawn: Region) -> None:
+        """Blur with nine-tap Gaussians whose taps are ``widths`` texels apart, one after the other.
+
+        Args:
+            drawn: holds what was drawn, with :func:`reach_of` the widths around it.
+        """
+        self.ctx.enable_only(moderngl.NOTHING)
+        for buffer in self._buffers:
+            buffer.scissor = drawn
+        for width in widths:
+            for source, step in ((0, (width / self.size, 0.0)), (1, (0.0, width / self.size))):
+                self._maps[source].use(UNITS["source"])
+                self._buffers[1 - source].use()
+                self._blur["direction"] = step
+                self._quad.render(moderngl.TRIANGLES, vertices=3)
+
+
+def reach_of(widths: tuple[float, ...]) -> int:
+    """Texels by which :meth:`SoftMap.blur` spreads what was drawn."""
+    return sum(math.ceil(_OUTERMOST * width) + 1 for width in widths)

@@ -1,0 +1,111 @@
+"""Glowing attachment points, and the graph's nodes and edges."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+
+from enliven.arrays import Float32
+from enliven_viewer.render.gl.program import load_program, set_uniform
+from enliven_viewer.render.scene import Actor, Scene
+
+CUE_TINT = (1.0, 0.74, 0.22)
+CUE_TINTS = ((0.22, 0.90, 0.86), (1.0, 0.70, 0.20), (0.72, 0.52, 1.0), (0.50, 0.95, 0.36))
+"""Where several performers hold a mesh: of the first, second, ... body, as its skeleton's."""
+NODE_TINT = (0.30, 0.62, 1.0)
+EDGE_TINT = (0.30, 0.62, 1.0, 0.34)
+CUE_RADIUS = 0.030
+NODE_RADIUS = 0.012
+POINT_RADIUS = 0.020
+"""Metres: of the control points of a puppet."""
+_SQUARE = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
+
+
+def cue_rows(actor: Actor, strength: float, bodies: Sequence[int] = ()) -> Float32:
+    """(A, 8) float32 of an actor's attachment points: xyz and radius, rgb and strength.
+
+    Args:
+        bodies: the ids of those in the picture, in the order of their tints.
+    """
+    cues = actor.cues
+    if cues is None or strength <= 0:
+        return np.zeros((0, 8), np.float32)
+    known = cues.nodes < len(actor.pose.positions)
+    held = np.clip(cues.strengths[known], 0, 1)
+    rows = np.empty((int(known.sum()), 8), np.float32)
+    rows[:, :3] = actor.pose.positions[cues.nodes[known]]
+    rows[:, 3] = CUE_RADIUS * (0.65 + 0.35 * held)
+    rows[:, 4:7] = CUE_TINT
+    owners = cues.owners[known] if len(cues.owners) == len(known) else np.empty(0, np.int32)
+    if len(set(owners.tolist())) > 1:
+        everybody = dict.fromkeys([*bodies, *sorted(owners.tolist())])
+        number = {body: k % len(CUE_TINTS) for k, body in enumerate(everybody)}
+        rows[:, 4:7] = np.array(CUE_TINTS)[[number[owner] for owner in owners.tolist()]]
+    rows[:, 7] = strength * (0.35 + 0.65 * held) * np.where(cues.firm[known], 1.0, 0.45)
+    return rows
+
+
+def node_rows(actor: Actor, strength: float) -> Float32:
+    """(N, 8) float32 of all of an actor's nodes, as :func:`cue_rows`; of a puppet, its control points."""
+    points = actor.character.kind == "points"
+    places = actor.pose.positions[1:] if points else actor.pose.positions
+    rows = np.empty((len(places), 8), np.float32)
+    rows[:, :3] = places
+    rows[:, 3:] = (POINT_RADIUS if points else NODE_RADIUS, *NODE_TINT, strength)
+    return rows
+
+
+class Marks:
+    """Draws the marks of a scene over what is already in the picture."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
+        self._dot = load_program(ctx, "dot.vert", "dot.frag")
+        self._line = load_program(ctx, "line.vert", "line.frag")
+        self._rows = ctx.buffer(reserve=8 * 4 * 64, dynamic=True)
+        self._points = ctx.buffer(reserve=12 * 64, dynamic=True)
+        square = ctx.buffer(_SQUARE.tobytes())
+        self._dots = ctx.vertex_array(
+            self._dot, [(square, "2f", "in_corner"), (self._rows, "4f 4f/i", "in_centre", "in_tint")]
+        )
+        self._lines = ctx.vertex_array(self._line, [(self._points, "3f", "in_position")])
+
+    def draw(self, scene: Scene) -> None:
+        """Graphs as far as the look shows them, then attachment points; hidden ones fainter."""
+        self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
+        self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
+        if scene.look.graph > 0:
+            for actor in scene.actors:
+                self._draw_graph(actor, scene.look.graph)
+        bodies = [body.id for body in scene.bodies]
+        rows = [cue_rows(actor, scene.look.cues, bodies) for actor in scene.actors]
+        self._draw_dots(np.concatenate(rows) if rows else np.zeros((0, 8), np.float32), 3.0, 1.1)
+
+    def _draw_graph(self, actor: Actor, strength: float) -> None:
+        ends = actor.pose.positions[actor.character.edges.reshape(-1)].astype(np.float32)
+        if (
+            len(ends) and actor.character.kind != "points"
+        ):  # nothing is between control points and their frame
+            self._points.orphan(ends.nbytes)
+            self._points.write(np.ascontiguousarray(ends))
+            self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+            for test, share in (("<=", 1.0), (">", 0.3)):
+                self.ctx.depth_func = test
+                self._line["tint"] = (*EDGE_TINT[:3], EDGE_TINT[3] * strength * share)
+                self._lines.render(moderngl.LINES, vertices=len(ends))
+        self._draw_dots(node_rows(actor, strength), 2.0, 0.0)
+
+    def _draw_dots(self, rows: Float32, least_pixels: float, halo: float) -> None:
+        if not len(rows):
+            return
+        self._rows.orphan(rows.nbytes)
+        self._rows.write(np.ascontiguousarray(rows))
+        self.ctx.blend_func = moderngl.ONE, moderngl.ONE
+        set_uniform(self._dot, "least_pixels", least_pixels)
+        set_uniform(self._dot, "halo", halo)
+        for test, fade in (("<=", 1.0), (">", 0.30)):
+            self.ctx.depth_func = test
+            set_uniform(self._dot, "fade", fade)
+            self._dots.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=len(rows))

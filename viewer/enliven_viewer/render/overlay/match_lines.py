@@ -1,0 +1,44 @@
+"""The bones that a pose means, on the model: a tube along each chain, a colour for each limb."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from enliven.arrays import Float32
+from enliven.matching.board import Board
+from enliven_viewer.render.overlay.tubes import tube_rows
+
+TINTS = ((0.20, 0.86, 0.84), (1.0, 0.66, 0.20), (0.72, 0.52, 1.0), (0.48, 0.92, 0.36), (1.0, 0.45, 0.55))
+"""Of the performer's limbs, in their order; sRGB."""
+_THICK = 0.012
+"""Radius as a share of the longest chain; half of it once the chain is driven."""
+_DEEP = 0.3
+"""How far beneath the surface a tube shows clearly, likewise: as deep as a fat limb's bone lies."""
+
+
+def match_rows(boards: dict[str, Board]) -> tuple[Float32, float]:
+    """(N, 12) rows for ``Tubes``, and how deep they show through, metres."""
+    rows, deepest = [np.zeros((0, 12), np.float32)], 0.0
+    for board in boards.values():
+        meant = board.rows if board.state == "playing" else board.rows[board.shown : board.shown + 1]
+        for row in meant if board.shown >= 0 else ():
+            lengths = [float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) for line in row.lines]
+            share = 0.5 if board.state == "playing" else 1.0
+            radius = share * _THICK * max(lengths, default=0.0)
+            deepest = max(deepest, share * _DEEP * max(lengths, default=0.0))
+            for line, tint in zip(row.lines, itertools.cycle(TINTS), strict=False):
+                rows += _tubes(line, radius, np.array(tint, np.float32) ** 2.2)
+    return np.concatenate(rows), deepest
+
+
+def _tubes(line, radius, tint):  # type: ignore[no-untyped-def]
+    """A tube a bone, and a ball a joint."""
+    if len(line) < 2:
+        return []
+    radii, tints = np.full(len(line), radius), np.tile(tint, (len(line), 1))
+    return [
+        tube_rows(line[:-1], line[1:], radii[1:], tints[1:]),
+        tube_rows(line, line, 1.7 * radii, tints),
+    ]

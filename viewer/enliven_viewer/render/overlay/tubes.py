@@ -1,0 +1,63 @@
+"""A graph as tubes and balls over a picture that is drawn already; what the mesh covers is fainter."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven_viewer.render.capsules import Capsules
+from enliven_viewer.render.gl.program import load_program
+from enliven_viewer.render.gl.targets import Picture
+
+FAINT = 0.2
+"""Opacity of what the mesh covers."""
+
+
+def tube_rows(starts: Float, ends: Float, radii: Float, tints: Float32) -> Float32:
+    """(N, 12) float32 for :class:`Tubes`: from xyz and radius, to xyz and radius, rgb and opacity.
+
+    Args:
+        starts, ends: (N, 3) metres; a ball where they are equal.
+        radii: (N,) metres.
+        tints: (N, 3) linear light.
+    """
+    rows = np.ones((len(starts), 12), np.float32)
+    rows[:, 0:3], rows[:, 3] = starts, radii
+    rows[:, 4:7], rows[:, 7] = ends, radii
+    rows[:, 8:11] = tints
+    return rows
+
+
+class Tubes:
+    """Draws tubes over what a renderer drew last, seen from where it was drawn.
+
+    Args:
+        ctx: the renderer's context.
+    """
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
+        self._program = load_program(ctx, "tube.vert", "tube.frag")
+        self._capsules = Capsules(ctx, self._program)
+
+    def draw(self, picture: Picture, rows: Float32, bias: float) -> None:
+        """Draw the (N, 12) rows of :func:`tube_rows` and resolve the picture.
+
+        Args:
+            bias: metres that a tube may lie beneath the surface and still be seen clearly, as the chord of
+                a round limb does.
+        """
+        picture.widen()
+        self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
+        self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
+        self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        self._program["bias"] = bias
+        for test, opacity in ((">", FAINT), ("<=", 1.0)):
+            self.ctx.depth_func = test
+            picture.drawn.depth_mask = test == "<="
+            picture.drawn.use()
+            rows[:, 11] = opacity
+            self._capsules.load(rows)
+            self._capsules.render()
+        picture.resolve()

@@ -1,0 +1,112 @@
+"""The example panel: what the chosen puppet lacks, its control points, what it plays, and its settings."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven.document.puppet import Puppet
+from enliven.examples.puppet_motion import missing
+from enliven_viewer.studio.examples.edits import renamed_puppet
+from enliven_viewer.studio.panels.examples.motion import draw_held, draw_layer
+from enliven_viewer.studio.panels.examples.points import draw_points
+from enliven_viewer.studio.panels.examples.settings import draw_settings
+from enliven_viewer.studio.panels.style import packed, panel, small, tinted
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.viewport.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
+from enliven_viewer.studio.workspace.workspace import Desk
+
+_BACK = "\uf060"
+_PAD = 10.0
+
+
+def draw_examples(desk: Desk, area: Area) -> None:
+    """Everything about the chosen puppet, at the right."""
+    puppet = desk.editor.puppets.puppet
+    with panel("side", area):
+        if puppet is None:
+            return
+        _head(desk, puppet)
+        draw_status(desk, puppet)
+        draw_points(desk, puppet)
+        puppet = desk.editor.puppets.puppet
+        if puppet is not None and puppet.layers:
+            draw_layer(desk, puppet)
+            draw_held(desk, puppet)
+        if puppet is not None:
+            draw_settings(desk, puppet)
+
+
+def _head(desk: Desk, puppet: Puppet) -> None:
+    """Back to everything, and the puppet's name."""
+    if imgui.button(_BACK, ImVec2(30, 0)):
+        desk.editor.puppets.accept()
+        desk.editor.puppets.choose(None)
+    desk.remember("all shapes")
+    if imgui.is_item_hovered():
+        imgui.set_tooltip("Back to everything that is on the stage")
+    imgui.same_line()
+    imgui.set_next_item_width(-1)
+    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+    typed, wanted = imgui.input_text("##puppet name", puppet.id, flags)
+    desk.remember("name")
+    wanted = wanted.strip()
+    if typed and wanted and wanted != puppet.id:
+        point, layer = desk.editor.selection.point, desk.editor.selection.puppet_layer
+        if desk.editor.edit("rename", lambda project: renamed_puppet(project, puppet.id, wanted)):
+            desk.editor.select(puppet=wanted)
+            desk.editor.select(point=point, puppet_layer=layer)
+
+
+def draw_status(desk: Desk, puppet: Puppet) -> None:
+    """What is missing before it moves; else that it moves; else why it does not."""
+    project, solving = desk.editor.project, desk.editor.solving
+    lacking, problem = missing(project, puppet), solving.problem(puppet.id)
+    if lacking:
+        _box(desk, ACCENT, "Before it moves", _gathered(lacking))
+    elif problem is not None:
+        _box(desk, BAD, "It cannot move like this", (problem.what, problem.mend))
+    elif not puppet.layers:
+        _box(desk, ACCENT, "Before it moves", ("Choose a take for it, in the performer's view.",))
+    else:
+        count = len(puppet.poses)
+        doubled = " and their mirror images" if puppet.symmetry is not None else ""
+        _box(desk, GOOD, "It moves", (f"by {count} examples{doubled}.",))
+
+
+def _gathered(lacking: tuple[str, ...]) -> tuple[str, ...]:
+    """The sentences, those about pairing in one: five of them would push the points off the panel."""
+    pairs = [line for line in lacking if line.startswith("Pair ")]
+    if len(pairs) < 3:
+        return lacking
+    first = pairs[0].removeprefix("Pair ").removesuffix(" with a joint.")
+    gathered = f"Pair {first} and {len(pairs) - 1} other points with joints."
+    return (gathered, *(line for line in lacking if line not in pairs))
+
+
+def _box(desk: Desk, tint: Colour, title: str, lines: tuple[str, ...]) -> None:
+    """A raised box with a coloured edge."""
+    imgui.dummy(ImVec2(0, 2))
+    origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+    draw = imgui.get_window_draw_list()
+    draw.channels_split(2)
+    draw.channels_set_current(1)
+    imgui.begin_group()
+    imgui.dummy(ImVec2(0, 3))
+    imgui.indent(_PAD + 4)
+    with tinted(tint, imgui.Col_.text):
+        imgui.text_unformatted(title)
+    with small(), tinted(INK if tint is not GOOD else QUIET, imgui.Col_.text):
+        imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + wide - 2 * _PAD - 8)
+        for line in (line for line in lines if line):
+            imgui.text_unformatted(line)
+        imgui.pop_text_wrap_pos()
+    imgui.unindent(_PAD + 4)
+    imgui.dummy(ImVec2(wide, 2))
+    imgui.end_group()
+    bottom = imgui.get_item_rect_max().y
+    draw.channels_set_current(0)
+    draw.add_rect_filled(origin, ImVec2(origin.x + wide, bottom), packed(RAISED, 0.75), 7.0)
+    low = ImVec2(origin.x + 3, origin.y + 8), ImVec2(origin.x + 6, bottom - 8)
+    draw.add_rect_filled(*low, packed(tint), 2.0)
+    draw.channels_merge()
+    desk.widgets["status"] = (origin.x, origin.y, origin.x + wide, bottom)

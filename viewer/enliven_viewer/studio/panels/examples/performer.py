@@ -1,0 +1,128 @@
+"""The second view: the performer beside the puppet; a click on a joint pairs it with the chosen point."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.live.hud import clock
+from enliven_viewer.studio.examples.times import layer_of
+from enliven_viewer.studio.panels.style import packed, panel, quiet, small
+from enliven_viewer.studio.panels.viewport_overlay import draw_mark
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.viewport.axes import axes_marks
+from enliven_viewer.studio.viewport.theme import ACCENT, DARK, GLASS, INK, LINE, QUIET
+from enliven_viewer.studio.workspace.workspace import Desk
+
+_LINKED = "\uf0c1"
+
+
+def draw_performer(desk: Desk, area: Area, texture: int | None) -> None:
+    """The picture of the performer, which take it is of, and what lies under the pointer."""
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
+    flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+    with panel("performer", area, flags):
+        imgui.pop_style_var()
+        view = desk.performer
+        view.size = (area.width, area.height)
+        origin = imgui.get_cursor_screen_pos()
+        _picture(desk, origin, area, texture)
+        imgui.set_cursor_screen_pos(ImVec2(origin.x + 12, origin.y + 12))
+        _bar(desk, area)
+        _words(desk, origin, area)
+
+
+def _bar(desk: Desk, area: Area) -> None:
+    """Which take, whether the puppet plays it, and whether both views turn together."""
+    view, puppet = desk.performer, desk.editor.puppets.puppet
+    takes = desk.editor.project.takes
+    unused = puppet is not None and view.take is not None and layer_of(puppet, None, view.take) is None
+    imgui.set_next_item_width(max(area.width - (152 if unused else 66), 90))
+    if imgui.begin_combo("##performer take", view.take or "choose a take"):
+        for name, take in takes.items():
+            if imgui.selectable(f"{name}   {take.duration:.1f} s", name == view.take)[0]:
+                view.show(name)
+            desk.remember(f"pick {name}")
+        if not takes:
+            quiet("There are no takes. Open one with Ctrl+O.")
+        imgui.end_combo()
+    desk.remember("takes")
+    if unused:
+        imgui.same_line()
+        if imgui.button("Play it", ImVec2(78, 0)):
+            view.play()
+        desk.remember("play take")
+        if imgui.is_item_hovered():
+            imgui.set_tooltip("The puppet plays this take too, as a layer of its own")
+    imgui.same_line()
+    if view.linked:
+        imgui.push_style_color(imgui.Col_.text, packed(ACCENT))
+    linked = view.linked
+    if imgui.button(_LINKED + "##linked", ImVec2(30, 0)):
+        view.linked = not view.linked
+    if linked:
+        imgui.pop_style_color()
+    desk.remember("linked")
+    if imgui.is_item_hovered():
+        imgui.set_tooltip("Both views turn together")
+
+
+def _picture(desk: Desk, origin: ImVec2, area: Area, texture: int | None) -> None:
+    view, size = desk.performer, ImVec2(area.width, area.height)
+    imgui.set_next_item_allow_overlap()
+    imgui.invisible_button("##performer", size)
+    desk.remember("performer")
+    draw = imgui.get_window_draw_list()
+    corner = ImVec2(origin.x + size.x, origin.y + size.y)
+    if texture is not None and view.moment is not None:
+        draw.add_image(imgui.ImTextureRef(texture), origin, corner, ImVec2(0, 1), ImVec2(1, 0))
+    else:
+        draw.add_rect_filled(origin, corner, packed(DARK))
+    draw.add_line(ImVec2(corner.x - 1, origin.y), ImVec2(corner.x - 1, corner.y), packed(LINE), 2.0)
+    at = imgui.get_mouse_pos()
+    place = (at.x - origin.x, at.y - origin.y)
+    if imgui.is_item_activated():
+        view.press(place)
+    if imgui.is_item_hovered() or imgui.is_item_active():
+        view.move(place)
+        if imgui.get_io().mouse_wheel:
+            view.wheel(imgui.get_io().mouse_wheel)
+    else:
+        view.hovered = None
+    if imgui.is_item_deactivated():
+        view.release()
+
+
+def _words(desk: Desk, origin: ImVec2, area: Area) -> None:
+    """The moment, at the lower left; the joint under the pointer beside it; what to do where nothing is."""
+    view, moment = desk.performer, desk.performer.moment
+    draw = imgui.get_window_draw_list()
+    if moment is not None:
+        for mark in axes_marks(view.lens, (46, area.height - 42)):
+            draw_mark(draw, area, mark)
+    if moment is None:
+        lines = ("No take yet.", "Open one (Ctrl+O), or choose one above.")
+        for row, line in enumerate(lines):
+            wide = imgui.calc_text_size(line).x
+            at = ImVec2(origin.x + (area.width - wide) / 2, origin.y + area.height / 2 - 20 + 22 * row)
+            draw.add_text(at, packed(INK if row == 0 else QUIET), line)
+        return
+    with small():
+        said = f"the performer at {clock(moment[1])}"
+        wide = imgui.calc_text_size(said).x + 18
+        low = origin.y + area.height - 32
+        left = origin.x + area.width - wide - 12
+        draw.add_rect_filled(ImVec2(left, low), ImVec2(left + wide, low + 22), packed(GLASS), 7.0)
+        draw.add_text(ImVec2(left + 9, low + 4), packed(QUIET), said)
+        figure = view.figure()
+        if view.hovered is not None and figure is not None:
+            x, y = view.lens.project(figure.joints)[0][view.hovered]
+            name = figure.skeleton.names[view.hovered]
+            point = desk.editor.puppets.point
+            puppet = desk.editor.puppets.puppet
+            if point is not None and puppet is not None:
+                name = f"{puppet.points[point].name} follows {name}"
+            wide = imgui.calc_text_size(name).x + 14
+            x = min(x + 12, area.width - wide - 6)
+            corner = ImVec2(origin.x + x, origin.y + y - 11)
+            draw.add_rect_filled(corner, ImVec2(corner.x + wide, corner.y + 22), packed(GLASS), 6.0)
+            draw.add_text(ImVec2(corner.x + 7, corner.y + 4), packed(INK), name)

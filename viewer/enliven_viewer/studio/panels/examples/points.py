@@ -1,0 +1,220 @@
+"""The list of control points: choose, name, pair with a joint, foot, how hard it pulls, remove; symmetry."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven.document.project import Project
+from enliven.document.puppet import ControlPoint, Puppet
+from enliven.examples.pairing import guess_joints
+from enliven.modeling.mesh.extremities import extremities
+from enliven.modeling.puppet.edits import change_point, set_symmetry
+from enliven_viewer.studio.examples.edits import guessed, stood, with_points
+from enliven_viewer.studio.panels.examples.motion import draw_holding
+from enliven_viewer.studio.panels.style import heading, packed, quiet, small, tinted
+from enliven_viewer.studio.puppets.mirrored import plane_for
+from enliven_viewer.studio.viewport.theme import ACCENT, INK, QUIET, RAISED, point_colour
+from enliven_viewer.studio.workspace.workspace import Desk
+
+_ROW, _FOOT, _LOCKED, _SOFT = 24.0, "\uf063", "\uf023", "\uf09c"
+_SUGGESTED = 6
+"""Control points that are suggested at once."""
+_AXES = ("left to right", "above to below", "front to back")
+
+
+def draw_points(desk: Desk, puppet: Puppet) -> None:
+    """The heading, a row a point, what concerns the chosen one, and the buttons."""
+    heading(f"Control points   {len(puppet.points) or ''}")
+    if not puppet.points:
+        _standing(desk, puppet)
+        quiet("Click the surface where you would hold it: hands, feet, head. Or let some be suggested.")
+    for number, point in enumerate(puppet.points):
+        _row(desk, puppet, number, point)
+        if desk.editor.puppets.point == number:
+            _chosen(desk, puppet, point)
+    _buttons(desk, puppet)
+    _symmetry(desk, puppet)
+
+
+def _standing(desk: Desk, puppet: Puppet) -> None:
+    """Buttons for a mesh that lies on its back, or looks aside."""
+    half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
+    for label, axis, said in (
+        ("Stand it up", "x", "For a mesh that lies on its back"),
+        ("Quarter turn", "y", "Until it looks at you with View > From the front (1)"),
+    ):
+        if imgui.button(label, half):
+            _stand(desk, puppet.id, label, axis)
+        desk.remember(label.lower())
+        if imgui.is_item_hovered():
+            imgui.set_tooltip(said)
+        if axis == "x":
+            imgui.same_line()
+
+
+def _stand(desk: Desk, puppet: str, label: str, axis: str) -> None:
+    if desk.editor.edit(label.lower(), lambda project: stood(project, puppet, axis)):
+        desk.editor.frame_all(reset=False)
+
+
+def _row(desk: Desk, puppet: Puppet, number: int, point: ControlPoint) -> None:
+    """One point: its mark as in 3-D, its name, and what it follows."""
+    origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+    puppets = desk.editor.puppets
+    if imgui.invisible_button(f"##point {number}", ImVec2(wide, _ROW - 4)):
+        puppets.choose(puppet.id, None if puppets.point == number else number)
+    desk.remember(f"point {point.name}")
+    hovered, chosen = imgui.is_item_hovered(), puppets.point == number
+    draw = imgui.get_window_draw_list()
+    if chosen or hovered:
+        tint = packed(ACCENT, 0.26) if chosen else packed(RAISED)
+        draw.add_rect_filled(origin, ImVec2(origin.x + wide, origin.y + _ROW - 4), tint, 5.0)
+    middle = origin.y + (_ROW - 4) / 2
+    draw.add_circle_filled(ImVec2(origin.x + 11, middle), 5.5, _tint(number))
+    draw.add_circle(ImVec2(origin.x + 11, middle), 5.5, packed((0, 0, 0, 0.5)), 0, 1.0)
+    draw.add_text(ImVec2(origin.x + 24, origin.y + 2), packed(INK), point.name)
+    with small():
+        said = point.joint or "no joint yet"
+        right = origin.x + wide - 8 - imgui.calc_text_size(said).x
+        draw.add_text(ImVec2(right, origin.y + 4), packed(QUIET if point.joint else ACCENT), said)
+        if point.foot:
+            draw.add_text(ImVec2(right - 18, origin.y + 4), packed(INK, 0.8), _FOOT)
+        if point.weight is not None:
+            draw.add_text(ImVec2(right - 34, origin.y + 4), packed(QUIET), _SOFT)
+
+
+def _chosen(desk: Desk, puppet: Puppet, point: ControlPoint) -> None:
+    """What can be changed about the chosen point."""
+    editor, name = desk.editor, point.name
+
+    def change(what: str, **changes: object) -> bool:
+        return editor.edit(what, lambda project: change_point(project, puppet.id, name, **changes))
+
+    imgui.indent(22)
+    imgui.set_next_item_width(-1)
+    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+    typed, wanted = imgui.input_text("##point name", name, flags)
+    desk.remember("point name")
+    if typed and wanted.strip() and wanted.strip() != name:
+        change("rename a control point", name=wanted.strip())
+        imgui.unindent(22)
+        return
+    _joint(desk, puppet, point)
+    toggled, foot = imgui.checkbox("foot", point.foot)
+    desk.remember("foot")
+    if imgui.is_item_hovered():
+        imgui.set_tooltip("The puppet can stand on it, and walks by it")
+    if toggled:
+        change("foot", foot=foot)
+    imgui.same_line()
+    toggled, soft = imgui.checkbox("soft", point.weight is not None)
+    if imgui.is_item_hovered():
+        imgui.set_tooltip("The surface is pulled towards it, and need not reach it")
+    if toggled:
+        change("soft" if soft else "hard", weight=1.0 if soft else None)
+    imgui.same_line()
+    if imgui.button("Remove"):
+        editor.puppets.remove_point()
+    desk.remember("remove point")
+    if point.weight is not None:
+        imgui.set_next_item_width(-1)
+        log = imgui.SliderFlags_.logarithmic
+        changed, weight = imgui.slider_float("##weight", point.weight, 0.01, 100.0, "pulls by %.2f", log)
+        if changed:
+            editor.sketch(lambda project: change_point(project, puppet.id, name, weight=weight))
+        if imgui.is_item_deactivated_after_edit():
+            now = editor.project.puppets[puppet.id]
+            last = now.points[now.index(name)].weight
+            change("how hard it pulls", weight=last)
+    draw_holding(desk, puppet)
+    imgui.unindent(22)
+
+
+def _joint(desk: Desk, puppet: Puppet, point: ControlPoint) -> None:
+    """The joint that it follows: from the list, the likeliest first; or clicked in the performer's view."""
+    editor, take = desk.editor, desk.performer.take
+    imgui.set_next_item_width(-1)
+    if imgui.begin_combo("##joint", point.joint or "click a joint of the performer, or choose"):
+        clip = editor.project.takes.get(take or "")
+        names = clip.skeleton.names if clip is not None else ()
+        if clip is not None:
+            best = guess_joints(clip.skeleton, puppet.rest)[puppet.index(point.name)]
+            if imgui.selectable(f"{best}   likely", best == point.joint)[0]:
+                desk.performer.pair(best)
+            imgui.separator()
+        for joint in names:
+            if imgui.selectable(f"{joint}##joint", joint == point.joint)[0]:
+                desk.performer.pair(joint)
+        imgui.end_combo()
+    desk.remember("joint")
+
+
+def _buttons(desk: Desk, puppet: Puppet) -> None:
+    editor = desk.editor
+    half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
+    if imgui.button("Suggest points", half):
+        suggest(desk, puppet)
+    desk.remember("suggest points")
+    if imgui.is_item_hovered():
+        imgui.set_tooltip("Control points at the ends of the limbs")
+    imgui.same_line()
+    take = desk.performer.take
+    open_ones = [point.name for point in puppet.points if not point.joint]
+    imgui.begin_disabled(take is None or not open_ones)
+    if imgui.button("Guess joints", half):
+        editor.edit("guess joints", lambda project: guessed(project, puppet.id, str(take)))
+    desk.remember("guess joints")
+    imgui.end_disabled()
+    if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
+        imgui.set_tooltip("Pair every point that has no joint with the likeliest, by side and height")
+
+
+def suggest(desk: Desk, puppet: Puppet) -> bool:
+    """Put control points at the ends of the mesh's limbs, as one edit."""
+
+    def change(project: Project) -> Project:
+        return with_points(project, puppet.id, [int(v) for v in extremities(puppet.mesh, _SUGGESTED)])
+
+    return desk.editor.edit("suggest control points", change)
+
+
+def _symmetry(desk: Desk, puppet: Puppet) -> None:
+    """Whether examples count for their mirror images, in which plane, and whether both sides are edited."""
+    editor = desk.editor
+    toggled, on = imgui.checkbox("symmetric", puppet.symmetry is not None)
+    desk.remember("symmetric")
+    if imgui.is_item_hovered():
+        imgui.set_tooltip("Every example counts for its mirror image too: pose one side, and both are shown")
+    if toggled:
+        set_mirrored(desk, puppet, on)
+        return
+    if puppet.symmetry is None:
+        return
+    normal = [abs(value) for value in puppet.symmetry.normal]
+    imgui.same_line()
+    with small(), tinted(QUIET, imgui.Col_.text):
+        imgui.text_unformatted(_AXES[normal.index(max(normal))])
+    toggled, on = imgui.checkbox("edit both sides at once", editor.puppets.symmetric)
+    desk.remember("both sides")
+    if imgui.is_item_hovered():
+        imgui.set_tooltip("Control points are put and dragged together with their mirror image")
+    if toggled:
+        editor.puppets.set_symmetric(on)
+
+
+def set_mirrored(desk: Desk, puppet: Puppet, on: bool) -> None:
+    """Take the mesh's plane of symmetry for the examples, or none; and edit both sides while they are few."""
+    editor = desk.editor
+    plane = plane_for(puppet) if on else None
+    editor.puppets.set_symmetric(on and not puppet.poses)
+    if (plane is None) == (puppet.symmetry is None):
+        if on:
+            editor.puppets.set_symmetric(True)  # tells that there is no plane
+        return
+    word = "symmetric" if plane else "not symmetric"
+    editor.edit(word, lambda project: set_symmetry(project, puppet.id, plane))
+
+
+def _tint(number: int) -> int:
+    red, green, blue = point_colour(number)
+    return packed((red / 255, green / 255, blue / 255, 1.0))

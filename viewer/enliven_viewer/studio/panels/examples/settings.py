@@ -1,0 +1,76 @@
+"""The numbers of the three solvers that an artist may want to change, with what they mean."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven.document.puppet import Puppet
+from enliven_viewer.studio.examples.edits import with_default_settings, with_setting
+from enliven_viewer.studio.panels.style import tinted
+from enliven_viewer.studio.viewport.theme import PRESSED, RAISED
+from enliven_viewer.studio.workspace.workspace import Desk
+
+_NUMBERS = (
+    ("surface", "squash_and_stretch", "squash and stretch", 0.0, 1.0, ""),
+    ("surface", "exaggeration", "exaggeration", 0.0, 3.0, "exaggerate %.2f"),
+    ("surface", "hold", "hold", 0.0, 2.0, "hold %.2f"),
+    ("surface", "volume", "volume", 0.0, 1.0, "keep %.2f of the volume"),
+    ("examples", "acceleration", "smooth", 0.0, 2.0, "smooth %.2f (lambda_A)"),
+    ("examples", "nearest", "nearest", 1, 12, "mix %d examples"),
+    ("locomotion", "plant", "plant", 0.0, 1.0, "plant feet %.2f"),
+)
+"""Group, field, label, lowest, highest, and how the number is written."""
+
+
+def draw_settings(desk: Desk, puppet: Puppet) -> None:
+    """The sliders, folded away at first."""
+    imgui.dummy(ImVec2(0, 4))
+    with tinted(RAISED, imgui.Col_.header), tinted(PRESSED, imgui.Col_.header_hovered):
+        opened = imgui.collapsing_header("Settings")
+    desk.remember("settings")
+    if not opened:
+        return
+    for group, name, label, low, high, said in _NUMBERS:
+        _number(desk, puppet, group, name, label, low, high, said)
+    if imgui.button("Reset"):
+        desk.editor.edit("reset settings", lambda project: with_default_settings(project, puppet.id))
+    desk.remember("reset settings")
+
+
+def _number(
+    desk: Desk, puppet: Puppet, group: str, name: str, label: str, low: float, high: float, said: str
+) -> None:
+    """One setting: shown while it is dragged, remembered as one edit when it is let go."""
+    editor, value = desk.editor, getattr(getattr(puppet, group), name)
+    changed, wanted = False, value
+    if isinstance(value, bool):
+        changed, wanted = imgui.checkbox(label, value)
+    elif isinstance(value, int):
+        imgui.set_next_item_width(-1)
+        changed, wanted = imgui.slider_int(f"##{name}", value, int(low), int(high), said)
+    else:
+        imgui.set_next_item_width(-1)
+        changed, wanted = imgui.slider_float(f"##{name}", value, low, high, said)
+    desk.remember(f"setting {name}")
+    if imgui.is_item_hovered():
+        imgui.set_tooltip(_doc(getattr(puppet, group), name))
+    if changed and isinstance(value, bool):
+        editor.edit(f"change {label}", lambda p: with_setting(p, puppet.id, group, name, wanted))
+    elif changed:
+        editor.sketch(lambda p: with_setting(p, puppet.id, group, name, wanted))
+    if imgui.is_item_deactivated_after_edit() and not isinstance(value, bool):
+        last = getattr(getattr(editor.project.puppets[puppet.id], group), name)
+        editor.edit(f"change {label}", lambda p: with_setting(p, puppet.id, group, name, last))
+
+
+def _doc(settings: object, name: str) -> str:
+    """The sentence of a setting, broken into lines."""
+    field = next(f for f in dataclasses.fields(settings) if f.name == name)  # type: ignore[arg-type]
+    words, lines = str(field.metadata.get("doc", "")).split(), [""]
+    for word in words:
+        if len(lines[-1]) + len(word) > 56:
+            lines.append("")
+        lines[-1] = f"{lines[-1]} {word}".strip()
+    return "\n".join(lines)

@@ -1,0 +1,249 @@
+"""The strip of key poses: small pictures of the puppet, each with the performer that it answers to."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven.document.puppet import Puppet
+from enliven.modeling.puppet.edits import remove_key_pose
+from enliven_viewer.live.hud import clock
+from enliven_viewer.studio.examples.coverage import Coverage
+from enliven_viewer.studio.examples.edits import duplicated, mirrored_copy, retimed
+from enliven_viewer.studio.examples.go_to import begin_pose, edit_pose
+from enliven_viewer.studio.examples.thumbnails import Thumbnails
+from enliven_viewer.studio.panels.examples.strokes import dashed, stick
+from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.viewport.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED
+from enliven_viewer.studio.workspace.workspace import Desk
+
+TILE = ImVec2(88, 80)
+_PLUS = "\uf067"
+
+
+def draw_strip(desk: Desk, area: Area, thumbnails: Thumbnails) -> None:
+    """All key poses by time, what is suggested after them, and what can be done with the one in hand."""
+    puppet = desk.editor.puppets.puppet
+    flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(12, 6))
+    with panel("strip", area, flags):
+        imgui.pop_style_var()
+        if puppet is None:
+            return
+        take = desk.performer.take
+        coverage = desk.coverages.of(desk.editor.project, puppet, take) if take else None
+        _head(desk, puppet, coverage)
+        tall = imgui.get_content_region_avail().y
+        scroll = imgui.WindowFlags_.horizontal_scrollbar | imgui.WindowFlags_.no_background
+        imgui.begin_child("##tiles", ImVec2(0, tall), 0, scroll)
+        _wheel()
+        _plus(desk, puppet)
+        order = sorted(range(len(puppet.poses)), key=lambda k: (puppet.poses[k].take, puppet.poses[k].time))
+        for place, number in enumerate(order, start=1):
+            imgui.same_line()
+            _tile(desk, puppet, number, place, thumbnails)
+        _ghosts(desk, puppet, coverage)
+        imgui.end_child()
+
+
+def _wheel() -> None:
+    """The wheel moves the strip sideways."""
+    if imgui.is_window_hovered() and imgui.get_io().mouse_wheel:
+        imgui.set_scroll_x(imgui.get_scroll_x() - 60 * imgui.get_io().mouse_wheel)
+
+
+def _head(desk: Desk, puppet: Puppet, coverage: Coverage | None) -> None:
+    """How many there are, how many would be enough, and buttons for the one that is edited."""
+    puppets = desk.editor.puppets
+    imgui.align_text_to_frame_padding()
+    with small(), tinted(QUIET, imgui.Col_.text):
+        imgui.text_unformatted(f"KEY POSES   {len(puppet.poses) or ''}")
+    if coverage is not None and puppet.points:
+        imgui.same_line(0, 14)
+        with small(), tinted(QUIET if coverage.needed else GOOD, imgui.Col_.text):
+            imgui.text_unformatted(_said(coverage, len(puppet.poses)))
+        if imgui.is_item_hovered():
+            imgui.set_tooltip(
+                "How far the pose of the take that is farthest from all examples is from them.\n"
+                "Without examples it is 100 %; below 70 % they are enough."
+            )
+    number = puppets.number
+    if number is None:
+        return
+    imgui.same_line(max(imgui.get_window_width() - 398, 40))
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(7, 2))
+    _tools(desk, puppet, number)
+    imgui.pop_style_var()
+
+
+def _said(coverage: Coverage, count: int) -> str:
+    if count == 0:
+        return f"about {coverage.needed} would be enough for {coverage.take}"
+    far = f"the farthest moment is {100 * coverage.left:.0f} % away"
+    if coverage.needed == 0:
+        return f"enough for {coverage.take}: {far}"
+    return f"{coverage.needed} more would be enough for {coverage.take}: {far}"
+
+
+def _tools(desk: Desk, puppet: Puppet, number: int) -> None:
+    """Buttons for the key pose that is edited."""
+    labels = ("Done", "Cancel", "Duplicate", "Mirror", "Here", "Remove")
+    told = {
+        "Done": "Keep it, and let the puppet play (Enter)",
+        "Cancel": "Put it back as it was",
+        "Duplicate": "The same pose for a moment half a second on",
+        "Mirror": "Its mirror image, for a moment half a second on",
+        "Here": "Move it to the playhead",
+        "Remove": "Take this example away",
+    }
+    for place, label in enumerate(labels):
+        if place:
+            imgui.same_line(0, 5)
+        if label == "Done":
+            imgui.push_style_color(imgui.Col_.button, packed(ACCENT, 0.75))
+        pressed = imgui.button(label)
+        if label == "Done":
+            imgui.pop_style_color()
+        desk.remember(f"pose {label}")
+        if imgui.is_item_hovered():
+            imgui.set_tooltip(told[label])
+        if pressed:
+            deed_on_pose(desk, puppet, number, label)
+
+
+def deed_on_pose(desk: Desk, puppet: Puppet, number: int, label: str) -> None:
+    """What a button or a line of the menu does with a key pose."""
+    editor, key, name = desk.editor, puppet.poses[number], puppet.id
+    if label == "Done":
+        editor.puppets.accept()
+    elif label == "Cancel":
+        editor.puppets.cancel()
+    elif label == "Edit":
+        edit_pose(desk, number)
+    elif label == "Remove":
+        editor.puppets.accept()
+        editor.edit("remove a key pose", lambda project: remove_key_pose(project, name, number))
+    elif label == "Here":
+        moved = desk.performer.playhead(key.take)
+        editor.edit("retime a key pose", lambda project: retimed(project, name, number, moved))
+    else:
+        make = duplicated if label == "Duplicate" else mirrored_copy
+        moment = _free_moment(desk, puppet, number)
+        if editor.edit(f"{label.lower()} a key pose", lambda p: make(p, name, number, key.take, moment)):
+            edit_pose(desk, len(puppet.poses))
+
+
+def _free_moment(desk: Desk, puppet: Puppet, number: int) -> float:
+    """Seconds of the key pose's take, half a second after it or before, where no key pose is."""
+    key = puppet.poses[number]
+    clip = desk.editor.project.takes[key.take]
+    taken = {round(pose.time / clip.step) for pose in puppet.poses if pose.take == key.take}
+    here, aside, last = round(key.time / clip.step), max(round(0.5 / clip.step), 1), len(clip.turns) - 1
+    ways = [here + aside, here - aside, *range(last + 1)]
+    free = next((k for k in ways if 0 <= k <= last and k not in taken), here)
+    return free * clip.step
+
+
+def _plus(desk: Desk, puppet: Puppet) -> None:
+    """A key pose for the moment that the performer shows."""
+    moment = desk.performer.moment
+    origin = imgui.get_cursor_screen_pos()
+    imgui.begin_disabled(moment is None or not puppet.points)
+    imgui.begin_group()
+    pressed = imgui.invisible_button("##plus", TILE)
+    desk.remember("add key pose")
+    hovered = imgui.is_item_hovered()
+    corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
+    draw = imgui.get_window_draw_list()
+    draw.add_rect_filled(origin, corner, packed(RAISED, 1.4 if hovered else 0.8), 7.0)
+    wide = imgui.calc_text_size(_PLUS).x * 22 / imgui.get_font_size()
+    at = ImVec2(origin.x + (TILE.x - wide) / 2, origin.y + 26)
+    draw.add_text(imgui.get_font(), 22.0, at, packed(ACCENT if hovered else INK), _PLUS)
+    with small():
+        imgui.text_unformatted("new key pose")
+    imgui.end_group()
+    imgui.end_disabled()
+    if pressed and moment is not None:
+        begin_pose(desk, *moment)
+    if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
+        imgui.set_tooltip("A key pose for what the performer does now")
+
+
+def _tile(desk: Desk, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
+    """One key pose; a click edits it."""
+    pose, chosen = puppet.poses[number], desk.editor.puppets.number == number
+    origin = imgui.get_cursor_screen_pos()
+    imgui.begin_group()
+    if imgui.invisible_button(f"##pose {number}", TILE):
+        edit_pose(desk, number)
+    desk.remember(f"key pose {place}")
+    hovered = imgui.is_item_hovered()
+    if imgui.begin_popup_context_item(f"##of pose {number}"):
+        _menu(desk, puppet, number)
+        imgui.end_popup()
+    draw = imgui.get_window_draw_list()
+    corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
+    texture = thumbnails.texture(puppet, pose.places, number)
+    if texture is None:
+        draw.add_rect_filled(origin, corner, packed(DARK), 7.0)
+    else:
+        white = packed((1, 1, 1, 1))
+        draw.add_image_rounded(
+            imgui.ImTextureRef(texture), origin, corner, ImVec2(0, 0), ImVec2(1, 1), white, 7.0
+        )
+    figure = desk.performer.figure((pose.take, pose.time))
+    if figure is not None:
+        inset = Area(origin.x + 4, origin.y + TILE.y - 38, 26, 34)
+        draw.add_rect_filled(
+            ImVec2(inset.x, inset.y), ImVec2(inset.x + 26, inset.y + 34), packed(GLASS, 0.8), 5.0
+        )
+        stick(draw, figure, inset, packed(INK, 0.95))
+    if chosen or hovered:
+        draw.add_rect(origin, corner, packed(ACCENT if chosen else LINE), 7.0, 2.0)
+    with small():
+        if len({one.take for one in puppet.poses}) > 1:
+            draw.add_text(ImVec2(origin.x + 6, origin.y + 4), packed(QUIET), _short(pose.take))
+        imgui.text_unformatted(f"{place}   {clock(pose.time)}")
+    imgui.end_group()
+
+
+def _menu(desk: Desk, puppet: Puppet, number: int) -> None:
+    """What the right button offers."""
+    for label in ("Edit", "Duplicate", "Mirror", "Remove"):
+        if imgui.menu_item_simple(label):
+            deed_on_pose(desk, puppet, number, label)
+
+
+def _ghosts(desk: Desk, puppet: Puppet, coverage: Coverage | None) -> None:
+    """Moments that are suggested: the performer there; a click begins a key pose."""
+    if coverage is None or not puppet.points:
+        return
+    wanted = coverage.frames[: max(coverage.needed, 1)]
+    for place, frame in enumerate(wanted):
+        imgui.same_line(0, 22 if place == 0 else -1)
+        seconds = frame * coverage.step
+        origin = imgui.get_cursor_screen_pos()
+        imgui.begin_group()
+        if imgui.invisible_button(f"##ghost {place}", TILE):
+            begin_pose(desk, coverage.take, seconds)
+        desk.remember(f"suggested {place + 1}")
+        hovered = imgui.is_item_hovered()
+        draw = imgui.get_window_draw_list()
+        corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
+        dashed(draw, origin, corner, packed(CHAIN, 0.9 if hovered else 0.5))
+        figure = desk.performer.figure((coverage.take, seconds))
+        if figure is not None:
+            room = Area(origin.x + 10, origin.y + 6, TILE.x - 20, TILE.y - 12)
+            stick(draw, figure, room, packed(CHAIN, 0.95 if hovered else 0.6))
+        with small(), tinted((*CHAIN[:3], 0.85), imgui.Col_.text):
+            imgui.text_unformatted(f"suggested  {clock(seconds)}")
+        imgui.end_group()
+        if hovered:
+            imgui.set_tooltip("Pose the puppet for this moment: no example is like it")
+    if not wanted:
+        imgui.same_line()
+        quiet("")
+
+
+def _short(take: str) -> str:
+    return take if len(take) <= 12 else f"{take[:11]}..."

@@ -1,0 +1,124 @@
+"""What is written and drawn over the viewport: the tool's marks, its hint, and messages."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.live.hud import wrapped
+from enliven_viewer.studio.panels.menu import spoken
+from enliven_viewer.studio.panels.style import packed
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.toasts import Toast
+from enliven_viewer.studio.viewport.axes import axes_marks
+from enliven_viewer.studio.viewport.overlay import Disc, Fill, Line
+from enliven_viewer.studio.viewport.theme import ACCENT, BAD, GLASS, GOOD, INK, QUIET
+from enliven_viewer.studio.workspace.workspace import Desk
+
+_WIDE = 380.0
+
+
+def draw_over(desk: Desk, area: Area) -> None:
+    """Marks, then the hint, then messages; under every panel."""
+    draw = imgui.get_background_draw_list()
+    draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
+    for mark in desk.hand.tool.overlay().marks:
+        draw_mark(draw, area, mark)
+    if desk.puppets.puppet is not None:
+        for mark in axes_marks(desk.editor.lens, (area.width - 46, area.height - 42)):
+            draw_mark(draw, area, mark)
+    _hint(desk, draw, area)
+    _toasts(desk, draw, area)
+    if desk.caption:
+        _caption(desk, draw, area)
+    draw.pop_clip_rect()
+
+
+def draw_mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
+    """One mark, its pixels counted from the area's top left."""
+    if isinstance(mark, Line):
+        points = [ImVec2(area.x + x, area.y + y) for x, y in mark.points]
+        closed = imgui.ImDrawFlags_.closed if mark.closed else 0
+        draw.add_polyline(points, packed(mark.colour), mark.width, closed)
+    elif isinstance(mark, Disc):
+        at = ImVec2(area.x + mark.at[0], area.y + mark.at[1])
+        if mark.width > 0:
+            draw.add_circle(at, mark.radius, packed(mark.colour), 0, mark.width)
+        else:
+            draw.add_circle_filled(at, mark.radius, packed(mark.colour))
+    elif isinstance(mark, Fill):
+        points = [ImVec2(area.x + x, area.y + y) for x, y in mark.points]
+        draw.add_convex_poly_filled(points, packed(mark.colour))
+    else:
+        at = ImVec2(area.x + mark.at[0], area.y + mark.at[1] - 8)
+        draw.add_text(ImVec2(at.x + 1, at.y + 1), packed((0, 0, 0, 0.6)), mark.text)
+        draw.add_text(at, packed(mark.colour), mark.text)
+
+
+def _hint(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    """What the tool is and what to do next, and beneath what is wrong with it."""
+    tool = desk.hand.tool
+    shift = imgui.calc_text_size(f"{tool.label}   ").x
+    room = max(area.width - shift - 54, 80.0)
+    lines = wrapped(tool.hint, room, lambda text: imgui.calc_text_size(text).x) or [""]
+    wide = shift + max(imgui.calc_text_size(line).x for line in lines) + 28
+    x, y, high = area.x + 14, area.y + 14, 32 + 19 * (len(lines) - 1)
+    draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + high), packed(GLASS), 9.0)
+    draw.add_text(ImVec2(x + 13, y + 8), packed(ACCENT), tool.label)
+    for row, line in enumerate(lines):
+        draw.add_text(ImVec2(x + 13 + shift, y + 8 + 19 * row), packed(INK), line)
+    if tool.warning:
+        _warning(tool.warning, draw, x, y + high + 6)
+
+
+def _warning(said: str, draw, x: float, y: float) -> None:  # type: ignore[no-untyped-def]
+    text = f"\uf071  {said}"
+    wide = imgui.calc_text_size(text).x + 26
+    draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + 30), packed(GLASS), 9.0)
+    draw.add_text(ImVec2(x + 13, y + 7), packed(BAD), text)
+
+
+def _caption(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    """What a session says, in the middle above, with the key that it presses."""
+    font, size = imgui.get_font(), 19.0
+    grown = size / imgui.get_font_size()
+    wide = imgui.calc_text_size(desk.caption).x * grown
+    below = 38 if desk.hand.tool.warning else 0
+    x, y = area.x + (area.width - wide) / 2, area.y + 66 + below
+    draw.add_rect_filled(
+        ImVec2(x - 18, y - 9), ImVec2(x + wide + 18, y + 31), packed((*GLASS[:3], 0.8)), 10.0
+    )
+    draw.add_text(font, size, ImVec2(x, y), packed(INK), desk.caption)
+    if desk.pressed:
+        key = spoken(desk.pressed)
+        left = x + wide + 34
+        right = left + imgui.calc_text_size(key).x + 22
+        draw.add_rect_filled(ImVec2(left, y - 6), ImVec2(right, y + 28), packed(INK), 7.0)
+        draw.add_text(ImVec2(left + 11, y + 3), packed((*GLASS[:3], 1.0)), key)
+
+
+def _toasts(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    bottom = area.y + area.height - 14
+    for toast in reversed(desk.editor.toasts.shown):
+        bottom = _toast(draw, area, toast, bottom) - 8
+
+
+def _toast(draw, area: Area, toast: Toast, bottom: float) -> float:  # type: ignore[no-untyped-def]
+    """One message above ``bottom``; its top."""
+
+    def measure(text: str) -> float:
+        return imgui.calc_text_size(text).x
+
+    lines = [(line, INK) for line in wrapped(toast.text, _WIDE, measure)]
+    lines += [(line, QUIET) for line in wrapped(toast.mend, _WIDE, measure)]
+    wide = max(measure(line) for line, _ in lines) + 34
+    high = 20 * len(lines) + 16
+    left, top = area.x + 14, bottom - high
+    seen = min(toast.left / 0.6, 1.0)
+    draw.add_rect_filled(
+        ImVec2(left, top), ImVec2(left + wide, bottom), packed((*GLASS[:3], 0.85), seen), 9.0
+    )
+    tint = packed(BAD if toast.bad else GOOD, seen)
+    draw.add_rect_filled(ImVec2(left + 7, top + 9), ImVec2(left + 10, bottom - 9), tint, 2.0)
+    for row, (line, colour) in enumerate(lines):
+        draw.add_text(ImVec2(left + 20, top + 8 + 20 * row), packed(colour, seen), line)
+    return top

@@ -1,0 +1,65 @@
+"""What is found once for a mesh and asked often: its size, its plane of symmetry, its vertices in a tree."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from functools import wraps
+from typing import TypeVar
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Float, Int32
+from enliven.document.puppet import Plane
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
+
+Found = TypeVar("Found")
+_MOST = 8
+
+
+def by_mesh(find: Callable[[Mesh], Found]) -> Callable[[Mesh], Found]:
+    """The function, its answers for the last few meshes kept; a mesh is known by identity."""
+    known: OrderedDict[int, tuple[Mesh, Found]] = OrderedDict()
+
+    @wraps(find)
+    def ask(mesh: Mesh) -> Found:
+        if id(mesh) not in known or known[id(mesh)][0] is not mesh:
+            known[id(mesh)] = (mesh, find(mesh))
+            while len(known) > _MOST:
+                known.popitem(last=False)
+        return known[id(mesh)][1]
+
+    return ask
+
+
+@by_mesh
+def size_of(mesh: Mesh) -> float:
+    """Metres, the diagonal of its box."""
+    return float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+
+
+@by_mesh
+def middle_of(mesh: Mesh) -> Float:
+    """(3,) metres, the middle of its box."""
+    return np.asarray(mesh.bounds.mean(0))
+
+
+@by_mesh
+def normals_of(mesh: Mesh) -> Float:
+    """(V, 3) unit normals of its vertices at rest."""
+    return mesh.vertex_normals()
+
+
+@by_mesh
+def plane_of(mesh: Mesh) -> Plane | None:
+    """Its plane of symmetry, or None where it has none."""
+    return plane_of_symmetry(mesh)
+
+
+@by_mesh
+def tree_of(mesh: Mesh) -> tuple[cKDTree, Int32]:
+    """A tree of the vertices that faces use, and (U,) which they are."""
+    used = np.unique(mesh.faces)
+    return cKDTree(mesh.vertices[used]), used

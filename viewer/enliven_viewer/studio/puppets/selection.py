@@ -1,0 +1,95 @@
+"""Which puppet and control point are chosen, and control points put on the mesh."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from enliven.document.project import Project
+from enliven.document.puppet import Puppet
+from enliven.modeling.puppet.edits import add_point
+from enliven_viewer.studio.puppets.mirrored import partner_vertex, plane_for
+from enliven_viewer.studio.puppets.solver import LARGE
+from enliven_viewer.studio.puppets.stage import PuppetStage, Standing
+
+if TYPE_CHECKING:
+    from enliven_viewer.studio.workspace.editor import Editor
+
+
+class Chosen:
+    """What of the project's puppets is worked on.
+
+    Attributes:
+        stage: how the puppets stand.
+        symmetric: whether control points are put and dragged with their mirror image.
+    """
+
+    def __init__(self, editor: Editor, stage: PuppetStage) -> None:
+        self.editor, self.stage = editor, stage
+        self.symmetric = False
+
+    @property
+    def standing(self) -> tuple[Standing, ...]:
+        """Every puppet as it is shown now."""
+        return self.stage.standing
+
+    @property
+    def puppet(self) -> Puppet | None:
+        """The chosen puppet."""
+        return self.editor.project.puppets.get(self.editor.selection.puppet or "")
+
+    @property
+    def point(self) -> int | None:
+        """The number of the chosen control point."""
+        chosen, puppet = self.editor.selection.point, self.puppet
+        return chosen if puppet is not None and chosen is not None and chosen < len(puppet.points) else None
+
+    def choose(self, puppet: str | None, point: int | None = None) -> None:
+        """Choose a puppet, and perhaps a control point of it."""
+        self.editor.select(puppet=puppet)
+        self.editor.select(point=point, puppet_layer=None)
+
+    def add_point(self, vertex: int) -> bool:
+        """Put a control point on a vertex, with symmetry on its mirror image too; one edit."""
+        puppet = self._wanted()
+        if puppet is None:
+            return False
+        taken = [point.vertex for point in puppet.points]
+        if vertex in taken:
+            self.choose(puppet.id, taken.index(vertex))
+            self.editor.toasts.say(f"{puppet.points[taken.index(vertex)].name} is there already")
+            return False
+        other = partner_vertex(puppet, vertex) if self.symmetric else None
+        wanted = [vertex] if other is None or other in (vertex, *taken) else [vertex, other]
+
+        poses = self.stage.surfaces.settled(puppet, [pose.places for pose in puppet.poses])
+        if poses is None and len(puppet.mesh.vertices) > LARGE:
+            self.editor.toasts.say(f"{puppet.id} is still being prepared", "Click again in a moment.")
+            return False
+
+        def change(project: Project) -> Project:
+            for one in wanted:
+                places = None if poses is None else np.array([pose[one] for pose in poses]).reshape(-1, 3)
+                project = add_point(project, puppet.id, one, places=places)
+            return project
+
+        if not self.editor.edit("put a control point" + "s" * (len(wanted) - 1), change):
+            return False
+        self.choose(puppet.id, len(taken))
+        return True
+
+    def set_symmetric(self, on: bool) -> None:
+        """Turn symmetric control points on or off; a mesh without a plane of symmetry says so."""
+        puppet = self.puppet
+        self.symmetric = on
+        if on and puppet is not None and plane_for(puppet) is None:
+            self.symmetric = False
+            self.editor.toasts.say(
+                f"{puppet.id} has no plane of symmetry", "Put and drag its control points one by one."
+            )
+
+    def _wanted(self) -> Puppet | None:
+        if self.puppet is None:
+            self.editor.toasts.say("No puppet is chosen", "Click one first.")
+        return self.puppet

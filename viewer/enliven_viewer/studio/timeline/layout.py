@@ -1,0 +1,140 @@
+"""Where things are on the timeline: ruler, lanes, playhead; and what is under the pointer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from enliven.document.layers import Layer
+from enliven.document.project import Project
+from enliven_viewer.studio.viewport.playback import end_of, used_layers
+
+LABELS, RULER, LANE, GAP, END = 190.0, 26.0, 24.0, 3.0, 12.0
+"""Pixels: width of the labels, heights of ruler and lane, between lanes, and what is left at the right."""
+_EDGE = 7.0
+"""Pixels of a bar's right end that change its speed."""
+_MUTE = 22.0
+_FEW = 12
+"""Layers of a take that have a lane each; more share lanes."""
+_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 300.0)
+
+Kind = Literal["ruler", "bar", "edge", "mute", "label", "nothing"]
+
+
+@dataclass(frozen=True)
+class Grip:
+    """What of the timeline is under the pointer, and of which layers."""
+
+    kind: Kind
+    layers: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A lane: its layers, its top, and the first and last pixel of the take played once.
+
+    Layers that play one take in the same way share a lane: a model that comes with its own animation has a
+    layer for every bone.
+    """
+
+    layers: tuple[Layer, ...]
+    top: float
+    left: float
+    right: float
+
+    @property
+    def layer(self) -> Layer:
+        """The first of the layers."""
+        return self.layers[0]
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Of the layers."""
+        return tuple(layer.id for layer in self.layers)
+
+    @property
+    def label(self) -> str:
+        """The layer's id, or the take's and how many layers play it."""
+        return self.layer.id if len(self.layers) == 1 else f"{self.layer.take}  ({len(self.layers)} bones)"
+
+
+@dataclass(frozen=True)
+class TimelineLayout:
+    """The timeline of a project in an area whose top left is 0, 0.
+
+    Attributes:
+        project: whose layers.
+        length: seconds that are shown.
+        width: pixels of the whole area.
+        scrolled: pixels by which the lanes are moved up.
+    """
+
+    project: Project
+    length: float
+    width: float
+    scrolled: float = 0.0
+
+    @property
+    def track(self) -> float:
+        """Pixels of the track's width."""
+        return max(self.width - LABELS - END, 1.0)
+
+    @property
+    def height(self) -> float:
+        """Pixels that ruler and lanes take."""
+        return RULER + len(self.lanes()) * (LANE + GAP)
+
+    def x(self, time: float) -> float:
+        """The pixel of a time."""
+        return LABELS + self.track * time / self.length
+
+    def time(self, x: float) -> float:
+        """The time of a pixel, seconds; outside the track it goes on."""
+        return (x - LABELS) / self.track * self.length
+
+    def lanes(self) -> tuple[tuple[Layer, ...], ...]:
+        """The layers of each lane, from the top."""
+        groups: dict[tuple[object, ...], list[Layer]] = {}
+        for layer in used_layers(self.project):
+            alone = layer.chain if self._few(layer.take) else ()
+            key = (layer.take, layer.offset, layer.speed, layer.loop, layer.muted, alone and layer.id)
+            groups.setdefault(key, []).append(layer)
+        return tuple(tuple(layers) for layers in groups.values())
+
+    def bars(self) -> tuple[Bar, ...]:
+        """The lanes, from the top."""
+        bars = []
+        for row, layers in enumerate(self.lanes()):
+            top = RULER + row * (LANE + GAP) - self.scrolled
+            left, right = self.x(layers[0].offset), self.x(end_of(self.project, layers[0]))
+            bars.append(Bar(layers, top, left, right))
+        return tuple(bars)
+
+    def _few(self, take: str) -> bool:
+        """Whether a take is played by so few layers that each has a lane."""
+        return sum(layer.take == take for layer in used_layers(self.project)) <= _FEW
+
+    def ticks(self) -> tuple[tuple[float, bool], ...]:
+        """Times to mark on the ruler, and whether each is numbered; numbers stand 60 pixels apart or more."""
+        wanted = 60.0 * self.length / self.track
+        step = next((s for s in _STEPS if s >= wanted), _STEPS[-1])
+        small = step / 5
+        count = int(self.length / small + 1e-9)
+        return tuple((k * small, k % 5 == 0) for k in range(count + 1))
+
+    def grip(self, x: float, y: float) -> Grip:
+        """What is under a pixel."""
+        if y < RULER:
+            return Grip("ruler") if x >= LABELS - END else Grip("nothing")
+        for bar in self.bars():
+            if not bar.top <= y < bar.top + LANE:
+                continue
+            if x < _MUTE:
+                return Grip("mute", bar.ids)
+            if x < LABELS - END:
+                return Grip("label", bar.ids)
+            if abs(x - bar.right) <= _EDGE:
+                return Grip("edge", bar.ids)
+            if bar.left <= x <= bar.right or (bar.layer.loop and x >= bar.left):
+                return Grip("bar", bar.ids)
+        return Grip("ruler") if x >= LABELS - END else Grip("nothing")

@@ -1,0 +1,195 @@
+"""Dragging on the lanes of puppets: layers in time, key poses to other moments, switches of contact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from enliven.errors import EnlivenError
+from enliven.examples.puppet_motion import motion_of
+from enliven.examples.spacetime.locomotion import Switch
+from enliven.modeling.puppet.edits import change_layer
+from enliven_viewer.studio.examples.coverage import Coverage, Coverages
+from enliven_viewer.studio.examples.edits import (
+    added_switch,
+    held_of,
+    moved_switch,
+    removed_switch,
+    retimed,
+    without_held,
+)
+from enliven_viewer.studio.examples.times import layer_end, time_of
+from enliven_viewer.studio.timeline.layout import TimelineLayout
+from enliven_viewer.studio.timeline.puppet_lanes import PuppetGrip, PuppetLanes
+from enliven_viewer.studio.workspace.editor import Edit, Editor
+
+_SNAP = 6.0
+"""Pixels within which a bar's start sticks to zero and to the playhead."""
+_SLOWEST, _FASTEST = 0.05, 20.0
+_DRAGGED = ("bar", "edge", "pose", "switch")
+
+
+class PuppetTimelineHand:
+    """What the pointer does over the lanes of puppets; pixels as the timeline's.
+
+    Attributes:
+        chosen: the switch or the constraint that Delete takes away, or None.
+        edit_pose: called with the number of a key pose that was clicked.
+        begin_pose: called with a take and a second of it where a suggestion was clicked.
+    """
+
+    def __init__(self, editor: Editor, coverages: Coverages | None = None) -> None:
+        self.editor, self.coverages = editor, coverages or Coverages()
+        self.chosen: PuppetGrip | None = None
+        self.edit_pose: Callable[[int], object] = editor.puppets.edit_pose
+        self.begin_pose: Callable[[str, float], object] = editor.puppets.begin_pose
+        self._grip: PuppetGrip | None = None
+        self._from, self._lanes = 0.0, self.lanes(TimelineLayout(editor.project, 1.0, 1000.0))
+        self._known: tuple[object, dict[int, tuple[Switch, ...]]] = (None, {})
+
+    def lanes(self, layout: TimelineLayout) -> PuppetLanes:
+        """The lanes as they are now."""
+        return PuppetLanes(layout, self.editor.selection.puppet, self._coverage, self._switches)
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is held."""
+        return self._grip is not None
+
+    def press(self, x: float, y: float, layout: TimelineLayout) -> bool:
+        """The left button went down; whether a lane of a puppet was there."""
+        lanes = self.lanes(layout)
+        grip = lanes.grip(x, y)
+        self.chosen = grip if grip is not None and grip.kind in ("switch", "held") else None
+        if grip is None:
+            return False
+        if self.editor.selection.puppet != grip.puppet:
+            self.editor.puppets.choose(grip.puppet)
+        self.editor.select(puppet_layer=grip.layer)
+        layer = lanes.layer(grip)
+        if grip.kind == "mute":
+            word = "unmute" if layer.muted else "mute"
+            self._edit(word, grip, muted=not layer.muted)
+        elif grip.kind == "suggested":
+            self.begin_pose(layer.take, lanes.suggested(_row(lanes, grip, "poses"))[grip.item][0])
+        elif grip.kind == "found" and layer.switches is not None:
+            self._edit("find contacts again", grip, switches=None)
+        elif grip.kind == "held":
+            frame = held_of(self.editor.project, grip.puppet, grip.layer)[grip.item].frame
+            step = self.editor.project.takes[layer.take].step
+            self.editor.scrub(time_of(self.editor.project, layer, frame * step))
+        elif grip.kind == "band":
+            self.editor.scrub(layout.time(x))
+        self._grip, self._from, self._lanes = grip, x, lanes
+        return True
+
+    def drag(self, x: float) -> None:
+        """The pointer moved."""
+        if self._grip is not None and self._grip.kind in _DRAGGED and x != self._from:
+            if self.editor.puppets.posing:
+                self.editor.puppets.accept()
+            self.editor.sketch(self._change(x))
+
+    def release(self, x: float) -> None:
+        """The button went up: what was dragged is one edit; a key pose that was not is opened."""
+        grip, self._grip = self._grip, None
+        if grip is None:
+            return
+        if grip.kind in _DRAGGED and self.editor.draft is not None:
+            words = {"bar": "move layer", "edge": "change speed", "pose": "retime a key pose"}
+            self._grip = grip
+            change, self._grip = self._change(x), None
+            self.editor.edit(words.get(grip.kind, "move a switch"), change)
+        elif grip.kind == "pose":
+            self.edit_pose(grip.item)
+
+    def double(self, x: float, y: float, layout: TimelineLayout) -> bool:
+        """The second click of two: on contacts and flights it adds a switch there."""
+        lanes = self.lanes(layout)
+        grip = lanes.grip(x, y)
+        if grip is None or grip.kind != "band":
+            return False
+        take = self.editor.project.takes[lanes.layer(grip).take]
+        frame = round(grip.seconds / take.step)
+        switches = added_switch(self._switches(grip.layer), frame, len(take.turns))
+        self._edit("add a switch", grip, switches=switches)
+        return True
+
+    def type(self, key: str) -> bool:
+        """Delete takes away the switch or constraint that was clicked last."""
+        grip, self.chosen = self.chosen, None
+        if grip is None or key not in ("delete", "backspace"):
+            return False
+        project = self.editor.project
+        if grip.puppet not in project.puppets or grip.layer >= len(project.puppets[grip.puppet].layers):
+            return False
+        if grip.kind == "switch":
+            self._edit(
+                "remove a switch", grip, switches=removed_switch(self._switches(grip.layer), grip.item)
+            )
+            return True
+        held = held_of(project, grip.puppet, grip.layer)
+        if grip.item < len(held):
+            one = held[grip.item]
+            self.editor.edit("let go", lambda p: without_held(p, grip.puppet, grip.layer, one))
+        return True
+
+    def _change(self, x: float) -> Edit:
+        """The edit that dragging to ``x`` makes."""
+        grip, lanes = self._grip, self._lanes
+        assert grip is not None
+        layer, layout = lanes.layer(grip), lanes.layout
+        take = lanes.project.takes[layer.take]
+        if grip.kind == "pose":
+            seconds = lanes.seconds(grip, x)
+            return lambda project: retimed(project, grip.puppet, grip.item, seconds)
+        if grip.kind == "switch":
+            frame = round(lanes.seconds(grip, x) / take.step)
+            moved = moved_switch(lanes.switches(grip.layer), grip.item, frame, len(take.turns))
+            return self._changing(grip, switches=moved)
+        way = layout.time(x) - layout.time(self._from)
+        if grip.kind == "bar":
+            return self._changing(grip, offset=self._snapped(layout, layer.offset + way))
+        lasting = max(layer_end(lanes.project, layer) - layer.offset + way, 1e-3)
+        speed = min(max(take.duration / lasting, _SLOWEST), _FASTEST)
+        return self._changing(grip, speed=speed if layer.speed > 0 else -speed)
+
+    def _snapped(self, layout: TimelineLayout, offset: float) -> float:
+        nearest = min((0.0, self.editor.time), key=lambda place: abs(place - offset))
+        return nearest if abs(layout.x(nearest) - layout.x(offset)) <= _SNAP else offset
+
+    def _edit(self, word: str, grip: PuppetGrip, **changes: Any) -> None:
+        self.editor.edit(word, self._changing(grip, **changes))
+
+    def _changing(self, grip: PuppetGrip, **changes: Any) -> Edit:
+        return lambda project: change_layer(project, grip.puppet, grip.layer, **changes)
+
+    def _coverage(self, take: str) -> Coverage | None:
+        puppet = self.editor.puppets.puppet
+        return self.coverages.of(self.editor.project, puppet, take) if puppet is not None else None
+
+    def _switches(self, layer: int) -> tuple[Switch, ...]:
+        """As edited, or as they were found when the motion was solved last; none before."""
+        editor, puppet = self.editor, self.editor.puppets.puppet
+        if puppet is None or layer >= len(puppet.layers):
+            return ()
+        edited = puppet.layers[layer].switches
+        if edited is not None:
+            return edited
+        project, shown = editor.solving.shown(editor.project, puppet.id)
+        if layer >= len(shown.layers) or shown.layers[layer].take != puppet.layers[layer].take:
+            return ()
+        if self._known[0] is not shown:
+            self._known = (shown, {})
+        found = self._known[1]
+        if layer not in found:
+            try:
+                found[layer] = motion_of(project, shown, layer).switches
+            except EnlivenError:
+                found[layer] = ()
+        return found[layer]
+
+
+def _row(lanes: PuppetLanes, grip: PuppetGrip, kind: str):  # type: ignore[no-untyped-def]
+    """The row of a kind of a grip's layer."""
+    return next(r for r in lanes.rows() if (r.kind, r.puppet, r.layer) == (kind, grip.puppet, grip.layer))

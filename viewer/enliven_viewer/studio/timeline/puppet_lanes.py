@@ -1,0 +1,193 @@
+"""The timeline's lanes of puppets: a bar a layer; under those of the chosen puppet its key poses, its
+contacts and flights, and what is held hard. Everything that is drawn at a pixel is found there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from enliven.document.project import Project
+from enliven.document.puppet import Puppet, PuppetLayer
+from enliven.examples.spacetime.locomotion import Switch
+from enliven_viewer.studio.examples.coverage import Coverage
+from enliven_viewer.studio.examples.edits import Held, held_of
+from enliven_viewer.studio.examples.times import layer_end, time_of
+from enliven_viewer.studio.timeline.layout import GAP, LABELS, LANE, TimelineLayout
+
+POSES, BAND = 30.0, 15.0
+"""Pixels: heights of the row of key poses, and of those of contacts and of what is held."""
+_EDGE, _MUTE, _NEAR, _LABEL_END = 7.0, 22.0, 7.0, LABELS - 12.0
+
+Kind = Literal["bar", "edge", "mute", "label", "pose", "suggested", "switch", "band", "found", "held"]
+ROWS = ("bar", "poses", "band", "held")
+
+
+@dataclass(frozen=True)
+class PuppetGrip:
+    """What of a puppet's lanes is under the pointer.
+
+    Attributes:
+        layer: its number.
+        item: which key pose, suggestion, switch or constraint.
+        seconds: of the take, at the pixel.
+    """
+
+    kind: Kind
+    puppet: str
+    layer: int
+    item: int = 0
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row: "bar", "poses", "band" or "held", of a layer of a puppet, and its place."""
+
+    kind: str
+    puppet: str
+    layer: int
+    top: float
+    height: float
+
+
+@dataclass(frozen=True)
+class PuppetLanes:
+    """The lanes of a project's puppets, below those of its shapes.
+
+    Attributes:
+        layout: where times are, and where the lanes of shapes end.
+        chosen: the id of the puppet whose key poses are shown, or None.
+        coverage: of a take by the chosen puppet's examples.
+        switches: of a layer of the chosen puppet, as edited or as found.
+    """
+
+    layout: TimelineLayout
+    chosen: str | None
+    coverage: Callable[[str], Coverage | None]
+    switches: Callable[[int], Sequence[Switch]]
+
+    @property
+    def project(self) -> Project:
+        """Whose puppets."""
+        return self.layout.project
+
+    def layer(self, row: Row | PuppetGrip) -> PuppetLayer:
+        """The layer of a row or a grip."""
+        return self.project.puppets[row.puppet].layers[row.layer]
+
+    def rows(self) -> tuple[Row, ...]:
+        """All rows, from the top."""
+        top, found = self.layout.height - self.layout.scrolled, list[Row]()
+        for puppet in self.project.puppets.values():
+            for number, layer in enumerate(puppet.layers):
+                for kind, height in self._kinds(puppet, layer):
+                    found.append(Row(kind, puppet.id, number, top, height))
+                    top += height + (GAP if kind == "bar" else 1.0)
+                top += GAP
+        return tuple(found)
+
+    @property
+    def height(self) -> float:
+        """Pixels from the top of the first row to the end of the last."""
+        rows = self.rows()
+        return rows[-1].top + rows[-1].height - rows[0].top + GAP if rows else 0.0
+
+    def x(self, row: Row | PuppetGrip, seconds: float) -> float:
+        """The pixel of a second of a layer's take."""
+        return self.layout.x(time_of(self.project, self.layer(row), seconds))
+
+    def seconds(self, row: Row | PuppetGrip, x: float) -> float:
+        """The second of a layer's take at a pixel, within the take."""
+        layer = self.layer(row)
+        length = self.project.takes[layer.take].duration
+        played = (self.layout.time(x) - layer.offset) * layer.speed + (length if layer.speed < 0 else 0.0)
+        return min(max(played, 0.0), length)
+
+    def span(self, row: Row | PuppetGrip) -> tuple[float, float]:
+        """First and last pixel of a layer's take, played once."""
+        layer = self.layer(row)
+        return self.layout.x(layer.offset), self.layout.x(layer_end(self.project, layer))
+
+    def poses(self, row: Row) -> tuple[tuple[int, float], ...]:
+        """Number and pixel of the key poses that are of the layer's take."""
+        layer, puppet = self.layer(row), self.project.puppets[row.puppet]
+        return tuple(
+            (number, self.x(row, pose.time))
+            for number, pose in enumerate(puppet.poses)
+            if pose.take == layer.take
+        )
+
+    def suggested(self, row: Row) -> tuple[tuple[float, float], ...]:
+        """Second and pixel of the key poses that are missing."""
+        coverage = self.coverage(self.layer(row).take)
+        return tuple((t, self.x(row, t)) for t in coverage.times) if coverage is not None else ()
+
+    def bands(self, row: Row) -> tuple[tuple[Switch, float, float], ...]:
+        """Each switch with the pixels from which and up to which it holds."""
+        take = self.project.takes[self.layer(row).take]
+        switches = self.switches(row.layer)
+        if not switches:
+            return ()
+        ends = [*(one.frame for one in switches[1:]), len(take.turns) - 1]
+        return tuple(
+            (one, self.x(row, one.frame * take.step), self.x(row, end * take.step))
+            for one, end in zip(switches, ends, strict=True)
+        )
+
+    def held(self, row: Row) -> tuple[tuple[int, Held, float], ...]:
+        """Number, constraint and pixel of what is held hard."""
+        step = self.project.takes[self.layer(row).take].step
+        held = held_of(self.project, row.puppet, row.layer)
+        return tuple((k, one, self.x(row, one.frame * step)) for k, one in enumerate(held))
+
+    def grip(self, x: float, y: float) -> PuppetGrip | None:
+        """What is under a pixel; None where no lane of a puppet is."""
+        for row in self.rows():
+            if row.top <= y < row.top + row.height:
+                kind, item = self._at(row, x)
+                at = (row.puppet, row.layer, item, self.seconds(row, x))
+                return PuppetGrip(kind, *at) if kind is not None else None
+        return None
+
+    def _at(self, row: Row, x: float) -> tuple[Kind | None, int]:
+        if x < _LABEL_END:
+            if row.kind == "bar":
+                return ("mute" if x < _MUTE else "label"), 0
+            return ("found" if row.kind == "band" else "label"), 0
+        if row.kind == "bar":
+            return self._on_bar(row, x), 0
+        if row.kind == "poses":
+            near = [(abs(at - x), number) for number, at in self.poses(row) if abs(at - x) <= _NEAR]
+            if near:
+                return "pose", min(near)[1]
+            ticks = [
+                (abs(at - x), k) for k, (_, at) in enumerate(self.suggested(row)) if abs(at - x) <= _NEAR
+            ]
+            return ("suggested", min(ticks)[1]) if ticks else (None, 0)
+        if row.kind == "band":
+            starts = [(abs(left - x), k) for k, (_, left, _) in enumerate(self.bands(row)) if k]
+            if starts and min(starts)[0] <= _NEAR - 2:
+                return "switch", min(starts)[1]
+            left, right = sorted(self.span(row))
+            return ("band", 0) if left <= x <= right else (None, 0)
+        marks = [(abs(at - x), k) for k, _, at in self.held(row) if abs(at - x) <= _NEAR]
+        return ("held", min(marks)[1]) if marks else (None, 0)
+
+    def _on_bar(self, row: Row, x: float) -> Kind | None:
+        left, right = self.span(row)
+        if abs(x - right) <= _EDGE:
+            return "edge"
+        return "bar" if left <= x <= right or (self.layer(row).loop and x >= left) else None
+
+    def _kinds(self, puppet: Puppet, layer: PuppetLayer) -> tuple[tuple[str, float], ...]:
+        """The rows of a layer and their heights."""
+        rows = [("bar", LANE)]
+        if puppet.id == self.chosen:
+            rows.append(("poses", POSES))
+            if layer.travel and any(point.foot for point in puppet.points):
+                rows.append(("band", BAND))
+            if layer.positions or layer.velocities or layer.couplings:
+                rows.append(("held", BAND))
+        return tuple(rows)

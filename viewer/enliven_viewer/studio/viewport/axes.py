@@ -1,0 +1,29 @@
+"""Small axes in a corner of a view: x red, y green, z blue, as the manipulator's arrows have them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven_viewer.studio.viewport.overlay import Disc, Line, Point, Words
+from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.viewport.theme import AXES, Colour
+
+_LENGTH = 24.0
+"""Pixels."""
+
+
+def axes_marks(lens: Lens, at: Point) -> tuple[Line | Disc | Words, ...]:
+    """The world's axes as a view sees them, from a place in its pixels; what points away is drawn first."""
+    seen = lens.view.camera_from_world[:3, :3]
+    found: list[Line | Disc | Words] = []
+    for axis in sorted(range(3), key=lambda k: seen[2, k]):
+        right, up, nearer = (float(value) for value in seen[:, axis])
+        red, green, blue = AXES[axis]
+        tint: Colour = (red / 255, green / 255, blue / 255, 0.55 if nearer < -0.15 else 1.0)
+        end = (at[0] + _LENGTH * right, at[1] - _LENGTH * up)
+        found.append(Line((at, end), tint, 2.4))
+        if np.hypot(right, up) > 0.3:
+            found.append(Words((end[0] + 7 * right - 3, end[1] - 8 * up), "xyz"[axis], tint))
+        else:
+            found.append(Disc(end, 2.5, tint))
+    return tuple(found)

@@ -1,0 +1,61 @@
+"""What a tool draws over the viewport: lines, discs and words, in the viewport's pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from enliven_viewer.studio.viewport.theme import Colour
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Line:
+    """A polyline; ``closed`` joins its last point to its first."""
+
+    points: tuple[Point, ...]
+    colour: Colour
+    width: float = 2.0
+    closed: bool = False
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A disc, or with ``width`` above 0 the ring around it."""
+
+    at: Point
+    radius: float
+    colour: Colour
+    width: float = 0.0
+
+
+@dataclass(frozen=True)
+class Fill:
+    """A filled convex area."""
+
+    points: tuple[Point, ...]
+    colour: Colour
+
+
+@dataclass(frozen=True)
+class Words:
+    """A line of text whose left middle is at a place."""
+
+    at: Point
+    text: str
+    colour: Colour
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """Everything that a tool shows.
+
+    Attributes:
+        marks: lines, discs, areas and words, the first undermost.
+        chain: (shape, joints) bones that are lit, or None.
+        hovered: (shape, joint) under the pointer, or None.
+    """
+
+    marks: tuple[Line | Disc | Fill | Words, ...] = ()
+    chain: tuple[str, tuple[int, ...]] | None = None
+    hovered: tuple[str, int] | None = None

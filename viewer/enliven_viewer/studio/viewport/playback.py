@@ -1,0 +1,85 @@
+"""How shapes stand at a moment, and how long the project plays."""
+
+from __future__ import annotations
+
+import math
+
+from enliven.document.layers import Layer
+from enliven.document.project import Project
+from enliven.document.rigged import Shape
+from enliven.motion.layers.evaluate import Player
+from enliven_viewer.studio.viewport.pose_at_time import Stance
+
+_MOST, _ALMOST = 4.0, 0.02
+"""How much longer than needed a project may play so that loops meet, and what share of a round is no jump."""
+
+
+class Company:
+    """The players of a project's shapes; one whose shape and layers stay the same is kept."""
+
+    def __init__(self) -> None:
+        self._players: dict[str, tuple[tuple[object, ...], Player]] = {}
+
+    def stances(self, project: Project, time: float) -> tuple[Stance, ...]:
+        """Every shape of the project at a time, seconds."""
+        self._players = {name: self._player(project, shape) for name, shape in project.shapes.items()}
+        return tuple(_stance(player, time) for _, player in self._players.values())
+
+    def _player(self, project: Project, shape: Shape) -> tuple[tuple[object, ...], Player]:
+        parts = (shape, *(project.layers[name] for name in layers_of(shape)))
+        known = self._players.get(shape.id)
+        if (
+            known
+            and len(known[0]) == len(parts)
+            and all(a is b for a, b in zip(known[0], parts, strict=True))
+        ):
+            return known
+        return parts, Player(project, shape.id)
+
+
+def stance_of(project: Project, shape_id: str, time: float) -> Stance:
+    """One shape at a time of the project, seconds."""
+    return _stance(Player(project, shape_id), time)
+
+
+def layers_of(shape: Shape) -> tuple[str, ...]:
+    """The ids of the layers that a shape refers to, each once, in the order of its bones."""
+    found = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
+    if shape.travel:
+        found[shape.travel] = None
+    return tuple(found)
+
+
+def used_layers(project: Project) -> tuple[Layer, ...]:
+    """The layers that some shape refers to, in the order of the shapes."""
+    names = dict.fromkeys(name for shape in project.shapes.values() for name in layers_of(shape))
+    return tuple(project.layers[name] for name in names)
+
+
+def length_of(project: Project, shortest: float) -> float:
+    """Seconds that the project plays: until the last layer in use has been played once, and ``shortest``.
+
+    Where layers loop it is a little more, if that is a time at which all of them begin again together.
+    """
+    layers = used_layers(project)
+    least = max([shortest, *(end_of(project, layer) for layer in layers)])
+    rounds = [project.takes[layer.take].duration / abs(layer.speed) for layer in layers if layer.loop]
+    rounds = [seconds for seconds in rounds if seconds > 0.05]
+    if not rounds:
+        return least
+    longest = max(rounds)
+    for count in range(math.ceil(least / longest - _ALMOST), math.ceil(_MOST * least / longest) + 1):
+        length = count * longest
+        if all(abs(length / seconds - round(length / seconds)) < _ALMOST for seconds in rounds):
+            return length
+    return least
+
+
+def end_of(project: Project, layer: Layer) -> float:
+    """The second at which a layer's take has been played once."""
+    return layer.offset + project.takes[layer.take].duration / abs(layer.speed)
+
+
+def _stance(player: Player, time: float) -> Stance:
+    at = player.at(time)
+    return Stance(player.shape, at.turns, at.joints)

@@ -1,0 +1,126 @@
+"""The second view of the studio: the skeleton of a take, to choose a chain of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.document.clip import Clip
+from enliven.document.rigged import still_shape
+from enliven_viewer.playback.document import bounds_of
+from enliven_viewer.render.camera import OrbitCamera
+from enliven_viewer.studio.viewport.overlay import Overlay, Point
+from enliven_viewer.studio.viewport.picking import Hit, Lens, joint_at
+from enliven_viewer.studio.viewport.pose_at_time import Stance, joints_of
+from enliven_viewer.studio.workspace.editor import Editor, Selection
+
+_TURN = 0.01
+SOURCE = "source"
+"""The id of the shape that stands for a take's skeleton."""
+
+
+class SourceView:
+    """A take's skeleton, seen by a camera of its own, playing along with the project.
+
+    Attributes:
+        take: the id of the take that is shown, or None.
+        chain: the joints that are chosen, from the one that stays to the one that moves.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        self.editor = editor
+        self.camera = OrbitCamera(editor.settings.render.opening)
+        self.size: tuple[float, float] = (300.0, 240.0)
+        self.take: str | None = None
+        self.chain: tuple[int, ...] = ()
+        self._start: int | None = None
+        self._hovered: Hit | None = None
+        self._last: Point | None = None
+
+    @property
+    def clip(self) -> Clip | None:
+        """The take, or None."""
+        return self.editor.project.takes.get(self.take or "")
+
+    @property
+    def lens(self) -> Lens:
+        """The camera and the view's size."""
+        return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
+
+    def show(self, take: str) -> None:
+        """Show another take, all of it in the picture."""
+        self.take, self.chain, self._start = take, (), None
+        clip = self.clip
+        if clip is None:
+            return
+        frames = range(0, len(clip.turns), max(len(clip.turns) // 12, 1))
+        bounds = bounds_of([stance_of(clip, frame * clip.step).joints for frame in frames])
+        if bounds is not None:
+            aspect = self.size[0] / max(self.size[1], 1.0)
+            self.camera.frame(
+                (bounds[0] - 0.05, bounds[1] + 0.05), aspect, at_once=True, reset=True, room=1.25
+            )
+            # From the front: a chain is mapped as it is seen.
+            self.camera.orbit(-0.56, 0.0)
+            self.camera.advance(10.0)
+
+    def stance(self) -> Stance | None:
+        """The take's skeleton at the project's time, begun again at its end; at its begin while it rests."""
+        clip = self.clip
+        if clip is None:
+            return None
+        return stance_of(clip, self.editor.time % max(clip.duration, clip.step))
+
+    def press(self, at: Point) -> None:
+        """Choose the joint at which a chain begins, then the one at which it ends."""
+        hit = self._hit(at)
+        clip = self.clip
+        if hit is None or clip is None:
+            self._last = at
+        elif self._start is None:
+            self._start, self.chain = hit.joint, (hit.joint,)
+        else:
+            self.chain = clip.skeleton.path(self._start, hit.joint)
+            self._start = None
+
+    def move(self, at: Point) -> None:
+        """Light what is under the pointer, or turn the view."""
+        if self._last is not None:
+            across, down = at[0] - self._last[0], at[1] - self._last[1]
+            self.camera.orbit(-_TURN * across, _TURN * down)
+            self._last = at
+        else:
+            self._hovered = self._hit(at)
+
+    def release(self) -> None:
+        """The button went up."""
+        self._last = None
+
+    def forget(self) -> None:
+        """Choose anew."""
+        self.chain, self._start = (), None
+
+    @property
+    def choosing(self) -> bool:
+        """Whether the end of the chain is still to be clicked."""
+        return self._start is not None
+
+    @property
+    def selection(self) -> Selection:
+        """Which joint is chosen, for the picture."""
+        return Selection(SOURCE, self._start)
+
+    def overlay(self) -> Overlay:
+        """What is lit."""
+        hovered = (SOURCE, self._hovered.joint) if self._hovered else None
+        return Overlay((), (SOURCE, self.chain) if self.chain else None, hovered)
+
+    def _hit(self, at: Point) -> Hit | None:
+        stance = self.stance()
+        return joint_at([stance], self.lens, at, self.editor.settings.reach) if stance else None
+
+
+def stance_of(clip: Clip, time: float) -> Stance:
+    """A take's own skeleton at the frame nearest to ``time``, seconds since its begin."""
+    frame = int(np.clip(round(time / clip.step), 0, len(clip.turns) - 1))
+    shape = still_shape(SOURCE, clip.skeleton)
+    return Stance(shape, clip.turns[frame], joints_of(shape, clip.turns[frame], clip.root[frame]))

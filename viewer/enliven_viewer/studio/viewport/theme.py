@@ -1,0 +1,72 @@
+"""The studio's colours: the viewer's glass and amber, on the renderer's dusk."""
+
+from __future__ import annotations
+
+from enliven_viewer.live.hud import ACCENT, BAD, GLASS, GOOD, INK, QUIET, WAIT
+
+Colour = tuple[float, float, float, float]
+"""sRGB and opacity, 0..1 each."""
+
+PANEL: Colour = (0.082, 0.092, 0.115, 1.0)
+RAISED: Colour = (0.125, 0.139, 0.170, 1.0)
+PRESSED: Colour = (0.19, 0.21, 0.255, 1.0)
+LINE: Colour = (1.0, 1.0, 1.0, 0.09)
+DARK: Colour = (0.055, 0.062, 0.078, 1.0)
+STROKE: Colour = (1.0, 0.80, 0.36, 1.0)
+CUT: Colour = (1.0, 0.42, 0.36, 1.0)
+CHAIN: Colour = (0.36, 0.92, 0.86, 1.0)
+
+BONE = (226, 232, 242)
+FADED = (138, 150, 172)
+CHOSEN = (255, 176, 76)
+HOVERED = (255, 226, 160)
+CHAINED = (92, 232, 220)
+ROOT = (255, 120, 96)
+"""sRGB of bones: of the selected shape, of others, chosen, under the pointer, of a chain, and the root."""
+
+CLAYS = (
+    (226, 142, 84),
+    (118, 164, 190),
+    (150, 176, 120),
+    (206, 128, 138),
+    (196, 170, 110),
+    (142, 138, 190),
+)
+"""sRGB of meshes that bring no colours; which one follows from the shape's name."""
+
+LANES: tuple[Colour, ...] = (
+    (0.93, 0.60, 0.33, 1.0),
+    (0.36, 0.72, 0.78, 1.0),
+    (0.60, 0.74, 0.42, 1.0),
+    (0.80, 0.50, 0.62, 1.0),
+    (0.62, 0.58, 0.84, 1.0),
+    (0.83, 0.72, 0.42, 1.0),
+)
+"""Bars of the timeline, a colour a take."""
+
+AXES = ((236, 92, 84), (128, 206, 92), (92, 146, 246))
+HELD_AXIS = (255, 226, 160)
+"""sRGB of the manipulator's x, y and z, and of the part that is under the pointer."""
+WARNING = (255, 74, 58)
+GHOST = (150, 226, 255)
+"""sRGB of faces that pass through one another, and of the outline of the key pose before."""
+
+POINTS = (
+    (255, 196, 84),
+    (92, 200, 250),
+    (150, 220, 110),
+    (250, 130, 170),
+    (180, 150, 255),
+    (90, 226, 206),
+    (255, 150, 90),
+    (214, 222, 120),
+)
+"""sRGB of control points, in turn: on the stage, in lists, and of the joints that they are paired with."""
+
+
+def point_colour(number: int) -> tuple[int, int, int]:
+    """The sRGB of a control point, by its number on the puppet."""
+    return POINTS[number % len(POINTS)]
+
+
+__all__ = ["ACCENT", "BAD", "GLASS", "GOOD", "INK", "QUIET", "WAIT"]

@@ -1,0 +1,99 @@
+"""The 3-D picture of the studio: shapes by the viewer's renderer, skeletons over them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+
+from enliven.document.character import Character
+from enliven.document.rigged import Shape, character_of
+from enliven_viewer.playback.document import bounds_of
+from enliven_viewer.render.overlay.tubes import Tubes
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import Actor, Look, Scene
+from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.puppets.picture import NOTHING, PuppetPicture
+from enliven_viewer.studio.puppets.shades import Shades
+from enliven_viewer.studio.puppets.stage import PuppetCharacters, Standing
+from enliven_viewer.studio.viewport.colours import coloured
+from enliven_viewer.studio.viewport.overlay import Overlay
+from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.viewport.pose_at_time import Stance
+from enliven_viewer.studio.viewport.possessed import Characters, Possessed
+from enliven_viewer.studio.viewport.skeletons import skeleton_rows
+from enliven_viewer.studio.workspace.editor import Selection
+
+_LOOK = Look(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
+_SEEN_THROUGH = 0.4
+"""Of the eye's distance: bones are seen clearly through whatever covers them by less."""
+
+
+class Viewport:
+    """Draws stances into a picture of its own; :attr:`renderer` holds it.
+
+    Args:
+        ctx: an OpenGL context that is current in this thread.
+        size: width and height of the picture in pixels.
+    """
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], settings: RenderSettings) -> None:
+        self.renderer = Renderer(ctx, size, settings)
+        self._tubes = Tubes(ctx)
+        self._graphs = Characters()
+        self._puppets = PuppetCharacters()
+        self._shades: Shades | None = None
+        self._characters: dict[str, tuple[tuple[object, ...], Character]] = {}
+
+    def draw(
+        self,
+        stances: Sequence[Stance],
+        lens: Lens,
+        selection: Selection,
+        overlay: Overlay,
+        *,
+        possessed: Sequence[Possessed] = (),
+        puppets: Sequence[Standing] = (),
+        over: PuppetPicture = NOTHING,
+        meshes: bool = True,
+        bones: bool = True,
+    ) -> None:
+        """One picture, resolved."""
+        solid = [s for s in stances if s.shape.mesh is not None and len(s.shape.mesh.faces)] if meshes else []
+        actors = tuple(Actor(self._character(s.shape), s.pose()) for s in solid)
+        kept = {actor.character.id for actor in actors}
+        self._characters = {name: known for name, known in self._characters.items() if name in kept}
+        actors += tuple(Actor(self._graphs.of(mesh.shape), mesh.pose) for mesh in possessed)
+        actors += tuple(Actor(self._puppets.of(p.puppet), p.pose, vertices=p.drawn) for p in puppets)
+        filled = [s.joints for s in stances] + [mesh.vertices for mesh in possessed]
+        extent = bounds_of(filled + [puppet.drawn for puppet in puppets])
+        self.renderer.draw(Scene(actors, (), _LOOK, extent=extent), lens.view)
+        self._draw_over(over)
+        if bones and stances:
+            rows = np.concatenate([skeleton_rows(s, lens, selection, overlay) for s in stances])
+            near = min(float(((s.joints - lens.view.eye) @ lens.forward).min()) for s in stances)
+            self._tubes.draw(self.renderer.picture, rows, _SEEN_THROUGH * max(near, 0.05))
+
+    def _draw_over(self, over: PuppetPicture) -> None:
+        """What a puppet in the hand shows."""
+        if over is NOTHING:
+            return
+        self._shades = self._shades or Shades(self.renderer.ctx)
+        picture = self.renderer.picture
+        if over.crossing is not None:
+            self._shades.crossing(picture, *over.crossing)
+        if over.ghost is not None:
+            self._shades.outline(picture, *over.ghost)
+        for rows, bias in over.tubes:
+            if len(rows):
+                self._tubes.draw(picture, rows, bias)
+
+    def _character(self, shape: Shape) -> Character:
+        """The shape's character, the same object while its surface, skin and rest are the same."""
+        parts = (shape.mesh, shape.skin, shape.skeleton)
+        known = self._characters.get(shape.id)
+        if known is None or any(a is not b for a, b in zip(known[0], parts, strict=True)):
+            known = (parts, coloured(character_of(shape)))
+            self._characters[shape.id] = known
+        return known[1]

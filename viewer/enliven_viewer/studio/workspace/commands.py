@@ -1,0 +1,282 @@
+"""What menus and keys do: one method a command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from enliven.document.project import Project
+from enliven.matching.symmetry import equal_limbs
+from enliven.matching.views import best_view
+from enliven.modeling.possessed.copying import copy_graph, move_graph
+from enliven.modeling.rigged.copying import copy_shape, mirror_shape, paste_shape, scale_shape
+from enliven.modeling.rigged.posing import turn_bone
+from enliven.modeling.rigged.spread import spread_motion
+from enliven.motion.contact.pin import pin_feet, unpin
+from enliven.motion.layers.copying import copy_motion
+from enliven.motion.layers.retarget import clear_chain
+from enliven.rotation import from_rotation_vector
+from enliven_viewer.studio.matches import seen
+from enliven_viewer.studio.puppets.commands import PuppetDeeds
+from enliven_viewer.studio.tools.nodes import remove
+from enliven_viewer.studio.workspace.editor import Editor
+
+_ASIDE = 0.3
+"""Metres between the bones of a shape and those of a copy that is put beside it."""
+
+
+class Deeds:
+    """Commands on an editor; the clipboard is theirs.
+
+    Attributes:
+        ask: opens a dialogue of the window ("open", "save", "export", "help", ...); without a window nothing
+            does.
+    """
+
+    def __init__(self, editor: Editor, ask: Callable[[str], None] = lambda dialogue: None) -> None:
+        self.editor, self.ask = editor, ask
+        self._shape: tuple[Project, str] | None = None
+        self._pasted = 0
+        self._motion: tuple[str, tuple[int, ...]] | None = None
+        self.puppets = PuppetDeeds(editor)
+
+    def play(self) -> None:
+        """Play, or stop."""
+        self.editor.playing = not self.editor.playing
+
+    def step(self, count: int) -> None:
+        """Some frames on, or back."""
+        self.editor.scrub(self.editor.time + count * self.editor.settings.frame_step)
+
+    def bones(self) -> None:
+        """Show the bones, or not."""
+        self.editor.show_bones = not self.editor.show_bones
+
+    def delete(self) -> None:
+        """Take the chosen node out, or else the chosen shape away."""
+        chosen = self.editor.selection
+        if self.puppets.delete():
+            return
+        if chosen.graph is not None:
+            graph = chosen.graph
+            self.editor.edit(f"delete {graph}", lambda project: project.without_graph(graph))
+        elif chosen.shape is None:
+            self.editor.toasts.say("Nothing is chosen", "Click a node or a shape first.")
+        elif chosen.joint:
+            remove(self.editor, chosen.shape, chosen.joint)
+        else:
+            self.editor.edit(
+                f"delete {chosen.shape}", lambda project: project.without_shape(str(chosen.shape))
+            )
+
+    def copy(self) -> None:
+        """Remember the chosen shape with its motion."""
+        if self.puppets.copy():
+            return
+        shape = self._chosen()
+        if shape is not None:
+            self._shape, self._pasted = (self.editor.project, shape), 0
+            self.puppets.forget()
+            self.editor.toasts.say(f"Copied {shape} with its motion", "Ctrl+V puts a copy beside it.")
+
+    def cut_out(self) -> None:
+        """Remember the chosen shape and take it away."""
+        if self.puppets.copy(cut=True):
+            return
+        shape = self._chosen()
+        if shape is not None:
+            self._shape, self._pasted = (self.editor.project, shape), -1
+            self.puppets.forget()
+            self.editor.edit(f"cut out {shape}", lambda project: project.without_shape(shape))
+
+    def paste(self) -> None:
+        """Put a copy of the remembered shape beside what is there."""
+        if self.puppets.paste():
+            return
+        if self._shape is None:
+            self.editor.toasts.say("No shape was copied", "Choose one and press Ctrl+C first.")
+            return
+        source, name = self._shape
+        self._pasted += 1
+        offset, made = self._aside(source, name) * self._pasted, []
+
+        def change(project: Project) -> Project:
+            project, copy = paste_shape(project, source, name, offset=offset)
+            made.append(copy)
+            return project
+
+        if self.editor.edit(f"paste {name}", change):
+            self.editor.select(shape=made[-1])
+
+    def duplicate(self) -> None:
+        """A copy of the chosen shape beside it, the clipboard untouched."""
+        if self.puppets.duplicate():
+            return
+        graph = self.editor.selection.graph
+        if graph is not None:
+            self.editor.edit(f"duplicate {graph}", lambda project: self._copied_graph(project, graph))
+            return
+        shape = self._chosen()
+        if shape is None:
+            return
+        offset, made = self._aside(self.editor.project, shape), []
+
+        def change(project: Project) -> Project:
+            project, copy = copy_shape(project, shape, offset=offset)
+            made.append(copy)
+            return project
+
+        if self.editor.edit(f"duplicate {shape}", change):
+            self.editor.select(shape=made[-1])
+
+    def mirror(self) -> None:
+        """Mirror the chosen shape left to right, as it is seen."""
+        if self.puppets.mirror():
+            return
+        shape = self._chosen()
+        if shape is not None:
+            right = self.editor.lens.view.camera_from_world[0, :3]
+            self.editor.edit(
+                f"mirror {shape}", lambda project: mirror_shape(project, shape, _nearest_axis(right))
+            )
+
+    def scale(self, factor: float) -> None:
+        """Make the chosen shape larger or smaller about its root."""
+        if self.puppets.scale(factor):
+            return
+        shape = self._chosen()
+        if shape is not None:
+            self.editor.edit(f"scale {shape}", lambda project: scale_shape(project, shape, factor))
+
+    def turn(self, degrees: float) -> None:
+        """Turn the chosen shape about its root, in the picture's plane; above 0 counter-clockwise."""
+        if self.puppets.turn(degrees):
+            return
+        shape = self._chosen()
+        if shape is None:
+            return
+        turn = from_rotation_vector(-self.editor.lens.forward * np.radians(degrees))
+        time = self.editor.time
+        self.editor.edit(f"turn {shape}", lambda project: turn_bone(project, shape, 0, turn, time))
+
+    def copy_motion(self) -> None:
+        """Remember the motion of the chosen chain."""
+        chosen = self.editor.selection
+        if chosen.shape is None or len(chosen.chain) < 2:
+            self._want_chain()
+            return
+        self._motion = (chosen.shape, self._outwards(chosen.shape, chosen.chain))
+        self.editor.toasts.say("Copied the chain's motion", "Choose another chain and press Ctrl+Shift+V.")
+
+    def paste_motion(self) -> None:
+        """Give the chosen chain the remembered motion, on top of what moves it."""
+        chosen = self.editor.selection
+        if self._motion is None:
+            self.editor.toasts.say("No motion was copied", "Choose a chain and press Ctrl+Shift+C first.")
+        elif chosen.shape is None or len(chosen.chain) < 2:
+            self._want_chain()
+        else:
+            source, chain = self._motion
+            shape, target, lens = chosen.shape, self._outwards(chosen.shape, chosen.chain), self.editor.lens
+            self.editor.edit(
+                "paste motion",
+                lambda project: copy_motion(
+                    project, source, chain, shape, target, view=lens.forward, up=lens.up
+                ),
+            )
+
+    def spread(self) -> None:
+        """Give the motion of the chosen limb to the limbs that are equal to it."""
+        chosen = self.editor.selection
+        joint = chosen.joint if chosen.joint is not None else (chosen.chain[-1] if chosen.chain else None)
+        if chosen.shape is None or joint is None:
+            self.editor.toasts.say("No limb is chosen", "Click a node of the limb that moves.")
+            return
+        shape = chosen.shape
+        groups = equal_limbs(self.editor.project.shapes[shape].skeleton)
+        group = next((group for group in groups if group.limb_of(joint) >= 0), None)
+        if group is None:
+            self.editor.toasts.say("No limb is equal to this one", "Copy its motion chain by chain instead.")
+            return
+        if self.editor.edit("same on equal limbs", lambda p: spread_motion(p, shape, group, joint)):
+            self.editor.toasts.say(f"{len(group.limbs)} limbs move alike", "Shift their bars for a delay.")
+
+    def pin(self) -> None:
+        """Keep the chosen foot where it stands while it touches the floor, or let it go."""
+        chosen = self.editor.selection
+        if chosen.shape is None or chosen.joint is None:
+            self.editor.toasts.say("No foot is chosen", "Click the node of an ankle first.")
+            return
+        shape, joint = chosen.shape, chosen.joint
+        name = self.editor.project.shapes[shape].skeleton.names[joint]
+        if any(pin.joint == name for pin in self.editor.project.shapes[shape].pins):
+            self.editor.edit(f"let {name} go", lambda project: unpin(project, shape, [joint]))
+        elif self.editor.edit(f"pin {name}", lambda project: pin_feet(project, shape, [joint])):
+            self.editor.toasts.say(f"{name} stays where it stands", "P lets it go again.")
+
+    def best_view(self) -> None:
+        """Look from where most of the chosen shape's bones are seen, no further round than needed."""
+        shape = self._chosen()
+        if shape is None:
+            return
+        starts, ends = self.editor.stance(shape).bones()
+        way = best_view(ends - starts, seen(self.editor.lens)).direction
+        # From behind as much is seen, and never from below the floor.
+        way = -way if way[1] > 0 else way
+        azimuth, elevation = np.arctan2(-way[0], -way[2]), np.arcsin(np.clip(-way[1], -1.0, 1.0))
+        self.editor.camera.face(float(azimuth), float(elevation))
+
+    def clear_motion(self) -> None:
+        """Take all motion off the chosen chain, or off the whole chosen shape."""
+        chosen = self.editor.selection
+        if chosen.shape is None:
+            self._chosen()
+            return
+        shape = chosen.shape
+        chains: Sequence[Sequence[int]] = [self._outwards(shape, chosen.chain)]
+        if len(chosen.chain) < 2:
+            parents = self.editor.project.shapes[shape].skeleton.parents
+            chains = [(0,), *((int(parents[j]), j) for j in range(1, len(parents)))]
+
+        def change(project: Project) -> Project:
+            for chain in chains:
+                project = clear_chain(project, shape, chain)
+            return project
+
+        self.editor.edit("clear motion", change)
+
+    def _copied_graph(self, project: Project, graph: str) -> Project:
+        project, copy = copy_graph(project, graph)
+        right = self.editor.lens.view.camera_from_world[0, :3]
+        wide = float(np.ptp(project.graphs[graph].mesh.vertices @ right))
+        return move_graph(project, copy, right * (wide + _ASIDE))
+
+    def _chosen(self) -> str | None:
+        if self.editor.selection.shape is None:
+            self.editor.toasts.say("No shape is chosen", "Click one first.")
+        return self.editor.selection.shape
+
+    def _want_chain(self) -> None:
+        self.editor.toasts.say("No chain is chosen", "Click the joint where it begins, Shift-click its end.")
+
+    def _outwards(self, shape: str, chain: tuple[int, ...]) -> tuple[int, ...]:
+        """The chain from the root's side; one that goes up is turned round."""
+        parents = self.editor.project.shapes[shape].skeleton.parents
+        return chain[::-1] if len(chain) > 1 and parents[chain[0]] == chain[1] else chain
+
+    def _aside(self, source: Project, name: str) -> np.ndarray:
+        """(3,) metres, to the right as it is seen, by about the shape's width."""
+        lens, points = self.editor.lens, source.shapes[name].skeleton.positions
+        right = lens.view.camera_from_world[0, :3]
+        wide = float(np.ptp(points @ right))
+        way = np.asarray(right * (wide + _ASIDE))
+        way[1] = 0.0
+        return way
+
+
+def _nearest_axis(way: np.ndarray) -> np.ndarray:
+    """(3,) the world's axis that is most along a direction."""
+    axis = np.zeros(3)
+    axis[int(np.abs(way).argmax())] = 1.0
+    return axis

@@ -1,0 +1,249 @@
+"""The editor without a window: the project with its past, time, camera, selection and the tool in hand."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.document.history import History
+from enliven.document.project import Project
+from enliven.errors import EnlivenError
+from enliven.examples.puppet_motion import length_of_puppets
+from enliven_viewer.playback.document import bounds_of
+from enliven_viewer.render.camera import Box, OrbitCamera
+from enliven_viewer.render.renderer import EMPTY_BOX
+from enliven_viewer.studio.examples.solving import Solving
+from enliven_viewer.studio.puppets.posing import PuppetDesk
+from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.toasts import Toasts
+from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.viewport.playback import Company, length_of
+from enliven_viewer.studio.viewport.pose_at_time import Stance
+from enliven_viewer.studio.viewport.possessed import Possessed, end_of_streams, possessed_of
+
+log = logging.getLogger(__name__)
+Edit = Callable[[Project], Project]
+_ROOM = 1.25
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What the next command is about.
+
+    Attributes:
+        shape: its id, or None.
+        joint: a joint of it, or None.
+        chain: joints of it from one end to the other; empty without a chain.
+        layer: the id of a layer, or None.
+        graph: the id of a possessed mesh, or None; then no shape is chosen.
+        puppet: the id of a puppet, or None; then neither a shape nor a possessed mesh is chosen.
+        point: the number of a control point of it, or None.
+        puppet_layer: the number of a layer of it, or None.
+    """
+
+    shape: str | None = None
+    joint: int | None = None
+    chain: tuple[int, ...] = ()
+    layer: str | None = None
+    graph: str | None = None
+    puppet: str | None = None
+    point: int | None = None
+    puppet_layer: int | None = None
+
+
+class Editor:
+    """Everything that an artist changes, and how it is seen.
+
+    An edit is a function Project -> Project; :meth:`edit` does it and remembers what was before. While
+    something is dragged :attr:`draft` is what is shown, and nothing is remembered until it is dropped.
+    """
+
+    def __init__(self, settings: StudioSettings | None = None, project: Project | None = None) -> None:
+        self.settings = settings or StudioSettings()
+        self.history = History(project or Project())
+        self.draft: Project | None = None
+        self.camera = OrbitCamera(self.settings.render.opening)
+        self.size: tuple[float, float] = (float(self.settings.width), float(self.settings.height))
+        self.selection = Selection()
+        self.toasts = Toasts(self.settings.toast)
+        self.time, self.playing, self.loop, self.speed = 0.0, False, True, 1.0
+        self.show_bones, self.show_meshes = True, True
+        self.puppets = PuppetDesk(self)
+        self.solving = Solving(self.toasts)
+        self._company = Company()
+        self._possessed: tuple[Project, float, tuple[Possessed, ...]] | None = None
+        self._stances: tuple[Project, float, tuple[Stance, ...]] | None = None
+
+    @property
+    def project(self) -> Project:
+        """What is shown: the draft while something is dragged, otherwise the newest of the history."""
+        return self.draft if self.draft is not None else self.history.project
+
+    @property
+    def length(self) -> float:
+        """Seconds that the project plays."""
+        project = self.project
+        last = max(end_of_streams(project), length_of_puppets(project))
+        return max(length_of(project, self.settings.shortest), last)
+
+    @property
+    def lens(self) -> Lens:
+        """The camera and the viewport's size."""
+        return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
+
+    @property
+    def stances(self) -> tuple[Stance, ...]:
+        """Every shape as it is shown now."""
+        known = self._stances
+        if known is None or known[0] is not self.project or known[1] != self.time:
+            made = self._company.stances(self.project, self.time)
+            self._stances = known = (self.project, self.time, made)
+        return known[2]
+
+    @property
+    def possessed(self) -> tuple[Possessed, ...]:
+        """Every possessed mesh as it is shown now."""
+        known = self._possessed
+        if known is None or known[0] is not self.project or known[1] != self.time:
+            self._possessed = known = (self.project, self.time, possessed_of(self.project, self.time))
+        return known[2]
+
+    def stance(self, shape_id: str) -> Stance:
+        """One shape as it is shown now.
+
+        Raises:
+            InputError: where there is no such shape.
+        """
+        self.project.shape(shape_id)
+        return next(stance for stance in self.stances if stance.shape.id == shape_id)
+
+    def begin(self, project: Project) -> None:
+        """Another project, with no past."""
+        self.history, self.draft = History(project), None
+        self.puppets.accept()
+        self.selection, self.time, self.playing = Selection(), 0.0, False
+        self.frame_all()
+
+    def edit(self, name: str, change: Edit) -> bool:
+        """Do an edit and remember it; where it cannot be done, say why and change nothing."""
+        self.draft = None
+        after = self._tried(change)
+        if after is None:
+            return False
+        if after is not self.history.project:
+            self.history.do(name, after)
+        self._mend_selection()
+        return True
+
+    def sketch(self, change: Edit) -> None:
+        """Show what an edit would make, while something is dragged; nothing is remembered."""
+        self.draft = self._tried(change)
+
+    def _tried(self, change: Edit) -> Project | None:
+        """The project after an edit; None, and a message, where it cannot be done.
+
+        A fault of our own is told as well, not raised: an artist's window must not go down with it.
+        """
+        try:
+            return change(self.history.project)
+        except EnlivenError as error:
+            self.toasts.complain(error)
+        except Exception as error:
+            if os.environ.get("ENLIVEN_DEBUG"):
+                raise
+            log.exception("an edit failed")
+            what = f"a fault of enliven itself: {type(error).__name__}: {error}"
+            self.toasts.complain(
+                EnlivenError(what, mend="Nothing was changed. Save your work, and report it.")
+            )
+        return None
+
+    def undo(self) -> None:
+        """Go back to what was before the last edit."""
+        self._step("Undone", self.history.undo_name, self.history.undo)
+
+    def redo(self) -> None:
+        """Go forward again to what was undone."""
+        self._step("Done again", self.history.redo_name, self.history.redo)
+
+    def select(self, **changes: object) -> None:
+        """Change parts of the selection; another shape forgets joint and chain."""
+        if "shape" in changes and changes["shape"] != self.selection.shape:
+            self.selection = Selection(layer=self.selection.layer)
+        if changes.get("graph") is not None:
+            self.selection = Selection()
+        if changes.get("puppet", self.selection.puppet) != self.selection.puppet:
+            self.selection = Selection()
+        self.selection = replace(self.selection, **changes)  # type: ignore[arg-type]
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass: the playhead, the camera, the messages."""
+        self.camera.advance(seconds)
+        self.toasts.advance(seconds)
+        self.puppets.advance()
+        if self.playing and self.draft is None:
+            self.time += seconds * self.speed
+            if self.time > self.length:
+                self.time = self.time % self.length if self.loop else self.length
+                self.playing = self.playing and self.loop
+
+    def scrub(self, time: float) -> None:
+        """Show a time, and stay there."""
+        self.playing = False
+        self.time = min(max(time, 0.0), self.length)
+
+    def frame_all(self, *, at_once: bool = False, reset: bool = True) -> None:
+        """Bring every shape into the picture."""
+        aspect = self.size[0] / max(self.size[1], 1.0)
+        self.camera.frame(self.box() or EMPTY_BOX, aspect, at_once=at_once, reset=reset, room=_ROOM)
+
+    def box(self) -> Box | None:
+        """What every shape fills now."""
+        filled = [points for s in self.stances for points in (s.joints, s.surface())]
+        filled += [mesh.vertices for mesh in self.possessed]
+        bounds = bounds_of(filled + [puppet.vertices for puppet in self.puppets.standing])
+        if bounds is None:
+            return None
+        return bounds[0] - 0.05, bounds[1] + 0.05
+
+    def _step(self, word: str, name: str | None, step: Callable[[], Project]) -> None:
+        self.draft = None
+        if name is None:
+            self.toasts.say(f"Nothing is left to be {word.lower()}")
+            return
+        step()
+        self._mend_selection()
+        self.toasts.say(f"{word}: {name}")
+
+    def _mend_selection(self) -> None:
+        """Forget what is no longer there."""
+        chosen, project = self.selection, self.project
+        if chosen.layer is not None and chosen.layer not in project.layers:
+            chosen = replace(chosen, layer=None)
+        if chosen.graph is not None and chosen.graph not in project.graphs:
+            chosen = replace(chosen, graph=None)
+        if chosen.puppet is not None:
+            chosen = _mended_puppet(chosen, project)
+        if chosen.shape is not None and chosen.shape not in project.shapes:
+            chosen = Selection(layer=chosen.layer)
+        count = len(project.shapes[chosen.shape].skeleton) if chosen.shape else 0
+        if chosen.joint is not None and chosen.joint >= count:
+            chosen = replace(chosen, joint=None)
+        if any(joint >= count for joint in chosen.chain):
+            chosen = replace(chosen, chain=())
+        self.selection = chosen
+        self.time = float(np.clip(self.time, 0.0, self.length))
+
+
+def _mended_puppet(chosen: Selection, project: Project) -> Selection:
+    """The selection without a puppet, a control point or a layer that is no longer there."""
+    puppet = project.puppets.get(str(chosen.puppet))
+    if puppet is None:
+        return Selection()
+    point = chosen.point if (chosen.point or 0) < len(puppet.points) else None
+    layer = chosen.puppet_layer if (chosen.puppet_layer or 0) < len(puppet.layers) else None
+    return replace(chosen, point=point, puppet_layer=layer)

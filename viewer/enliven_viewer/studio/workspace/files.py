@@ -1,0 +1,222 @@
+"""Opening models, meshes, takes and sessions from files, and writing shapes and puppets out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from enliven.document.project import Project, same, unused
+from enliven.document.puppet import Puppet
+from enliven.errors import InputError
+from enliven.examples.puppet_motion import missing
+from enliven.formats.gltf.puppet_performance import PuppetPerformance, puppet_performance_of
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.gltf.write import (
+    GraphPerformance,
+    Performance,
+    graph_performance_of,
+    performance_of,
+    write_gltf,
+)
+from enliven.formats.session.session import read_session
+from enliven.formats.session.text import write_session
+from enliven.meshes.files import load_mesh
+from enliven.meshes.mesh import Mesh, fit_height
+from enliven.modeling.puppet.edits import make_puppet
+from enliven.motion.takes.files import read_take
+from enliven_viewer.studio.viewport.possessed import with_performance
+from enliven_viewer.studio.workspace.editor import Editor
+
+MODELS = (".glb", ".gltf")
+MESHES = (".obj", ".ply", ".stl", ".off")
+TAKES = (".bvh", ".txt")
+PERFORMANCES = (".mcap",)
+SESSIONS = (".toml",)
+_LONGEST = 130
+"""Letters of a file's note that are shown."""
+_BESIDE = 0.3
+"""Metres between a model that is opened and what is there."""
+_LIKELY, _PERSON = (0.25, 6.0), 1.7
+"""Metres: heights of a mesh that are believed, and the one that others are given."""
+
+
+def add_file(editor: Editor, path: Path) -> None:
+    """Add a model, a mesh, a take or a session to the project. A mesh without a rig becomes a puppet.
+
+    Raises:
+        InputError: where the file cannot be read, or is of no known kind.
+    """
+    ending = path.suffix.lower()
+    if ending in MODELS:
+        _add_model(editor, path)
+    elif ending in MESHES:
+        _add_mesh(editor, path)
+    elif ending in TAKES:
+        _add_take(editor, path)
+    elif ending in SESSIONS:
+        _add_session(editor, path)
+    elif ending in PERFORMANCES:
+        _add_performance(editor, path)
+    else:
+        known = ", ".join((*MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS))
+        what = f"{ending} is of no known kind" if ending else "its name has no ending"
+        raise InputError(what, where=str(path), mend=f"Known: {known}.")
+
+
+def export(project: Project, path: Path) -> str:
+    """Write every shape that has a surface, every possessed mesh and every puppet that moves into one GLB.
+
+    Returns:
+        What was written, with how far baked puppets are from what is seen, as a sentence.
+
+    Raises:
+        InputError: where there is none.
+        ResourceError: where the file cannot be written.
+    """
+    solid = [shape.id for shape in project.shapes.values() if shape.mesh is not None]
+    acting = [puppet.id for puppet in project.puppets.values() if moves(project, puppet)]
+    if not solid and not project.graphs and not acting:
+        mend = "Sketch one, or open a model."
+        if project.puppets:
+            name = next(iter(project.puppets))
+            mend = " ".join(missing(project, project.puppets[name])) or f"Choose a take for {name}."
+        raise InputError("nothing has a surface that moves", where="export", mend=mend)
+    moving: list[Performance | GraphPerformance | PuppetPerformance] = [
+        performance_of(project, name) for name in solid
+    ]
+    moving += [graph_performance_of(project, name) for name in project.graphs]
+    baked = [puppet_performance_of(project, name) for name in acting]
+    write_gltf(path, [*moving, *baked], path.stem)
+    count = len(moving) + len(baked)
+    said = f"Wrote {count} shape{'s' * (count != 1)} to {path.name}"
+    for one in baked:
+        said += f". {one.name} is {one.error}"
+    return said
+
+
+def moves(project: Project, puppet: Puppet) -> bool:
+    """Whether a puppet plays something."""
+    return any(not layer.muted for layer in puppet.layers) and not missing(project, puppet)
+
+
+def save_session(project: Project, puppet_id: str, path: Path) -> None:
+    """Write a puppet with its examples as a session, with a project file beside it for mesh and takes.
+
+    Raises:
+        InputError: where there is no such puppet.
+        ResourceError: where the file cannot be written.
+    """
+    write_session(path, project, puppet_id)
+
+
+def _add_model(editor: Editor, path: Path) -> None:
+    rig = read_gltf(path, floor=True, weld=True)
+    if rig.shape.mesh is not None and len(rig.shape.skeleton) == 2 and not rig.clips:
+        _add_puppet(editor, path, rig.shape.mesh, ())
+        return
+    box = editor.box()
+
+    def add(project: Project) -> Project:
+        shape = rig.shape.with_changes(id=unused(rig.shape.id, project.shapes))
+        if box is not None and shape.mesh is not None:
+            aside = float(box[1][0] - shape.mesh.bounds[0, 0]) + _BESIDE
+            shape = shape.with_changes(place=[aside, 0.0, 0.0])
+        fresh = [clip for clip in rig.clips if clip.id not in project.takes]
+        return project.with_shapes(shape).with_takes(*fresh)
+
+    if editor.edit(f"open {path.name}", add):
+        _tell(editor, path, rig.notes, f"{len(rig.clips)} takes came with it." if rig.clips else "")
+        editor.frame_all()
+
+
+def _add_mesh(editor: Editor, path: Path) -> None:
+    mesh, notes = load_mesh(path)
+    _add_puppet(editor, path, mesh, tuple(notes))
+
+
+def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) -> None:
+    """A mesh that has no rig, standing on the floor; of no likely size it becomes as tall as a person."""
+    tall = float(np.ptp(mesh.vertices[:, 1]))
+    height = tall if _LIKELY[0] <= tall <= _LIKELY[1] else _PERSON
+    box, made = editor.box(), []
+    fitted = fit_height(mesh, height)
+    if height != tall:
+        notes = (*notes, f"it was {tall:.3g} m tall, and was made {height} m tall")
+
+    def add(project: Project) -> Project:
+        everything = {**project.shapes, **project.graphs, **project.puppets}
+        name = unused(path.stem, everything)
+        project = make_puppet(project, fitted, name)
+        made.append(name)
+        if box is None:
+            return project
+        aside = float(box[1][0] - fitted.vertices[:, 0].min()) + _BESIDE
+        return project.with_puppets(project.puppets[name].with_changes(place=[aside, 0.0, 0.0]))
+
+    if editor.edit(f"open {path.name}", add):
+        editor.puppets.choose(made[-1])
+        _tell(editor, path, notes, "It is a puppet: put control points on it with K.")
+        editor.frame_all()
+
+
+def _add_session(editor: Editor, path: Path) -> None:
+    session = read_session(path)
+    made: list[str] = []
+
+    def add(project: Project) -> Project:
+        puppet, names = session.project.puppets[session.puppet], dict[str, str]()
+        for take in session.project.takes.values():
+            known = project.takes.get(take.id)
+            names[take.id] = take.id if known is None or same(known, take) else unused(take.id, project.takes)
+            project = project.with_takes(replace(take, id=names[take.id]))
+        everything = {**project.shapes, **project.graphs, **project.puppets}
+        made.append(unused(puppet.id, everything))
+        poses = tuple(replace(pose, take=names[pose.take]) for pose in puppet.poses)
+        layers = tuple(replace(layer, take=names[layer.take]) for layer in puppet.layers)
+        return project.with_puppets(puppet.with_changes(id=made[-1], poses=poses, layers=layers))
+
+    if editor.edit(f"open {path.name}", add):
+        editor.puppets.choose(made[-1])
+        _tell(editor, path, session.notes, "")
+        editor.frame_all()
+
+
+def _add_take(editor: Editor, path: Path) -> None:
+    clip, notes = read_take(path)
+
+    def add(project: Project) -> Project:
+        return project.with_takes(replace(clip, id=unused(path.stem, project.takes)))
+
+    if editor.edit(f"open {path.name}", add):
+        puppet = editor.puppets.puppet
+        mend = (
+            f"Choose it in the performer's view for {puppet.id}." if puppet else "Map it onto a shape with M."
+        )
+        _tell(editor, path, notes, mend)
+
+
+def _add_performance(editor: Editor, path: Path) -> None:
+    added: list[str] = []
+
+    def add(project: Project) -> Project:
+        project, names = with_performance(project, path)
+        added.extend(names)
+        return project
+
+    if editor.edit(f"open {path.name}", add):
+        mend = "What was possessed can be cut and merged."
+        if editor.puppets.puppet is not None:
+            mend = f"Choose a take in the performer's view for {editor.puppets.puppet.id}."
+        editor.toasts.say(f"{path.name} brought {', '.join(added)}", mend)
+        editor.frame_all()
+
+
+def _tell(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None:
+    """What was opened, and what was odd about it, in one message."""
+    if notes:
+        more = f" (and {len(notes) - 1} more)" if len(notes) > 1 else ""
+        first = notes[0] if len(notes[0]) <= _LONGEST else f"{notes[0][:_LONGEST].rsplit(' ', 1)[0]} ..."
+        editor.toasts.say(f"{path.name}: {first}{more}")
+    editor.toasts.say(f"Opened {path.name}", mend)

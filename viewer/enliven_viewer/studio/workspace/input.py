@@ -1,0 +1,98 @@
+"""The artist's hand: buttons, wheel and keys, given to the tool in hand, to the camera or to a command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from enliven_viewer.studio.tools.base import Pointer, Tool
+from enliven_viewer.studio.tools.registry import TOOLS
+from enliven_viewer.studio.viewport.overlay import Point
+from enliven_viewer.studio.workspace.command_table import DEEDS
+from enliven_viewer.studio.workspace.commands import Deeds
+from enliven_viewer.studio.workspace.editor import Editor
+
+_TURN = 0.008
+"""Radians a pixel of dragging."""
+LEFT, RIGHT, MIDDLE = 0, 1, 2
+
+
+class Hand:
+    """Forwards what a pointer and a keyboard do over the viewport.
+
+    Args:
+        editor: what is edited.
+        deeds: what keys and menus do.
+
+    Attributes:
+        first: asked about every key before the tool is; True where it took it.
+    """
+
+    def __init__(self, editor: Editor, deeds: Deeds) -> None:
+        self.editor, self.deeds = editor, deeds
+        self.tools = {kind.name: kind(editor) for kind in TOOLS}
+        self.tool: Tool = self.tools[TOOLS[0].name]
+        self.at: Point = (0.0, 0.0)
+        self.first: Callable[[str], bool] = lambda key: False
+        self._held: int | None = None
+        self._with_tool = False
+
+    def take(self, name: str) -> None:
+        """Take another tool in hand."""
+        self.tool.cancel()
+        self.tool = self.tools[name]
+
+    def press(self, at: Point, button: int = LEFT, *, shift: bool = False, ctrl: bool = False) -> None:
+        """A button went down over the viewport."""
+        if self._held is not None:
+            return
+        self._held, self.at = button, at
+        self._with_tool = button == LEFT and self.tool.press(Pointer(at, shift, ctrl))
+
+    def move(self, at: Point, *, shift: bool = False, ctrl: bool = False) -> None:
+        """The pointer moved."""
+        across, down = at[0] - self.at[0], at[1] - self.at[1]
+        self.at = at
+        if self._held is None:
+            self.tool.hover(Pointer(at, shift, ctrl))
+        elif self._with_tool:
+            self.tool.drag(Pointer(at, shift, ctrl))
+        elif self._held == MIDDLE or shift:
+            height = max(self.editor.size[1], 1.0)
+            self.editor.camera.pan(-across / height, down / height)
+        else:
+            self.editor.camera.orbit(-_TURN * across, _TURN * down)
+
+    def release(self, at: Point, button: int = LEFT, *, shift: bool = False, ctrl: bool = False) -> None:
+        """A button went up."""
+        if self._held != button:
+            return
+        if self._with_tool:
+            self.tool.release(Pointer(at, shift, ctrl))
+        self._held, self._with_tool = None, False
+
+    def wheel(self, up: float) -> None:
+        """The wheel turned over the viewport."""
+        self.editor.camera.zoom(0.88**up)
+
+    @property
+    def busy(self) -> bool:
+        """Whether a button is held."""
+        return self._held is not None
+
+    def key(self, key: str) -> bool:
+        """A key such as "c", "space", "ctrl+z", "ctrl+shift+v"; whether anything came of it."""
+        if self.first(key) or self.tool.type(key):
+            return True
+        if key == "escape":
+            self.tool.cancel()
+            self._held, self._with_tool = None, False
+            return True
+        for kind in TOOLS:
+            if key == kind.key:
+                self.take(kind.name)
+                return True
+        for deed in DEEDS:
+            if key in deed.keys:
+                deed.do(self.deeds)
+                return True
+        return False

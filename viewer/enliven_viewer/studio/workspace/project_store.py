@@ -1,0 +1,163 @@
+"""Where the work is kept: the project's file, what of it is not saved, and files to recover it from."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import time
+from pathlib import Path
+
+from enliven.document.project import Project
+from enliven.errors import EnlivenError
+from enliven.files import own_folder
+from enliven.formats.project.file import read_project, write_project
+from enliven_viewer.studio.workspace.editor import Editor
+
+PROJECT = ".enliven"
+_UNNAMED = "Untitled"
+_FRESH = 60.0
+"""Seconds."""
+
+
+class Cabinet:
+    """The file of an editor's project.
+
+    A recovery file is written every few seconds while something is not saved, and removed when it is. A
+    studio that ends badly leaves it behind; the next one offers it.
+
+    Args:
+        folder: where recovery files are; None takes the user's own place.
+    """
+
+    def __init__(self, editor: Editor, folder: Path | None = None) -> None:
+        self.editor = editor
+        self.path: Path | None = None
+        self.folder = folder or own_folder()
+        self._saved: Project = editor.history.project
+        self._kept: Project = self._saved
+        self._since = time.monotonic()
+
+    @property
+    def name(self) -> str:
+        """What to call the project."""
+        return self.path.stem if self.path else _UNNAMED
+
+    @property
+    def dirty(self) -> bool:
+        """Whether something is not saved."""
+        return self.editor.history.project is not self._saved
+
+    def forget(self) -> None:
+        """What is not saved is given up."""
+        self._saved = self.editor.history.project
+
+    def new(self, project: Project | None = None) -> None:
+        """Begin another project; the one before is forgotten."""
+        self.path = None
+        self._begin(project or Project())
+
+    def open(self, path: Path) -> None:
+        """Go on with a project.
+
+        Raises:
+            InputError: where the file cannot be read; what is open stays.
+        """
+        project = read_project(path)
+        self.path = path
+        self._begin(project)
+        self.editor.toasts.say(f"Opened {path.name}")
+
+    def save(self, path: Path | None = None) -> None:
+        """Write the project to its file, or to another that is its file from then on.
+
+        Raises:
+            ResourceError: where it cannot be written; the file from before stays.
+        """
+        target = path or self.path
+        assert target is not None, "a project without a file is saved with a path"
+        project = self.editor.history.project
+        write_project(target, project)
+        self.path, self._saved, self._kept = target, project, project
+        self._own().unlink(missing_ok=True)
+        self.editor.toasts.say(f"Saved {target.name}")
+
+    def keep(self, now: float | None = None) -> None:
+        """Write the recovery file where it is time and something has changed."""
+        now = time.monotonic() if now is None else now
+        if now - self._since >= self.editor.settings.autosave:
+            self._since = now
+            self.keep_now()
+
+    def keep_now(self) -> None:
+        """Write the recovery file where something has changed since the last."""
+        project = self.editor.history.project
+        if project is self._kept or not self.dirty:
+            return
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            write_project(self._own(), project)
+            self._kept = project
+        except (OSError, EnlivenError) as error:
+            said = error.what if isinstance(error, EnlivenError) else str(error.strerror)
+            self.editor.toasts.say(
+                f"The recovery file cannot be written ({said})", "Save your work with Ctrl+S."
+            )
+
+    def recoverable(self) -> list[Path]:
+        """Recovery files of studios that are no longer running, the newest first."""
+        if not self.folder.is_dir():
+            return []
+        found = [path for path in self.folder.glob(f"recovery-*{PROJECT}") if not _running(path)]
+        return sorted(found, key=lambda path: path.stat().st_mtime, reverse=True)
+
+    def recover(self, path: Path) -> None:
+        """Go on with a recovery file's project, not saved yet.
+
+        Raises:
+            InputError: where the file cannot be read; what is open stays.
+        """
+        project = read_project(path)
+        self.new()
+        self.editor.edit("recover", lambda _: project)
+        self.editor.frame_all()
+        self.editor.toasts.say("Recovered", "Save it with Ctrl+S.")
+        # It is now this studio's to keep.
+        self.folder.mkdir(parents=True, exist_ok=True)
+        path.replace(self._own())
+
+    def throw_away(self, paths: list[Path]) -> None:
+        """Remove recovery files."""
+        for path in paths:
+            with contextlib.suppress(OSError):
+                path.unlink()
+
+    def close(self) -> None:
+        """The studio ends as it was asked to: nothing is left to recover."""
+        self._own().unlink(missing_ok=True)
+
+    def _begin(self, project: Project) -> None:
+        self.editor.begin(project)
+        self._saved = self._kept = self.editor.history.project
+        self._own().unlink(missing_ok=True)
+
+    def _own(self) -> Path:
+        return self.folder / f"recovery-{os.getpid()}{PROJECT}"
+
+
+def _running(path: Path) -> bool:
+    """Whether the studio that wrote a recovery file still runs."""
+    number = path.stem.removeprefix("recovery-")
+    if not number.isdigit():
+        return False
+    if int(number) == os.getpid():
+        return True
+    if sys.platform == "win32":  # where asking for a process by a signal ends it
+        return time.time() - path.stat().st_mtime < _FRESH
+    try:
+        os.kill(int(number), 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True

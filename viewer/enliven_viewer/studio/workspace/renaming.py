@@ -1,0 +1,24 @@
+"""Giving a shape another name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from enliven.document.project import Project
+from enliven.errors import InputError
+
+
+def renamed(project: Project, name: str, wanted: str) -> Project:
+    """A project in which a shape is called ``wanted``; its place among the others stays.
+
+    Raises:
+        InputError: where there is no such shape, or another is called so.
+    """
+    shape = project.shape(name)
+    if wanted == name:
+        return project
+    if wanted in project.shapes:
+        raise InputError(f"a shape is called {wanted!r} already", where="name", mend="Choose another.")
+    shapes = {(wanted if key == name else key): value for key, value in project.shapes.items()}
+    shapes[wanted] = shape.with_changes(id=wanted)
+    return replace(project, shapes=shapes)

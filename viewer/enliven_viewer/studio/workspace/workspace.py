@@ -1,0 +1,200 @@
+"""What the window holds together: the editor, the hand, the files, and where its widgets are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from enliven.document.project import Project
+from enliven.errors import EnlivenError, InputError
+from enliven_viewer.studio.examples.exporting import Exporting
+from enliven_viewer.studio.examples.go_to import begin_pose, edit_pose
+from enliven_viewer.studio.examples.performer import PerformerView
+from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.timeline.drag import TimelineHand
+from enliven_viewer.studio.workspace.commands import Deeds
+from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.workspace.file_browser import Browser
+from enliven_viewer.studio.workspace.files import (
+    MESHES,
+    MODELS,
+    PERFORMANCES,
+    SESSIONS,
+    TAKES,
+    add_file,
+    export,
+    moves,
+    save_session,
+)
+from enliven_viewer.studio.workspace.input import Hand
+from enliven_viewer.studio.workspace.project_store import PROJECT, Cabinet
+
+Rectangle = tuple[float, float, float, float]
+"""Left, top, right, bottom in the window's pixels."""
+
+
+class Desk:
+    """Everything that panels draw and change; it lives without a window as well.
+
+    Attributes:
+        widgets: where each widget was drawn last, by name, so that a session can click on it.
+        asking: the dialogue that is open, or empty.
+        browser: what a dialogue about files shows.
+        caption: what a session says of what it does; empty in an artist's hands.
+        pressed: the key that a session presses just now.
+        over: whether the studio is to end.
+    """
+
+    def __init__(self, editor: Editor, folder: Path | None = None) -> None:
+        self.editor = editor
+        self.hand = Hand(editor, Deeds(editor, self.ask))
+        self.timeline = TimelineHand(editor)
+        self.timeline.puppets.edit_pose = lambda number: edit_pose(self, number)
+        self.timeline.puppets.begin_pose = lambda take, seconds: begin_pose(self, take, seconds)
+        self.hand.first = self.timeline.type
+        self.puppets = editor.puppets
+        self.performer, self.coverages = PerformerView(editor), self.timeline.puppets.coverages
+        self.cabinet = Cabinet(editor, folder)
+        self.exporting = Exporting(editor.toasts)
+        self.widgets: dict[str, Rectangle] = {}
+        self.asking = self.caption = self.pressed = ""
+        self.browser: Browser | None = None
+        self.over = False
+        self._after = ""
+        self._wanted: Path | None = None
+
+    @classmethod
+    def new(cls, editor: Editor, folder: Path | None = None) -> Desk:
+        """A desk with an empty project and the library of motions."""
+        desk = cls(editor, folder)
+        desk.cabinet.new(Project().with_takes(*library()))
+        return desk
+
+    def ask(self, dialogue: str) -> None:
+        """Open a dialogue, or do at once what needs none."""
+        if dialogue in ("new", "quit") and self.cabinet.dirty:
+            self._after, self.asking = dialogue, "unsaved"
+        elif dialogue == "new":
+            self.cabinet.new(Project().with_takes(*library()))
+        elif dialogue == "quit":
+            self.over = True
+        elif dialogue == "save" and self.cabinet.path is not None:
+            self.attempt(self.cabinet.save)
+        elif dialogue == "session" and self.editor.puppets.puppet is None:
+            self.editor.toasts.say("No puppet is chosen", "Click the one whose examples are to be saved.")
+        elif dialogue in ("open", "save", "save as", "export", "session"):
+            self._browse("save as" if dialogue == "save" else dialogue)
+        else:
+            self.asking = dialogue
+
+    def open(self, path: Path) -> None:
+        """Add a model or take, or open a project; asks first where work would be lost.
+
+        Raises:
+            InputError: where the file cannot be read.
+        """
+        if path.suffix.lower() != PROJECT:
+            add_file(self.editor, path)
+        elif self.cabinet.dirty:
+            self._after, self._wanted, self.asking = "open", path, "unsaved"
+        else:
+            self.cabinet.open(path)
+
+    def chosen(self, path: Path) -> None:
+        """A file was chosen in the dialogue.
+
+        Raises:
+            EnlivenError: where it cannot be read or written.
+        """
+        dialogue, self.asking = self.asking, ""
+        if dialogue == "open":
+            self.open(path)
+        elif dialogue == "export":
+            self._export(path)
+        elif dialogue == "session":
+            save_session(self.editor.project, self.editor.selection.puppet or "", path)
+            self.editor.toasts.say(f"Saved {path.name}", "`enliven examples fit` plays it without a window.")
+        else:
+            try:
+                self.cabinet.save(path)
+            except EnlivenError:
+                self.cancel()  # what waited for the work to be saved must not go on later
+                raise
+            self._go_on()
+
+    def go_on(self, *, discard: bool) -> None:
+        """What was asked for goes on: without saving, or after saving."""
+        self.asking = ""
+        if discard:
+            self.cabinet.forget()
+            self._go_on()
+        elif self.cabinet.path is not None:
+            if self.attempt(self.cabinet.save):
+                self._go_on()
+        else:
+            self._browse("save as")
+
+    def cancel(self) -> None:
+        """Close the dialogue; nothing goes on."""
+        self.asking, self._after, self._wanted = "", "", None
+
+    def attempt(self, deed: Callable[[], object]) -> bool:
+        """Do something that may fail; where it does, say so."""
+        try:
+            deed()
+        except EnlivenError as error:
+            self.editor.toasts.complain(error)
+            return False
+        return True
+
+    def widget(self, name: str) -> Rectangle:
+        """Where a widget was drawn last.
+
+        Raises:
+            InputError: where it has not been drawn.
+        """
+        if name not in self.widgets:
+            known = ", ".join(sorted(self.widgets))
+            what = f"there is no widget {name!r} on the screen"
+            raise InputError(what, where="session", mend=f"Known: {known}.")
+        return self.widgets[name]
+
+    def remember(self, name: str) -> None:
+        """Note where the last widget is."""
+        from imgui_bundle import imgui
+
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        self.widgets[name] = (low.x, low.y, high.x, high.y)
+
+    def _export(self, path: Path) -> None:
+        """Write the GLB: at once, or beside the window where a puppet is to be baked."""
+        project = self.editor.project
+        if any(moves(project, puppet) for puppet in project.puppets.values()):
+            self.exporting.begin(path.name, lambda: export(project, path))
+        else:
+            self.editor.toasts.say(export(project, path))
+
+    def _browse(self, dialogue: str) -> None:
+        folder = self.cabinet.path.parent if self.cabinet.path else Path.cwd()
+        endings = {
+            "open": (PROJECT, *MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS),
+            "save as": (PROJECT,),
+            "export": (".glb",),
+            "session": SESSIONS,
+        }[dialogue]
+        puppet, unnamed = self.editor.selection.puppet, self.cabinet.path is None
+        about_it = dialogue == "session" or (dialogue == "export" and unnamed and puppet is not None)
+        stem = puppet if about_it else self.cabinet.name
+        name = "" if dialogue == "open" else f"{stem}{endings[0]}"
+        own = self.cabinet.path if dialogue == "save as" else None
+        self.browser = Browser(folder, endings, name, dialogue != "open", own)
+        self.asking = dialogue
+
+    def _go_on(self) -> None:
+        """Do what waited for the work to be saved or given up."""
+        after, self._after = self._after, ""
+        wanted, self._wanted = self._wanted, None
+        if after == "open" and wanted is not None:
+            self.attempt(lambda: self.cabinet.open(wanted))
+        elif after:
+            self.ask(after)
