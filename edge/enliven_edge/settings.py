@@ -10,7 +10,7 @@ from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.fusion.settings import CalibrationSettings, FusionSettings
 from enliven_edge.landmarks.settings import ColourSettings
 from enliven_edge.physics.settings import PhysicsSettings
-from enliven_edge.sensors.sources import SourceSettings
+from enliven_edge.sources import SourceSettings
 from enliven_edge.stage.actor_settings import ActorSettings
 from enliven_edge.stage.puppet.settings import PuppetSettings
 from enliven_edge.stage.rig.settings import MatchingSettings

@@ -54,3 +54,7 @@ class BodyFrame:
 
 
 Frame = DepthFrame | BodyFrame
+
+
+TIME_LIMIT_NS = 1 << 62
+"""Nanoseconds, 146 years: a time beyond is no time; differences and offsets still fit into 64 bits."""

@@ -27,7 +27,7 @@ from enliven.examples.performer import performed
 from enliven.examples.poses import Examples
 from enliven.examples.suggest import SuggestSettings, suggest_poses
 from enliven.formats.motion.expmap import read_expmap
-from enliven.motion.takes.capture_clip import clip_of_capture
+from enliven.takes.capture_clip import clip_of_capture
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 TRAFFIC = DATA / "cmu_expmap" / "train_directing_traffic_4.txt"

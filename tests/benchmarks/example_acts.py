@@ -8,7 +8,7 @@ from example_cast import Act, Key, Point, Shown
 from example_posing import Limb, bend, curl, lengthen, put, reach, shift, squash, turn, twist
 
 from enliven.document.example_settings import ExampleSettings
-from enliven.examples.spacetime.locomotion import LocomotionSettings
+from enliven.document.locomotion import LocomotionSettings
 
 CACTUS = Act(
     title="A cactus directs traffic",

@@ -17,16 +17,16 @@ from scipy.spatial import cKDTree
 
 from enliven.arrays import Float
 from enliven.document.example_settings import ExampleSettings
+from enliven.document.locomotion import LocomotionSettings
 from enliven.document.project import Project
 from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer
 from enliven.document.surface_settings import ArapSettings
-from enliven.examples.spacetime.locomotion import LocomotionSettings
-from enliven.formats.session.session import Session, fitted, read_session
-from enliven.formats.session.tables import MeshTable, TakeTable
-from enliven.formats.session.text import session_text
+from enliven.example_sessions.session import Session, fitted, read_session
+from enliven.example_sessions.tables import MeshTable, TakeTable
+from enliven.example_sessions.text import session_text
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Axis, Mesh, refine
-from enliven.motion.takes.files import read_take
+from enliven.takes.files import read_take
 
 DATA = Path(os.environ.setdefault("ENLIVEN_DATA", str(Path(__file__).parents[3] / "shared" / "data")))
 SESSIONS = Path(__file__).parent / "example_sessions"

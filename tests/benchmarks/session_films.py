@@ -22,6 +22,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.modeling.sketching.strokes import limb
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.session import (
     Action,
     Click,
@@ -44,7 +45,6 @@ from enliven_viewer.studio.session import (
     play,
 )
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.workspace.editor import Editor
 from enliven_viewer.studio.workspace.workspace import Desk
 
 OUT = Path(__file__).parents[2] / "out" / "sessions"

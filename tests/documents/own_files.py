@@ -12,10 +12,10 @@ from PIL import Image
 from test_import_skeletons import labanotation_row
 
 from enliven.document.project import Project
-from enliven.formats.gltf.write import performance_of, write_gltf
+from enliven.example_sessions.text import write_session
+from enliven.exporters.gltf.write import performance_of, write_gltf
 from enliven.formats.project.file import write_project
 from enliven.formats.rig.rig import playing
-from enliven.formats.session.text import write_session
 from enliven.frames import DepthFrame
 from enliven.meshes.files import save_mesh
 from enliven.recording import Recorder, Recording

@@ -9,8 +9,8 @@ from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.fusion.placement.space import load_space
-from enliven_edge.sensors.sources import Source, SourceSettings, opened, source_of, sources_of
 from enliven_edge.settings import EdgeSettings
+from enliven_edge.sources import Source, SourceSettings, opened, source_of, sources_of
 from enliven_edge.tracking.settings import SceneSettings
 from enliven_edge.tracking.tracker import Tracker
 

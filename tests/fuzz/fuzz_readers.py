@@ -15,18 +15,18 @@ from fuzz_law import Target
 
 from enliven.document.example_settings import ExampleSettings
 from enliven.errors import EnlivenError
+from enliven.example_sessions.session import read_session
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.motion.bvh import parse_bvh
 from enliven.formats.motion.expmap import read_expmap
-from enliven.formats.possessed import read_possessed
 from enliven.formats.project.file import project_of
-from enliven.formats.session.session import read_session
 from enliven.mapping.plan_file import read_plan
 from enliven.meshes.files import load_mesh
 from enliven.recording import Recording
 from enliven.recording.depth_codec import decode_depth
 from enliven.recording.messages import pack_bodies, pack_depth, unpack_bodies, unpack_depth
 from enliven.settings import load_settings
+from enliven.takes.possessed import read_possessed
 from enliven.wire import convert, envelope, messages, topics
 from enliven.wire.envelope import Malformed
 from enliven.wire.matches import message_to_board

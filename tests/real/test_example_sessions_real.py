@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from enliven.cli import run
+from enliven.example_sessions.session import read_session
 from enliven.examples.puppet_motion import examples_of, motion_of
-from enliven.formats.session.session import read_session
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 TAKE = DATA / "cmu_expmap" / "train_directing_traffic_4.txt"

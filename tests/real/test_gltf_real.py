@@ -10,10 +10,10 @@ import pytest
 from enliven.deformation.skinning import skin_vertices
 from enliven.document.project import Project
 from enliven.document.rigged import character_of
+from enliven.exporters.gltf.write import glb_of, performance_of
 from enliven.formats.gltf.file import GltfFile
 from enliven.formats.gltf.motion import frame_times
 from enliven.formats.gltf.read import read_gltf
-from enliven.formats.gltf.write import glb_of, performance_of
 from enliven.formats.rig.rig import playing, welded
 from enliven.motion.layers.evaluate import Player
 

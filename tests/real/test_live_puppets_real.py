@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from enliven.document.clip import Clip
+from enliven.example_sessions.session import read_session
 from enliven.examples.performer import joint_places
 from enliven.examples.puppet_motion import motion_of
-from enliven.formats.session.session import read_session
 from enliven.person.body import Body
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.puppet.settings import PuppetSettings

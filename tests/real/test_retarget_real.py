@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from enliven.exporters.gltf.write import glb_of, performance_of
 from enliven.formats.gltf.read import read_gltf
-from enliven.formats.gltf.write import glb_of, performance_of
 from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.applying import source_anatomy
 from enliven.mapping.automatic import retargeted
 from enliven.motion.layers.evaluate import Player
-from enliven.motion.takes.files import read_take
+from enliven.takes.files import read_take
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "shared" / "formats"))
 from strict_gltf import checked_glb

@@ -8,9 +8,9 @@ import pytest
 
 from enliven.examples.puppet_motion import missing, state_of
 from enliven.modeling.puppet.edits import change_key_pose
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.examples.edits import guessed, stood, with_points
-from enliven_viewer.studio.examples.go_to import begin_pose
-from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.workspace.go_to import begin_pose
 from enliven_viewer.studio.workspace.workspace import Desk
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))

@@ -8,8 +8,8 @@ from bounded import bounded
 
 from enliven.document.example_settings import ExampleSettings
 from enliven.errors import InputError
+from enliven.example_sessions.session import read_session
 from enliven.formats.motion.bvh import parse_bvh
-from enliven.formats.session.session import read_session
 from enliven.mapping.plan_file import read_plan
 from enliven.meshes.files import load_mesh
 from enliven.settings import load_settings

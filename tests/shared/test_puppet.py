@@ -8,11 +8,11 @@ import pytest
 from enliven.document.clip import Clip
 from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.history import History
+from enliven.document.locomotion import Switch
 from enliven.document.project import Project, same
 from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer, character_of_puppet
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.examples.spacetime.locomotion import Switch
 from enliven.formats.project.file import project_bytes, project_of
 from enliven.samples.chair import make_chair
 from enliven.wire.convert import character_to_message, message_to_character

@@ -13,9 +13,9 @@ from enliven.meshes.mesh import Mesh
 from enliven.modeling.puppet.edits import add_point, make_puppet, play_take
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.session import DeskStage
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.workspace.editor import Editor
 from enliven_viewer.studio.workspace.workspace import Desk
 
 TIPS = {

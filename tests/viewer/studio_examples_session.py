@@ -10,6 +10,7 @@ from pathlib import Path
 from made_studio_puppets import project_with
 
 from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.filming import WindowStage
 from enliven_viewer.studio.session import (
     Action,
@@ -28,7 +29,6 @@ from enliven_viewer.studio.session import (
 from enliven_viewer.studio.session import actions as pace
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
-from enliven_viewer.studio.workspace.editor import Editor
 from enliven_viewer.studio.workspace.workspace import Desk
 
 said: dict[str, object] = {}

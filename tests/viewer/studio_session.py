@@ -12,10 +12,10 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.modeling.sketching.strokes import limb
 from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.session import Joint, Place, where
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
-from enliven_viewer.studio.workspace.editor import Editor
 from enliven_viewer.studio.workspace.workspace import Desk
 
 said: dict[str, object] = {"done": False, "errors": []}

@@ -14,8 +14,9 @@ from enliven_viewer.playback.timeline import Cues
 from enliven_viewer.render import renderer as renderer_module
 from enliven_viewer.render.camera import View, look_at, perspective
 from enliven_viewer.render.capsules import capsule_template
+from enliven_viewer.render.gl.region import beside, whole
 from enliven_viewer.render.overlay.tubes import Tubes, tube_rows
-from enliven_viewer.render.region import beside, seen_in, whole
+from enliven_viewer.render.region import seen_in
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Actor, Look, Scene
 from enliven_viewer.render.surface import neighbours_in_turn

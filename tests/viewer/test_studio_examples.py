@@ -17,11 +17,11 @@ sys.path.append(str(Path(__file__).parent))
 from made_studio_puppets import SIDES, TIPS, project_with, star, studio, vertex
 
 from enliven.document.constraints import Coupling, Position, Velocity
+from enliven.document.locomotion import Switch
 from enliven.document.project import Project, same
 from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.puppet_motion import state_of
-from enliven.examples.spacetime.locomotion import Switch
 from enliven.modeling.puppet.edits import (
     add_key_pose,
     add_point,
@@ -49,10 +49,10 @@ from enliven_viewer.studio.examples.edits import (
     with_setting,
     without_held,
 )
-from enliven_viewer.studio.examples.go_to import begin_pose, edit_pose
 from enliven_viewer.studio.examples.solving import Solving
 from enliven_viewer.studio.examples.times import layer_end, layer_of, seconds_at, time_of
 from enliven_viewer.studio.toasts import Toasts
+from enliven_viewer.studio.workspace.go_to import begin_pose, edit_pose
 
 NAMES = ("head", "left", "right", "foot")
 

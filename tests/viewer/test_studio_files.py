@@ -11,7 +11,7 @@ import pytest
 
 from enliven.document.project import same
 from enliven.errors import InputError, ResourceError
-from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.file_browser import Browser
 from enliven_viewer.studio.workspace.project_store import Cabinet
 from enliven_viewer.studio.workspace.renaming import renamed

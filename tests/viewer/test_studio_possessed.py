@@ -11,8 +11,8 @@ import pytest
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.possessed import graph_shape_of
 from enliven.document.project import Project, same
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.session import Click, DeskStage, Drag, Key, Pixel, Spot, Wait, play
-from enliven_viewer.studio.workspace.editor import Editor
 from enliven_viewer.studio.workspace.workspace import Desk
 
 NS = 1_000_000_000

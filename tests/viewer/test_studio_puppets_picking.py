@@ -14,13 +14,13 @@ from enliven.document.puppet import Puppet
 from enliven.examples.puppet_motion import in_world
 from enliven.modeling.puppet.edits import move_puppet, set_symmetry, turn_puppet
 from enliven.rotation import from_rotation_vector
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.puppets.manipulator import LENGTH, PARTS, Manipulator
 from enliven_viewer.studio.puppets.marks import point_at
 from enliven_viewer.studio.puppets.mirrored import mirrored_places, partner_vertex
 from enliven_viewer.studio.puppets.ray import first_hit, vertex_hit
 from enliven_viewer.studio.puppets.stage import puppet_at
 from enliven_viewer.studio.viewport.picking import first_face
-from enliven_viewer.studio.workspace.editor import Editor
 
 PLACE = np.array([0.1, 0.5, -0.2])
 

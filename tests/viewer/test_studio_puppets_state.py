@@ -13,9 +13,9 @@ from tolerances import SOLVED, alike
 
 from enliven.document.project import same
 from enliven.modeling.puppet.edits import add_key_pose, set_symmetry
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.puppets.mirrored import partner_point, partner_vertex
 from enliven_viewer.studio.puppets.posing import PuppetDesk
-from enliven_viewer.studio.workspace.editor import Editor
 
 
 def posing(*names: str, take: str = "sway") -> PuppetDesk:

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from enliven.document.project import same
 from enliven.motion.layers.evaluate import Player
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.session import Action, Click, DeskStage, Do, Drag, Key, Pixel, play
-from enliven_viewer.studio.workspace.editor import Editor
 from enliven_viewer.studio.workspace.workspace import Desk
 
 FILMS = Path(__file__).parents[1] / "benchmarks" / "session_films.py"

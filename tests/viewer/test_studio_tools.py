@@ -12,6 +12,7 @@ from enliven.document.project import Project
 from enliven.document.rigged import Shape
 from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio import motions
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.session import (
     Click,
@@ -29,7 +30,6 @@ from enliven_viewer.studio.session import (
     Widget,
     play,
 )
-from enliven_viewer.studio.workspace.editor import Editor
 from enliven_viewer.studio.workspace.workspace import Desk
 
 Limb = Callable[..., Shape]

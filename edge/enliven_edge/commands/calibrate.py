@@ -65,8 +65,8 @@ def calibrate(
       enliven calibrate --settings TWO-SENSORS.toml
       enliven edge --recording left=ONE.mcap --recording right=TWO.mcap --space space.toml
     """
-    from enliven_edge.sensors.sources import opened, source_of, sources_of
     from enliven_edge.settings import EdgeSettings
+    from enliven_edge.sources import opened, source_of, sources_of
 
     chosen = load_settings(EdgeSettings, settings) if settings else EdgeSettings()
     options = sensor_options(option or [])

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from enliven_edge.physics.playground import Playground
     from enliven_edge.physics.settings import PhysicsSettings
     from enliven_edge.sensors.base import Sensor
-    from enliven_edge.sensors.sources import Source
     from enliven_edge.settings import EdgeSettings
+    from enliven_edge.sources import Source
 
 log = logging.getLogger(__name__)
 
@@ -144,8 +144,8 @@ def serve(
     from enliven_edge.controls.control_set import open_controls
     from enliven_edge.network.outlet import Outlet, need_free
     from enliven_edge.physics.engine import need_engine
-    from enliven_edge.sensors.sources import opened
     from enliven_edge.service import Edge
+    from enliven_edge.sources import opened
     from enliven_edge.stage.casting import parts_for
     from enliven_edge.stage.embedded_actor import Actor
     from enliven_edge.stage.stage import Stage
@@ -240,7 +240,7 @@ def _sources(
     """What was asked for: on the command line, else in the settings, else the shipped recording."""
     from enliven_edge.doctor import shipped_recording
     from enliven_edge.sensors.options import sensor_options
-    from enliven_edge.sensors.sources import source_of, sources_of
+    from enliven_edge.sources import source_of, sources_of
 
     if len(sensors) == 1 and len(recordings) == 1:
         raise typer.BadParameter("give a sensor or a recording, not both")

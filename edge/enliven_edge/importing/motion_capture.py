@@ -13,11 +13,11 @@ from enliven.formats.motion.bvh import read_bvh
 from enliven.formats.motion.capture import UNITS, Capture, guess_unit
 from enliven.formats.motion.expmap import COLUMNS, read_expmap
 from enliven.frames import BodyFrame
-from enliven.motion.takes.capture_limbs import half_way, limb_rotations
-from enliven.motion.takes.capture_roles import Roles, find_roles
 from enliven.person.body import Body, J, Joint
 from enliven.person.limbs import Limb
 from enliven.rotation import from_matrix
+from enliven.takes.capture_limbs import half_way, limb_rotations
+from enliven.takes.capture_roles import Roles, find_roles
 from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
 from enliven_edge.importing.skeletons import TRACKED, Moment, frames_in_world
 from enliven_edge.importing.tables import are_numbers, first_lines

@@ -9,8 +9,6 @@ from typing import Protocol, Self
 from enliven.errors import ResourceError
 from enliven.frames import Frame
 
-TIME_LIMIT_NS = 1 << 62
-"""Nanoseconds, 146 years: a time beyond is no time; differences and offsets still fit into 64 bits."""
 CHECK_IT = "Check its cable and power; it is opened again and again by itself."
 """What to do about a sensor of which nothing better is known."""
 

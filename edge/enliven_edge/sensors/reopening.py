@@ -18,8 +18,8 @@ from types import TracebackType
 from typing import Any, Literal
 
 from enliven.errors import EnlivenError, InputError
-from enliven.frames import Frame
-from enliven_edge.sensors.base import CHECK_IT, TIME_LIMIT_NS, Condition, Sensor, SensorFault, condition_of
+from enliven.frames import TIME_LIMIT_NS, Frame
+from enliven_edge.sensors.base import CHECK_IT, Condition, Sensor, SensorFault, condition_of
 from enliven_edge.sensors.errands import Errands
 
 log = logging.getLogger(__name__)

@@ -38,8 +38,8 @@ class Job:
 
 def opened(path: Path, name: str | None) -> Opened:
     """A session, or a puppet of a project: the one of that name, or the first."""
+    from enliven.example_sessions.session import read_session
     from enliven.formats.project.file import read_project
-    from enliven.formats.session.session import read_session
 
     if path.suffix.lower() == ".enliven":
         project, notes = read_project(path), ()
@@ -61,8 +61,8 @@ def writer(output: Path) -> Callable[[Job], str]:
 
 
 def _write_glb(job: Job) -> str:
-    from enliven.formats.gltf.puppet_performance import puppet_performance_of
-    from enliven.formats.gltf.write import write_gltf
+    from enliven.exporters.gltf.puppet_performance import puppet_performance_of
+    from enliven.exporters.gltf.write import write_gltf
 
     made = puppet_performance_of(
         job.project, job.puppet.id, *job.span, job.rate, how="morphs" if job.morphs else "skin"
@@ -72,7 +72,7 @@ def _write_glb(job: Job) -> str:
 
 
 def _write_take(job: Job) -> str:
-    from enliven.formats.session.take import write_puppet_take
+    from enliven.example_sessions.take import write_puppet_take
 
     write_puppet_take(job.output, job.project, job.puppet, *job.span, job.rate)
     return ""

@@ -61,12 +61,12 @@ def new(
       enliven examples new TREX.ply WALK.bvh -o trex.toml --up z --turned 90 --poses 4
     """
     from enliven.document.project import Project
-    from enliven.formats.session.session import fitted
-    from enliven.formats.session.tables import MeshTable, TakeTable
-    from enliven.formats.session.text import write_session
+    from enliven.example_sessions.session import fitted
+    from enliven.example_sessions.tables import MeshTable, TakeTable
+    from enliven.example_sessions.text import write_session
     from enliven.meshes.files import load_mesh
     from enliven.modeling.puppet.suggest import suggested_puppet
-    from enliven.motion.takes.files import read_take
+    from enliven.takes.files import read_take
 
     mesh_from = MeshTable(_from(output, mesh), height, _axis(up), turned)
     take_from = TakeTable(_from(output, take), "", animation, start, end)

@@ -69,11 +69,11 @@ def retarget(
       enliven retarget JOINTS.mcap SPIDER.glb -o out.glb --travel --pin
     """
     # Heavy modules are imported only here, so that the help is quick.
+    from enliven.exporters.gltf.write import performance_of, write_gltf
     from enliven.formats.gltf.read import read_gltf
-    from enliven.formats.gltf.write import performance_of, write_gltf
     from enliven.mapping.automatic import retargeted
     from enliven.mapping.plan_file import read_plan, write_plan
-    from enliven.motion.takes.files import read_take
+    from enliven.takes.files import read_take
 
     draw = _sheet_maker() if sheet else None
     clip, notes = read_take(take, animation, start, end)

@@ -18,9 +18,9 @@ from enliven.arrays import AnyArray, Float
 from enliven.document.character import Character, SkinWeights
 from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.example_settings import ExampleSettings
+from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.document.surface_settings import ArapSettings
 from enliven.errors import InputError
-from enliven.examples.spacetime.locomotion import LocomotionSettings, Switch
 from enliven.meshes.mesh import Mesh
 from enliven.rotation import IDENTITY
 

@@ -13,6 +13,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document.clip import Clip
 from enliven.document.example_settings import ExampleSettings
+from enliven.document.locomotion import LocomotionSettings
 from enliven.document.project import Project
 from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer
 from enliven.document.skeleton import Skeleton
@@ -20,7 +21,6 @@ from enliven.errors import InputError
 from enliven.examples.performer import performed
 from enliven.examples.performers import cast
 from enliven.examples.poses import Examples, distinct
-from enliven.examples.spacetime.locomotion import LocomotionSettings
 from enliven.examples.symmetric import doubled, partners_of
 from enliven.meshes.mesh import Mesh
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int
+from enliven.document.locomotion import Switch
 from enliven.examples.performer import turned_about_y
-from enliven.examples.spacetime.locomotion import Switch
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,9 +16,9 @@ from enliven.arrays import Float
 from enliven.document.project import Project
 from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet
 from enliven.document.surface_settings import ArapSettings
-from enliven.motion.takes.capture_clip import BODY_NAMES, clip_of_bodies
 from enliven.person.body import PARENTS, Body, Joint
 from enliven.samples.cactus import make_cactus
+from enliven.takes.capture_clip import BODY_NAMES, clip_of_bodies
 
 TAKE = "cactus poses"
 _Way = tuple[float, float, float]

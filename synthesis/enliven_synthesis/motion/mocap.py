@@ -10,14 +10,14 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.formats.motion.capture import Capture
-from enliven.motion.takes.capture_limbs import (
+from enliven.person.limbs import Limb
+from enliven.rotation import from_matrix, slerp, swing, to_matrix
+from enliven.takes.capture_limbs import (
     level_direction,
     limb_rotations,
     smoothstep,
 )
-from enliven.motion.takes.capture_roles import Roles, find_roles
-from enliven.person.limbs import Limb
-from enliven.rotation import from_matrix, slerp, swing, to_matrix
+from enliven.takes.capture_roles import Roles, find_roles
 from enliven_synthesis.body.performer import Figure, Performer
 
 _FORWARD = np.array([0.0, 0.0, 1.0])

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.examples.performer import performed
-from enliven.motion.takes.capture_clip import BODY_NAMES, clip_of_bodies
 from enliven.person.body import MIRROR, PARENTS, Body, Joint
+from enliven.takes.capture_clip import BODY_NAMES, clip_of_bodies
 from enliven_edge.stage.placement import turn_about_y
 from enliven_edge.stage.puppet.bones import Bones
 from enliven_edge.stage.puppet.likeness import Likeness

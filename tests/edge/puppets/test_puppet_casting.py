@@ -12,8 +12,8 @@ from enliven.cli import run
 from enliven.document.project import Project
 from enliven.document.puppet import ControlPoint
 from enliven.errors import InputError
+from enliven.example_sessions.text import write_session
 from enliven.formats.project.file import write_project
-from enliven.formats.session.text import write_session
 from enliven.meshes.mesh import Mesh
 from enliven.samples.cactus_puppet import TAKE, cactus_project
 from enliven_edge.stage.puppet.casting import cast_puppet

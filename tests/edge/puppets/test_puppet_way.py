@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import assert_alike
 
-from enliven.examples.spacetime.locomotion import LocomotionSettings, Switch, locate
+from enliven.document.locomotion import LocomotionSettings, Switch
+from enliven.examples.spacetime.locomotion import locate
 from enliven.person.body import Joint
 from enliven.samples.cactus_puppet import cactus_project
 from enliven_edge.stage.puppet.feet import Footing, Soles

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from enliven.errors import InputError
 from enliven.formats.motion.capture import Capture
-from enliven.motion.takes.capture_roles import find_roles
 from enliven.person.body import Joint
+from enliven.takes.capture_roles import find_roles
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.choreography import choreography
 from enliven_synthesis.motion.exercises import exercise

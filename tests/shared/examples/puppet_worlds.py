@@ -9,13 +9,13 @@ import numpy as np
 from enliven.document.clip import Clip
 from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.example_settings import ExampleSettings
+from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.document.pin import ContactSettings
 from enliven.document.project import Project
 from enliven.document.puppet import Plane
 from enliven.document.skeleton import Skeleton
 from enliven.document.surface_settings import ArapSettings
-from enliven.examples.spacetime.locomotion import LocomotionSettings, Switch
-from enliven.formats.session.text import write_session
+from enliven.example_sessions.text import write_session
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.puppet.edits import (
     add_key_pose,

@@ -9,11 +9,11 @@ from puppet_worlds import full_session, stool, walker
 
 from enliven.cli import run
 from enliven.document.project import Project, same
+from enliven.example_sessions.session import read_session
 from enliven.examples.coverage import coverage_of, unposed
 from enliven.examples.performer import performed
 from enliven.examples.puppet_motion import pose_of_state, state_of
 from enliven.formats.project.file import read_project, write_project
-from enliven.formats.session.session import read_session
 from enliven.meshes.files import save_mesh
 from enliven.modeling.puppet.edits import change_layer
 from enliven.recording import Recording

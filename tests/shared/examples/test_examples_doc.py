@@ -8,9 +8,9 @@ import numpy as np
 from puppet_worlds import stool, walker
 
 from enliven.document.project import Project
+from enliven.example_sessions.session import read_session
 from enliven.examples.puppet_motion import motion_of
 from enliven.formats.project.file import write_project
-from enliven.formats.session.session import read_session
 from enliven.meshes.files import save_mesh
 
 PAGE = Path(__file__).parents[3] / "docs" / "examples.md"

@@ -5,15 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.errors import InputError
 from enliven.examples.spacetime.anchoring import stand
-from enliven.examples.spacetime.locomotion import (
-    LocomotionSettings,
-    Switch,
-    find_switches,
-    locate,
-    standing_feet,
-)
+from enliven.examples.spacetime.locomotion import find_switches, locate, standing_feet
 
 STEP = 1 / 60
 FREE = LocomotionSettings(landing="free")

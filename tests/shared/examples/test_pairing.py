@@ -14,8 +14,8 @@ from test_capture_clip import STANDING
 
 from enliven.examples.pairing import guess_joints
 from enliven.mapping.facing import turned_level
-from enliven.motion.takes.capture_clip import clip_of_bodies
 from enliven.person.body import Body
+from enliven.takes.capture_clip import clip_of_bodies
 
 CACTUS = np.array([[0.4, 0.8, 0.0], [-0.35, 0.7, 0.0], [0.0, 1.2, 0.0], [0.12, 0.0, 0.0], [-0.12, 0.0, 0.0]])
 MEANT = ("Left finger", "Right finger", "top", "Left toe", "Right toe")

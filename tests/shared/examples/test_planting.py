@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import assert_alike
 
+from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.examples.performer import turned_about_y
-from enliven.examples.spacetime.locomotion import LocomotionSettings, Switch, locate
+from enliven.examples.spacetime.locomotion import locate
 from enliven.examples.spacetime.planting import planted
 
 STEP = 1 / 60

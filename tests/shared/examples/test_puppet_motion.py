@@ -16,6 +16,7 @@ from tolerances import alike, assert_alike
 from enliven.document.clip import Clip
 from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.example_settings import ExampleSettings
+from enliven.document.locomotion import Switch
 from enliven.document.project import Project
 from enliven.document.puppet import character_of_puppet
 from enliven.document.skeleton import Skeleton
@@ -32,7 +33,6 @@ from enliven.examples.puppet_motion import (
     pose_of_state,
     state_of,
 )
-from enliven.examples.spacetime.locomotion import Switch
 from enliven.modeling.puppet.edits import add_point, change_layer, change_point, play_take, set_symmetry
 from enliven.rotation import from_rotation_vector, multiply, rotate
 

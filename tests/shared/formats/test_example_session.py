@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 from puppet_worlds import full_project, places_for, puppet_project, stool, walker
 
 from enliven.document.constraints import Position
+from enliven.document.locomotion import Switch
 from enliven.document.project import Project, same
 from enliven.errors import InputError
+from enliven.example_sessions.session import read_session
+from enliven.example_sessions.tables import MeshTable, TakeTable
+from enliven.example_sessions.text import session_text, write_session
 from enliven.examples.puppet_motion import motion_of
-from enliven.examples.spacetime.locomotion import Switch
 from enliven.formats.project.file import write_project
-from enliven.formats.session.session import read_session
-from enliven.formats.session.tables import MeshTable, TakeTable
-from enliven.formats.session.text import session_text, write_session
 from enliven.meshes.files import load_mesh, save_mesh
 from enliven.meshes.mesh import fit_height
 from enliven.modeling.puppet.edits import add_key_pose

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.formats.gltf.keys import needed_keys
+from enliven.exporters.gltf.keys import needed_keys
 from enliven.rotation import from_rotation_vector, multiply, slerp
 
 laws = settings(deadline=None, max_examples=25)

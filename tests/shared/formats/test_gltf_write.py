@@ -17,15 +17,15 @@ from enliven.document.project import Project
 from enliven.document.rigged import character_of, still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError, ResourceError
-from enliven.formats.gltf.read import read_gltf
-from enliven.formats.gltf.shape import clean_skin
-from enliven.formats.gltf.write import (
+from enliven.exporters.gltf.shape import clean_skin
+from enliven.exporters.gltf.write import (
     Performance,
     glb_of,
     graph_performance_of,
     performance_of,
     write_gltf,
 )
+from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import playing
 from enliven.meshes.mesh import Mesh
 from enliven.motion.layers.evaluate import Player

@@ -10,13 +10,13 @@ from enliven.document.puppet import PuppetLayer, character_of_puppet
 from enliven.errors import InputError
 from enliven.examples.baking.frames import SurfaceFrames, states_of
 from enliven.examples.puppet_motion import pose_of_state, state_of
-from enliven.formats.possessed import read_possessed
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.copying import paste_graph
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
 from enliven.modeling.possessed.surgery import cut_graph
 from enliven.recording import Recorder
 from enliven.rotation import from_rotation_vector, rotate, to_matrix
+from enliven.takes.possessed import read_possessed
 from enliven.wire.convert import character_to_message, pose_to_message
 from enliven.wire.posecode import PoseCodec
 

@@ -11,9 +11,9 @@ from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.baking.settings import BakeSettings
 from enliven.examples.puppet_motion import in_world, state_of
-from enliven.formats.gltf.puppet_performance import puppet_performance_of
+from enliven.exporters.gltf.puppet_performance import puppet_performance_of
+from enliven.exporters.gltf.write import glb_of, write_gltf
 from enliven.formats.gltf.read import read_gltf
-from enliven.formats.gltf.write import glb_of, write_gltf
 from enliven.rotation import from_rotation_vector
 
 PLACE, TURN = np.array([1.0, 0.0, -2.0]), from_rotation_vector(np.array([0.0, 0.7, 0.0]))

@@ -10,12 +10,12 @@ from made_bodies import bvh_text, horse, man, meshed, random_motion
 
 from enliven.cli import run
 from enliven.document.project import Project
+from enliven.exporters.gltf.write import performance_of, write_gltf
 from enliven.formats.gltf.read import read_gltf
-from enliven.formats.gltf.write import performance_of, write_gltf
 from enliven.formats.rig.rig import playing
 from enliven.mapping.automatic import automatic, retargeted
-from enliven.motion.takes.files import read_take
 from enliven.recording import Recorder
+from enliven.takes.files import read_take
 
 sys.path[:0] = [str(Path(__file__).parents[1] / "formats"), str(Path(__file__).parents[1] / "motion")]
 from strict_gltf import checked_glb  # noqa: E402

@@ -8,7 +8,7 @@ from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.baking.frames import SurfaceFrames, states_of
 from enliven.examples.baking.settings import BakeSettings
-from enliven.formats.gltf.write import glb_of, graph_performance_of
+from enliven.exporters.gltf.write import glb_of, graph_performance_of
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.copying import move_graph
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices

@@ -12,16 +12,16 @@ from tolerances import alike
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.formats.motion.capture import Capture, composed
-from enliven.motion.takes.capture_clip import (
+from enliven.person.body import PARENTS, Body, Joint
+from enliven.rotation import from_rotation_vector, multiply, rotate, slerp, to_matrix
+from enliven.takes.capture_clip import (
     between_times,
     clip_of_bodies,
     clip_of_capture,
     clip_of_positions,
     resampled,
 )
-from enliven.motion.takes.positions import turns_of
-from enliven.person.body import PARENTS, Body, Joint
-from enliven.rotation import from_rotation_vector, multiply, rotate, slerp, to_matrix
+from enliven.takes.positions import turns_of
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motion_strategies import EYE, angle, random_clip, random_skeleton, random_turn, seeds

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from tolerances import alike
 
 from enliven.document.skeleton import Skeleton
-from enliven.motion.takes.positions import filled, rest_of, turns_of
 from enliven.rotation import from_matrix, from_rotation_vector, multiply, rotate, swing
+from enliven.takes.positions import filled, rest_of, turns_of
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motion_strategies import EYE, angle, random_skeleton, random_turn, seeds

@@ -8,11 +8,11 @@ import pytest
 
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
-from enliven.motion.takes.capture_clip import BODY_NAMES
-from enliven.motion.takes.recorded import TakeSettings, clips_of_frames, clips_of_recording
 from enliven.person.body import Body
 from enliven.recording import Recorder
 from enliven.rotation import from_rotation_vector, rotate
+from enliven.takes.capture_clip import BODY_NAMES
+from enliven.takes.recorded import TakeSettings, clips_of_frames, clips_of_recording
 
 sys.path.insert(0, str(Path(__file__).parent))
 from test_capture_clip import STANDING, joints_of

@@ -94,13 +94,14 @@ def _window(
     take: Path | None, address: str, settings: ViewerSettings, seconds: float | None, hud: bool
 ) -> None:
     from enliven_viewer.live.app import App
+    from enliven_viewer.live.keys import Controls
     from enliven_viewer.playback.document import Document
     from enliven_viewer.playback.timeline import Timeline
 
     feed = _feed(take, address)
     document = Document(Timeline(settings.playback, bounded=take is None))
     with contextlib.closing(feed):
-        App(feed, document, settings, take=take.name if take else "", hud=hud).run(seconds)
+        App(feed, document, settings, take=take.name if take else "", hud=hud).run(seconds, listen=Controls)
 
 
 def _feed(take: Path | None, address: str):  # type: ignore[no-untyped-def]

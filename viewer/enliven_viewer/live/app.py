@@ -13,7 +13,6 @@ from enliven.commands.processes import parent_is_gone
 from enliven.wire.messages import Mode
 from enliven_viewer.link.feed import Feed
 from enliven_viewer.live.hud import Hud, HudState, timeline_area
-from enliven_viewer.live.keys import Controls
 from enliven_viewer.live.match_cards import cards_of
 from enliven_viewer.live.possession_choice import Grasp
 from enliven_viewer.live.view_report import Gaze, hidden, turn_to_bones
@@ -65,12 +64,16 @@ class App:
         self._fps = 0.0
 
     def run(
-        self, seconds: float | None = None, on_frame: Callable[[App, Renderer], None] | None = None
+        self,
+        seconds: float | None = None,
+        on_frame: Callable[[App, Renderer], None] | None = None,
+        listen: Callable[[App, Any], object] | None = None,
     ) -> None:
         """Show the window until it is closed, Ctrl-C, or ``seconds`` have passed.
 
         Args:
             on_frame: called after every drawn picture.
+            listen: called once with the window, to take its keys and its mouse.
 
         Raises:
             ResourceError: without a display or OpenGL.
@@ -80,7 +83,8 @@ class App:
             self._size = glfw.get_framebuffer_size(window)
             renderer = Renderer(window_context(), _at_least_one(self._size), self.settings.render)
             hud = Hud(renderer.ctx)
-            Controls(self, window)
+            if listen:
+                listen(self, window)
             end = None if seconds is None else time.monotonic() + seconds
             last = time.monotonic()
             while not glfw.window_should_close(window) and not parent_is_gone():

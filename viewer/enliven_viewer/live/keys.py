@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import glfw
 
+from enliven_viewer.live.app import App
 from enliven_viewer.live.hud import timeline_fraction
 from enliven_viewer.live.possession_choice import PARTS
 from enliven_viewer.window import toggle_full_screen
-
-if TYPE_CHECKING:
-    from enliven_viewer.live.app import App
 
 _TURN = 0.008
 """Radians a pixel of dragging."""

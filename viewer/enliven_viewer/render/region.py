@@ -8,11 +8,9 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.document.props import Props
+from enliven_viewer.render.gl.region import Region, whole
 from enliven_viewer.render.overlay.marks import CUE_RADIUS
 from enliven_viewer.render.scene import Scene, corners
-
-Region = tuple[int, int, int, int]
-"""Left, lower, width and height in pixels, from the lower left of the picture."""
 
 ROOM = 6
 """Pixels around what was projected: for marks that are never smaller than some pixels, and for rounding."""
@@ -20,11 +18,6 @@ _NEAREST = 1e-3
 """Metres before the eye; what comes closer may be anywhere in the picture."""
 _UNIT = corners((np.full(3, -1.0), np.ones(3)))
 _SQRT3 = math.sqrt(3.0)
-
-
-def whole(size: tuple[int, int]) -> Region:
-    """All of a picture of this size."""
-    return 0, 0, *size
 
 
 def around(middles: Float | Float32, radii: Float | Float32 | float) -> Float:
@@ -68,19 +61,6 @@ def seen_in(points: Float, clip_from_world: Float, size: tuple[int, int], room: 
     low = np.clip(np.floor(pixels.min(0)) - room, 0, size)
     high = np.clip(np.ceil(pixels.max(0)) + room, low, size)
     return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
-
-
-def beside(region: Region, size: tuple[int, int]) -> list[Region]:
-    """What of a picture is not in a region: at most four others."""
-    x, y, width, height = region
-    right, top = x + width, y + height
-    rest = [
-        (0, 0, size[0], y),
-        (0, top, size[0], size[1] - top),
-        (0, y, x, height),
-        (right, y, size[0] - right, height),
-    ]
-    return [one for one in rest if one[2] > 0 and one[3] > 0]
 
 
 def shaded_by(points: Float, to_key: Float, room: float) -> tuple[Float, Float]:

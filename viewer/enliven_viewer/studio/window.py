@@ -11,8 +11,6 @@ from imgui_bundle import hello_imgui, imgui
 
 from enliven.arrays import UInt8
 from enliven_viewer.render.gl.context import window_context
-from enliven_viewer.studio.examples.performer_picture import PerformerPicture
-from enliven_viewer.studio.examples.thumbnails import Thumbnails
 from enliven_viewer.studio.panels.dialogs import draw_dialogs
 from enliven_viewer.studio.panels.examples.panel import draw_examples
 from enliven_viewer.studio.panels.examples.performer import draw_performer
@@ -24,10 +22,12 @@ from enliven_viewer.studio.panels.style import apply_style, load_fonts
 from enliven_viewer.studio.panels.timeline import draw_timeline
 from enliven_viewer.studio.panels.toolbar import draw_toolbar
 from enliven_viewer.studio.panels.viewport_overlay import draw_over
+from enliven_viewer.studio.performer.performer_picture import PerformerPicture
+from enliven_viewer.studio.performer.thumbnails import Thumbnails
+from enliven_viewer.studio.picture.viewport import Viewport
 from enliven_viewer.studio.places import Area, Places, places_in
-from enliven_viewer.studio.puppets.picture import picture_of
 from enliven_viewer.studio.tools.map import Map
-from enliven_viewer.studio.viewport.viewport import Viewport
+from enliven_viewer.studio.tools.puppet_picture import picture_of
 from enliven_viewer.studio.workspace.workspace import Desk
 
 _LONGEST_STEP = 0.1

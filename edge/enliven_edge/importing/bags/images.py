@@ -11,8 +11,8 @@ from PIL import Image
 from enliven.arrays import Int, UInt16
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
+from enliven.frames import TIME_LIMIT_NS
 from enliven_edge.importing.bags.fields import Fields
-from enliven_edge.sensors.base import TIME_LIMIT_NS
 
 _WIDEST = 8192
 """Pixels of an image's side; the makers' largest have 1,600."""

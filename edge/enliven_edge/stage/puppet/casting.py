@@ -8,9 +8,9 @@ from pathlib import Path
 from enliven.document.project import Project
 from enliven.document.puppet import Puppet
 from enliven.errors import InputError
+from enliven.example_sessions.session import read_session
 from enliven.examples.puppet_motion import missing
 from enliven.formats.project.file import read_project
-from enliven.formats.session.session import read_session
 from enliven.wire.convert import character_to_message
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.puppet.settings import PuppetSettings

@@ -17,8 +17,8 @@ from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, Limb, anatomy_of
 from enliven.mapping.facing import facing_of
-from enliven.motion.takes.capture_clip import BODY_NAMES
 from enliven.person.body import Body, Joint
+from enliven.takes.capture_clip import BODY_NAMES
 from enliven_edge.stage.placement import turn_about_y
 from enliven_edge.stage.puppet.bones import Bones, Seen
 

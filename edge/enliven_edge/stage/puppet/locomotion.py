@@ -14,10 +14,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from enliven.arrays import Float, Int
+from enliven.document.locomotion import LocomotionSettings
 from enliven.examples.performer import turned_about_y
 from enliven.examples.puppet_motion import State
 from enliven.examples.spacetime.anchoring import stand
-from enliven.examples.spacetime.locomotion import LocomotionSettings
 from enliven_edge.stage.puppet.feet import EITHER, Footing
 
 

@@ -15,10 +15,10 @@ from enliven.document.rigged import Shape
 from enliven.matching.views import View
 from enliven.motion.layers.evaluate import Player, pose_from
 from enliven.motion.layers.retarget import bind_chain
-from enliven.motion.takes.capture_clip import clip_of_bodies
-from enliven.motion.takes.positions import turns_of
 from enliven.person.body import PARENTS, Body
 from enliven.rotation import conjugate, multiply
+from enliven.takes.capture_clip import clip_of_bodies
+from enliven.takes.positions import turns_of
 from enliven_edge.stage.easing import Fading
 
 _TOWARDS = np.array([0.0, 0.0, -1.0])

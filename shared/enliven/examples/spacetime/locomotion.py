@@ -13,62 +13,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
 from enliven.document.constraints import Coupling
-from enliven.document.pin import ContactSettings
+from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.errors import InputError
 from enliven.examples.performer import turned_about_y
 from enliven.examples.spacetime.anchoring import stand
 from enliven.motion.contact.contacts import runs_of, touching
-from enliven.settings import setting
-
-Kind = Literal["contact", "flight"]
-
-
-@dataclass(frozen=True)
-class LocomotionSettings:
-    """How a mesh gets over the floor."""
-
-    contact: ContactSettings = setting(ContactSettings)
-    runner: float = setting(
-        0.4, "A foot that stands may also be as fast as this share of the feet's mean.", low=0.0, high=1.0
-    )
-    gravity: float = setting(9.81, "How fast what falls gets faster.", unit="m/s^2", low=0.0, high=1000.0)
-    landing: Literal["timed", "free"] = setting(
-        "timed", '"timed": it lands when the performer does; "free": when gravity brings it down.'
-    )
-    grip: float = setting(
-        0.02,
-        "How much lower than the anchor another foot must be to take over.",
-        unit="mesh sizes",
-        low=0.0,
-        high=1.0,
-    )
-    plant: float = setting(
-        0.0,
-        "How much of their sliding is taken from feet beside the anchor; they meet key poses less then.",
-        low=0.0,
-        high=1.0,
-    )
-    throw: float = setting(
-        0.1,
-        "How long before it leaves the floor the mesh's velocity is measured.",
-        unit="s",
-        low=0.0,
-        high=2.0,
-    )
-
-
-@dataclass(frozen=True)
-class Switch:
-    """From this frame on the performer touches the floor, or does not."""
-
-    frame: int
-    kind: Kind
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from enliven.arrays import Bool, Float
+from enliven.document.locomotion import LocomotionSettings
 from enliven.examples.performer import turned_about_y
-from enliven.examples.spacetime.locomotion import LocomotionSettings, Placed
+from enliven.examples.spacetime.locomotion import Placed
 from enliven.motion.contact.contacts import hold, runs_of
 
 

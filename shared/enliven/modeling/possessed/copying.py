@@ -24,7 +24,7 @@ def paste_graph(
     project: Project, source: Project, shape_id: str, *, delay: float = 0.0
 ) -> tuple[Project, str]:
     """A project with a copy of a possessed mesh of another project (or a take, by
-    :func:`enliven.formats.possessed.read_possessed`), with its motion, and the copy's id.
+    :func:`enliven.takes.possessed.read_possessed`), with its motion, and the copy's id.
 
     Streams that the project has already, bit for bit, are used; others come along.
 

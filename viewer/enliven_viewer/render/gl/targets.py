@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import UInt8
 from enliven_viewer.render.gl.program import UNITS, load_program
-from enliven_viewer.render.region import Region, beside, whole
+from enliven_viewer.render.gl.region import Region, beside, whole
 
 Size = tuple[int, int]
 _OUTERMOST = 3.23

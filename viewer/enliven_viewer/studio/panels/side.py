@@ -10,12 +10,12 @@ from enliven.document.layers import Layer
 from enliven.document.project import Project
 from enliven.document.rigged import Shape
 from enliven.motion.layers.retarget import set_travel
+from enliven_viewer.studio.editor.editor import Edit
 from enliven_viewer.studio.panels.style import heading, panel, quiet
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.tools.map import Map
 from enliven_viewer.studio.viewport.colours import clay_of
 from enliven_viewer.studio.viewport.playback import layers_of, used_layers
-from enliven_viewer.studio.workspace.editor import Edit
 from enliven_viewer.studio.workspace.renaming import renamed
 from enliven_viewer.studio.workspace.workspace import Desk
 

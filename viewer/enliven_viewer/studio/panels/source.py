@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.studio.matches import Offer
 from enliven_viewer.studio.panels.style import FIXED, heading, packed, panel, quiet, small
 from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.sources.matches import Offer
 from enliven_viewer.studio.tools.map import Map
 from enliven_viewer.studio.viewport.theme import ACCENT, CHAIN, DARK, INK, QUIET
 from enliven_viewer.studio.workspace.workspace import Desk

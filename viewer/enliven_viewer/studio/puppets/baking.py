@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import logging
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TYPE_CHECKING
 
 from enliven.document.project import Project
 from enliven.document.puppet import Puppet
 from enliven.errors import EnlivenError, InputError
 from enliven.examples.baking.settings import BakeError
 from enliven.modeling.puppet.baking import bake_puppet
-
-if TYPE_CHECKING:
-    from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.puppets.editing import Editing
 
 log = logging.getLogger(__name__)
 
@@ -21,7 +18,7 @@ log = logging.getLogger(__name__)
 class Baking:
     """One at a time: seconds of solving, and fitting what was solved."""
 
-    def __init__(self, editor: Editor) -> None:
+    def __init__(self, editor: Editing) -> None:
         self.editor = editor
         self._pool: ThreadPoolExecutor | None = None
         self._work: tuple[Puppet, Future[tuple[Project, str, BakeError]]] | None = None

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from enliven.arrays import Float
@@ -12,12 +10,10 @@ from enliven.document.project import Project
 from enliven.document.puppet import KeyPose, Puppet
 from enliven.examples.puppet_motion import State
 from enliven.modeling.puppet.edits import add_key_pose, change_key_pose, remove_key_pose
+from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.playing import take_places
 from enliven_viewer.studio.puppets.selection import Chosen
 from enliven_viewer.studio.puppets.stage import PuppetStage, Standing
-
-if TYPE_CHECKING:
-    from enliven_viewer.studio.workspace.editor import Editor
 
 
 class KeyPoses(Chosen):
@@ -27,7 +23,7 @@ class KeyPoses(Chosen):
         way: how the puppet stood when the key pose was begun: there it stays while it is edited.
     """
 
-    def __init__(self, editor: Editor, stage: PuppetStage) -> None:
+    def __init__(self, editor: Editing, stage: PuppetStage) -> None:
         super().__init__(editor, stage)
         self.way: State | None = None
         self._key: tuple[str, int] | None = None

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from enliven.arrays import Float
@@ -11,9 +9,7 @@ from enliven.document.project import Project
 from enliven.document.puppet import Puppet
 from enliven.errors import EnlivenError
 from enliven.examples.puppet_motion import State, missing, motion_of, state_of
-
-if TYPE_CHECKING:
-    from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.puppets.editing import Editing
 
 
 def rest_state(puppet: Puppet) -> State:
@@ -21,7 +17,7 @@ def rest_state(puppet: Puppet) -> State:
     return State(puppet.rest, 0.0, np.zeros(3))
 
 
-def played_state(editor: Editor, puppet: Puppet) -> tuple[Puppet, State]:
+def played_state(editor: Editing, puppet: Puppet) -> tuple[Puppet, State]:
     """Where it is at the editor's time, at rest where it cannot move yet, and the puppet that is so.
 
     That is an older value of it while the motion of the newest is being solved.

@@ -11,8 +11,6 @@ Everything that is finished is an edit at once, so that undo, the recovery file 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from enliven.arrays import Float
@@ -20,13 +18,11 @@ from enliven.document.puppet import Puppet
 from enliven.modeling.puppet.edits import change_key_pose, remove_point
 from enliven_viewer.studio.puppets.baking import Baking
 from enliven_viewer.studio.puppets.crossing import Crossing
+from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.key_poses import KeyPoses
 from enliven_viewer.studio.puppets.mesh_cache import middle_of, size_of
 from enliven_viewer.studio.puppets.mirrored import mirrored_places
 from enliven_viewer.studio.puppets.stage import PuppetStage
-
-if TYPE_CHECKING:
-    from enliven_viewer.studio.workspace.editor import Editor
 
 _MANY = 200_000
 """Faces: where there are more, it is looked whether they cross when a drag is over, not during it."""
@@ -44,7 +40,7 @@ class PuppetDesk(KeyPoses):
         warn: whether faces that pass through one another are shown.
     """
 
-    def __init__(self, editor: Editor) -> None:
+    def __init__(self, editor: Editing) -> None:
         super().__init__(editor, PuppetStage(editor, self))
         self.moment: tuple[str, float] | None = None
         self.silhouette, self.warn = True, True

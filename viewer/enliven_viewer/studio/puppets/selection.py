@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from enliven.document.project import Project
 from enliven.document.puppet import Puppet
 from enliven.modeling.puppet.edits import add_point
+from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.mirrored import partner_vertex, plane_for
 from enliven_viewer.studio.puppets.solver import LARGE
 from enliven_viewer.studio.puppets.stage import PuppetStage, Standing
-
-if TYPE_CHECKING:
-    from enliven_viewer.studio.workspace.editor import Editor
 
 
 class Chosen:
@@ -25,7 +21,7 @@ class Chosen:
         symmetric: whether control points are put and dragged with their mirror image.
     """
 
-    def __init__(self, editor: Editor, stage: PuppetStage) -> None:
+    def __init__(self, editor: Editing, stage: PuppetStage) -> None:
         self.editor, self.stage = editor, stage
         self.symmetric = False
 

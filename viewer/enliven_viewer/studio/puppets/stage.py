@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,15 +15,12 @@ from enliven.document.puppet import Puppet
 from enliven.examples.puppet_motion import State, pose_of_state
 from enliven.meshes.mesh import Mesh
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
+from enliven_viewer.studio.puppets.editing import Editing, Posing
 from enliven_viewer.studio.puppets.playing import played_state
 from enliven_viewer.studio.puppets.ray import first_hit, moved
 from enliven_viewer.studio.puppets.surfaces import Surfaces
 from enliven_viewer.studio.viewport.colours import coloured
 from enliven_viewer.studio.viewport.picking import Lens
-
-if TYPE_CHECKING:
-    from enliven_viewer.studio.puppets.posing import PuppetDesk
-    from enliven_viewer.studio.workspace.editor import Editor
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +86,7 @@ class Standing:
 class PuppetStage:
     """Every puppet of an editor's project as it stands now; kept while nothing changes."""
 
-    def __init__(self, editor: Editor, desk: PuppetDesk) -> None:
+    def __init__(self, editor: Editing, desk: Posing) -> None:
         self.editor, self.desk = editor, desk
         self.surfaces = Surfaces(editor.toasts)
         self._known: tuple[tuple[object, ...], tuple[Standing, ...]] | None = None

@@ -8,9 +8,9 @@ from typing import Protocol
 import numpy as np
 
 from enliven.errors import InputError
+from enliven_viewer.studio.sources.source_view import SourceView
 from enliven_viewer.studio.tools.map import Map
 from enliven_viewer.studio.viewport.overlay import Point
-from enliven_viewer.studio.viewport.source_view import SourceView
 from enliven_viewer.studio.workspace.workspace import Desk
 
 

@@ -7,9 +7,9 @@ from typing import Any
 
 from enliven.document.layers import Layer
 from enliven.document.project import Project
+from enliven_viewer.studio.editor.editor import Edit, Editor
 from enliven_viewer.studio.timeline.layout import RULER, Grip, TimelineLayout
 from enliven_viewer.studio.timeline.puppet_drag import PuppetTimelineHand
-from enliven_viewer.studio.workspace.editor import Edit, Editor
 
 _SNAP = 6.0
 """Pixels within which a bar's start sticks to zero, to the playhead and to other bars' ends."""

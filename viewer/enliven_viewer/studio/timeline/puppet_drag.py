@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from enliven.document.locomotion import Switch
 from enliven.errors import EnlivenError
 from enliven.examples.puppet_motion import motion_of
-from enliven.examples.spacetime.locomotion import Switch
 from enliven.modeling.puppet.edits import change_layer
+from enliven_viewer.studio.editor.editor import Edit, Editor
 from enliven_viewer.studio.examples.coverage import Coverage, Coverages
 from enliven_viewer.studio.examples.edits import (
     added_switch,
@@ -21,7 +22,6 @@ from enliven_viewer.studio.examples.edits import (
 from enliven_viewer.studio.examples.times import layer_end, time_of
 from enliven_viewer.studio.timeline.layout import TimelineLayout
 from enliven_viewer.studio.timeline.puppet_lanes import PuppetGrip, PuppetLanes
-from enliven_viewer.studio.workspace.editor import Edit, Editor
 
 _SNAP = 6.0
 """Pixels within which a bar's start sticks to zero and to the playhead."""

@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from enliven.document.locomotion import Switch
 from enliven.document.project import Project
 from enliven.document.puppet import Puppet, PuppetLayer
-from enliven.examples.spacetime.locomotion import Switch
 from enliven_viewer.studio.examples.coverage import Coverage
 from enliven_viewer.studio.examples.edits import Held, held_of
 from enliven_viewer.studio.examples.times import layer_end, time_of

@@ -10,11 +10,11 @@ from enliven.modeling.mesh.cut_surfaces import StrokeCut
 from enliven.modeling.possessed.surgery import cut_graph
 from enliven.modeling.puppet.surgery import cut_puppet
 from enliven.modeling.rigged.cut_stroke import cut_stroke
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport.overlay import Disc, Line, Overlay, Point
 from enliven_viewer.studio.viewport.picking import Hit, crossings
 from enliven_viewer.studio.viewport.theme import CUT
-from enliven_viewer.studio.workspace.editor import Editor
 
 _APART = 3.0
 """Pixels between two points of a stroke."""

@@ -6,9 +6,9 @@ from enliven.arrays import Float
 from enliven.document.project import Project
 from enliven.modeling.possessed.copying import move_graph
 from enliven.modeling.possessed.surgery import merge_graphs
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer
 from enliven_viewer.studio.viewport.possessed import possessed_at
-from enliven_viewer.studio.workspace.editor import Editor
 
 
 class GraphGrip:

@@ -9,9 +9,9 @@ from enliven.document.project import Project
 from enliven.modeling.puppet.edits import move_puppet, turn_puppet
 from enliven.modeling.puppet.surgery import merge_puppets
 from enliven.rotation import from_rotation_vector
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.puppets.stage import puppet_at
 from enliven_viewer.studio.tools.base import Pointer
-from enliven_viewer.studio.workspace.editor import Editor
 
 _TURN = 0.01
 """Radians a pixel."""

@@ -10,11 +10,11 @@ from enliven.mapping.applying import apply_plan
 from enliven.mapping.automatic import automatic
 from enliven.motion.layers.polyline import goes_down
 from enliven.motion.layers.retarget import bind_chain
-from enliven_viewer.studio.matches import Chain, Offer, accepted, offers
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.sources.matches import Chain, Offer, accepted, offers
+from enliven_viewer.studio.sources.source_view import SourceView
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport.overlay import Overlay
-from enliven_viewer.studio.viewport.source_view import SourceView
-from enliven_viewer.studio.workspace.editor import Editor
 
 
 @dataclass(frozen=True)

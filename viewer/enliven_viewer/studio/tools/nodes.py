@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from enliven.document.project import Project
 from enliven.modeling.rigged.nodes import insert_node, remove_node
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport.overlay import Disc, Overlay
 from enliven_viewer.studio.viewport.picking import Hit, bone_at, joint_at
 from enliven_viewer.studio.viewport.theme import CUT, STROKE
-from enliven_viewer.studio.workspace.editor import Editor
 
 
 class Insert(Tool):

@@ -7,10 +7,10 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document.project import Project, unused
 from enliven.modeling.sketching.sketch import Plane, shape_from_stroke
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport.overlay import Disc, Line, Overlay, Point
 from enliven_viewer.studio.viewport.theme import GOOD, STROKE
-from enliven_viewer.studio.workspace.editor import Editor
 
 _APART = 4.0
 """Pixels between two points of a stroke."""

@@ -12,10 +12,10 @@ from enliven.document.character import Character, Pose
 from enliven.document.possessed import GraphShape, character_of_graph
 from enliven.document.project import Project, unused
 from enliven.errors import InputError
-from enliven.formats.possessed import read_possessed
 from enliven.modeling.possessed.copying import paste_graph
 from enliven.modeling.possessed.pose import graph_vertices, pose_of_graph
-from enliven.motion.takes.recorded import clips_of_recording
+from enliven.takes.possessed import read_possessed
+from enliven.takes.recorded import clips_of_recording
 from enliven_viewer.studio.viewport.colours import coloured
 from enliven_viewer.studio.viewport.picking import Lens, first_face
 

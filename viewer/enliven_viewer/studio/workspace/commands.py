@@ -17,10 +17,10 @@ from enliven.motion.contact.pin import pin_feet, unpin
 from enliven.motion.layers.copying import copy_motion
 from enliven.motion.layers.retarget import clear_chain
 from enliven.rotation import from_rotation_vector
-from enliven_viewer.studio.matches import seen
-from enliven_viewer.studio.puppets.commands import PuppetDeeds
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.sources.matches import seen
 from enliven_viewer.studio.tools.nodes import remove
-from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.workspace.puppet_commands import PuppetDeeds
 
 _ASIDE = 0.3
 """Metres between the bones of a shape and those of a copy that is put beside it."""

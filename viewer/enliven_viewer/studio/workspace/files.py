@@ -10,24 +10,24 @@ import numpy as np
 from enliven.document.project import Project, same, unused
 from enliven.document.puppet import Puppet
 from enliven.errors import InputError
+from enliven.example_sessions.session import read_session
+from enliven.example_sessions.text import write_session
 from enliven.examples.puppet_motion import missing
-from enliven.formats.gltf.puppet_performance import PuppetPerformance, puppet_performance_of
-from enliven.formats.gltf.read import read_gltf
-from enliven.formats.gltf.write import (
+from enliven.exporters.gltf.puppet_performance import PuppetPerformance, puppet_performance_of
+from enliven.exporters.gltf.write import (
     GraphPerformance,
     Performance,
     graph_performance_of,
     performance_of,
     write_gltf,
 )
-from enliven.formats.session.session import read_session
-from enliven.formats.session.text import write_session
+from enliven.formats.gltf.read import read_gltf
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh, fit_height
 from enliven.modeling.puppet.edits import make_puppet
-from enliven.motion.takes.files import read_take
+from enliven.takes.files import read_take
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.viewport.possessed import with_performance
-from enliven_viewer.studio.workspace.editor import Editor
 
 MODELS = (".glb", ".gltf")
 MESHES = (".obj", ".ply", ".stl", ".off")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.registry import TOOLS
 from enliven_viewer.studio.viewport.overlay import Point
 from enliven_viewer.studio.workspace.command_table import DEEDS
 from enliven_viewer.studio.workspace.commands import Deeds
-from enliven_viewer.studio.workspace.editor import Editor
 
 _TURN = 0.008
 """Radians a pixel of dragging."""

@@ -12,7 +12,7 @@ from enliven.document.project import Project
 from enliven.errors import EnlivenError
 from enliven.files import own_folder
 from enliven.formats.project.file import read_project, write_project
-from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 
 PROJECT = ".enliven"
 _UNNAMED = "Untitled"

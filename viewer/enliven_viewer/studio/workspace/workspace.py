@@ -7,13 +7,12 @@ from pathlib import Path
 
 from enliven.document.project import Project
 from enliven.errors import EnlivenError, InputError
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.examples.exporting import Exporting
-from enliven_viewer.studio.examples.go_to import begin_pose, edit_pose
-from enliven_viewer.studio.examples.performer import PerformerView
 from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.performer.performer_view import PerformerView
 from enliven_viewer.studio.timeline.drag import TimelineHand
 from enliven_viewer.studio.workspace.commands import Deeds
-from enliven_viewer.studio.workspace.editor import Editor
 from enliven_viewer.studio.workspace.file_browser import Browser
 from enliven_viewer.studio.workspace.files import (
     MESHES,
@@ -26,6 +25,7 @@ from enliven_viewer.studio.workspace.files import (
     moves,
     save_session,
 )
+from enliven_viewer.studio.workspace.go_to import begin_pose, edit_pose
 from enliven_viewer.studio.workspace.input import Hand
 from enliven_viewer.studio.workspace.project_store import PROJECT, Cabinet
 

@@ -9,12 +9,12 @@ from enliven.modeling.puppet.edits import remove_key_pose
 from enliven_viewer.live.hud import clock
 from enliven_viewer.studio.examples.coverage import Coverage
 from enliven_viewer.studio.examples.edits import duplicated, mirrored_copy, retimed
-from enliven_viewer.studio.examples.go_to import begin_pose, edit_pose
-from enliven_viewer.studio.examples.thumbnails import Thumbnails
 from enliven_viewer.studio.panels.examples.strokes import dashed, stick
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
+from enliven_viewer.studio.performer.thumbnails import Thumbnails
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.viewport.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED
+from enliven_viewer.studio.workspace.go_to import begin_pose, edit_pose
 from enliven_viewer.studio.workspace.workspace import Desk
 
 TILE = ImVec2(88, 80)

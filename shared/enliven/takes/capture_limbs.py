@@ -6,9 +6,9 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.formats.motion.capture import Capture
-from enliven.motion.takes.capture_roles import Roles
 from enliven.person.limbs import Limb
 from enliven.rotation import nearest_rotation, rotate, swing
+from enliven.takes.capture_roles import Roles
 
 _UP, _DOWN, _FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 

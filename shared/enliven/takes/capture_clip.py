@@ -21,10 +21,10 @@ from enliven.document.clip import Clip
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.formats.motion.capture import Capture
-from enliven.motion.takes.capture_rest import links, metres, rooted, stiff_pose, zero_pose, zero_stands
-from enliven.motion.takes.positions import filled, rest_of, turns_of
 from enliven.person.body import PARENTS, Body, Joint
 from enliven.rotation import conjugate, from_matrix, multiply, slerp
+from enliven.takes.capture_rest import links, metres, rooted, stiff_pose, zero_pose, zero_stands
+from enliven.takes.positions import filled, rest_of, turns_of
 
 BODY_NAMES: tuple[str, ...] = tuple(joint.name.lower().replace("_", " ") for joint in Joint)
 """Names of the 20 joints of a tracked person in a clip: "hip center", "spine", ..."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,35 +24,11 @@ from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.studio.viewport.playback import Company, length_of
 from enliven_viewer.studio.viewport.pose_at_time import Stance
 from enliven_viewer.studio.viewport.possessed import Possessed, end_of_streams, possessed_of
+from enliven_viewer.studio.viewport.selection import Selection, mended
 
 log = logging.getLogger(__name__)
 Edit = Callable[[Project], Project]
 _ROOM = 1.25
-
-
-@dataclass(frozen=True)
-class Selection:
-    """What the next command is about.
-
-    Attributes:
-        shape: its id, or None.
-        joint: a joint of it, or None.
-        chain: joints of it from one end to the other; empty without a chain.
-        layer: the id of a layer, or None.
-        graph: the id of a possessed mesh, or None; then no shape is chosen.
-        puppet: the id of a puppet, or None; then neither a shape nor a possessed mesh is chosen.
-        point: the number of a control point of it, or None.
-        puppet_layer: the number of a layer of it, or None.
-    """
-
-    shape: str | None = None
-    joint: int | None = None
-    chain: tuple[int, ...] = ()
-    layer: str | None = None
-    graph: str | None = None
-    puppet: str | None = None
-    point: int | None = None
-    puppet_layer: int | None = None
 
 
 class Editor:
@@ -221,29 +197,5 @@ class Editor:
 
     def _mend_selection(self) -> None:
         """Forget what is no longer there."""
-        chosen, project = self.selection, self.project
-        if chosen.layer is not None and chosen.layer not in project.layers:
-            chosen = replace(chosen, layer=None)
-        if chosen.graph is not None and chosen.graph not in project.graphs:
-            chosen = replace(chosen, graph=None)
-        if chosen.puppet is not None:
-            chosen = _mended_puppet(chosen, project)
-        if chosen.shape is not None and chosen.shape not in project.shapes:
-            chosen = Selection(layer=chosen.layer)
-        count = len(project.shapes[chosen.shape].skeleton) if chosen.shape else 0
-        if chosen.joint is not None and chosen.joint >= count:
-            chosen = replace(chosen, joint=None)
-        if any(joint >= count for joint in chosen.chain):
-            chosen = replace(chosen, chain=())
-        self.selection = chosen
+        self.selection = mended(self.selection, self.project)
         self.time = float(np.clip(self.time, 0.0, self.length))
-
-
-def _mended_puppet(chosen: Selection, project: Project) -> Selection:
-    """The selection without a puppet, a control point or a layer that is no longer there."""
-    puppet = project.puppets.get(str(chosen.puppet))
-    if puppet is None:
-        return Selection()
-    point = chosen.point if (chosen.point or 0) < len(puppet.points) else None
-    layer = chosen.puppet_layer if (chosen.puppet_layer or 0) < len(puppet.layers) else None
-    return replace(chosen, point=point, puppet_layer=layer)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from enliven.document.example_settings import ExampleSettings
+from enliven.document.locomotion import LocomotionSettings
 from enliven.document.surface_settings import ArapSettings
-from enliven.examples.spacetime.locomotion import LocomotionSettings
 from enliven.settings import setting
 
 Three = tuple[float, float, float]

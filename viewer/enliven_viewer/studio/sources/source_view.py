@@ -8,10 +8,11 @@ from enliven.document.clip import Clip
 from enliven.document.rigged import still_shape
 from enliven_viewer.playback.document import bounds_of
 from enliven_viewer.render.camera import OrbitCamera
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.viewport.overlay import Overlay, Point
 from enliven_viewer.studio.viewport.picking import Hit, Lens, joint_at
 from enliven_viewer.studio.viewport.pose_at_time import Stance, joints_of
-from enliven_viewer.studio.workspace.editor import Editor, Selection
+from enliven_viewer.studio.viewport.selection import Selection
 
 _TURN = 0.01
 SOURCE = "source"

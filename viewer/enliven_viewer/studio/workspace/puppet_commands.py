@@ -21,7 +21,7 @@ from enliven.modeling.puppet.edits import (
     turn_puppet,
 )
 from enliven.rotation import from_rotation_vector
-from enliven_viewer.studio.workspace.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 
 _ASIDE = 0.3
 """Metres between a puppet and what is put beside it."""

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.example_sessions.tables import MeshTable
 from enliven.formats.project.file import read_project
-from enliven.formats.session.tables import MeshTable
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh, fit_height
 from enliven.rotation import from_rotation_vector, rotate

@@ -21,7 +21,7 @@
 
 Metres in the mesh's frame, once it is fitted: upright, standing on y = 0, its box centred. Files are relative
 to the session's, and may begin with a variable of the environment ("$MESHES/cactus.off"). All tables:
-:mod:`enliven.formats.session.tables`; written by :func:`enliven.formats.session.text.write_session`.
+:mod:`enliven.example_sessions.tables`; written by :func:`enliven.example_sessions.text.write_session`.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from typing import Any
 import numpy as np
 
 from enliven.document.constraints import Coupling, Position, Velocity
+from enliven.document.locomotion import Switch
 from enliven.document.project import Project
 from enliven.document.puppet import Plane, Puppet
 from enliven.errors import InputError
-from enliven.examples.spacetime.locomotion import Switch
-from enliven.formats.session.file import SessionFile
-from enliven.formats.session.mesh import fitted, mesh_of, nearest_vertex
-from enliven.formats.session.tables import (
+from enliven.example_sessions.file import SessionFile
+from enliven.example_sessions.mesh import fitted, mesh_of, nearest_vertex
+from enliven.example_sessions.tables import (
     CouplingTable,
     LayerTable,
     MeshTable,
@@ -63,7 +63,7 @@ from enliven.modeling.puppet.edits import (
     play_take,
     set_symmetry,
 )
-from enliven.motion.takes.files import read_take
+from enliven.takes.files import read_take
 
 __all__ = ["Session", "fitted", "read_session"]
 

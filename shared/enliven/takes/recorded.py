@@ -17,10 +17,10 @@ import numpy as np
 from enliven.document.clip import Clip
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, Frame
-from enliven.motion.takes.capture_clip import clip_of_bodies
 from enliven.person.body import Body
 from enliven.recording import Recording
 from enliven.settings import setting
+from enliven.takes.capture_clip import clip_of_bodies
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,10 @@ from enliven.document.project import Project
 from enliven.document.rigged import Shape
 from enliven.errors import InputError, ResourceError
 from enliven.examples.baking.maps import stretch_axes
-from enliven.formats.gltf.puppet_gltf import add_puppet
-from enliven.formats.gltf.puppet_performance import PuppetPerformance
-from enliven.formats.gltf.scene import GltfScene
-from enliven.formats.gltf.shape import (
+from enliven.exporters.gltf.puppet_gltf import add_puppet
+from enliven.exporters.gltf.puppet_performance import PuppetPerformance
+from enliven.exporters.gltf.scene import GltfScene
+from enliven.exporters.gltf.shape import (
     bone_names,
     listed,
     local_offsets,

@@ -12,10 +12,10 @@ import pygltflib
 from enliven.arrays import Float
 from enliven.examples.baking.bake import BakedSurface
 from enliven.examples.baking.morphs import BakedMorphs
-from enliven.formats.gltf.keys import needed_keys
-from enliven.formats.gltf.puppet_performance import PuppetPerformance
-from enliven.formats.gltf.scene import GltfScene
-from enliven.formats.gltf.shape import listed, stretches_of
+from enliven.exporters.gltf.keys import needed_keys
+from enliven.exporters.gltf.puppet_performance import PuppetPerformance
+from enliven.exporters.gltf.scene import GltfScene
+from enliven.exporters.gltf.shape import listed, stretches_of
 from enliven.rotation import from_matrix
 
 

@@ -19,12 +19,12 @@ from enliven.examples.performer import turned_about_y, yaw_of
 from enliven.mapping.facing import facing_of
 from enliven.modeling.puppet.edits import play_take
 from enliven_viewer.render.camera import OrbitCamera
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.examples.edits import paired
 from enliven_viewer.studio.examples.times import layer_of, seconds_at
 from enliven_viewer.studio.viewport.overlay import Point
 from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.studio.viewport.pose_at_time import joints_of
-from enliven_viewer.studio.workspace.editor import Editor
 
 _TURN = 0.008
 _ROOM = 1.3

@@ -10,9 +10,9 @@ from enliven.matching.ranking import Matcher
 from enliven.matching.source import source_of_skeleton
 from enliven.matching.views import View as MatchView
 from enliven.motion.layers.retarget import bind_chain
+from enliven_viewer.studio.sources.source_view import stance_of
 from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.studio.viewport.pose_at_time import Stance
-from enliven_viewer.studio.viewport.source_view import stance_of
 
 Chain = tuple[int, ...]
 

@@ -11,7 +11,7 @@ from enliven_viewer.render.overlay.tubes import Tubes, tube_rows
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Look, Scene
 from enliven_viewer.render.skinned import linear
-from enliven_viewer.studio.examples.performer import Figure
+from enliven_viewer.studio.performer.performer_view import Figure
 from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.studio.viewport.theme import FADED, HOVERED, point_colour
 

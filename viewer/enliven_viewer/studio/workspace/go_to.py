@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.examples.times import layer_of, time_of
-
-if TYPE_CHECKING:
-    from enliven_viewer.studio.workspace.workspace import Desk
-
+from enliven_viewer.studio.performer.performer_view import PerformerView
+from enliven_viewer.studio.workspace.input import Hand
 
 _ROOM = 1.35
 """How much air is left around a puppet that is brought into the picture."""
 
 
-def go_to(desk: Desk, take: str, seconds: float) -> None:
+class Workplace(Protocol):
+    """The editor, the tool in hand and the second view, which go to a moment together."""
+
+    editor: Editor
+    performer: PerformerView
+    hand: Hand
+
+
+def go_to(desk: Workplace, take: str, seconds: float) -> None:
     """The playhead to a second of a take, where the puppet plays it; the second view shows that take."""
     editor, puppet = desk.editor, desk.editor.puppets.puppet
     if puppet is None:
@@ -27,7 +34,7 @@ def go_to(desk: Desk, take: str, seconds: float) -> None:
     desk.performer.show(take)
 
 
-def edit_pose(desk: Desk, number: int) -> None:
+def edit_pose(desk: Workplace, number: int) -> None:
     """Edit a key pose at its moment."""
     puppet = desk.editor.puppets.puppet
     if puppet is not None and 0 <= number < len(puppet.poses):
@@ -37,7 +44,7 @@ def edit_pose(desk: Desk, number: int) -> None:
         bring_into_view(desk)
 
 
-def begin_pose(desk: Desk, take: str, seconds: float) -> None:
+def begin_pose(desk: Workplace, take: str, seconds: float) -> None:
     """Make a key pose for a second of a take, and edit it."""
     clip = desk.editor.project.takes[take]
     frame = min(max(round(seconds / clip.step), 0), len(clip.turns) - 1)
@@ -47,7 +54,7 @@ def begin_pose(desk: Desk, take: str, seconds: float) -> None:
     bring_into_view(desk)
 
 
-def bring_into_view(desk: Desk) -> None:
+def bring_into_view(desk: Workplace) -> None:
     """Move the camera to the chosen puppet where it is not wholly in the picture: it may have walked away."""
     editor = desk.editor
     standing = editor.puppets.stage.standing_of(editor.selection.puppet or "")
@@ -59,6 +66,6 @@ def bring_into_view(desk: Desk) -> None:
         editor.camera.frame((low, high), editor.size[0] / max(editor.size[1], 1.0), room=_ROOM)
 
 
-def _take_in_hand(desk: Desk) -> None:
+def _take_in_hand(desk: Workplace) -> None:
     if desk.hand.tool.name != "puppet":
         desk.hand.take("puppet")

@@ -15,8 +15,8 @@ from enliven.formats.gltf.read import read_gltf
 from enliven.formats.motion.bvh import read_bvh
 from enliven.formats.motion.expmap import read_expmap
 from enliven.formats.project.file import read_project
-from enliven.motion.takes.capture_clip import between_times, clip_of_capture
-from enliven.motion.takes.recorded import clips_of_recording
+from enliven.takes.capture_clip import between_times, clip_of_capture
+from enliven.takes.recorded import clips_of_recording
 
 _KNOWN = (
     "Known: .bvh, .txt (CMU's exponential maps), .mcap, .glb and .gltf with animations, .enliven with takes."

@@ -19,8 +19,8 @@ import numpy as np
 from enliven.document.project import Project
 from enliven.document.puppet import KeyPose, Puppet, PuppetLayer
 from enliven.errors import InputError, ResourceError
+from enliven.example_sessions.tables import LayerTable, MeshTable, SettingsTable, TakeTable
 from enliven.formats.project.file import write_project
-from enliven.formats.session.tables import LayerTable, MeshTable, SettingsTable, TakeTable
 
 _HEAD = """# A mesh, its control points, what poses of a performer mean on it, and what it plays.
 # Metres, in the mesh's frame: upright, on the floor. Change what you like; see docs/examples.md.
@@ -34,7 +34,7 @@ def write_session(
     mesh: MeshTable | None = None,
     takes: Mapping[str, TakeTable] | None = None,
 ) -> None:
-    """Writes a puppet of a project, to be read by :func:`enliven.formats.session.session.read_session`.
+    """Writes a puppet of a project, to be read by :func:`enliven.example_sessions.session.read_session`.
 
     Args:
         mesh: which file the puppet's mesh is, relative to the session.

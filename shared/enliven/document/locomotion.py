@@ -1,0 +1,53 @@
+"""How a puppet gets over the floor: its settings, and when its performer touches it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from enliven.document.pin import ContactSettings
+from enliven.settings import setting
+
+Kind = Literal["contact", "flight"]
+
+
+@dataclass(frozen=True)
+class LocomotionSettings:
+    """How a mesh gets over the floor."""
+
+    contact: ContactSettings = setting(ContactSettings)
+    runner: float = setting(
+        0.4, "A foot that stands may also be as fast as this share of the feet's mean.", low=0.0, high=1.0
+    )
+    gravity: float = setting(9.81, "How fast what falls gets faster.", unit="m/s^2", low=0.0, high=1000.0)
+    landing: Literal["timed", "free"] = setting(
+        "timed", '"timed": it lands when the performer does; "free": when gravity brings it down.'
+    )
+    grip: float = setting(
+        0.02,
+        "How much lower than the anchor another foot must be to take over.",
+        unit="mesh sizes",
+        low=0.0,
+        high=1.0,
+    )
+    plant: float = setting(
+        0.0,
+        "How much of their sliding is taken from feet beside the anchor; they meet key poses less then.",
+        low=0.0,
+        high=1.0,
+    )
+    throw: float = setting(
+        0.1,
+        "How long before it leaves the floor the mesh's velocity is measured.",
+        unit="s",
+        low=0.0,
+        high=2.0,
+    )
+
+
+@dataclass(frozen=True)
+class Switch:
+    """From this frame on the performer touches the floor, or does not."""
+
+    frame: int
+    kind: Kind

@@ -1,0 +1,24 @@
+"""Rectangles of a picture."""
+
+from __future__ import annotations
+
+Region = tuple[int, int, int, int]
+"""Left, lower, width and height in pixels, from the lower left of the picture."""
+
+
+def whole(size: tuple[int, int]) -> Region:
+    """All of a picture of this size."""
+    return 0, 0, *size
+
+
+def beside(region: Region, size: tuple[int, int]) -> list[Region]:
+    """What of a picture is not in a region: at most four others."""
+    x, y, width, height = region
+    right, top = x + width, y + height
+    rest = [
+        (0, 0, size[0], y),
+        (0, top, size[0], size[1] - top),
+        (0, y, x, height),
+        (right, y, size[0] - right, height),
+    ]
+    return [one for one in rest if one[2] > 0 and one[3] > 0]

@@ -1,0 +1,61 @@
+"""What the puppets of the studio need of the editor that holds the project."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from enliven.arrays import Float
+from enliven.document.project import Project
+from enliven.document.puppet import KeyPose, Puppet
+from enliven.examples.puppet_motion import State
+from enliven_viewer.studio.examples.solving import Solving
+from enliven_viewer.studio.toasts import Toasts
+from enliven_viewer.studio.viewport.selection import Selection
+
+
+class Editing(Protocol):
+    """An editor: the project with its past, the time that is shown, and what is chosen."""
+
+    time: float
+    playing: bool
+    selection: Selection
+    toasts: Toasts
+    solving: Solving
+
+    @property
+    def project(self) -> Project:
+        """The project as it is shown."""
+
+    def edit(self, name: str, change: Callable[[Project], Project]) -> bool:
+        """Do an edit and remember it; False where it cannot be done."""
+
+    def select(self, **changes: object) -> None:
+        """Change parts of the selection."""
+
+
+class Posing(Protocol):
+    """The key pose that is edited, or the control point that is dragged, as the stage shows it."""
+
+    silhouette: bool
+    way: State | None
+
+    @property
+    def puppet(self) -> Puppet | None:
+        """The chosen puppet."""
+
+    @property
+    def number(self) -> int | None:
+        """The number of the key pose; None while the puppet plays."""
+
+    @property
+    def previous(self) -> KeyPose | None:
+        """The key pose that it is compared with."""
+
+    @property
+    def places(self) -> Float | None:
+        """(P, 3) metres in the mesh's frame; None while the puppet plays."""
+
+    @property
+    def dragging(self) -> bool:
+        """Whether a control point is dragged."""

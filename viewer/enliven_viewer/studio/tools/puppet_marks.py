@@ -1,0 +1,113 @@
+"""What the puppet tool draws over the picture."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven_viewer.studio.puppets.manipulator import Manipulator
+from enliven_viewer.studio.puppets.marks import GHOST_RADIUS, POINT_RADIUS
+from enliven_viewer.studio.puppets.mesh_cache import normals_of
+from enliven_viewer.studio.puppets.mirrored import partner_vertex
+from enliven_viewer.studio.puppets.posing import PuppetDesk
+from enliven_viewer.studio.puppets.stage import Standing
+from enliven_viewer.studio.puppets.suggested import Suggested
+from enliven_viewer.studio.tools.puppet_drag import PointGrip
+from enliven_viewer.studio.viewport.overlay import Disc, Fill, Line, Point, Words
+from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.viewport.theme import ACCENT, INK, QUIET, Colour
+
+_WHITE: Colour = (1.0, 1.0, 1.0, 0.9)
+
+
+Mark = Line | Disc | Fill | Words
+
+
+class Pointing(Protocol):
+    """What is under the pointer, and what is in the hand, of the puppet tool."""
+
+    desk: PuppetDesk
+    suggested: Suggested
+    over: str
+    over_point: int | None
+    over_vertex: int | None
+
+    @property
+    def held(self) -> PointGrip | None:
+        """The control point in the hand."""
+
+    def manipulator(self) -> Manipulator | None:
+        """The arrows of the chosen control point."""
+
+
+def marks_of(tool: Pointing, standing: Standing, lens: Lens) -> tuple[Mark, ...]:
+    """Suggestions, where a click would put a control point, names, the manipulator's squares."""
+    found: list[Mark] = []
+    if tool.held is None:
+        found += _suggestions(tool, standing, lens)
+        found += _next_point(tool, standing, lens)
+    found += _names(tool, standing, lens)
+    manipulator = tool.manipulator()
+    if manipulator is not None:
+        part = tool.held.part if tool.held is not None else ""
+        found += manipulator.marks(part or tool.over, part)
+    return tuple(found)
+
+
+def _suggestions(tool: Pointing, standing: Standing, lens: Lens) -> list[Mark]:
+    """Rings at the ends of limbs; only before key poses are made, then they are in the way."""
+    if standing.puppet.poses or tool.desk.posing:
+        return []
+    found: list[Mark] = []
+    for vertex in tool.suggested.of(standing.puppet):
+        place = standing.vertices[vertex]
+        # At the far side it is fainter.
+        seen = standing.way_into(lens.view.eye - place) @ normals_of(standing.puppet.mesh)[vertex] > 0.0
+        white, dark = ((1.0, 1.0, 1.0, 0.8), 0.35) if seen else ((1.0, 1.0, 1.0, 0.3), 0.12)
+        for pixel in _pixels(lens, place[None]):
+            found.append(Disc(pixel, GHOST_RADIUS, (0.0, 0.0, 0.0, dark), 3.5))
+            found.append(Disc(pixel, GHOST_RADIUS, white, 1.5))
+            found.append(Disc(pixel, 1.6, white))
+    return found
+
+
+def _next_point(tool: Pointing, standing: Standing, lens: Lens) -> list[Mark]:
+    """A ring where a click would put a control point, and at its mirror image."""
+    if tool.over_vertex is None:
+        return []
+    wanted = [tool.over_vertex]
+    if tool.desk.symmetric:
+        other = partner_vertex(standing.puppet, tool.over_vertex)
+        wanted += [other] if other is not None and other != tool.over_vertex else []
+    found: list[Mark] = []
+    for pixel in _pixels(lens, standing.vertices[wanted]):
+        found.append(Disc(pixel, 6.5, ACCENT, 2.0))
+        found.append(Disc(pixel, 2.0, ACCENT))
+    return found
+
+
+def _names(tool: Pointing, standing: Standing, lens: Lens) -> list[Mark]:
+    """The names of the chosen control point and of the one under the pointer; a ring around the chosen."""
+    found: list[Mark] = []
+    chosen, points = tool.desk.point, standing.puppet.points
+    for number in dict.fromkeys([chosen, tool.over_point]):
+        if number is None or number >= len(points):
+            continue
+        for pixel in _pixels(lens, standing.points[[number]]):
+            if number == chosen:
+                found.append(Disc(pixel, POINT_RADIUS * 1.35 + 2.5, _WHITE, 1.5))
+            point = points[number]
+            at = (pixel[0] + 16, pixel[1] + 24)
+            found.append(Words(at, point.name, INK))
+            if point.joint:
+                found.append(Words((at[0], at[1] + 16), point.joint, QUIET))
+    return found
+
+
+def _pixels(lens: Lens, points: Float) -> list[Point]:
+    """The pixels of places (N, 3) that are before the eye."""
+    if not len(points):
+        return []
+    return [(float(x), float(y)) for x, y in lens.project(points)[0] if np.isfinite(x) and np.isfinite(y)]

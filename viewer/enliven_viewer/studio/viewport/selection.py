@@ -1,0 +1,60 @@
+"""What an artist has chosen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from enliven.document.project import Project
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What the next command is about.
+
+    Attributes:
+        shape: its id, or None.
+        joint: a joint of it, or None.
+        chain: joints of it from one end to the other; empty without a chain.
+        layer: the id of a layer, or None.
+        graph: the id of a possessed mesh, or None; then no shape is chosen.
+        puppet: the id of a puppet, or None; then neither a shape nor a possessed mesh is chosen.
+        point: the number of a control point of it, or None.
+        puppet_layer: the number of a layer of it, or None.
+    """
+
+    shape: str | None = None
+    joint: int | None = None
+    chain: tuple[int, ...] = ()
+    layer: str | None = None
+    graph: str | None = None
+    puppet: str | None = None
+    point: int | None = None
+    puppet_layer: int | None = None
+
+
+def mended(chosen: Selection, project: Project) -> Selection:
+    """The selection without what is no longer in the project."""
+    if chosen.layer is not None and chosen.layer not in project.layers:
+        chosen = replace(chosen, layer=None)
+    if chosen.graph is not None and chosen.graph not in project.graphs:
+        chosen = replace(chosen, graph=None)
+    if chosen.puppet is not None:
+        chosen = _mended_puppet(chosen, project)
+    if chosen.shape is not None and chosen.shape not in project.shapes:
+        chosen = Selection(layer=chosen.layer)
+    count = len(project.shapes[chosen.shape].skeleton) if chosen.shape else 0
+    if chosen.joint is not None and chosen.joint >= count:
+        chosen = replace(chosen, joint=None)
+    if any(joint >= count for joint in chosen.chain):
+        chosen = replace(chosen, chain=())
+    return chosen
+
+
+def _mended_puppet(chosen: Selection, project: Project) -> Selection:
+    """The selection without a puppet, a control point or a layer that is no longer there."""
+    puppet = project.puppets.get(str(chosen.puppet))
+    if puppet is None:
+        return Selection()
+    point = chosen.point if (chosen.point or 0) < len(puppet.points) else None
+    layer = chosen.puppet_layer if (chosen.puppet_layer or 0) < len(puppet.layers) else None
+    return replace(chosen, point=point, puppet_layer=layer)
