@@ -7,7 +7,7 @@ from pathlib import Path
 
 from enliven.doctor import Check
 from enliven_edge.sensors import crash_reports
-from enliven_edge.sensors.attached import attached
+from enliven_edge.sensors.attached_cameras import attached
 from enliven_edge.sensors.profile import profile_names
 from enliven_edge.sensors.registry import sensor_names
 

@@ -23,7 +23,7 @@ from enliven_edge.fusion.calibration.tracks import stream_of
 from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.measures import agreement, jitter_mm
 from enliven_edge.fusion.live.merge import eyes, fused, in_world, untouched
-from enliven_edge.fusion.placement.rigid import angle_between, inverse, moved
+from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, moved
 from enliven_edge.fusion.placement.space import Space
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.multitrack import MultiTrackReader

@@ -33,7 +33,7 @@ from enliven.modeling.mesh.mesh_cut import cut_across_bone
 from enliven.modeling.mesh.mesh_union import united
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.modeling.sketching.strokes import tentacle
-from enliven.modeling.skinning.bone_heat import bone_heat, segments_of
+from enliven.modeling.skinning.heat_diffusion import bone_heat, segments_of
 
 BONES = 30
 

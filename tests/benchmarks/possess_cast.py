@@ -21,7 +21,7 @@ from enliven_edge.stage.embedded_actor import Actor, ActorSettings
 from enliven_edge.stage.placement import turn_about_y
 from enliven_edge.stage.standing import best_stand
 from enliven_synthesis.body.performer import Performer
-from enliven_synthesis.motion.choreography import choreography
+from enliven_synthesis.motion.choreographies import choreography
 from enliven_synthesis.motion.exercises import exercise, exercise_names
 
 _SCALES = (0.7, 0.8, 0.9, 1.0, 1.1)

@@ -15,7 +15,7 @@ from enliven.person.body import BONES, Joint
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.body.posture import Arm, Foot, Posture
 from enliven_synthesis.body.rotations import GRID
-from enliven_synthesis.motion.choreography import choreography, choreography_names
+from enliven_synthesis.motion.choreographies import choreography, choreography_names
 from enliven_synthesis.motion.tracks import Track, ease, pulse
 
 RATE = 30.0

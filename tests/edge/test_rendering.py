@@ -11,7 +11,7 @@ from enliven.camera import Intrinsics, project, rays, world_from_level_camera
 from enliven.person.body import BONES, Joint
 from enliven_synthesis.body.body_sdf import BETWEEN, BLEND, DARK, PIECES, TAPER, Anatomy, Flesh
 from enliven_synthesis.body.performer import Performer, Proportions
-from enliven_synthesis.motion.choreography import choreography
+from enliven_synthesis.motion.choreographies import choreography
 from enliven_synthesis.sensor.render import Renderer
 from enliven_synthesis.sensor.scene import MIRROR, Box, cast_room
 

@@ -19,7 +19,7 @@ from enliven_edge.fusion.calibration.tracks import stream_of
 from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.measures import agreement, jitter_mm
 from enliven_edge.fusion.live.merge import eyes, fused, in_world
-from enliven_edge.fusion.placement.rigid import angle_between, inverse, rigid, turn
+from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, rigid, turn
 from enliven_edge.fusion.settings import CalibrationSettings
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.multitrack import MultiTrackReader

@@ -11,7 +11,7 @@ from enliven.formats.gltf.read import read_gltf
 from enliven.meshes.mesh import weld
 from enliven.modeling.mesh.mesh_cut import cut_across_bone
 from enliven.modeling.mesh.mesh_union import united
-from enliven.modeling.skinning.bone_heat import bone_heat, segments_of
+from enliven.modeling.skinning.heat_diffusion import bone_heat, segments_of
 from enliven.modeling.skinning.skin_values import dense
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[2].parent / "shared" / "data"))

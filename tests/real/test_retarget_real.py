@@ -12,7 +12,7 @@ from enliven.exporters.gltf.write import glb_of, performance_of
 from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.applying import source_anatomy
-from enliven.mapping.automatic import retargeted
+from enliven.mapping.automatic_mapping import retargeted
 from enliven.motion.layers.evaluate import Player
 from enliven.takes.files import read_take
 

@@ -10,8 +10,8 @@ from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import playing, resized, welded
-from enliven.modeling.rigged.cut import cut_bone
-from enliven.modeling.rigged.merge import merge
+from enliven.modeling.rigged.cutting import cut_bone
+from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven.modeling.rigged.posed import posed
 from enliven.modeling.rigged.posing import drag_joint

@@ -15,7 +15,7 @@ from enliven.cli import run
 from enliven.recording import Recorder, Recording
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.fusion.live.merge import untouched
-from enliven_edge.fusion.placement.rigid import angle_between, inverse, moved
+from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, moved
 from enliven_edge.fusion.placement.space import load_space
 from enliven_edge.sensors.replay import ReplaySensor
 from enliven_edge.tracking.settings import TrackerSettings

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from enliven.mapping.automatic import retargeted
+from enliven.mapping.automatic_mapping import retargeted
 from enliven_viewer.film.motion_sheet import stick_shape, write_motion_sheet
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "shared" / "mapping"))

@@ -1,0 +1,1 @@
+"""The program on the screen: it receives, skins and draws characters, plays takes, and edits in the studio."""

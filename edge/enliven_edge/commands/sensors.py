@@ -81,7 +81,7 @@ def sensors(
 
 def _list(console: Console) -> None:
     """What may be named, and what is plugged in."""
-    from enliven_edge.sensors.attached import attached
+    from enliven_edge.sensors.attached_cameras import attached
     from enliven_edge.sensors.registry import sensor_names
 
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
@@ -131,7 +131,7 @@ def _facts(frames: list[DepthFrame], condition, name: str) -> list[tuple[str, st
     import numpy as np
 
     from enliven.camera import rays, unproject
-    from enliven_edge.tracking.frame.survey import survey
+    from enliven_edge.tracking.frame.depth_survey import survey
     from enliven_edge.tracking.scene.floor import world_from_floor
 
     last = frames[-1]

@@ -1,1 +1,1 @@
-"""Two or more sensors on one space: where they stand, and one set of bodies out of what each saw."""
+"""Several sensors on one space: where each stands, and one set of bodies out of what all see."""

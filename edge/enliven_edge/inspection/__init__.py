@@ -1,1 +1,1 @@
-"""What the tracker sees and says, drawn over the depth: for the eye of whoever doubts it."""
+"""What the tracker sees and says, drawn over the depth image, as pictures and films for a technician."""

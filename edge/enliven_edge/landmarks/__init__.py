@@ -1,1 +1,4 @@
-"""Landmarks from a colour image, lifted into bodies: an addition that depth alone never needs."""
+"""Landmarks of a colour image, lifted into bodies in metres and joined with the bodies from depth.
+
+This is an addition: depth alone tracks without it. MediaPipe runs in a process of its own.
+"""

@@ -1,4 +1,4 @@
-"""The edge's TCP ports: connections, bytes read and bytes queued, each within stated bounds."""
+"""The edge's network: TCP servers with bounded queues, the streams to viewers, and the requests from them."""
 
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.descriptors import raise_descriptor_limit

@@ -1,1 +1,1 @@
-"""Loose things that characters and performers knock about: boxes and balls in a physics engine (an extra)."""
+"""Loose boxes and balls that characters and performers knock about, by a physics engine (an extra)."""

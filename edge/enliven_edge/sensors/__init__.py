@@ -1,0 +1,6 @@
+"""Sensors: everything that delivers frames, by name, with reopening, health and recordings in place of
+devices.
+
+:func:`open_sensor` opens one by its name; other packages add sensors by the entry-point group
+``enliven.sensors``.
+"""

@@ -7,7 +7,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from enliven.errors import ResourceError
-from enliven_edge.sensors.attached import pip_line, unsupported
+from enliven_edge.sensors.attached_cameras import pip_line, unsupported
 
 
 def library(module: str, sensor: str, pip: str = "") -> Any:

@@ -1,4 +1,4 @@
-"""Pictures in a terminal: by its own image protocol where it has one, else in coloured half blocks."""
+"""Pictures in a terminal, by its own image protocol where it has one, else in coloured half blocks."""
 
 from enliven_edge.terminal.probing import way_of
 from enliven_edge.terminal.showing import WAYS, Way, shown

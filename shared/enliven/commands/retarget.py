@@ -71,7 +71,7 @@ def retarget(
     # Heavy modules are imported only here, so that the help is quick.
     from enliven.exporters.gltf.write import performance_of, write_gltf
     from enliven.formats.gltf.read import read_gltf
-    from enliven.mapping.automatic import retargeted
+    from enliven.mapping.automatic_mapping import retargeted
     from enliven.mapping.plan_file import read_plan, write_plan
     from enliven.takes.files import read_take
 
@@ -114,7 +114,7 @@ def _plan(
     """The mapping of the file, or the one that is found, with what the command line says about it."""
     from dataclasses import replace
 
-    from enliven.mapping.automatic import automatic
+    from enliven.mapping.automatic_mapping import automatic
     from enliven.mapping.plan import Plan
     from enliven.settings import load_settings
 

@@ -1,0 +1,5 @@
+"""Deformation of meshes: skinning, and spheres that stand for a moving mesh in a physics engine.
+
+The solvers are rooms of their own: ``graph`` (what both share), ``embedded`` (KinÊtre), ``arap`` (squash and
+stretch), ``constraints`` and ``possession``.
+"""

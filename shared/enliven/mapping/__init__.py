@@ -1,1 +1,3 @@
-"""Which limb of a take drives which limb of a shape, and how: found automatically, or read from a file."""
+"""Mapping: which limb of a take drives which limb of a skeleton, found by geometry alone or read from a
+file.
+"""

@@ -1,1 +1,3 @@
-"""Which part of a skeleton does a pose mean? Abstraction, ranking, picking, symmetry (AniMesh, section 4)."""
+"""Matching: which part of a skeleton a pose means (AniMesh, section 4): abstraction, ranking, picking,
+symmetry.
+"""

@@ -1,0 +1,1 @@
+"""Triangle meshes: the type, readers of mesh files, repair, and surfaces of scans."""

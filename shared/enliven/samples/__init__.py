@@ -1,0 +1,1 @@
+"""Sample characters that the project made: a chair, a lamp and a cactus."""

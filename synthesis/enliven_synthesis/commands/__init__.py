@@ -1,0 +1,1 @@
+"""The commands ``enliven synthesize`` and ``enliven train-estimator``."""

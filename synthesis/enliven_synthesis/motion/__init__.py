@@ -1,0 +1,1 @@
+"""What the performer does: choreographies by name, walks, exercises and motion captures."""

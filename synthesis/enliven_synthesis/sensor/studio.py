@@ -17,7 +17,7 @@ from enliven_edge.sensors.profile import SensorProfile
 from enliven_synthesis.body.body_sdf import Anatomy
 from enliven_synthesis.body.performer import Figure, Performer, Proportions
 from enliven_synthesis.body.rotations import about_y, on_grid
-from enliven_synthesis.motion.choreography import choreography
+from enliven_synthesis.motion.choreographies import choreography
 from enliven_synthesis.sensor.noise import DepthNoise
 from enliven_synthesis.sensor.render import Renderer
 from enliven_synthesis.sensor.scene import cast_room

@@ -1,0 +1,1 @@
+"""The training of the pose estimator: data set, network, losses, quantisation."""

@@ -13,7 +13,7 @@ from enliven.errors import InputError
 from enliven_edge.fusion.calibration.calibration import calibrate
 from enliven_edge.fusion.calibration.quality import Verdict
 from enliven_edge.fusion.calibration.tracks import BodyStream, BodyTrack, stream_of
-from enliven_edge.fusion.placement.rigid import angle_between, inverse, moved, rigid, turn
+from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, moved, rigid, turn
 from enliven_edge.fusion.settings import CalibrationSettings
 from enliven_synthesis.motion.wander import Way
 

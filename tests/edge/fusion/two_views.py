@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from enliven.frames import DepthFrame
-from enliven_edge.fusion.placement.rigid import inverse
+from enliven_edge.fusion.placement.rigid_transform import inverse
 from enliven_edge.sensors.profile import load_profile
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.dance import HOME_Z

@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.person.body import PARENTS, Joint
 from enliven_synthesis.body.performer import Performer, Proportions
-from enliven_synthesis.motion.choreography import choreography
+from enliven_synthesis.motion.choreographies import choreography
 from enliven_synthesis.motion.exercises import exercise
 
 STEP = 1.0 / 25.0

@@ -27,7 +27,7 @@ from enliven_edge.inspection.picture import (
 )  # fmt: skip
 from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.body.performer import Performer
-from enliven_synthesis.motion.choreography import choreography
+from enliven_synthesis.motion.choreographies import choreography
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 CAMERA = Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from enliven.errors import EnlivenError
-from enliven_edge.sensors.attached import attached
+from enliven_edge.sensors.attached_cameras import attached
 from enliven_edge.sensors.drivers import refusals
 from enliven_edge.sensors.drivers.oak import OakSensor
 from enliven_edge.sensors.drivers.realsense import RealSenseSensor

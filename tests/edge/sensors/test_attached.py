@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from enliven_edge import doctor
-from enliven_edge.sensors import attached as module
-from enliven_edge.sensors.attached import KINDS, attached
+from enliven_edge.sensors import attached_cameras as module
+from enliven_edge.sensors.attached_cameras import KINDS, attached
 
 RULES = Path(__file__).parents[3] / "firmware_configs" / "udev" / "60-enliven-cameras.rules"
 

@@ -12,7 +12,7 @@ from enliven.formats.motion.capture import Capture
 from enliven.person.body import Joint
 from enliven.takes.capture_roles import find_roles
 from enliven_synthesis.body.performer import Performer, Proportions
-from enliven_synthesis.motion.choreography import choreography
+from enliven_synthesis.motion.choreographies import choreography
 from enliven_synthesis.motion.exercises import exercise
 from enliven_synthesis.motion.mocap import Captured
 

@@ -12,7 +12,7 @@ from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven_synthesis.body.body_sdf import Anatomy
 from enliven_synthesis.body.performer import Figure, Performer, Proportions
-from enliven_synthesis.motion.choreography import choreography
+from enliven_synthesis.motion.choreographies import choreography
 from enliven_synthesis.sensor.render import Renderer
 from enliven_synthesis.sensor.scene import ROOM, Box, cast_room
 

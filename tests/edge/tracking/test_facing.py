@@ -8,7 +8,7 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.chest import chest_axes, chest_axes_about
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import Seen, facing_score, turned_about
-from enliven_edge.tracking.detect.facing import Facing, _advantage, backward, forward_in_plan
+from enliven_edge.tracking.detect.facing_side import Facing, _advantage, backward, forward_in_plan
 
 STILL = (0.0, 0.0, 0.0)
 

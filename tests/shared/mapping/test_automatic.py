@@ -12,7 +12,7 @@ from enliven.document.clip import Clip
 from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.mapping.applying import apply_plan, source_anatomy
-from enliven.mapping.automatic import automatic, retargeted
+from enliven.mapping.automatic_mapping import automatic, retargeted
 from enliven.mapping.plan import ChainPlan, Plan
 from enliven.mapping.resting import (
     about_itself,

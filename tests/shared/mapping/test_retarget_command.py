@@ -13,7 +13,7 @@ from enliven.document.project import Project
 from enliven.exporters.gltf.write import performance_of, write_gltf
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import playing
-from enliven.mapping.automatic import automatic, retargeted
+from enliven.mapping.automatic_mapping import automatic, retargeted
 from enliven.recording import Recorder
 from enliven.takes.files import read_take
 

@@ -10,7 +10,7 @@ from enliven.document.project import Project
 from enliven.document.rigged import Shape
 from enliven.document.skeleton import Skeleton
 from enliven.meshes.mesh import Mesh
-from enliven.modeling.skinning.bone_heat import bone_heat
+from enliven.modeling.skinning.heat_diffusion import bone_heat
 from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, normalized, rotate, slerp
 
 

@@ -13,9 +13,9 @@ from enliven.document.project import same
 from enliven.errors import InputError
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.rigged.copying import copy_shape, mirror_shape, scale_shape
-from enliven.modeling.rigged.cut import cut_bone
-from enliven.modeling.rigged.cut_stroke import cut_stroke
-from enliven.modeling.rigged.merge import merge
+from enliven.modeling.rigged.cutting import cut_bone
+from enliven.modeling.rigged.stroke_cut import cut_stroke
+from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven.modeling.rigged.posed import posed
 from enliven.modeling.rigged.posing import move_shape, turn_bone

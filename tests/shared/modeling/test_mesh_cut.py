@@ -26,7 +26,7 @@ from enliven.modeling.mesh.cut_loops import area, chains_of, joined, winding
 from enliven.modeling.mesh.cut_surfaces import PlaneCut, StrokeCut
 from enliven.modeling.mesh.mesh_cut import CutSettings, cut_across_bone, cut_by_stroke
 from enliven.modeling.mesh.mesh_union import united
-from enliven.modeling.skinning.bone_heat import bone_heat
+from enliven.modeling.skinning.heat_diffusion import bone_heat
 
 FROM_Z = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 """A picture of the x and y axes."""

@@ -9,8 +9,8 @@ from enliven.document.layers import Layer, Ref, Span
 from enliven.document.project import Project
 from enliven.document.skeleton import Skeleton
 from enliven.modeling.rigged.copying import copy_shape
-from enliven.modeling.rigged.cut import cut_bone
-from enliven.modeling.rigged.merge import merge
+from enliven.modeling.rigged.cutting import cut_bone
+from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven.modeling.rigged.posing import turn_bone
 from enliven.motion.layers.evaluate import pose_of

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from surgery_worlds import angle, random_project, slow_pose
 
 from enliven.errors import InputError
-from enliven.modeling.rigged.cut import cut_bone
-from enliven.modeling.rigged.merge import merge
+from enliven.modeling.rigged.cutting import cut_bone
+from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven.modeling.rigged.posed import posed
 from enliven.motion.layers.evaluate import pose_of

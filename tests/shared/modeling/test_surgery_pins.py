@@ -9,8 +9,8 @@ from enliven.document.project import Project
 from enliven.document.rigged import still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.modeling.rigged.copying import copy_shape
-from enliven.modeling.rigged.cut import cut_bone
-from enliven.modeling.rigged.merge import merge
+from enliven.modeling.rigged.cutting import cut_bone
+from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import remove_node
 from enliven.modeling.rigged.posed import posed
 from enliven.motion.contact.pin import pin_feet

@@ -1,0 +1,1 @@
+"""The commands ``enliven view``, ``enliven studio`` and ``enliven graph``."""

@@ -1,0 +1,1 @@
+"""Films and picture sheets of what the viewer shows, encoded beside the drawing."""

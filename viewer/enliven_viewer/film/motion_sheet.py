@@ -15,7 +15,7 @@ from enliven.document.project import Project
 from enliven.document.rigged import Shape, character_of, still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.formats.rig.rig import playing
-from enliven.mapping.automatic import Retargeted
+from enliven.mapping.automatic_mapping import Retargeted
 from enliven.meshes.mesh import Mesh
 from enliven.motion.layers.evaluate import Player
 from enliven_viewer.film.sheet import Tile, write_sheet

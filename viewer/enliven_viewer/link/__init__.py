@@ -1,0 +1,1 @@
+"""The link to edges and takes: messages received, clocks aligned, requests sent."""

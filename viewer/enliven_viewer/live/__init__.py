@@ -1,0 +1,1 @@
+"""The live window: keys, captions and cards over the stage."""

@@ -1,0 +1,1 @@
+"""Playback: the document of what is shown, its timeline, and poses between two messages."""

@@ -11,7 +11,7 @@ from enliven.arrays import Float, Int
 from enliven.person.joints import Joint
 from enliven_edge.fusion.calibration.matching import Match
 from enliven_edge.fusion.calibration.refinement import Fit, refine
-from enliven_edge.fusion.placement.rigid import angle_between, inverse, moved
+from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, moved
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _BLOCKS = 8

@@ -14,7 +14,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven_edge.fusion.calibration.matching import Match
 from enliven_edge.fusion.live.sides import OTHER_SIDE
-from enliven_edge.fusion.placement.rigid import (
+from enliven_edge.fusion.placement.rigid_transform import (
     UP,
     angle_between,
     cross_matrix,

@@ -1,0 +1,5 @@
+"""Fusion while people perform: the sensors' bodies are aligned in time, grouped by person and blended joint
+by joint.
+
+The fused set is read like one sensor that tracks bodies itself.
+"""

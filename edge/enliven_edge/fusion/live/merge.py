@@ -13,7 +13,7 @@ from enliven.frames import BodyFrame
 from enliven.person.body import Body
 from enliven.rotation import from_matrix, multiply
 from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.fusion.placement.rigid import moved
+from enliven_edge.fusion.placement.rigid_transform import moved
 from enliven_edge.fusion.placement.space import Space
 from enliven_edge.tracking.settings import TrackerSettings
 

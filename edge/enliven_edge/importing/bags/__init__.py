@@ -1,1 +1,1 @@
-"""Recordings of the makers' own tools: ROS bags of RealSense and Orbbec."""
+"""Readers of the recordings that the makers' own tools write: ROS bags of RealSense and Orbbec."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import TypeVar
 
 from enliven.errors import ResourceError
-from enliven_edge.sensors.attached import ALLOW, FORBIDDEN, attached
+from enliven_edge.sensors.attached_cameras import ALLOW, FORBIDDEN, attached
 
 Device = TypeVar("Device")
 Sentence = tuple[str, str]

@@ -16,7 +16,7 @@ from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.detect.appearance import Seen, agreement, facing_score, turned_about
 from enliven_edge.tracking.detect.extremities import extremities
-from enliven_edge.tracking.detect.facing import backward
+from enliven_edge.tracking.detect.facing_side import backward
 from enliven_edge.tracking.detect.hypotheses import banked_starts, standing_starts
 from enliven_edge.tracking.detect.posing import posed
 from enliven_edge.tracking.estimator.estimator import Estimate, PoseEstimator

@@ -1,0 +1,1 @@
+"""The health of sensor and performance as the user reads it: states, what to do, and when to say so."""

@@ -14,7 +14,7 @@ from enliven.settings import setting
 from enliven_edge.sensors.base import CHECK_IT, Condition
 from enliven_edge.tracking.frame.frame_check import FrameCheck
 from enliven_edge.tracking.frame.frame_timing import Rhythm
-from enliven_edge.tracking.frame.survey import Survey, survey
+from enliven_edge.tracking.frame.depth_survey import Survey, survey
 from enliven_edge.tracking.health.alarm import Alarms
 from enliven_edge.tracking.health.device_health import judge_condition
 from enliven_edge.tracking.health.framing import WATCHED, cut_off, touching

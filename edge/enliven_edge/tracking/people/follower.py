@@ -11,7 +11,7 @@ from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.posture import Posture, continued
 from enliven_edge.tracking.detect.appearance import Seen, facing, looked_at, turned_about
 from enliven_edge.tracking.detect.detection import cost, detect, detect_another, quality, supposing
-from enliven_edge.tracking.detect.facing import Facing
+from enliven_edge.tracking.detect.facing_side import Facing
 from enliven_edge.tracking.detect.posing import drawn
 from enliven_edge.tracking.detect.recovery import SecondThoughts
 from enliven_edge.tracking.estimator.estimator import shipped_estimator

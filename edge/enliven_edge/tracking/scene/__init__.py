@@ -1,0 +1,1 @@
+"""The scene without people: the sensor's mounting, the floor, walls, the background and the active zone."""

@@ -1,0 +1,1 @@
+"""Segmentation: which pixels belong to which person, and which groups of pixels may be a new one."""

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Bool, Float, Float32, Int, Int32
-from enliven.deformation.graph.surface_kernels import _room, _settle, ways
+from enliven.deformation.graph.surface_kernels import dijkstra_workspace, settle_within, ways
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.meshes.kernels import shells, space_curve
@@ -237,7 +237,7 @@ def edges_around(points, faces):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def thrown(offsets, neighbours, lengths, order, spacing):  # type: ignore[no-untyped-def]
     """(M,) of ``order`` each that is no nearer than ``spacing`` to those before, along the surface."""
-    metres, keys, items, reached = _room(offsets, neighbours)
+    metres, keys, items, reached = dijkstra_workspace(offsets, neighbours)
     covered = np.zeros(metres.shape[0], np.bool_)
     chosen, size = np.empty(order.shape[0], np.int64), 0
     for v in order:
@@ -245,7 +245,7 @@ def thrown(offsets, neighbours, lengths, order, spacing):  # type: ignore[no-unt
             continue
         chosen[size] = v
         size += 1
-        settled = _settle(offsets, neighbours, lengths, v, spacing, metres, keys, items, reached)
+        settled = settle_within(offsets, neighbours, lengths, v, spacing, metres, keys, items, reached)
         for r in range(settled):
             covered[reached[r]] = True
             metres[reached[r]] = np.inf

@@ -1,0 +1,1 @@
+"""Deformation graphs: nodes sampled on a surface, their edges, and the weights of each vertex."""

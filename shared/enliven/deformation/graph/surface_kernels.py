@@ -275,13 +275,13 @@ def ways(offsets, neighbours, lengths, sources, count, limit):  # type: ignore[n
         CSR over the ``count`` first points: offsets (count + 1,), (K,) the number of each source that reached
         the point, ascending, and (K,) metres.
     """
-    metres, keys, items, reached = _room(offsets, neighbours)
+    metres, keys, items, reached = dijkstra_workspace(offsets, neighbours)
     total = metres.shape[0]
     point, told, number = np.empty(4 * total, np.int32), np.empty(4 * total), np.empty(4 * total, np.int32)
     ends = np.zeros(count + 1, np.int64)
     end = 0
     for n in range(sources.shape[0]):
-        settled = _settle(offsets, neighbours, lengths, sources[n], limit, metres, keys, items, reached)
+        settled = settle_within(offsets, neighbours, lengths, sources[n], limit, metres, keys, items, reached)
         if end + settled > point.shape[0]:
             needed = end + settled
             point, told, number = _longer(point, needed), _longer(told, needed), _longer(number, needed)
@@ -306,12 +306,12 @@ def ways(offsets, neighbours, lengths, sources, count, limit):  # type: ignore[n
 @njit(cache=True, nogil=True)
 def around(offsets, neighbours, lengths, limit):  # type: ignore[no-untyped-def]
     """CSR: offsets (C + 1,), the points within ``limit`` metres of each, nearest first, and their metres."""
-    metres, keys, items, reached = _room(offsets, neighbours)
+    metres, keys, items, reached = dijkstra_workspace(offsets, neighbours)
     count = metres.shape[0]
     point, told = np.empty(16 * count, np.int32), np.empty(16 * count)
     ends = np.zeros(count + 1, np.int64)
     for c in range(count):
-        settled = _settle(offsets, neighbours, lengths, c, limit, metres, keys, items, reached)
+        settled = settle_within(offsets, neighbours, lengths, c, limit, metres, keys, items, reached)
         end = ends[c] + settled
         if end > point.shape[0]:
             point, told = _longer(point, end), _longer(told, end)
@@ -324,15 +324,15 @@ def around(offsets, neighbours, lengths, limit):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _room(offsets, neighbours):  # type: ignore[no-untyped-def]
-    """What :func:`_settle` works in: metres (infinite), the heap's keys and items, and what was reached."""
+def dijkstra_workspace(offsets, neighbours):  # type: ignore[no-untyped-def]
+    """What :func:`settle_within` works in: metres (infinite), the heap's keys and items, and what was reached."""
     total = offsets.shape[0] - 1
     room = neighbours.shape[0] + 2
     return np.full(total, np.inf), np.empty(room), np.empty(room, np.int64), np.empty(total, np.int64)
 
 
 @njit(cache=True, nogil=True)
-def _settle(offsets, neighbours, lengths, source, limit, metres, keys, items, reached):  # type: ignore[no-untyped-def]
+def settle_within(offsets, neighbours, lengths, source, limit, metres, keys, items, reached):  # type: ignore[no-untyped-def]
     """Dijkstra from one source: how many points lie within ``limit``; ``reached`` has them, nearest first."""
     metres[source] = 0.0
     size = _push(keys, items, np.int64(0), 0.0, source)

@@ -1,0 +1,1 @@
+"""The GLB writer: characters of every kind with their motion, one scene."""

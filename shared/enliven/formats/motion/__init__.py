@@ -1,0 +1,1 @@
+"""Motion captures: BVH files and CMU's exponential maps."""

@@ -23,7 +23,7 @@ from enliven.meshes.mesh import Mesh, weld
 from enliven.modeling.mesh.cut_pieces import Piece, piece_of
 from enliven.modeling.mesh.cut_plan import CutSettings, Parting, hang_together
 from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
-from enliven.modeling.mesh.poisson import poisson
+from enliven.modeling.mesh.poisson_equation import poisson
 from enliven.modeling.skinning import skin_values as skins
 
 __all__ = ["Cut", "CutSettings", "Piece", "cut_across_bone", "cut_by_stroke"]

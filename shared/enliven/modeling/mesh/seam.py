@@ -7,7 +7,7 @@
 ``seam`` is (V,) true at the vertices of the seam: ``Union.seam``, or ``Piece.kept < 0``. Whatever is
 farther from it than the settings say stays the same to the bit. Near the seam the
 surface goes on as it comes, in direction and in curvature: a crease becomes a fillet, and what was smooth
-stays. Weights near the seam are those of :mod:`enliven.modeling.skinning.bone_heat`
+stays. Weights near the seam are those of :mod:`enliven.modeling.skinning.heat_diffusion`
 with the old weights held around them.
 """
 
@@ -24,7 +24,7 @@ from enliven.arrays import Bool, Float
 from enliven.document.character import SkinWeights
 from enliven.document.skeleton import Skeleton
 from enliven.meshes.mesh import Mesh, weld
-from enliven.modeling.skinning.bone_heat import HeatSettings, heat_weights, segments_of
+from enliven.modeling.skinning.heat_diffusion import HeatSettings, heat_weights, segments_of
 from enliven.modeling.skinning.skin_values import bone_count, dense, sparse
 from enliven.settings import setting
 

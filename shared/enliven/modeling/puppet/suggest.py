@@ -18,7 +18,7 @@ from enliven.examples.suggest import suggest_poses
 from enliven.examples.symmetric import partners_of, reflected
 from enliven.mapping.anatomy import Limb, anatomy_of
 from enliven.meshes.mesh import Mesh
-from enliven.modeling.mesh.extremities import extremities
+from enliven.modeling.mesh.limb_ends import extremities
 from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
 from enliven.modeling.puppet.edits import add_key_pose, add_point, make_puppet, play_take, set_symmetry
 

@@ -16,9 +16,9 @@ from scipy.sparse.linalg import splu
 from enliven.arrays import Float, Int, Int32
 from enliven.meshes.kernels import split_long_edges
 from enliven.modeling.mesh.planar import refined
-from enliven.modeling.mesh.poisson import SYMMETRIC_LU, poisson
+from enliven.modeling.mesh.poisson_equation import SYMMETRIC_LU, poisson
 from enliven.modeling.mesh.remesh import flipped, slid
-from enliven.modeling.skinning.bone_heat import cotangents
+from enliven.modeling.skinning.heat_diffusion import cotangents
 
 _LONG = 1.5
 """Edges longer than so many steps of the outline are halved."""

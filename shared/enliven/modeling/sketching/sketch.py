@@ -25,7 +25,7 @@ from enliven.modeling.sketching.axis_bones import bones_of_axis, root_of
 from enliven.modeling.sketching.chordal import axis_of
 from enliven.modeling.sketching.inflate import inflated
 from enliven.modeling.sketching.outline import outline_of
-from enliven.modeling.skinning.bone_heat import bone_heat
+from enliven.modeling.skinning.heat_diffusion import bone_heat
 from enliven.settings import setting
 
 

@@ -1,0 +1,1 @@
+"""Compiled kinematics: quaternions, vectors, and inverse kinematics of limbs and chains."""

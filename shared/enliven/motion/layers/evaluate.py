@@ -31,7 +31,7 @@ from enliven.errors import InputError
 from enliven.motion.contact.contacts import Contacts
 from enliven.motion.contact.pin import held_pins
 from enliven.motion.contact.standing import Standing, standing_of, window_of
-from enliven.motion.kinematics.compose import compose, upright
+from enliven.motion.kinematics.composing import compose, upright
 from enliven.motion.layers.end_effector import lead_at, led_chains
 from enliven.motion.layers.sampling import Sampler
 from enliven.motion.layers.travel import Travel

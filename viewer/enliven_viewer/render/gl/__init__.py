@@ -1,0 +1,1 @@
+"""OpenGL 3.3 core: contexts, shader programs and framebuffers."""

@@ -1,0 +1,1 @@
+"""The editor without a window: the project with its past, time, camera and selection."""

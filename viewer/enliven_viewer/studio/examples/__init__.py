@@ -1,0 +1,1 @@
+"""Key poses in the studio: coverage of takes, edits, and solving beside the window."""

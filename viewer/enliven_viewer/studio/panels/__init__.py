@@ -1,0 +1,1 @@
+"""The studio's panels: menu, toolbar, dialogues, timeline and what is chosen."""

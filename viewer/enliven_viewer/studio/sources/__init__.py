@@ -1,0 +1,1 @@
+"""Sources of motion: a take's skeleton beside the shapes, and the parts that it could drive."""

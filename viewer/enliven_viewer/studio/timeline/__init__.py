@@ -1,0 +1,1 @@
+"""The timeline's lanes: where they are, and what a drag on them edits."""

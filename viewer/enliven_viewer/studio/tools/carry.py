@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document.project import Project
-from enliven.modeling.rigged.merge import merge
+from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.posing import move_shape
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.handle_graph import GraphGrip

@@ -9,7 +9,7 @@ from enliven.errors import EnlivenError
 from enliven.modeling.mesh.cut_surfaces import StrokeCut
 from enliven.modeling.possessed.surgery import cut_graph
 from enliven.modeling.puppet.surgery import cut_puppet
-from enliven.modeling.rigged.cut_stroke import cut_stroke
+from enliven.modeling.rigged.stroke_cut import cut_stroke
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport.overlay import Disc, Line, Overlay, Point

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enliven.document.project import Project
 from enliven.errors import EnlivenError, InputError
 from enliven.mapping.applying import apply_plan
-from enliven.mapping.automatic import automatic
+from enliven.mapping.automatic_mapping import automatic
 from enliven.motion.layers.polyline import goes_down
 from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio.editor.editor import Editor

@@ -1,0 +1,1 @@
+"""What the viewport needs to show and pick: lens, hits, overlays, colours, players and the selection."""

@@ -1,0 +1,1 @@
+"""The workspace: commands, files, input and the project store that the window brings together."""

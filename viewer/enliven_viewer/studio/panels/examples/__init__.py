@@ -1,0 +1,1 @@
+"""The panels of example poses: control points, the strip of key poses, motion and settings."""

@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document.project import Project
 from enliven.document.puppet import ControlPoint, Puppet
 from enliven.examples.pairing import guess_joints
-from enliven.modeling.mesh.extremities import extremities
+from enliven.modeling.mesh.limb_ends import extremities
 from enliven.modeling.puppet.edits import change_point, set_symmetry
 from enliven_viewer.studio.examples.edits import guessed, stood, with_points
 from enliven_viewer.studio.panels.examples.motion import draw_holding

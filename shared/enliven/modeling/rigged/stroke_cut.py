@@ -14,7 +14,7 @@ from enliven.errors import InputError
 from enliven.modeling.mesh.cut_surfaces import CutSurface
 from enliven.modeling.mesh.mesh_cut import cut_by_stroke
 from enliven.modeling.mesh.meshes import numbers_in, parted, posed_vertices, with_piece
-from enliven.modeling.rigged.cut import parted_at
+from enliven.modeling.rigged.cutting import parted_at
 from enliven.modeling.rigged.posed import posed
 
 
