@@ -6,10 +6,7 @@ from importlib import resources
 from pathlib import Path
 
 from enliven.doctor import Check
-from enliven_edge.sensors import crash_reports
-from enliven_edge.sensors.attached_cameras import attached
-from enliven_edge.sensors.profile import profile_names
-from enliven_edge.sensors.registry import sensor_names
+from enliven_edge.sensors import attached, crash_reports, profile_names, sensor_names
 
 
 def checks() -> list[Check]:

@@ -10,28 +10,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from enliven.commands.processes import parent_is_gone
-from enliven.document.character import Pose
-from enliven.document.props import Props
+from enliven.document import Pose, Props
 from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.health import HealthState, Severity, worst_first
-from enliven.matching.views import View
-from enliven.person.body import Body
-from enliven.wire.messages import Look, Possess
-from enliven_edge.controls.control_set import Controls
-from enliven_edge.controls.lamps import Lamps, lamps_of
-from enliven_edge.fusion.live.fused_sensor import FusedFrame, FusedSensors
-from enliven_edge.network.frame_rate import Pace
-from enliven_edge.network.outlet import Outlet
-from enliven_edge.sensors.base import Sensor, SensorFault, condition_of
-from enliven_edge.stage.opening import Opening
-from enliven_edge.stage.stage import Stage
-from enliven_edge.tracking.health.health import HealthMonitor
-from enliven_edge.tracking.output.output import Output
-from enliven_edge.tracking.tracker import Tracker
+from enliven.matching import View
+from enliven.person import Body
+from enliven.wire import Look, Possess
+from enliven_edge.controls import Controls, Lamps, lamps_of
+from enliven_edge.fusion.live import FusedFrame, FusedSensors
+from enliven_edge.network import Outlet, Pace
+from enliven_edge.sensors import Sensor, SensorFault, condition_of
+from enliven_edge.stage import Opening, Stage
+from enliven_edge.tracking import Tracker
+from enliven_edge.tracking.health import HealthMonitor
+from enliven_edge.tracking.output import Output
 
 if TYPE_CHECKING:
-    from enliven_edge.physics.playground import Playground
+    from enliven_edge.physics import Playground
 
 log = logging.getLogger(__name__)
 
@@ -118,7 +114,7 @@ class Edge:
             self.stop()
             return
         bodies = self._bodies(frame)
-        looks = self.stage.looks and isinstance(frame, DepthFrame)
+        looks = self.stage.uses_surface and isinstance(frame, DepthFrame)
         poses = self.stage.perform(bodies, frame.time_ns, self.tracker.surfaces() if looks else None)
         props = self._props(poses, bodies, frame.time_ns)
         self.outlet.publish(frame, bodies, poses, self.stage.cues(), read_ns, props, self.stage.boards())

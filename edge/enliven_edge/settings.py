@@ -6,16 +6,16 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from enliven.settings import setting
-from enliven_edge.controls.settings import ControlSettings
-from enliven_edge.fusion.settings import CalibrationSettings, FusionSettings
-from enliven_edge.landmarks.settings import ColourSettings
-from enliven_edge.physics.settings import PhysicsSettings
+from enliven_edge.controls import ControlSettings
+from enliven_edge.fusion import CalibrationSettings, FusionSettings
+from enliven_edge.landmarks import ColourSettings
+from enliven_edge.physics import PhysicsSettings
 from enliven_edge.sources import SourceSettings
-from enliven_edge.stage.actor_settings import ActorSettings
-from enliven_edge.stage.puppet.settings import PuppetSettings
-from enliven_edge.stage.rig.settings import MatchingSettings
-from enliven_edge.tracking.health.health import HealthSettings
-from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.stage import ActorSettings
+from enliven_edge.stage.puppet import PuppetSettings
+from enliven_edge.stage.rig import MatchingSettings
+from enliven_edge.tracking import TrackerSettings
+from enliven_edge.tracking.health import HealthSettings
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,8 @@ from typing import Any
 
 from enliven.errors import InputError
 from enliven.settings import setting
-from enliven_edge.sensors.base import Sensor
-from enliven_edge.sensors.registry import sensor_names, sensor_opener
-from enliven_edge.sensors.reopening import kept_open
-from enliven_edge.tracking.settings import SceneSettings
+from enliven_edge.sensors import Sensor, kept_open, sensor_names, sensor_opener
+from enliven_edge.tracking import SceneSettings
 
 Value = bool | int | float | str
 

@@ -8,19 +8,11 @@ from functools import cache
 
 import numpy as np
 
-from enliven.deformation.constraints.observed import Seen
 from enliven.frames import DepthFrame
-from enliven.person.body import Body
 from enliven.recording import Recording
 from enliven_edge.doctor import shipped_recording
-from enliven_edge.stage.embedded_actor import Actor
-from enliven_edge.stage.stage import Stage
-from enliven_edge.tracking.body_model.joint_limits import standing
-from enliven_edge.tracking.body_model.model import lengths_for_height
-from enliven_edge.tracking.body_model.posture import Posture
-from enliven_edge.tracking.scene.floor import corrected, world_from_floor
-from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
-from enliven_edge.tracking.tracker import Tracker
+from enliven_edge.tracking import SceneSettings, Tracker, TrackerSettings
+from enliven_edge.tracking.scene import corrected, world_from_floor
 
 _STEP_NS = 33_333_333
 _ALONE, _TOGETHER, _EMPTY = 3, 3, 1
@@ -42,23 +34,6 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
         tracker.track(frame)
         tracker.surfaces()
     _look_at_a_floor()
-
-
-def warm_up_stage(actor: Actor) -> None:
-    """Possesses a copy of the actor for a few frames."""
-    stage = Stage([Actor(actor.character, actor.graph, actor.settings)])
-    posture = Posture(np.array([0.0, 0.95, 0.0]), standing(elbow=1.5), lengths_for_height(1.75))
-    body = Body(0, posture.joints(), np.ones(20))
-    stage.perform([body], 0)
-    stage.cues()
-    try:
-        stage.possess(actor.character.id)
-    except Exception:  # a mesh out of reach is the performer's business, later, not the warm-up's
-        return
-    for i in range(3):
-        moved = Body(0, body.joints + 0.01 * i, body.confidence * (1 - 0.1 * i))
-        seen = Seen(moved.joints, np.tile([0.0, 0.0, 1.0], (20, 1)))
-        stage.perform([moved], (i + 1) * 33_333_333, {0: seen})
 
 
 def _rehearsal() -> Iterator[DepthFrame]:

@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float, UInt8, UInt16
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
-from enliven.person.body import Body
+from enliven.person import Body
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from enliven_edge.settings import WireSettings
 from enliven_edge.stage.casting import cast
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
-from enliven_edge.warmup import warm_up_stage, warm_up_tracking
+from enliven_edge.warmup import warm_up_tracking
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 FRAMES, WARM = 270, 45
@@ -58,7 +58,7 @@ def figures() -> Iterator[Figure]:
     with SyntheticSensor(width=640, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(FRAMES)]
     actor = cast("chair", nodes=NODES)
-    warm_up_stage(actor)
+    actor.warm_up()
     warm_up_tracking()
     with Outlet(WireSettings(name="bench", port=0, control_port=0), "reel") as outlet:
         outlet.introduce(actor.character)

@@ -17,7 +17,7 @@ from enliven.meshes.mesh import Mesh, fit_height, refine
 from enliven.person.body import PARENTS, Body, Joint
 from enliven.rotation import rotate, swing
 from enliven_edge.importing.body_scanner import level_from_tilted
-from enliven_edge.stage.embedded_actor import Actor, ActorSettings
+from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from enliven_edge.stage.placement import turn_about_y
 from enliven_edge.stage.standing import best_stand
 from enliven_synthesis.body.performer import Performer
@@ -28,11 +28,11 @@ _SCALES = (0.7, 0.8, 0.9, 1.0, 1.1)
 _STEP_NS = 33_333_333
 
 
-def actor_of(mesh: Mesh, nodes: int = 128, settings: ActorSettings | None = None) -> Actor:
+def actor_of(mesh: Mesh, nodes: int = 128, settings: ActorSettings | None = None) -> EmbeddedActor:
     """An actor that stands in the world as the mesh is."""
     graph = DeformationGraph.build(mesh, nodes=nodes)
     fixed = replace(settings or ActorSettings(), place="fixed")
-    return Actor(character_from(mesh, graph, mesh.name), graph, fixed)
+    return EmbeddedActor(character_from(mesh, graph, mesh.name), graph, fixed)
 
 
 def scan_in_world(pcd: Path, table: Path, body: Body) -> Mesh:

@@ -30,7 +30,7 @@ from enliven.meshes.mesh import Mesh
 from enliven_edge.importing.mirror import mirrored
 from enliven_edge.importing.registry import find_files, find_reader
 from enliven_edge.stage.casting import cast
-from enliven_edge.stage.embedded_actor import Actor, ActorSettings
+from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 OUT = Path(__file__).parents[2] / "out" / "possess"
@@ -47,7 +47,7 @@ class Film:
     """
 
     title: str
-    made: Callable[[], tuple[list[BodyFrame], Actor]]
+    made: Callable[[], tuple[list[BodyFrame], EmbeddedActor]]
     acts: tuple[Act, ...]
 
 
@@ -111,10 +111,10 @@ def _of(
     recording: str,
     piece: tuple[float, float] | None = None,
     settings: ActorSettings = RAISED,
-) -> Callable[[], tuple[list[BodyFrame], Actor]]:
+) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
     """A mesh by name or file, and a recording or a piece of it."""
 
-    def made() -> tuple[list[BodyFrame], Actor]:
+    def made() -> tuple[list[BodyFrame], EmbeddedActor]:
         frames = read(recording)
         spec = mesh if "/" not in mesh else str(DATA / mesh)
         return cut(frames, piece or (0.0, 1e9)), cast(spec, settings=settings)
@@ -122,12 +122,12 @@ def _of(
     return made
 
 
-def _made(mesh: str, moves: str) -> Callable[[], tuple[list[BodyFrame], Actor]]:
+def _made(mesh: str, moves: str) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
     """A mesh of the project's own, and its own performer."""
     return lambda: (danced(moves), cast(mesh, settings=RAISED))
 
 
-def _scan() -> tuple[list[BodyFrame], Actor]:
+def _scan() -> tuple[list[BodyFrame], EmbeddedActor]:
     """The person's own joints for a moment; then what others did, done by this person."""
     own = read(f"{SCAN}.csv")[0].bodies[0]
     frames = held_still(own, 1.2)
@@ -140,7 +140,7 @@ def _scan() -> tuple[list[BodyFrame], Actor]:
     return frames, actor_of(Mesh(mesh.vertices, mesh.faces, "scan"))
 
 
-def _two() -> tuple[list[BodyFrame], Actor]:
+def _two() -> tuple[list[BodyFrame], EmbeddedActor]:
     """Two people beside each other, first the one walks, then the other; the horse under both."""
     frames = cut(read(TWO), (1.2, 7.9), (17.2, 26.6))
     bodies = sorted(frames[0].bodies, key=lambda body: body.id)

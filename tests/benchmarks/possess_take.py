@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from enliven.document.character import Character, Pose
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
-from enliven_edge.stage.embedded_actor import Actor, Cues
+from enliven_edge.stage.embedded_actor import EmbeddedActor
+from enliven_edge.stage.highlights import Cues
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.output.output import Output
 from enliven_edge.tracking.settings import TrackerSettings
@@ -55,7 +56,10 @@ class Take:
 
 
 def perform(
-    frames: Sequence[BodyFrame], actor: Actor, acts: Sequence[Act], tracker: TrackerSettings | None = None
+    frames: Sequence[BodyFrame],
+    actor: EmbeddedActor,
+    acts: Sequence[Act],
+    tracker: TrackerSettings | None = None,
 ) -> Take:
     """Every frame's way through the edge."""
     output, stage, name = Output(tracker), Stage([actor]), actor.character.id

@@ -17,7 +17,7 @@ from enliven.person.body import PARENTS, Body, Joint
 from enliven.samples.chair import make_chair
 from enliven_edge.stage.carrying import Mapped
 from enliven_edge.stage.casting import cast
-from enliven_edge.stage.embedded_actor import Actor, ActorSettings
+from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from enliven_edge.stage.placement import turn_about_y
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
@@ -114,10 +114,12 @@ def test_mapped_arms_drive_the_forelegs_and_legs_the_hind_legs(animal):
     legs = {(s, e): foot & (rest[:, 0] * e > 0) & (rest[:, 2] * s > 0) for s in (-1, 1) for e in (-1, 1)}
 
     def moved(**last):
-        house = Stage([Actor(*animal, ActorSettings(how="mapped", fade=0.0))])
+        house = Stage([EmbeddedActor(*animal, ActorSettings(how="mapped", fade=0.0))])
         bodies = [person(**{k: v * i / 25 for k, v in last.items()}) for i in range(26)]
         pose = play(house, "beast", bodies)
-        still = Stage([Actor(*animal, ActorSettings(how="mapped", fade=0.0))]).perform([person()], 0)[0]
+        still = Stage([EmbeddedActor(*animal, ActorSettings(how="mapped", fade=0.0))]).perform([person()], 0)[
+            0
+        ]
         return {
             leg: np.linalg.norm((pose.positions - still.positions)[at], axis=1).mean()
             for leg, at in legs.items()
@@ -130,7 +132,7 @@ def test_mapped_arms_drive_the_forelegs_and_legs_the_hind_legs(animal):
 
 @pytest.mark.parametrize("how", ["beside", "mapped"])
 def test_beside_it_the_mesh_stays_where_it_is(chair, how):
-    house = Stage([Actor(*chair, ActorSettings(how=how, aside=1.5, fade=0.0))])
+    house = Stage([EmbeddedActor(*chair, ActorSettings(how=how, aside=1.5, fade=0.0))])
     before = house.perform([person()], 0)[0]
     assert before.positions[:, 0].mean() == pytest.approx(1.5, abs=0.1)
     house.perform([person(x=-0.5)], FRAME)
@@ -151,7 +153,7 @@ def test_beside_it_the_mesh_stays_where_it_is(chair, how):
 @settings(max_examples=8, deadline=None)
 def test_beside_it_a_rigid_motion_is_carried_over(chair, way, yaw, how, travel):
     """The law: who walks and turns as a whole turns the mesh so, and moves it by the set share of the way."""
-    house = Stage([Actor(*chair, ActorSettings(how=how, travel=travel, fade=0.0))])
+    house = Stage([EmbeddedActor(*chair, ActorSettings(how=how, travel=travel, fade=0.0))])
     start = house.perform([person()], 0)[0]
     house.possess("chair")
     for i in range(1, 45):
@@ -235,7 +237,7 @@ def test_metre_for_metre_a_tower_is_out_of_reach_and_a_toy_hangs_on_a_limb(tmp_p
 @pytest.mark.parametrize("height", [1.1, 1.75, 2.0])
 def test_the_mesh_is_as_tall_as_its_performer_or_so_much_taller(chair, height):
     for ratio in (1.0, 0.6):
-        house = Stage([Actor(*chair, ActorSettings(height_ratio=ratio))])
+        house = Stage([EmbeddedActor(*chair, ActorSettings(height_ratio=ratio))])
         pose = house.perform([person(height=height)], 0)[0]
         assert pose.linear[0, 1, 1] * np.ptp(chair[0].vertices[:, 1]) == pytest.approx(
             ratio * height, rel=1e-3

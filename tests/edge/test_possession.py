@@ -15,7 +15,7 @@ from enliven.errors import InputError
 from enliven.person.body import PARTS, Body, Joint
 from enliven.samples.chair import make_chair
 from enliven_edge.stage.easing import Fading
-from enliven_edge.stage.embedded_actor import Actor, ActorSettings
+from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from enliven_edge.stage.opening import Opening
 from enliven_edge.stage.placement import turn_about_y
 from enliven_edge.stage.stage import Stage
@@ -44,7 +44,7 @@ def person(x=0.0, z=-2.5, yaw=0.0, id=1, lift=0.0, confidence=1.0, height=1.75) 
 
 
 def stage(chair, **options) -> Stage:
-    return Stage([Actor(*chair, ActorSettings(**{"fade": FADE} | options))])
+    return Stage([EmbeddedActor(*chair, ActorSettings(**{"fade": FADE} | options))])
 
 
 def steps(poses):

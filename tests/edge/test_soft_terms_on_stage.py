@@ -19,7 +19,7 @@ from enliven.meshes.isosurface import surface_of
 from enliven.meshes.mesh import Mesh
 from enliven.person.body import PARTS, Body
 from enliven.samples.chair import make_chair
-from enliven_edge.stage.embedded_actor import Actor, ActorSettings
+from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.model import lengths_for_height
@@ -55,7 +55,7 @@ def person(down=0.0, sway=0.0, ahead=0.0) -> Body:
 
 def played(chair, bodies, **options):
     """(F, V, 3) the vertices, frame by frame, after the first body took hold; and the actor."""
-    actor = Actor(*chair, ActorSettings(**{"fade": 0.0} | options))
+    actor = EmbeddedActor(*chair, ActorSettings(**{"fade": 0.0} | options))
     house = Stage([actor])
     house.perform([bodies[0]], 0)
     house.possess("chair")
@@ -273,7 +273,7 @@ def test_what_the_tracker_sees_reaches_the_mesh(chair, follow):
     """From depth frames: the performer's surface is found, and draws the mesh that they hold."""
     with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(40)]
-    tracker, house = Tracker(), Stage([Actor(*chair, ActorSettings(follow=follow, fade=0.0))])
+    tracker, house = Tracker(), Stage([EmbeddedActor(*chair, ActorSettings(follow=follow, fade=0.0))])
     drawn = 0
     for frame in frames:
         bodies = tracker.track(frame)
@@ -286,4 +286,4 @@ def test_what_the_tracker_sees_reaches_the_mesh(chair, follow):
             near = np.linalg.norm(seen[bodies[0].id].points[:, None] - bodies[0].joints, axis=2).min(1)
             assert np.median(near) < 0.2 and np.isfinite(pose.positions).all()
             drawn += actor._solver.energy["planes"] > 0
-    assert house.looks and drawn > 5
+    assert house.uses_surface and drawn > 5

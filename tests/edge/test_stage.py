@@ -9,7 +9,7 @@ from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.errors import InputError
 from enliven.person.body import Body, Joint
 from enliven.samples.chair import make_chair
-from enliven_edge.stage.embedded_actor import Actor, ActorSettings
+from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from enliven_edge.stage.placement import Placement, facing, meeting
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
@@ -36,7 +36,7 @@ def person(x=0.0, z=-2.5, yaw=0.0, id=1, elbow=1.5, lift=0.0, confidence=1.0) ->
 
 
 def stage(chair, **options) -> Stage:
-    return Stage([Actor(*chair, ActorSettings(**options))])
+    return Stage([EmbeddedActor(*chair, ActorSettings(**options))])
 
 
 def farthest(a, b) -> float:

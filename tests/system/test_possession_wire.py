@@ -17,7 +17,7 @@ from enliven.samples.chair import make_chair
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage.embedded_actor import Actor, ActorSettings
+from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing
@@ -58,7 +58,7 @@ class House:
     def __init__(self, outlet: Outlet) -> None:
         mesh = make_chair(0.05)
         graph = DeformationGraph.build(mesh, nodes=48, seed=0)
-        self.actor = Actor(character_from(mesh, graph, "chair"), graph, ActorSettings(fade=0.1))
+        self.actor = EmbeddedActor(character_from(mesh, graph, "chair"), graph, ActorSettings(fade=0.1))
         outlet.introduce(self.actor.character)
         self.edge = Edge(TwoPeople(), Tracker(), Stage([self.actor]), outlet)
         self.document = Document()

@@ -24,7 +24,7 @@ def has_display() -> bool:
 def _offscreen() -> Check:
     name = "OpenGL off-screen"
     try:
-        from enliven_viewer.render.gl.context import offscreen_context
+        from enliven_viewer.render.gl import offscreen_context
 
         ctx = offscreen_context()
     except ImportError as error:

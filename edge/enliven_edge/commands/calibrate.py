@@ -19,11 +19,10 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from enliven.errors import InputError
 from enliven.settings import load_settings
-from enliven_edge.sensors.options import sensor_options
+from enliven_edge.sensors import sensor_options
 
 if TYPE_CHECKING:
-    from enliven_edge.fusion.calibration.calibration import Calibration, Pair
-    from enliven_edge.fusion.calibration.collecting import Collector
+    from enliven_edge.fusion.calibration import Calibration, Collector, Pair
     from enliven_edge.settings import EdgeSettings
 
 log = logging.getLogger(__name__)
@@ -93,9 +92,9 @@ def calibrate(
 
 def _collectors(sensors, scenes, chosen, seconds) -> list[Collector]:  # type: ignore[no-untyped-def]
     """One for each sensor, with its own tracker."""
-    from enliven_edge.fusion.calibration.collecting import Collector
-    from enliven_edge.fusion.live.merge import untouched
-    from enliven_edge.tracking.tracker import Tracker
+    from enliven_edge.fusion.calibration import Collector
+    from enliven_edge.fusion.live import untouched
+    from enliven_edge.tracking import Tracker
 
     made = []
     for name, sensor in sensors.items():
@@ -108,7 +107,7 @@ def _collectors(sensors, scenes, chosen, seconds) -> list[Collector]:  # type: i
 
 def _found(collectors: list[Collector], chosen: EdgeSettings) -> Calibration:
     """Looks until the recordings end, or live sensors have seen enough, or Ctrl-C."""
-    from enliven_edge.fusion.calibration.calibration import calibrate as calibrated
+    from enliven_edge.fusion.calibration import calibrate as calibrated
     from enliven_edge.warmup import warm_up_tracking
 
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
@@ -166,7 +165,7 @@ def _sentence(pair: Pair) -> str:
 
 def _write(found: Calibration, collectors: list[Collector], output: Path, accept_doubt: bool) -> None:
     """Writes the file where the result is good; otherwise says why not and leaves the file as it was."""
-    from enliven_edge.fusion.placement.space import save_space
+    from enliven_edge.fusion.placement import save_space
 
     doubt = [] if found.good else ["NOT GOOD ENOUGH: " + "; ".join(found.advice)]
     missing = [name for name in found.sensors if name not in found.world_from_sensor]

@@ -131,7 +131,7 @@ def _take(board: Board, folder: Path, names: tuple[str, str], size: tuple[int, i
     """Keeps pairs of live cameras in a folder."""
     from PIL import Image
 
-    from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
+    from enliven_edge.sensors.drivers import LibcameraImages
     from enliven_edge.sensors.stereo import Keeper, Pairing
 
     images = LibcameraImages(list(names), size)

@@ -18,12 +18,11 @@ from enliven.errors import InputError
 from enliven.settings import load_settings
 
 if TYPE_CHECKING:
-    from enliven.document.character import Character
-    from enliven_edge.fusion.live.fused_sensor import FusedSensors
-    from enliven_edge.landmarks.eye import ColourEye
-    from enliven_edge.physics.playground import Playground
-    from enliven_edge.physics.settings import PhysicsSettings
-    from enliven_edge.sensors.base import Sensor
+    from enliven.document import Character
+    from enliven_edge.fusion.live import FusedSensors
+    from enliven_edge.landmarks import ColourEye
+    from enliven_edge.physics import PhysicsSettings, Playground
+    from enliven_edge.sensors import Sensor
     from enliven_edge.settings import EdgeSettings
     from enliven_edge.sources import Source
 
@@ -100,7 +99,7 @@ def edge(
     """
     _one_thread_for_matrices()
     from enliven_edge.network import check_open, raise_descriptor_limit
-    from enliven_edge.physics.settings import PhysicsSettings
+    from enliven_edge.physics import PhysicsSettings
     from enliven_edge.settings import EdgeSettings
 
     chosen = _settings(settings, name=name, host=host, port=port, control_port=control_port, open=open_to_all)
@@ -141,16 +140,14 @@ def serve(
 ) -> None:
     """Opens everything, serves, and closes everything; heavy modules are imported only here."""
     from enliven_edge.commands.preparing import prepared
-    from enliven_edge.controls.control_set import open_controls
-    from enliven_edge.network.outlet import Outlet, need_free
-    from enliven_edge.physics.engine import need_engine
+    from enliven_edge.controls import open_controls
+    from enliven_edge.network import Outlet, need_free
+    from enliven_edge.physics import need_engine
     from enliven_edge.service import Edge
     from enliven_edge.sources import opened
-    from enliven_edge.stage.casting import parts_for
-    from enliven_edge.stage.embedded_actor import Actor
-    from enliven_edge.stage.stage import Stage
-    from enliven_edge.tracking.health.health import HealthMonitor
-    from enliven_edge.tracking.tracker import Tracker
+    from enliven_edge.stage import Stage, parts_for
+    from enliven_edge.tracking import Tracker
+    from enliven_edge.tracking.health import HealthMonitor
 
     mesh, possess_at, parts, record, overwrite, wait, seconds = run
     if chosen.physics.world != "none":
@@ -165,8 +162,7 @@ def serve(
         playground = _playground(chosen.physics, [actor.character], live)
         outlet = stack.enter_context(Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite))
         outlet.introduce(actor.character)
-        if not isinstance(actor, Actor):
-            actor.preview(None, (parts or parts_for(mesh)).split("/")[0])
+        actor.preview(None, (parts or parts_for(mesh)).split("/")[0])
         service = Edge(
             sensor,
             Tracker(chosen.tracker, _colour_eye(chosen, stack)),
@@ -196,8 +192,7 @@ def _colour_eye(chosen: EdgeSettings, stack: contextlib.ExitStack) -> ColourEye 
     """What looks at the colour image, where the settings ask for it."""
     if not chosen.colour.use:
         return None
-    from enliven_edge.landmarks.eye import ColourEye
-    from enliven_edge.landmarks.mediapipe_source import MediaPipeSource
+    from enliven_edge.landmarks import ColourEye, MediaPipeSource
 
     return ColourEye(stack.enter_context(MediaPipeSource(chosen.colour.mediapipe)), chosen.colour.lift)
 
@@ -206,7 +201,7 @@ def _playground(chosen: PhysicsSettings, characters: list[Character], live: bool
     """The loose things, ready for the first frame, or None; a recording gives the same every time."""
     if chosen.world == "none":
         return None
-    from enliven_edge.physics.playground import Playground
+    from enliven_edge.physics import Playground
 
     if not live:
         chosen = dataclasses.replace(chosen, engine=dataclasses.replace(chosen.engine, budget=0.0))
@@ -239,7 +234,7 @@ def _sources(
 ) -> list[Source]:
     """What was asked for: on the command line, else in the settings, else the shipped recording."""
     from enliven_edge.doctor import shipped_recording
-    from enliven_edge.sensors.options import sensor_options
+    from enliven_edge.sensors import sensor_options
     from enliven_edge.sources import source_of, sources_of
 
     if len(sensors) == 1 and len(recordings) == 1:
@@ -269,13 +264,11 @@ def _fused(
     sources: list[Source], sensors: dict[str, Sensor], chosen: EdgeSettings, once: bool
 ) -> FusedSensors:
     """Several sensors as one."""
-    from enliven_edge.fusion.live.fused_sensor import FusedSensors
-    from enliven_edge.fusion.live.merge import untouched
-    from enliven_edge.fusion.live.warmup import warm_up_fusion
-    from enliven_edge.fusion.placement.space import load_space
-    from enliven_edge.tracking.health.health import HealthMonitor
-    from enliven_edge.tracking.output.output import Output
-    from enliven_edge.tracking.tracker import Tracker
+    from enliven_edge.fusion.live import FusedSensors, untouched, warm_up_fusion
+    from enliven_edge.fusion.placement import load_space
+    from enliven_edge.tracking import Tracker
+    from enliven_edge.tracking.health import HealthMonitor
+    from enliven_edge.tracking.output import Output
 
     trackers, health = {}, {}
     for source, (name, sensor) in zip(sources, sensors.items(), strict=True):

@@ -18,7 +18,7 @@ from enliven_edge.commands.progress import frame_progress
 
 if TYPE_CHECKING:
     from enliven.frames import Frame
-    from enliven_edge.importing.base import Reader
+    from enliven_edge.importing import Reader
 
 
 @dataclass
@@ -84,9 +84,7 @@ def import_recording(
       enliven import "FRAMES/*.u16" --fps 15 -o frames.mcap       images without times
       enliven import --list-readers                               the layouts that are known
     """
-    from enliven_edge.importing.base import ImportOptions
-    from enliven_edge.importing.mirror import mirrored
-    from enliven_edge.importing.registry import find_files, find_reader
+    from enliven_edge.importing import ImportOptions, find_files, find_reader, mirrored
 
     console = Console()
     if list_readers:
@@ -149,7 +147,7 @@ def _rename(passing: Path, output: Path) -> None:
 
 
 def _reader_table() -> Table:
-    from enliven_edge.importing.registry import readers
+    from enliven_edge.importing import readers
 
     table = Table("reader", "layout", "note")
     for reader in readers().values():

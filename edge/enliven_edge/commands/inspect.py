@@ -16,8 +16,7 @@ from enliven.errors import InputError
 if TYPE_CHECKING:
     from enliven.arrays import UInt8
     from enliven.recording import Recording
-    from enliven_edge.inspection.inspector import Inspector
-    from enliven_edge.inspection.log import SensorLog
+    from enliven_edge.inspection import Inspector, SensorLog
 
 _USUAL_RATE = 30.0
 
@@ -45,8 +44,8 @@ def inspect(
       enliven inspect TAKE.mcap -o take.mp4 --sheet take.png --slow 4
     """
     from enliven.recording import DEPTH_TOPIC, Recording
-    from enliven_edge.inspection.log import SensorLog
-    from enliven_edge.sensors.diary import Moments
+    from enliven_edge.inspection import SensorLog
+    from enliven_edge.sensors import Moments
 
     source, log = Recording(recording), SensorLog()
     count = source.info.topics[DEPTH_TOPIC].count if DEPTH_TOPIC in source.info.topics else 0
@@ -80,10 +79,8 @@ def _film(
     import numpy as np
     from PIL import Image
 
-    from enliven_edge.inspection.film import Film
-    from enliven_edge.inspection.inspector import Inspector
-    from enliven_edge.inspection.picture import contact_sheet
-    from enliven_edge.tracking.tracker import Tracker
+    from enliven_edge.inspection import Film, Inspector, contact_sheet
+    from enliven_edge.tracking import Tracker
 
     inspector = Inspector(Tracker(), width, rates[0])
     kept: list[UInt8] = []
@@ -102,7 +99,7 @@ def _film(
 def _pictures(source: Recording, log: SensorLog, inspector: Inspector) -> Iterator[UInt8]:
     """A picture for every depth frame."""
     from enliven.frames import DepthFrame
-    from enliven_edge.sensors.diary import Moments
+    from enliven_edge.sensors import Moments
 
     for moment in Moments(source):
         log.add(moment)

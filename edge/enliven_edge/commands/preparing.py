@@ -7,38 +7,34 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from enliven_edge.stage.casting import cast
-from enliven_edge.stage.embedded_actor import Actor
-from enliven_edge.stage.puppet.spec import is_puppet
-from enliven_edge.warmup import warm_up_stage, warm_up_tracking
+from enliven_edge.stage import cast
+from enliven_edge.stage.puppet import is_puppet
+from enliven_edge.warmup import warm_up_tracking
 
 if TYPE_CHECKING:
     from enliven_edge.settings import EdgeSettings
-    from enliven_edge.stage.stage import AnyActor
+    from enliven_edge.stage import Actor
 
 
-def prepared(mesh: str, chosen: EdgeSettings) -> AnyActor:
+def prepared(mesh: str, chosen: EdgeSettings) -> Actor:
     """The actor, with every kernel compiled: most of a minute the first time, a second later on."""
     with _steps(f"Preparing {mesh}: sampling, linking, weighting", total=3) as then:
         actor = _cast(mesh, chosen)
         then("Compiling the solver (kept for the next start)")
-        if isinstance(actor, Actor):
-            warm_up_stage(actor)
-        else:
-            actor.warm_up()
+        actor.warm_up()
         then("Compiling the tracker (kept for the next start)")
         warm_up_tracking(chosen.tracker)
     return actor
 
 
-def _cast(mesh: str, chosen: EdgeSettings) -> AnyActor:
+def _cast(mesh: str, chosen: EdgeSettings) -> Actor:
     """The actor of what was asked for; only what that needs is loaded."""
     if is_puppet(mesh):
-        from enliven_edge.stage.puppet.casting import cast_puppet
+        from enliven_edge.stage.puppet import cast_puppet
 
         return cast_puppet(mesh, chosen.puppet)
     if chosen.drive == "skeleton":
-        from enliven_edge.stage.rig.casting import cast_rig
+        from enliven_edge.stage.rig import cast_rig
 
         return cast_rig(mesh, chosen.matching)
     return cast(mesh, chosen.nodes, chosen.actor, chosen.up)

@@ -18,7 +18,7 @@ from enliven_edge.commands.progress import frame_progress
 
 if TYPE_CHECKING:
     from enliven.recording import Recorder
-    from enliven_edge.sensors.base import Sensor
+    from enliven_edge.sensors import Sensor
 
 log = logging.getLogger(__name__)
 
@@ -45,10 +45,8 @@ def record(
       enliven record --sensor replay --set path=LONG.mcap --set speed=0 --seconds 5 -o start.mcap
     """
     from enliven.recording import Recorder
-    from enliven_edge.recording.disk_sync import DiskSync
-    from enliven_edge.sensors.options import sensor_options
-    from enliven_edge.sensors.registry import sensor_opener
-    from enliven_edge.sensors.reopening import kept_open
+    from enliven_edge.recording import DiskSync
+    from enliven_edge.sensors import kept_open, sensor_opener, sensor_options
 
     console = Console()
     with (
@@ -75,9 +73,8 @@ def record_stream(
     What becomes of the sensor is written beside them. One that fails is read on, and a frame that cannot be
     used is left out; both are logged.
     """
-    from enliven_edge.sensors.base import SensorFault, condition_of
-    from enliven_edge.sensors.diary import Diary
-    from enliven_edge.tracking.frame.frame_check import flaw_of
+    from enliven_edge.sensors import Diary, SensorFault, condition_of
+    from enliven_edge.tracking.frame import flaw_of
 
     count, first_ns, diary = 0, None, Diary(recorder)
     while not stop.is_set():

@@ -18,7 +18,7 @@ from enliven.errors import InputError, ResourceError
 if TYPE_CHECKING:
     from enliven.arrays import UInt8
     from enliven.frames import DepthFrame
-    from enliven_edge.sensors.base import Sensor
+    from enliven_edge.sensors import Sensor
     from enliven_edge.terminal import Way
 
 _PATIENCE = 15.0
@@ -56,9 +56,7 @@ def sensors(
     if name is None:
         _list(console)
         return
-    from enliven_edge.sensors.base import condition_of
-    from enliven_edge.sensors.options import sensor_options
-    from enliven_edge.sensors.registry import open_sensor
+    from enliven_edge.sensors import condition_of, open_sensor, sensor_options
 
     if output is not None and output.suffix != ".png":
         raise InputError(f"it ends in {output.suffix!r}", where=str(output), mend="Give a name with .png.")
@@ -81,8 +79,7 @@ def sensors(
 
 def _list(console: Console) -> None:
     """What may be named, and what is plugged in."""
-    from enliven_edge.sensors.attached_cameras import attached
-    from enliven_edge.sensors.registry import sensor_names
+    from enliven_edge.sensors import attached, sensor_names
 
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     table.add_row("known", ", ".join(sensor_names()))
@@ -99,7 +96,7 @@ def _list(console: Console) -> None:
 def _looked_at(sensor: Sensor, seconds: float) -> list[DepthFrame]:
     """The depth frames of so many seconds, at least one."""
     from enliven.frames import DepthFrame
-    from enliven_edge.sensors.base import SensorFault
+    from enliven_edge.sensors import SensorFault
 
     frames: list[DepthFrame] = []
     start = time.monotonic()
@@ -131,8 +128,8 @@ def _facts(frames: list[DepthFrame], condition, name: str) -> list[tuple[str, st
     import numpy as np
 
     from enliven.camera import rays, unproject
-    from enliven_edge.tracking.frame.depth_survey import survey
-    from enliven_edge.tracking.scene.floor import world_from_floor
+    from enliven_edge.tracking.frame import survey
+    from enliven_edge.tracking.scene import world_from_floor
 
     last = frames[-1]
     steps = [1e-9 * (b.time_ns - a.time_ns) for a, b in itertools.pairwise(frames)]
@@ -198,7 +195,7 @@ def _picture(frame: DepthFrame) -> UInt8:
     import numpy as np
     from PIL import Image
 
-    from enliven_edge.inspection.picture import depth_picture, depth_span
+    from enliven_edge.inspection import depth_picture, depth_span
 
     drawn = depth_picture(frame.depth, *depth_span(frame.depth))
     if frame.colour is None:
@@ -211,6 +208,6 @@ def _draw(frame: DepthFrame, output: Path, lines: list[str]) -> None:
     """A picture of a frame, in a file."""
     from PIL import Image
 
-    from enliven_edge.inspection.picture import captioned
+    from enliven_edge.inspection import captioned
 
     Image.fromarray(captioned(_picture(frame), lines)).save(output)

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import Literal, cast, get_args
 
 from enliven.errors import InputError
-from enliven.wire.messages import Possess
-from enliven_edge.stage.stage import Stage
+from enliven.wire import Possess
+from enliven_edge.stage import Stage
 
 Word = Literal["possess", "join", "extend", "release", "next", "previous", "follow", "lock", "unlock"]
 
@@ -60,7 +60,7 @@ def _of_one(
         return lambda: stage.browse(character, _STEPS[word])
 
     def take() -> None:
-        body, parts = stage.would(character, _MODES[word])
+        body, parts = stage.candidate(character, _MODES[word])
         possess(Possess(character, body, parts, _MODES[word]))
 
     return take

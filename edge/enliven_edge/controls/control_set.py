@@ -8,12 +8,12 @@ from pathlib import Path
 from types import TracebackType
 
 from enliven.errors import EnlivenError, InputError
-from enliven.wire.messages import Possess
+from enliven.wire import Possess
 from enliven_edge.controls.base import Control, Device, Reader
 from enliven_edge.controls.commands import WORDS, Word, actions, checked_map
 from enliven_edge.controls.lamps import Lamps
 from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
-from enliven_edge.stage.stage import Stage
+from enliven_edge.stage import Stage
 
 log = logging.getLogger(__name__)
 

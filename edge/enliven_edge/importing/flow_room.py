@@ -12,7 +12,7 @@ from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.files import read_file
 from enliven.frames import BodyFrame
-from enliven.person.body import PARENTS, Body, J, Joint
+from enliven.person import PARENTS, Body, J, Joint
 from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
 from enliven_edge.importing.skeletons import (
     INFERRED,

@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
-from enliven.person.body import Body
+from enliven.person import Body
 from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
 from enliven_edge.importing.skeletons import (
     CONFIDENCE_OF_STATE,

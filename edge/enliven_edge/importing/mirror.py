@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from enliven.frames import BodyFrame, DepthFrame, Frame
-from enliven.person.body import Joint
-from enliven.person.orientation import mirrored as reflected
+from enliven.person import Joint
+from enliven.person import mirrored as reflected
 
 _ACROSS = np.array([1.0, 0.0, 0.0])
 OTHER_SIDE = [

@@ -9,15 +9,11 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.formats.motion.bvh import read_bvh
-from enliven.formats.motion.capture import UNITS, Capture, guess_unit
-from enliven.formats.motion.expmap import COLUMNS, read_expmap
+from enliven.formats.motion import COLUMNS, UNITS, Capture, guess_unit, read_bvh, read_expmap
 from enliven.frames import BodyFrame
-from enliven.person.body import Body, J, Joint
-from enliven.person.limbs import Limb
+from enliven.person import Body, J, Joint, Limb
 from enliven.rotation import from_matrix
-from enliven.takes.capture_limbs import half_way, limb_rotations
-from enliven.takes.capture_roles import Roles, find_roles
+from enliven.takes import Roles, find_roles, half_way, limb_rotations
 from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
 from enliven_edge.importing.skeletons import TRACKED, Moment, frames_in_world
 from enliven_edge.importing.tables import are_numbers, first_lines

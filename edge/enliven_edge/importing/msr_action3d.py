@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
-from enliven.person.body import Body, Joint
+from enliven.person import Body, Joint
 from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one, text_of
 from enliven_edge.importing.skeletons import WORLD_FROM_KINECT_SPACE, Moment, frames_in_world, observed
 from enliven_edge.importing.tables import are_numbers, first_lines

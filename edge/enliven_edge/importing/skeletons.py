@@ -15,7 +15,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
-from enliven.person.body import ANKLE_ABOVE_SOLE, Body, Joint
+from enliven.person import ANKLE_ABOVE_SOLE, Body, Joint
 
 WORLD_FROM_KINECT_SPACE = np.diag([-1.0, 1.0, -1.0])
 """(3, 3) world_from_sensor of a level sensor for the skeleton space of the Kinect SDKs 1 and 2."""

@@ -9,11 +9,11 @@ from PIL import Image
 
 from enliven.arrays import UInt8
 from enliven.frames import DepthFrame, Frame
-from enliven.person.body import Body
+from enliven.person import Body
 from enliven_edge.inspection.picture import captioned, depth_picture, depth_span, draw_bodies, tinted
-from enliven_edge.sensors.base import Condition
-from enliven_edge.tracking.health.health import HealthMonitor
-from enliven_edge.tracking.tracker import Tracker
+from enliven_edge.sensors import Condition
+from enliven_edge.tracking import Tracker
+from enliven_edge.tracking.health import HealthMonitor
 
 _SPAN_KEEPS = 0.97
 """How slowly the span of grey follows the depth, so that pictures do not flicker."""

@@ -6,8 +6,7 @@ from collections import Counter
 
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven_edge.sensors.base import SensorFault
-from enliven_edge.sensors.diary import Moment
+from enliven_edge.sensors import Moment, SensorFault
 
 _MOST_TOLD = 5
 """Losses that are told one by one."""

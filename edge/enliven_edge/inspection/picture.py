@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw
 
 from enliven.arrays import AnyArray, Float, Int, UInt8, UInt16
 from enliven.camera import Intrinsics, project
-from enliven.person.body import BONES, Body
+from enliven.person import BONES, Body
 
 _TINTS = np.array(
     [(70, 130, 255), (255, 140, 60), (90, 220, 120), (230, 90, 210), (240, 220, 70), (90, 220, 230)], float

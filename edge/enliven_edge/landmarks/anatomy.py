@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.body import Joint
+from enliven.person import Joint
 from enliven_edge.landmarks.source import INDEX, NAMES
 
 _TRUNK, _ARM, _LEG = (0.11, 0.11, 0.10, 0.09), (0.05, 0.04, 0.03, 0.025), (0.09, 0.055, 0.04, 0.03)

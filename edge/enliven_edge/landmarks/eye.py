@@ -11,7 +11,7 @@ from enliven.arrays import Float, UInt8
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven.person.body import Body, Joint
+from enliven.person import Body, Joint
 from enliven_edge.landmarks.joining import join_people
 from enliven_edge.landmarks.lifting import Lifter, LiftSettings
 from enliven_edge.landmarks.mediapipe_source import MediaPipeSettings, MediaPipeSource

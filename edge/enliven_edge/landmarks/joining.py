@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.body import Body, Joint
+from enliven.person import Body, Joint
 
 _TRUNK = [Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD]
 _SAME_PERSON = 0.5

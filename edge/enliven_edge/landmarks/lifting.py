@@ -10,7 +10,7 @@ from enliven.arrays import Bool, Float
 from enliven.camera import Intrinsics, rays
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven.person.body import ANKLE_ABOVE_SOLE, HEAD_ABOVE_JOINT, Body
+from enliven.person import ANKLE_ABOVE_SOLE, HEAD_ABOVE_JOINT, Body
 from enliven.settings import setting
 from enliven_edge.landmarks.anatomy import SURFACE, joints_of, visibility_of
 from enliven_edge.landmarks.source import Landmarks

@@ -6,8 +6,8 @@ import time
 from collections import deque
 from collections.abc import Callable, Hashable
 
-from enliven.wire.messages import SUPERSEDED, Lock, Look, Order, Possess, Release, Smooth
-from enliven_edge.network import Connection
+from enliven.wire import SUPERSEDED, Lock, Look, Order, Possess, Release, Smooth
+from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import Command
 
 _MOST = 1024

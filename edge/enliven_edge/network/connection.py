@@ -7,7 +7,7 @@ import time
 from collections import deque
 from typing import Any
 
-from enliven.wire.zmtp import Session, head
+from enliven.wire import Session, head
 
 _HALVED_EVERY = 10.0
 """Seconds after which half of what a connection has cost is forgiven."""

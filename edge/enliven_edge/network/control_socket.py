@@ -7,17 +7,25 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from enliven.wire.envelope import (
+from enliven.wire import (
+    REQUEST,
+    Answer,
+    Ask,
+    Done,
+    Hello,
     Malformed,
+    Order,
     OtherVersion,
+    Ping,
+    Refused,
     Rejects,
+    Request,
     payload,
     reply_head,
     unpack_control,
 )
-from enliven.wire.messages import Answer, Ask, Done, Hello, Order, Ping, Refused, Request
-from enliven.wire.topics import REQUEST
-from enliven_edge.network import Connection, ZmtpServer
+from enliven_edge.network.connection import Connection
+from enliven_edge.network.server import ZmtpServer
 
 log = logging.getLogger(__name__)
 

@@ -8,28 +8,31 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from enliven.document.character import Character, Pose
-from enliven.document.props import Props
+from enliven.document import Character, Pose, Props
 from enliven.frames import Frame
 from enliven.health import HealthState, worst_first
-from enliven.matching.board import Board
-from enliven.person.body import Body
-from enliven.wire.convert import (
+from enliven.matching import Board
+from enliven.person import Body
+from enliven.wire import (
+    Browse,
+    Lock,
+    Look,
+    Possess,
+    Smooth,
+    board_to_message,
     bodies_to_message,
     character_to_message,
     cues_to_message,
     health_to_messages,
     props_to_message,
 )
-from enliven.wire.matches import board_to_message
-from enliven.wire.messages import Browse, Lock, Look, Possess, Smooth
 from enliven_edge.network.command_queue import CommandQueue
 from enliven_edge.network.control_socket import Command
 from enliven_edge.network.frame_rate import Pace
 from enliven_edge.network.publisher import Publisher
-from enliven_edge.recording.take import Take
+from enliven_edge.recording import Take
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage.embedded_actor import Cues
+from enliven_edge.stage import Cues
 
 _FAREWELLS = 5
 

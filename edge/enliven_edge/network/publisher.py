@@ -12,28 +12,34 @@ from typing import Any
 
 import msgspec
 
-from enliven.document.character import Character, Pose
-from enliven.wire.convert import character_to_message
-from enliven.wire.envelope import pack_stream, payload
-from enliven.wire.messages import (
+from enliven.document import Character, Pose
+from enliven.wire import (
+    BY_TYPE,
+    CONTROL_PORT,
+    POSE_PORT,
+    REQUEST,
+    STATUS,
     Answer,
     Ask,
+    Endpoint,
     GetState,
     Hello,
     Ping,
     Pong,
+    PoseCodec,
     PoseMessage,
     Refused,
     Revision,
     StatusMessage,
     Welcome,
+    character_to_message,
+    pack_stream,
+    payload,
 )
-from enliven.wire.posecode import PoseCodec
-from enliven.wire.sockets import CONTROL_PORT, POSE_PORT, Endpoint
-from enliven.wire.topics import BY_TYPE, REQUEST, STATUS
-from enliven_edge.network import ZmtpServer, check_open
 from enliven_edge.network.control_socket import Command, Control
+from enliven_edge.network.listening import check_open
 from enliven_edge.network.name_lock import NameLock
+from enliven_edge.network.server import ZmtpServer
 from enliven_edge.network.subscribers import Subscribers
 
 log = logging.getLogger(__name__)

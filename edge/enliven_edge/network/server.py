@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any, Literal
 
-from enliven.wire.zmtp import Misspoken, Session
+from enliven.wire import Misspoken, Session
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.descriptors import connections_allowed
 from enliven_edge.network.listening import listen, make_watchful

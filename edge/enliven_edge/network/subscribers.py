@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import time
 
-from enliven.wire.topics import MAX_STREAM_BYTES, STREAMS
-from enliven.wire.zmtp import framed
-from enliven_edge.network import ZmtpServer
+from enliven.wire import MAX_STREAM_BYTES, STREAMS, framed
+from enliven_edge.network.server import ZmtpServer
 
 _MOST_SUBSCRIPTION = 64
 """Bytes of a frame that a subscriber sends: "SUBSCRIBE" and the name of a topic are 23."""

@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.props import BALL
+from enliven.document import BALL
 from enliven_edge.physics.contacts import FLOOR
 from enliven_edge.physics.ground import FIXED, Ground
 from enliven_edge.physics.settings import DodgeballSettings

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.body import Body, Joint
-from enliven_edge.stage.placement import facing
+from enliven.person import Body, Joint
+from enliven_edge.stage import facing
 
 _STILL = 0.12
 """Metres that somebody who stands still may sway."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.body import BONES, Body, Joint
+from enliven.person import BONES, Body, Joint
 
 _RADII = np.full(len(Joint), 0.07)
 _RADII[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = 0.13

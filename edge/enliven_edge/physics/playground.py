@@ -8,18 +8,17 @@ from typing import Protocol
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.spheres import SphereProxies, pack_spheres
-from enliven.document.character import Character, Pose
-from enliven.document.props import Props
+from enliven.deformation import SphereProxies, pack_spheres
+from enliven.document import Character, Pose, Props
 from enliven.errors import InputError
-from enliven.person.body import Body
+from enliven.person import Body
 from enliven_edge.physics.dodgeball import Dodgeball
 from enliven_edge.physics.ground import FIXED, Ground, Standing
 from enliven_edge.physics.performers import body_spheres
 from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.physics.towers import Towers
 from enliven_edge.physics.world import PropSpecs, World
-from enliven_edge.stage.puppet.skin import roughly_skinned
+from enliven_edge.stage.puppet import roughly_skinned
 
 log = logging.getLogger(__name__)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from enliven.deformation.spheres import SphereSettings
+from enliven.deformation import SphereSettings
 from enliven.settings import setting
 
 WorldName = Literal["none", "boxes", "dodgeball"]

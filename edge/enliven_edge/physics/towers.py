@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.props import BOX
+from enliven.document import BOX
 from enliven.errors import InputError
 from enliven_edge.physics.ground import Ground
 from enliven_edge.physics.settings import BoxesSettings

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from enliven.arrays import Float, Int, UInt8
-from enliven.document.props import BALL
+from enliven.document import BALL
 from enliven_edge.physics.contacts import FLOOR, NOTHING, correct_contacts, limit_speeds
 from enliven_edge.physics.settings import EngineSettings
 

@@ -12,9 +12,9 @@ import msgspec
 from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.health import HealthKind, HealthState
 from enliven.recording import Recorder
-from enliven.wire.messages import CharacterMessage
+from enliven.wire import CharacterMessage
 from enliven_edge.recording.disk_sync import DiskSync
-from enliven_edge.tracking.health.messages import COMPLAINTS
+from enliven_edge.tracking.health import COMPLAINTS
 
 log = logging.getLogger(__name__)
 

@@ -18,8 +18,7 @@ import msgspec
 
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import Frame
-from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recorder, Recording
-from enliven.recording.reader import frame_of
+from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recorder, Recording, frame_of
 from enliven_edge.sensors.base import Condition, SensorFault
 
 log = logging.getLogger(__name__)

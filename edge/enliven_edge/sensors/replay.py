@@ -16,9 +16,7 @@ from types import TracebackType
 from enliven.errors import InputError
 from enliven.files import open_file
 from enliven.frames import TIME_LIMIT_NS, Frame
-from enliven.recording import Recording
-from enliven.recording.reader import RecordingInfo
-from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC
+from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recording, RecordingInfo
 from enliven_edge.sensors.base import Condition
 from enliven_edge.sensors.diary import Moment, Moments
 

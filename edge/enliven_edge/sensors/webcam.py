@@ -9,8 +9,7 @@ from typing import Any
 
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
-from enliven_edge.landmarks.eye import LevelEye, check_view
-from enliven_edge.landmarks.source import LandmarkSource
+from enliven_edge.landmarks import LandmarkSource, LevelEye, check_view
 
 _FORMATS = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from enliven.deformation.constraints.floor_contact import FloorSettings
-from enliven.deformation.constraints.observed import ObservedSettings
-from enliven.deformation.constraints.self_contact import SelfContactSettings
-from enliven.deformation.embedded.solver import EmbeddedSettings
-from enliven.deformation.possession.attachment import AttachmentSettings
+from enliven.deformation.constraints import FloorSettings, ObservedSettings, SelfContactSettings
+from enliven.deformation.embedded import EmbeddedSettings
+from enliven.deformation.possession import AttachmentSettings
 from enliven.settings import setting
 
 

@@ -8,9 +8,8 @@ from typing import Protocol
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.deformation.possession.body_in_mesh import Likeness
-from enliven.deformation.possession.bone_cylinders import bone_rotations, filled
-from enliven.person.body import PARENTS, Body, J, Joint
+from enliven.deformation.possession import Likeness, bone_rotations, filled
+from enliven.person import PARENTS, Body, J, Joint
 from enliven_edge.stage.placement import Placement, facing, turn_about_y
 
 _HIP = Joint.HIP_CENTER

@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
-from enliven.meshes.mesh import Mesh, fit_height, refine
-from enliven.samples.chair import make_chair
-from enliven.samples.lamp import make_lamp
-from enliven_edge.stage.embedded_actor import Actor, ActorSettings
+from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.meshes import Mesh, fit_height, refine
+from enliven.samples import make_chair, make_lamp
+from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from enliven_edge.stage.standing import stood_in
 
 log = logging.getLogger(__name__)
@@ -25,7 +24,7 @@ _HEIGHT = 1.75
 _LONGEST_EDGE = 0.04
 
 
-def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: str = "y") -> Actor:
+def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: str = "y") -> EmbeddedActor:
     """The actor of a mesh file, or of a mesh that the project makes.
 
     A mesh that meets its performer is scaled to a person's height, moved to where a standing person fits into
@@ -43,7 +42,7 @@ def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up:
     settings = settings or ActorSettings()
     mesh, size = _prepared(spec, settings, up)
     graph = DeformationGraph.build(mesh, nodes=nodes)
-    return Actor(character_from(mesh, graph, name_of(spec)), graph, settings, size)
+    return EmbeddedActor(character_from(mesh, graph, name_of(spec)), graph, settings, size)
 
 
 def parts_for(spec: str) -> str:
@@ -63,7 +62,7 @@ def _prepared(spec: str, settings: ActorSettings, up: str) -> tuple[Mesh, float]
     """
     if spec in MADE:
         return MADE[spec](), 1.0
-    from enliven.meshes.files import load_mesh
+    from enliven.meshes import load_mesh
 
     mesh, notes = load_mesh(spec)
     for note in notes:

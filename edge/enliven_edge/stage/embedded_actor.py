@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
 
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.constraints.observed import Seen
-from enliven.deformation.embedded.solver import EmbeddedSolver
-from enliven.deformation.graph.graph import DeformationGraph
-from enliven.deformation.graph.stiffness import stiffness_at
-from enliven.document.character import Character, Pose
-from enliven.errors import InputError
-from enliven.person.body import Body, parts_named
+from enliven.deformation.constraints import Seen
+from enliven.deformation.embedded import EmbeddedSolver
+from enliven.deformation.graph import DeformationGraph, stiffness_at
+from enliven.document import Character, Pose
+from enliven.errors import EnlivenError, InputError
+from enliven.person import Body, parts_named
+from enliven_edge.stage.actor import Mode
 from enliven_edge.stage.actor_settings import ActorSettings
 from enliven_edge.stage.easing import Fading
 from enliven_edge.stage.grip import gripped, out_of_reach
@@ -23,14 +22,13 @@ from enliven_edge.stage.hold import Grip, Hold, depth_of, joined
 from enliven_edge.stage.placement import AS_MODELLED, resettled
 from enliven_edge.stage.placement_rules import Whereabouts
 from enliven_edge.stage.soft_constraints import SoftTerms
+from enliven_edge.tracking.body_model import Posture, lengths_for_height, standing
 
-__all__ = ["Actor", "ActorSettings", "Cues", "Mode"]
-
-Mode = Literal["alone", "join", "extend"]
-"""Who else holds after somebody took hold: nobody, everybody who did, or they themselves too, with more."""
+_STEP_NS = 33_333_333
+"""Nanoseconds between the frames of a rehearsal."""
 
 
-class Actor:
+class EmbeddedActor:
     """A character, the graph that deforms it, and who holds it.
 
     Everything is solved in the rest space of the mesh; the placement carries it into the world.
@@ -38,9 +36,6 @@ class Actor:
     Args:
         size: metres of the mesh as modelled for one of its rest space.
     """
-
-    chosen_from: Literal[False] = False
-    """Performers choose no parts of it."""
 
     def __init__(
         self,
@@ -62,10 +57,10 @@ class Actor:
         self._stiffness = stiffness_at(graph.positions, self.settings.stiffness)
         self._time_ns = 0
         self._seen = False
-        self._would: tuple[int | None, str] = (None, "all")
+        self._candidate: tuple[int | None, str] = (None, "all")
 
     @property
-    def looks(self) -> bool:
+    def uses_surface(self) -> bool:
         """Whether it follows what the sensor sees of its performers' surfaces."""
         return self.settings.follow != "skeleton"
 
@@ -75,9 +70,9 @@ class Actor:
         return "possessed" if self.holds else "free"
 
     @property
-    def would(self) -> tuple[int | None, str]:
+    def candidate(self) -> tuple[int | None, str]:
         """Who takes hold next, None for the first in view, and with what."""
-        return self._would
+        return self._candidate
 
     @property
     def body_id(self) -> int:
@@ -110,7 +105,7 @@ class Actor:
         start = self._solver.state() if kept and self._solver is not None else None
         if not kept:
             self._placement = self._where.stands(body)
-        self._met, self._would = True, (None, parts)
+        self._met, self._candidate = True, (None, parts)
         at = next((i for i, h in enumerate(self.holds) if h.body == body.id), len(others))
         self._hold([*others[:at], hold, *others[at:]], start)
 
@@ -144,7 +139,7 @@ class Actor:
             InputError: for an unknown part.
         """
         parts_named(parts)
-        self._would = (body, parts)
+        self._candidate = (body, parts)
 
     def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> Pose:
         """The pose at a moment: of the possession, or of the mesh waiting where it stands.
@@ -168,7 +163,7 @@ class Actor:
 
     def cues(self, bodies: list[Body]) -> Cues:
         """What is held, and what the next performer would hold if they took hold now, beside those who do."""
-        who, parts = self._would
+        who, parts = self._candidate
         body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
         count = len(self.graph.positions)
         held = [(hold.body, hold.strengths(count)) for hold in self.holds if hold.active]
@@ -177,6 +172,22 @@ class Actor:
             others = [hold for hold in self.holds if hold.body != body.id]
             preview = body.id, Hold(body.id, [self._grip(body, parts, others)]).strengths(count)
         return cues_of(held, preview)
+
+    def warm_up(self) -> None:
+        """Possesses a copy for a few frames, so that no frame waits for a compiler."""
+        rehearsal = EmbeddedActor(self.character, self.graph, self.settings)
+        posture = Posture(np.array([0.0, 0.95, 0.0]), standing(elbow=1.5), lengths_for_height(1.75))
+        body = Body(0, posture.joints(), np.ones(20))
+        rehearsal.perform([body], 0)
+        rehearsal.cues([body])
+        try:
+            rehearsal.possess(body)
+        except EnlivenError:  # a mesh out of reach is for the performer to see, later
+            return
+        for i in range(3):
+            moved = Body(0, body.joints + 0.01 * i, body.confidence * (1 - 0.1 * i))
+            seen = Seen(moved.joints, np.tile([0.0, 0.0, 1.0], (20, 1)))
+            rehearsal.perform([moved], (i + 1) * _STEP_NS, {0: seen})
 
     @property
     def _stays(self) -> bool:

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.graph.graph import DeformationGraph
-from enliven.deformation.possession.attachment import Growth, attach
+from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.possession import Growth, attach
 from enliven.errors import InputError
-from enliven.person.body import Body, parts_named
+from enliven.person import Body, parts_named
 from enliven_edge.stage.actor_settings import ActorSettings
 from enliven_edge.stage.carrying import Carrying
 from enliven_edge.stage.hold import Grip

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from enliven.arrays import Float, Int32
-from enliven.deformation.possession.attachment import Attachment
-from enliven.person.body import Body
+from enliven.deformation.possession import Attachment
+from enliven.person import Body
 from enliven_edge.stage.carrying import Carrying
 
 _SETTLING = 0.12

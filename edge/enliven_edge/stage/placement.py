@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.body import Body, Joint
+from enliven.person import Body, Joint
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from enliven.deformation.graph.graph import DeformationGraph
-from enliven.deformation.possession.body_in_mesh import likeness
-from enliven.person.body import Body
+from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.possession import likeness
+from enliven.person import Body
 from enliven_edge.stage.actor_settings import ActorSettings
 from enliven_edge.stage.carrying import Carrying, Mapped, Placed
 from enliven_edge.stage.placement import AS_MODELLED, Placement, beside, under

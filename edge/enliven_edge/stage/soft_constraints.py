@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from enliven.arrays import Float
-from enliven.deformation.constraints.floor_contact import FloorContact
-from enliven.deformation.constraints.observed import ObservedSurface, Seen
-from enliven.deformation.constraints.planes import PlaneConstraints
-from enliven.deformation.constraints.self_contact import SelfContact
-from enliven.deformation.constraints.soft import joined_planes
-from enliven.deformation.graph.graph import DeformationGraph
-from enliven.document.character import Character
+from enliven.deformation.constraints import (
+    FloorContact,
+    ObservedSurface,
+    PlaneConstraints,
+    Seen,
+    SelfContact,
+    joined_planes,
+)
+from enliven.deformation.graph import DeformationGraph
+from enliven.document import Character
 from enliven_edge.stage.actor_settings import ActorSettings
 from enliven_edge.stage.hold import Hold
 

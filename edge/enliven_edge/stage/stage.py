@@ -3,37 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
-from enliven.deformation.constraints.observed import Seen
-from enliven.document.character import Pose
+from enliven.deformation.constraints import Seen
+from enliven.document import Pose
 from enliven.errors import InputError
-from enliven.matching.board import Board
-from enliven.matching.views import View
-from enliven.person.body import Body
-from enliven_edge.stage.embedded_actor import Cues, Mode
-
-if TYPE_CHECKING:
-    # What the actors need is loaded with the one that performs, and not with the others.
-    from enliven_edge.stage.embedded_actor import Actor
-    from enliven_edge.stage.puppet.puppet_actor import PuppetActor
-    from enliven_edge.stage.rig.rig_actor import RigActor
-
-    AnyActor = Actor | RigActor | PuppetActor
-    """A mesh that is possessed, a rigged model of which parts are chosen, or a puppet."""
+from enliven.matching import Board, View
+from enliven.person import Body
+from enliven_edge.stage.actor import Actor, ChosenActor, Mode, is_chosen
+from enliven_edge.stage.highlights import Cues
 
 
 class Stage:
     """Bodies in, one pose a character out."""
 
-    def __init__(self, actors: Sequence[AnyActor]) -> None:
-        self.actors: dict[str, AnyActor] = {actor.character.id: actor for actor in actors}
+    def __init__(self, actors: Sequence[Actor]) -> None:
+        self.actors: dict[str, Actor] = {actor.character.id: actor for actor in actors}
         self._bodies: list[Body] = []
 
     @property
-    def looks(self) -> bool:
+    def uses_surface(self) -> bool:
         """Whether some character follows what the sensor sees of its performers' surfaces."""
-        return any(actor.looks for actor in self.actors.values())
+        return any(actor.uses_surface for actor in self.actors.values())
 
     def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> list[Pose]:
         """One pose a character.
@@ -88,13 +78,13 @@ class Stage:
         """The first in view who does not hold a character."""
         return self._actor(character).next_performer(self._bodies)
 
-    def would(self, character: str, mode: Mode = "alone") -> tuple[int | None, str]:
+    def candidate(self, character: str, mode: Mode = "alone") -> tuple[int | None, str]:
         """Who takes hold of a character where nobody says it, and with what parts: as its cues show.
 
         More limbs are for who has some, the first in view of them. Who is not in view is nobody (None).
         """
         actor = self._actor(character)
-        body, parts = actor.would
+        body, parts = actor.candidate
         present = {one.id for one in self._bodies}
         if mode == "extend":
             body = next((hold.body for hold in actor.holds if hold.body in present), body)
@@ -120,7 +110,7 @@ class Stage:
             InputError: where there is no such character, or it is not rigged.
         """
         actor = self._actor(character)
-        if actor.chosen_from is False:
+        if not is_chosen(actor):
             mend = "Give the edge a rigged model and --drive skeleton."
             raise InputError("nothing is chosen from it", where=f"character {character!r}", mend=mend)
         actor.browse(step)
@@ -129,10 +119,10 @@ class Stage:
         """What there is to choose from on each rigged character."""
         return [actor.board() for actor in self._rigs()]
 
-    def _rigs(self) -> list[RigActor]:
-        return [actor for actor in self.actors.values() if actor.chosen_from is True]
+    def _rigs(self) -> list[ChosenActor]:
+        return [actor for actor in self.actors.values() if is_chosen(actor)]
 
-    def _actor(self, character: str) -> AnyActor:
+    def _actor(self, character: str) -> Actor:
         if character not in self.actors:
             known = ", ".join(self.actors) or "none"
             what = f"there is no character {character!r}"

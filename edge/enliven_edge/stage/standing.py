@@ -12,9 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.deformation.graph.sampling import scatter
-from enliven.meshes.mesh import Mesh
-from enliven.person.body import PARENTS, Joint
+from enliven.deformation.graph import scatter
+from enliven.meshes import Mesh
+from enliven.person import PARENTS, Joint
 from enliven_edge.stage.placement import turn_about_y
 
 _NEAR = 0.11

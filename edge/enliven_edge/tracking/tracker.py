@@ -5,21 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from enliven.arrays import Float, Int
-from enliven.deformation.constraints.observed import Seen
+from enliven.deformation.constraints import Seen
 from enliven.frames import DepthFrame
-from enliven.person.body import Body
-from enliven_edge.landmarks.eye import ColourEye
-from enliven_edge.tracking.body_model.posture import Posture
-from enliven_edge.tracking.fit.fit import Fitter
-from enliven_edge.tracking.frame.view import View
-from enliven_edge.tracking.health.health import TrackerState
-from enliven_edge.tracking.output.output import Output, mirror_of
-from enliven_edge.tracking.output.surfaces import mirrored_surfaces, seen_surfaces
-from enliven_edge.tracking.people.people import Crowd
-from enliven_edge.tracking.people.person import Person
-from enliven_edge.tracking.scene.mounting import Mounting
-from enliven_edge.tracking.scene.room import Room
-from enliven_edge.tracking.segment.segmentation import lying_on
+from enliven.person import Body
+from enliven_edge.landmarks import ColourEye
+from enliven_edge.tracking.body_model import Posture
+from enliven_edge.tracking.fit import Fitter
+from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.health import TrackerState
+from enliven_edge.tracking.output import Output, mirror_of, mirrored_surfaces, seen_surfaces
+from enliven_edge.tracking.people import Crowd, Person
+from enliven_edge.tracking.scene import Mounting, Room
+from enliven_edge.tracking.segment import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 
 _YOUNG, _SURFACE = 1.0, 0.05

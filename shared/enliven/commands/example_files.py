@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 from enliven.errors import InputError, ResourceError
 
 if TYPE_CHECKING:
-    from enliven.document.project import Project
-    from enliven.document.puppet import Puppet
+    from enliven.document import Project, Puppet
 
 
 @dataclass(frozen=True)
@@ -38,8 +37,8 @@ class Job:
 
 def opened(path: Path, name: str | None) -> Opened:
     """A session, or a puppet of a project: the one of that name, or the first."""
-    from enliven.example_sessions.session import read_session
-    from enliven.formats.project.file import read_project
+    from enliven.example_sessions import read_session
+    from enliven.formats.project import read_project
 
     if path.suffix.lower() == ".enliven":
         project, notes = read_project(path), ()
@@ -61,8 +60,7 @@ def writer(output: Path) -> Callable[[Job], str]:
 
 
 def _write_glb(job: Job) -> str:
-    from enliven.exporters.gltf.puppet_performance import puppet_performance_of
-    from enliven.exporters.gltf.write import write_gltf
+    from enliven.exporters.gltf import puppet_performance_of, write_gltf
 
     made = puppet_performance_of(
         job.project, job.puppet.id, *job.span, job.rate, how="morphs" if job.morphs else "skin"
@@ -72,14 +70,14 @@ def _write_glb(job: Job) -> str:
 
 
 def _write_take(job: Job) -> str:
-    from enliven.example_sessions.take import write_puppet_take
+    from enliven.example_sessions import write_puppet_take
 
     write_puppet_take(job.output, job.project, job.puppet, *job.span, job.rate)
     return ""
 
 
 def _write_project(job: Job) -> str:
-    from enliven.formats.project.file import write_project
+    from enliven.formats.project import write_project
 
     write_project(job.output, job.project)
     return ""
@@ -87,8 +85,8 @@ def _write_project(job: Job) -> str:
 
 def span_of(project: Project, puppet: Puppet, start: float, end: float | None) -> tuple[float, float]:
     """Seconds from when to when."""
-    from enliven.document.project import Project
-    from enliven.examples.puppet_motion import length_of_puppets
+    from enliven.document import Project
+    from enliven.examples import length_of_puppets
 
     alone = Project(takes=project.takes, puppets={puppet.id: puppet})
     stop = length_of_puppets(alone) if end is None else end

@@ -11,7 +11,7 @@ from enliven.commands.example_files import Job, opened, sheet_maker, span_of, wr
 from enliven.errors import InputError
 
 if TYPE_CHECKING:
-    from enliven.meshes.mesh import Axis
+    from enliven.meshes import Axis
 
 examples = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
@@ -60,13 +60,11 @@ def new(
       enliven examples new CACTUS.off TRAFFIC.bvh -o cactus.toml --height 1.5
       enliven examples new TREX.ply WALK.bvh -o trex.toml --up z --turned 90 --poses 4
     """
-    from enliven.document.project import Project
-    from enliven.example_sessions.session import fitted
-    from enliven.example_sessions.tables import MeshTable, TakeTable
-    from enliven.example_sessions.text import write_session
-    from enliven.meshes.files import load_mesh
-    from enliven.modeling.puppet.suggest import suggested_puppet
-    from enliven.takes.files import read_take
+    from enliven.document import Project
+    from enliven.example_sessions import MeshTable, TakeTable, fitted, write_session
+    from enliven.meshes import load_mesh
+    from enliven.modeling.puppet import suggested_puppet
+    from enliven.takes import read_take
 
     mesh_from = MeshTable(_from(output, mesh), height, _axis(up), turned)
     take_from = TakeTable(_from(output, take), "", animation, start, end)
@@ -96,8 +94,7 @@ def check(
       enliven examples check CACTUS.toml
       enliven examples check SHOW.enliven --puppet cactus
     """
-    from enliven.examples.coverage import coverage_of, unposed
-    from enliven.examples.puppet_motion import missing, motion_of
+    from enliven.examples import coverage_of, missing, motion_of, unposed
 
     found = opened(session, puppet)
     project, made = found.project, found.puppet
@@ -146,7 +143,7 @@ def fit(
       enliven examples fit SHOW.enliven --puppet cactus -o cactus.mcap
       enliven examples fit CACTUS.toml -o cactus.enliven
     """
-    from enliven.examples.puppet_motion import missing, motion_of
+    from enliven.examples import missing, motion_of
 
     write = writer(output)
     draw = sheet_maker() if sheet else None

@@ -18,9 +18,8 @@ def recover(
     \b
       enliven recover BROKEN.mcap -o whole.mcap
     """
-    from enliven.recording import RecordingWarning
-    from enliven.recording.recovery import Recovery
-    from enliven.recording.recovery import recover as recovered
+    from enliven.recording import RecordingWarning, Recovery
+    from enliven.recording import recover as recovered
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RecordingWarning)

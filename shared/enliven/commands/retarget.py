@@ -12,9 +12,9 @@ import typer
 from enliven.errors import ResourceError
 
 if TYPE_CHECKING:
-    from enliven.document.clip import Clip
-    from enliven.formats.rig.rig import Rig
-    from enliven.mapping.plan import Mode, Plan
+    from enliven.document import Clip
+    from enliven.formats.rig import Rig
+    from enliven.mapping import Mode, Plan
 
 
 def retarget(
@@ -69,11 +69,10 @@ def retarget(
       enliven retarget JOINTS.mcap SPIDER.glb -o out.glb --travel --pin
     """
     # Heavy modules are imported only here, so that the help is quick.
-    from enliven.exporters.gltf.write import performance_of, write_gltf
-    from enliven.formats.gltf.read import read_gltf
-    from enliven.mapping.automatic_mapping import retargeted
-    from enliven.mapping.plan_file import read_plan, write_plan
-    from enliven.takes.files import read_take
+    from enliven.exporters.gltf import performance_of, write_gltf
+    from enliven.formats.gltf import read_gltf
+    from enliven.mapping import read_plan, retargeted, write_plan
+    from enliven.takes import read_take
 
     draw = _sheet_maker() if sheet else None
     clip, notes = read_take(take, animation, start, end)
@@ -114,8 +113,7 @@ def _plan(
     """The mapping of the file, or the one that is found, with what the command line says about it."""
     from dataclasses import replace
 
-    from enliven.mapping.automatic_mapping import automatic
-    from enliven.mapping.plan import Plan
+    from enliven.mapping import Plan, automatic
     from enliven.settings import load_settings
 
     plan = automatic(clip, rig.shape) if plan is None else plan

@@ -12,7 +12,7 @@ import typer
 
 from enliven.commands.processes import Process, is_listening, run_together
 from enliven.errors import InputError, ResourceError
-from enliven.wire.ports import free_ports
+from enliven.wire import free_ports
 
 _FILM_SECONDS = 10.0
 _PATIENCE = 3600.0

@@ -3,3 +3,8 @@
 The solvers are rooms of their own: ``graph`` (what both share), ``embedded`` (KinÊtre), ``arap`` (squash and
 stretch), ``constraints`` and ``possession``.
 """
+
+from enliven.deformation.skinning import skin_vertices
+from enliven.deformation.spheres import SphereProxies, SphereSettings, pack_spheres
+
+__all__ = ["SphereProxies", "SphereSettings", "pack_spheres", "skin_vertices"]

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven.document.character import Character, Pose
+from enliven.document import Character, Pose
 from enliven.errors import InputError
 from enliven.kernels import njit
 

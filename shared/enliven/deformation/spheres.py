@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int, Int32, UInt16
-from enliven.document.character import Character, Pose
+from enliven.document import Character, Pose
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.meshes.kernels import corner_sums, edge_lengths, face_vectors
+from enliven.meshes import corner_sums, edge_lengths, face_vectors
 from enliven.settings import setting
 
 _GROWTH = 1.12

@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import AnyArray, Float, Int, Int32
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
 
 

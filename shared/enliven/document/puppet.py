@@ -21,7 +21,7 @@ from enliven.document.example_settings import ExampleSettings
 from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.document.surface_settings import ArapSettings
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
 
 

@@ -12,7 +12,7 @@ from enliven.document.layers import STILL, Span
 from enliven.document.pin import Pin
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
 
 

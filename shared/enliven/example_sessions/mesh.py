@@ -10,9 +10,8 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.example_sessions.tables import MeshTable
-from enliven.formats.project.file import read_project
-from enliven.meshes.files import load_mesh
-from enliven.meshes.mesh import Mesh, fit_height
+from enliven.formats.project import read_project
+from enliven.meshes import Mesh, fit_height, load_mesh
 from enliven.rotation import from_rotation_vector, rotate
 
 

@@ -33,10 +33,7 @@ from typing import Any
 
 import numpy as np
 
-from enliven.document.constraints import Coupling, Position, Velocity
-from enliven.document.locomotion import Switch
-from enliven.document.project import Project
-from enliven.document.puppet import Plane, Puppet
+from enliven.document import Coupling, Plane, Position, Project, Puppet, Switch, Velocity
 from enliven.errors import InputError
 from enliven.example_sessions.file import SessionFile
 from enliven.example_sessions.mesh import fitted, mesh_of, nearest_vertex
@@ -54,8 +51,8 @@ from enliven.example_sessions.tables import (
     TakeTable,
     VelocityTable,
 )
-from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
-from enliven.modeling.puppet.edits import (
+from enliven.modeling.mesh import plane_of_symmetry
+from enliven.modeling.puppet import (
     add_key_pose,
     add_point,
     change_point,
@@ -63,7 +60,7 @@ from enliven.modeling.puppet.edits import (
     play_take,
     set_symmetry,
 )
-from enliven.takes.files import read_take
+from enliven.takes import read_take
 
 __all__ = ["Session", "fitted", "read_session"]
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from enliven.document.example_settings import ExampleSettings
-from enliven.document.locomotion import LocomotionSettings
-from enliven.document.surface_settings import ArapSettings
+from enliven.document import ArapSettings, ExampleSettings, LocomotionSettings
 from enliven.settings import setting
 
 Three = tuple[float, float, float]

@@ -9,12 +9,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet, character_of_puppet
-from enliven.examples.puppet_motion import pose_of_state, state_of
+from enliven.document import Project, Puppet, character_of_puppet
+from enliven.examples import pose_of_state, state_of
 from enliven.recording import Recorder
-from enliven.wire.convert import character_to_message, pose_to_message
-from enliven.wire.posecode import PoseCodec
+from enliven.wire import PoseCodec, character_to_message, pose_to_message
 
 _REVISION = 1
 

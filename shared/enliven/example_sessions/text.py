@@ -16,11 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from enliven.document.project import Project
-from enliven.document.puppet import KeyPose, Puppet, PuppetLayer
+from enliven.document import KeyPose, Project, Puppet, PuppetLayer
 from enliven.errors import InputError, ResourceError
 from enliven.example_sessions.tables import LayerTable, MeshTable, SettingsTable, TakeTable
-from enliven.formats.project.file import write_project
+from enliven.formats.project import write_project
 
 _HEAD = """# A mesh, its control points, what poses of a performer mean on it, and what it plays.
 # Metres, in the mesh's frame: upright, on the floor. Change what you like; see docs/examples.md.

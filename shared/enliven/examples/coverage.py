@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet
+from enliven.document import Project, Puppet
 from enliven.examples.puppet_examples import material_of
 from enliven.examples.puppet_solve import seen_by
 from enliven.examples.suggest import distance_to

@@ -12,7 +12,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.spacetime.constraints import Conditions
+from enliven.examples.spacetime import Conditions
 
 _OUT = 2
 """Frames already out that an acceleration can still feel."""

@@ -13,14 +13,10 @@ from concurrent.futures import Executor
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.constraints import Constraint, names_in
-from enliven.document.example_settings import ExampleSettings
+from enliven.document import Constraint, ExampleSettings, names_in
 from enliven.errors import InputError
 from enliven.examples.poses import Examples
-from enliven.examples.spacetime.bounded import Nodes
-from enliven.examples.spacetime.constraints import Conditions, conditions_of
-from enliven.examples.spacetime.nearest import Nearest
-from enliven.examples.spacetime.spacetime import Solution, solve
+from enliven.examples.spacetime import Conditions, Nearest, Nodes, Solution, conditions_of, solve
 
 _WHERE = "poses"
 

@@ -16,9 +16,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from enliven.arrays import Float
-from enliven.document.skeleton import Skeleton
-from enliven.mapping.anatomy import Anatomy, Limb, anatomy_of
-from enliven.mapping.facing import turned_level
+from enliven.document import Skeleton
+from enliven.mapping import Anatomy, Limb, anatomy_of, turned_level
 
 _MIDDLE, _TRUNK, _OTHER = 0.25, 0.35, 0.6
 """What it costs, in widths and heights, to follow the middle of a limb, the trunk, or a finger."""

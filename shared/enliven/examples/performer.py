@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.clip import Clip
+from enliven.document import Clip
 from enliven.rotation import rotate
 
 

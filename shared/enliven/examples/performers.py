@@ -19,11 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.skeleton import Skeleton
+from enliven.document import Skeleton
 from enliven.errors import InputError
 from enliven.examples.performer import turned_about_y
-from enliven.mapping.anatomy import Anatomy, anatomy_of
-from enliven.mapping.facing import facing_of
+from enliven.mapping import Anatomy, anatomy_of, facing_of
 
 _SAME = 1e-9
 """Share of its size by which the joints of one skeleton may differ from another's to be the same."""

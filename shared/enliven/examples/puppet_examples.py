@@ -11,18 +11,24 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.clip import Clip
-from enliven.document.example_settings import ExampleSettings
-from enliven.document.locomotion import LocomotionSettings
-from enliven.document.project import Project
-from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer
-from enliven.document.skeleton import Skeleton
+from enliven.document import (
+    Clip,
+    ControlPoint,
+    ExampleSettings,
+    KeyPose,
+    LocomotionSettings,
+    Plane,
+    Project,
+    Puppet,
+    PuppetLayer,
+    Skeleton,
+)
 from enliven.errors import InputError
 from enliven.examples.performer import performed
 from enliven.examples.performers import cast
 from enliven.examples.poses import Examples, distinct
 from enliven.examples.symmetric import doubled, partners_of
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 
 T = TypeVar("T")
 

@@ -17,9 +17,7 @@ from functools import lru_cache
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document.character import Pose
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet, PuppetLayer
+from enliven.document import Pose, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.performer import turned_about_y
 from enliven.examples.puppet_examples import Material, examples_of, material_of, missing

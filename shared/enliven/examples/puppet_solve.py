@@ -8,9 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.document.constraints import Constraint, Coupling
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet, PuppetLayer
+from enliven.document import Constraint, Coupling, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import Performance, performed
@@ -18,9 +16,15 @@ from enliven.examples.performers import cast
 from enliven.examples.poses import Examples
 from enliven.examples.puppet_examples import Material, examples_with, material_of, reference_among, some_of
 from enliven.examples.puppet_trajectory import PuppetMotion
-from enliven.examples.spacetime.constraints import conditions_of
-from enliven.examples.spacetime.locomotion import Placed, check_switches, find_switches, locate, standing_feet
-from enliven.examples.spacetime.planting import planted
+from enliven.examples.spacetime import (
+    Placed,
+    check_switches,
+    conditions_of,
+    find_switches,
+    locate,
+    planted,
+    standing_feet,
+)
 
 
 def solved(material: Material) -> PuppetMotion:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.document.locomotion import Switch
+from enliven.document import Switch
 from enliven.examples.performer import turned_about_y
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.document.skeleton import Skeleton
+from enliven.document import Skeleton
 from enliven.mapping.facing import facing_of, side_of, turned_level
 
 _SHORT, _TWIG, _SIDE_TWIG = 0.15, 0.5, 0.6

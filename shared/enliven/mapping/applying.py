@@ -13,17 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.clip import Clip
-from enliven.document.layers import Layer
-from enliven.document.project import Project, unused
-from enliven.document.rigged import Shape
-from enliven.document.skeleton import Skeleton
+from enliven.document import Clip, Layer, Project, Shape, Skeleton, unused
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
 from enliven.mapping.plan import ChainPlan, Plan, Rest
 from enliven.mapping.resting import about_itself, at_moment, calm, first_heading, posed, rebased
-from enliven.motion.layers.polyline import arc_of
-from enliven.motion.layers.retarget import bind_chain, branch, set_travel
+from enliven.motion.layers import arc_of, bind_chain, branch, set_travel
 from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, normalized, rotate, swing
 
 _OPPOSITE = -0.94

@@ -7,18 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.clip import Clip
-from enliven.document.project import Project
-from enliven.document.rigged import Shape
-from enliven.document.skeleton import Skeleton
+from enliven.document import Clip, Project, Shape, Skeleton
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
 from enliven.mapping.assignment import Drive, assigned, split
 from enliven.mapping.facing import turned_level
 from enliven.mapping.plan import ChainPlan, Mode, Plan
-from enliven.motion.contact.pin import pin_feet
-from enliven.motion.layers.polyline import arc_of
+from enliven.motion.contact import pin_feet
+from enliven.motion.layers import arc_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.skeleton import Skeleton
+from enliven.document import Skeleton
 
 _LEFT = re.compile(r"left|(?<![a-z])l(?![a-z])", re.IGNORECASE)
 _RIGHT = re.compile(r"right|(?<![a-z])r(?![a-z])", re.IGNORECASE)

@@ -13,8 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.document.clip import Clip
-from enliven.document.skeleton import Skeleton
+from enliven.document import Clip, Skeleton
 from enliven.rotation import conjugate, multiply, normalized, rotate
 
 _STRIDE = 1.0

@@ -22,7 +22,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.skeleton import Skeleton, skeleton_of
+from enliven.document import Skeleton, skeleton_of
 from enliven.errors import InputError
 from enliven.matching.reduction import Reduction
 from enliven.matching.subtrees import Abstraction, Branch, SubTree

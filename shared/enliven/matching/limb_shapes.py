@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.skeleton import Skeleton
+from enliven.document import Skeleton
 
 
 class LimbShapes:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from enliven.arrays import Float, Int
-from enliven.document.skeleton import Skeleton
+from enliven.document import Skeleton
 from enliven.matching.abstraction import Abstraction, SubTree, abstract_skeleton
 from enliven.matching.kernels import rank_rows, seen_branches
 from enliven.matching.matches import Match, Ranking

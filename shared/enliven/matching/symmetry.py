@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.skeleton import Skeleton
+from enliven.document import Skeleton
 from enliven.matching.limb_shapes import LimbShapes
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.settings import setting

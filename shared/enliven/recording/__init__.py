@@ -4,17 +4,21 @@
 :mod:`enliven.recording.schemas`.
 """
 
-from enliven.recording.reader import Recording, RecordingInfo, RecordingWarning, TopicInfo
+from enliven.recording import schemas
+from enliven.recording.reader import Recording, RecordingInfo, RecordingWarning, frame_of
 from enliven.recording.recorder import Recorder
-from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC, TRUTH_TOPIC
+from enliven.recording.recovery import Recovery, recover
+from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC
 
 __all__ = [
     "BODIES_TOPIC",
     "DEPTH_TOPIC",
-    "TRUTH_TOPIC",
     "Recorder",
     "Recording",
     "RecordingInfo",
     "RecordingWarning",
-    "TopicInfo",
+    "Recovery",
+    "frame_of",
+    "recover",
+    "schemas",
 ]

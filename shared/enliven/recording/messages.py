@@ -13,7 +13,7 @@ from enliven.arrays import AnyArray, Float, UInt8
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
-from enliven.person.body import Body, J
+from enliven.person import Body, J
 from enliven.recording.depth_codec import MAX_PIXELS, decode_depth, encode_depth
 
 _HEAD = struct.Struct("<BBHIq9d")

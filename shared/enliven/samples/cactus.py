@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Int, UInt8
-from enliven.meshes.isosurface import surface_of
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh, surface_of
 
 POT, SOIL, GREEN, WHITE, BLACK, BLOOM, HEART = range(7)
 _COLOURS = np.array(

@@ -13,12 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.project import Project
-from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet
-from enliven.document.surface_settings import ArapSettings
-from enliven.person.body import PARENTS, Body, Joint
+from enliven.document import ArapSettings, ControlPoint, KeyPose, Plane, Project, Puppet
+from enliven.person import PARENTS, Body, Joint
 from enliven.samples.cactus import make_cactus
-from enliven.takes.capture_clip import BODY_NAMES, clip_of_bodies
+from enliven.takes import BODY_NAMES, clip_of_bodies
 
 TAKE = "cactus poses"
 _Way = tuple[float, float, float]

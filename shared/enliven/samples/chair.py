@@ -9,8 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int, UInt8
 from enliven.kernels import njit
-from enliven.meshes.isosurface import surface_of
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh, surface_of
 
 _OAK, _DARK, _FABRIC = (181, 126, 74), (139, 88, 47), (62, 108, 122)
 _FILLET = 0.010

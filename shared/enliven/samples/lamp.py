@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int32
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 
 _CREAM, _STEEL, _DARK = (233, 226, 208), (158, 164, 170), (74, 78, 86)
 _INSIDE, _BULB = (250, 236, 200), (255, 221, 130)

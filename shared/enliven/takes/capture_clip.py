@@ -17,11 +17,10 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document.clip import Clip
-from enliven.document.skeleton import Skeleton
+from enliven.document import Clip, Skeleton
 from enliven.errors import InputError
-from enliven.formats.motion.capture import Capture
-from enliven.person.body import PARENTS, Body, Joint
+from enliven.formats.motion import Capture
+from enliven.person import PARENTS, Body, Joint
 from enliven.rotation import conjugate, from_matrix, multiply, slerp
 from enliven.takes.capture_rest import links, metres, rooted, stiff_pose, zero_pose, zero_stands
 from enliven.takes.positions import filled, rest_of, turns_of

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.formats.motion.capture import Capture
-from enliven.person.limbs import Limb
+from enliven.formats.motion import Capture
+from enliven.person import Limb
 from enliven.rotation import nearest_rotation, rotate, swing
 from enliven.takes.capture_roles import Roles
 

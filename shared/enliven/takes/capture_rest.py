@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.formats.motion.capture import UNITS, Capture, guess_unit
+from enliven.formats.motion import UNITS, Capture, guess_unit
 
 _STANDS = 0.9
 """A zero pose stands when it is at least this much as tall as the frames are."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.formats.motion.capture import Capture
+from enliven.formats.motion import Capture
 
 _ELBOWS = ("forearm", "lowerarm", "elbow")
 _KNEES = ("knee", "lowerleg", "shin", "calf", "leg")

@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from enliven.document.clip import Clip
+from enliven.document import Clip
 from enliven.errors import InputError
-from enliven.formats.gltf.read import read_gltf
-from enliven.formats.motion.bvh import read_bvh
-from enliven.formats.motion.expmap import read_expmap
-from enliven.formats.project.file import read_project
+from enliven.formats.gltf import read_gltf
+from enliven.formats.motion import read_bvh, read_expmap
+from enliven.formats.project import read_project
 from enliven.takes.capture_clip import between_times, clip_of_capture
 from enliven.takes.recorded import clips_of_recording
 

@@ -14,10 +14,9 @@ import math
 import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float
-from enliven.document.skeleton import Skeleton
+from enliven.document import Skeleton
 from enliven.kernels import njit
-from enliven.motion.kinematics.quaternions import load, mul, store, turn
-from enliven.motion.kinematics.vectors import about, cross, dot, length, minus, row, swing_to
+from enliven.motion.kinematics import about, cross, dot, length, load, minus, mul, row, store, swing_to, turn
 from enliven.rotation import nearest_quaternion
 
 _SHORT = 1e-6

@@ -15,23 +15,26 @@ import msgspec
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.character import Character, Pose
-from enliven.document.possessed import GraphShape, PoseStream, graph_shape_of
-from enliven.document.project import Project, unused
-from enliven.document.puppet import ControlPoint, Puppet
-from enliven.document.surface_settings import ArapSettings
+from enliven.document import (
+    ArapSettings,
+    Character,
+    ControlPoint,
+    GraphShape,
+    Pose,
+    PoseStream,
+    Project,
+    Puppet,
+    graph_shape_of,
+    unused,
+)
 from enliven.errors import EnlivenError, InputError
-from enliven.examples.baking.bake import bake_surface
-from enliven.examples.baking.frames import SurfaceFrames
-from enliven.examples.baking.settings import BakeSettings
+from enliven.examples.baking import BakeSettings, SurfaceFrames, bake_surface
 from enliven.files import DAMAGE
-from enliven.meshes.mesh import Mesh
-from enliven.modeling.puppet.baking import graph_of
+from enliven.meshes import Mesh
+from enliven.modeling.puppet import graph_of
 from enliven.recording import Recording
 from enliven.rotation import conjugate, from_matrix, rotate, to_matrix
-from enliven.wire.convert import message_to_character, message_to_pose
-from enliven.wire.messages import CharacterMessage, PoseMessage
-from enliven.wire.posecode import PoseCodec
+from enliven.wire import CharacterMessage, PoseCodec, PoseMessage, message_to_character, message_to_pose
 
 _FEWEST = 2
 """Poses that a mesh must have for it to have moved."""

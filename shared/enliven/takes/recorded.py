@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.document.clip import Clip
+from enliven.document import Clip
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, Frame
-from enliven.person.body import Body
+from enliven.person import Body
 from enliven.recording import Recording
 from enliven.settings import setting
 from enliven.takes.capture_clip import clip_of_bodies

@@ -7,12 +7,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from enliven.arrays import AnyArray, Float32, Int32
-from enliven.document.character import Pose
-from enliven.document.props import BALL, BOX, Props
+from enliven.document import BALL, BOX, Pose, Props
 from enliven.errors import InputError
 from enliven.health import HealthState, Severity, worst_first
-from enliven.person.body import Body
-from enliven.person.body import J as JOINTS
+from enliven.person import Body
+from enliven.person import J as JOINTS
 from enliven.wire.convert_characters import character_to_message, message_to_character
 from enliven.wire.fields import from_bytes, to_bytes
 from enliven.wire.messages import (

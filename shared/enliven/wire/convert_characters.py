@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float32, UInt16
-from enliven.document.character import Character, SkinWeights
-from enliven.document.surface_settings import ArapSettings
+from enliven.document import ArapSettings, Character, SkinWeights
 from enliven.errors import InputError
 from enliven.wire.characters import MAX_ITERATIONS, MAX_SOLVED, MAX_STIFF, CharacterMessage, SurfaceMessage
 from enliven.wire.fields import MAX_FACES, MAX_VERTICES, from_bytes, to_bytes

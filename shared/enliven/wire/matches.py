@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.matching.board import Board, Row
+from enliven.matching import Board, Row
 from enliven.wire.convert import JOINT_STEP
 from enliven.wire.messages import MatchesMessage, PackedMatch
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32, Int, Int32
-from enliven.document.character import Character, Pose
+from enliven.document import Character, Pose
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.wire.bits import LIMIT, decode_columns, encode_columns

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.person.limbs import Limb
+from enliven.person import Limb
 from enliven_synthesis.body.performer import Figure, Performer
 
 BLEND = (0.055, 0.022, 0.028, 0.028, 0.036, 0.036)

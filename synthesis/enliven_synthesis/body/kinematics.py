@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 
 from enliven.arrays import Float
 from enliven.kernels import copy_row, copy_rows, njit
-from enliven.person.body import Joint
-from enliven.person.limbs import Limb
+from enliven.person import Joint, Limb
 from enliven_synthesis.body.posture import Arm, Foot, Posture
 
 STRAIGHTEST = 0.997

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.body import Joint
-from enliven.person.limbs import Limb
+from enliven.person import Joint, Limb
 from enliven.settings import setting
 from enliven_synthesis.body.kinematics import STRAIGHTEST, Lengths, numbers_of, put
 from enliven_synthesis.body.posture import Posture

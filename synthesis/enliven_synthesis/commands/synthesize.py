@@ -14,7 +14,7 @@ from enliven.settings import load_settings
 
 if TYPE_CHECKING:
     from enliven.recording import Recorder
-    from enliven_synthesis.sensor.studio import Studio
+    from enliven_synthesis.sensor import Studio
 
 
 def synthesize(
@@ -37,8 +37,8 @@ def synthesize(
       enliven synthesize -o wave.mcap --choreography wave --profile oak-d --width 0
     """
     from enliven.recording import Recorder
-    from enliven_edge.sensors.profile import load_profile
-    from enliven_synthesis.sensor.studio import Studio, StudioSettings
+    from enliven_edge.sensors import load_profile
+    from enliven_synthesis.sensor import Studio, StudioSettings
 
     values = {"choreography": choreography, "seed": seed, "width": width, "noise": noise}
     studio = Studio(load_profile(profile), load_settings(StudioSettings, values, where="synthesize"))

@@ -56,9 +56,16 @@ def train_estimator(
             where="train-estimator",
             mend='Install it: pip install "enliven-synthesis[training]".',
         ) from None
-    from enliven_synthesis.training.dataset import Album, render_album
-    from enliven_synthesis.training.quantisation import quantise
-    from enliven_synthesis.training.training import KEPT_BACK, TrainingSettings, export, measure, train
+    from enliven_synthesis.training import (
+        KEPT_BACK,
+        Album,
+        TrainingSettings,
+        export,
+        measure,
+        quantise,
+        render_album,
+        train,
+    )
 
     values = {"pictures": pictures, "steps": steps, "seed": seed}
     settings = load_settings(TrainingSettings, values, where="train-estimator")

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from enliven.errors import InputError
-from enliven_synthesis.body.posture import Arm, Posture
+from enliven_synthesis.body import Arm, Posture
 from enliven_synthesis.motion.dance import HOME_Z, Choreography
 from enliven_synthesis.motion.footwork import Footwork, Stance
 from enliven_synthesis.motion.tracks import Step, Track, sway

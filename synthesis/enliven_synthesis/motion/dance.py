@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from enliven_synthesis.body.posture import Posture
+from enliven_synthesis.body import Posture
 
 HOME_Z = -2.7
 """Metres: where the performer starts, before a camera above the world's origin that looks along -Z."""

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from enliven.errors import InputError
-from enliven_synthesis.body.posture import Arm, Foot, Posture
+from enliven_synthesis.body import Arm, Foot, Posture
 from enliven_synthesis.motion.dance import HOME_Z, Choreography
 from enliven_synthesis.motion.footwork import Footwork
 from enliven_synthesis.motion.tracks import Step, ease

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enliven_synthesis.body.posture import Foot
+from enliven_synthesis.body import Foot
 from enliven_synthesis.motion.tracks import Step, pulse
 
 Stance = tuple[tuple[float, float, float], tuple[float, float, float]]

@@ -9,16 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.formats.motion.capture import Capture
-from enliven.person.limbs import Limb
+from enliven.formats.motion import Capture
+from enliven.person import Limb
 from enliven.rotation import from_matrix, slerp, swing, to_matrix
-from enliven.takes.capture_limbs import (
-    level_direction,
-    limb_rotations,
-    smoothstep,
-)
-from enliven.takes.capture_roles import Roles, find_roles
-from enliven_synthesis.body.performer import Figure, Performer
+from enliven.takes import Roles, find_roles, level_direction, limb_rotations, smoothstep
+from enliven_synthesis.body import Figure, Performer
 
 _FORWARD = np.array([0.0, 0.0, 1.0])
 _SETTLE = 0.06

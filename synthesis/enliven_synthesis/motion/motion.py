@@ -9,8 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from enliven.rotation import from_matrix, slerp, to_matrix
-from enliven_synthesis.body.performer import Figure, Performer
-from enliven_synthesis.body.rotations import about_y, on_grid
+from enliven_synthesis.body import Figure, Performer, about_y, on_grid
 from enliven_synthesis.motion.dance import HOME_Z, Choreography
 from enliven_synthesis.motion.tracks import ease
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_synthesis.body.posture import Arm, Foot, Posture
+from enliven_synthesis.body import Arm, Foot, Posture
 from enliven_synthesis.motion.dance import HOME_Z, Choreography
 from enliven_synthesis.motion.tracks import ease
 

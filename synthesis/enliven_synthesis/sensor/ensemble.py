@@ -10,13 +10,10 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int32
 from enliven.camera import world_from_level_camera
 from enliven.frames import DepthFrame
-from enliven.person.body import Body
-from enliven_edge.sensors.profile import SensorProfile
-from enliven_synthesis.body.body_sdf import Anatomy
-from enliven_synthesis.body.performer import Figure, Performer
-from enliven_synthesis.body.rotations import about_y, on_grid
-from enliven_synthesis.body.visibility import seen_joints
-from enliven_synthesis.motion.motion import Motion, placed
+from enliven.person import Body
+from enliven_edge.sensors import SensorProfile
+from enliven_synthesis.body import Anatomy, Figure, Performer, about_y, on_grid, seen_joints
+from enliven_synthesis.motion import Motion, placed
 from enliven_synthesis.sensor.noise import DepthNoise
 from enliven_synthesis.sensor.render import Renderer
 from enliven_synthesis.sensor.scene import ROOM, Box, cast_room

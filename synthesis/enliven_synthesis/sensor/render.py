@@ -10,15 +10,18 @@ import numpy as np
 from enliven.arrays import Float, Int, UInt8
 from enliven.camera import Intrinsics, rays
 from enliven.kernels import njit
-from enliven_synthesis.body.body_sdf import BETWEEN, BLEND, PIECES, Flesh
-from enliven_synthesis.body.sphere_tracing import (
+from enliven_synthesis.body import (
+    BETWEEN,
+    BLEND,
     DEPTH,
     END,
     LANES,
     LANES_SIZE,
     LENGTH,
     MET,
+    PIECES,
     SIDE,
+    Flesh,
     X,
     Y,
     march,

@@ -11,13 +11,11 @@ from enliven.arrays import Float, UInt16
 from enliven.camera import world_from_level_camera
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven.person.body import Body
+from enliven.person import Body
 from enliven.settings import setting
-from enliven_edge.sensors.profile import SensorProfile
-from enliven_synthesis.body.body_sdf import Anatomy
-from enliven_synthesis.body.performer import Figure, Performer, Proportions
-from enliven_synthesis.body.rotations import about_y, on_grid
-from enliven_synthesis.motion.choreographies import choreography
+from enliven_edge.sensors import SensorProfile
+from enliven_synthesis.body import Anatomy, Figure, Performer, Proportions, about_y, on_grid
+from enliven_synthesis.motion import choreography
 from enliven_synthesis.sensor.noise import DepthNoise
 from enliven_synthesis.sensor.render import Renderer
 from enliven_synthesis.sensor.scene import cast_room

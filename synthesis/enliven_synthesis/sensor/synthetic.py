@@ -7,9 +7,9 @@ from pathlib import Path
 from types import TracebackType
 
 from enliven.frames import DepthFrame
-from enliven.person.body import Body
+from enliven.person import Body
 from enliven.settings import load_settings
-from enliven_edge.sensors.profile import load_profile
+from enliven_edge.sensors import load_profile
 from enliven_synthesis.sensor.studio import Studio, StudioSettings
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.limbs import Limb
-from enliven_synthesis.body.performer import Performer
-from enliven_synthesis.body.rotations import about_x, about_y, about_z
+from enliven.person import Limb
+from enliven_synthesis.body import Performer, about_x, about_y, about_z
 
 Dice = np.random.Generator
 

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.limbs import Limb
-from enliven_synthesis.body.performer import Figure, Performer
-from enliven_synthesis.body.rotations import about_x, about_y, about_z
+from enliven.person import Limb
+from enliven_synthesis.body import Figure, Performer, about_x, about_y, about_z
 from enliven_synthesis.training.arm_poses import dice_arms
 
 Dice = np.random.Generator

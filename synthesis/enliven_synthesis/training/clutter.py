@@ -11,7 +11,7 @@ import numpy as np
 from scipy import ndimage
 
 from enliven.arrays import Bool, Float
-from enliven_synthesis.body.rotations import about_x, about_y, about_z
+from enliven_synthesis.body import about_x, about_y, about_z
 
 Dice = np.random.Generator
 

@@ -12,9 +12,8 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float, Float32, UInt8
 from enliven.errors import InputError
-from enliven.person.body import MIRROR
-from enliven_edge.tracking.estimator.crop import CHANNELS, COLUMNS, ROWS
-from enliven_edge.tracking.estimator.labels import MIRRORED, NOBODY, PARTS
+from enliven.person import MIRROR
+from enliven_edge.tracking.estimator import CHANNELS, COLUMNS, MIRRORED, NOBODY, PARTS, ROWS
 from enliven_synthesis.training.rendering import Studio
 from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS, lesson
 

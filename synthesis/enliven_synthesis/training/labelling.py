@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Int, UInt8
-from enliven.person.limbs import Limb
-from enliven_edge.tracking.estimator.labels import PARTS, Part
-from enliven_synthesis.body.body_sdf import PIECES
-from enliven_synthesis.body.performer import Figure
+from enliven.person import Limb
+from enliven_edge.tracking.estimator import PARTS, Part
+from enliven_synthesis.body import PIECES, Figure
 
 _TRUNK_MIDDLE = 0.04
 """Metres above the spine joint, of a person of 1.75 m: where the chest ends and the belly begins."""

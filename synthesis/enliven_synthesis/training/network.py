@@ -14,8 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import interpolate, relu
 
-from enliven_edge.tracking.estimator.crop import CHANNELS, COLUMNS, ROWS
-from enliven_edge.tracking.estimator.labels import FACINGS, PARTS
+from enliven_edge.tracking.estimator import CHANNELS, COLUMNS, FACINGS, PARTS, ROWS
 
 WIDTHS = (16, 32, 64, 96)
 """Channels at a half, a quarter, an eighth and a sixteenth of the crop."""

@@ -13,12 +13,10 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Float32, UInt8
 from enliven.camera import Intrinsics, rays
-from enliven_edge.sensors.profile import load_profile
-from enliven_edge.tracking.estimator.labels import NOBODY
-from enliven_synthesis.body.body_sdf import PIECES, Anatomy
-from enliven_synthesis.body.performer import Figure, Performer, Proportions
-from enliven_synthesis.sensor.noise import DepthNoise
-from enliven_synthesis.sensor.render import Renderer
+from enliven_edge.sensors import load_profile
+from enliven_edge.tracking.estimator import NOBODY
+from enliven_synthesis.body import PIECES, Anatomy, Figure, Performer, Proportions
+from enliven_synthesis.sensor import DepthNoise, Renderer
 from enliven_synthesis.training.body_poses import random_figure
 from enliven_synthesis.training.clutter import piece_of_wall, random_thing
 from enliven_synthesis.training.labelling import label_pixels

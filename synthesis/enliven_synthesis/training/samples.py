@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float32, UInt8
-from enliven.person.limbs import Limb
-from enliven_edge.tracking.estimator.crop import COLUMNS, ROWS, Crop, crop_person
-from enliven_edge.tracking.estimator.labels import NOBODY, Part, facing_of
+from enliven.person import Limb
+from enliven_edge.tracking.estimator import COLUMNS, NOBODY, ROWS, Crop, Part, crop_person, facing_of
 from enliven_synthesis.training.rendering import Picture, Studio
 
 Dice = np.random.Generator

@@ -20,8 +20,7 @@ from torch.nn.functional import cross_entropy
 from enliven.arrays import AnyArray
 from enliven.errors import InputError
 from enliven.settings import setting
-from enliven_edge.tracking.estimator.crop import CHANNELS, COLUMNS, ROWS
-from enliven_edge.tracking.estimator.labels import FACINGS, NOBODY
+from enliven_edge.tracking.estimator import CHANNELS, COLUMNS, FACINGS, NOBODY, ROWS
 from enliven_synthesis.training.dataset import Album, Batch
 from enliven_synthesis.training.network import PoseNetwork
 

@@ -287,7 +287,7 @@ def test_a_preview_shows_what_would_be_moved() -> None:
     assert cues.state == "free"
     assert cues.body == 1
     assert [NAMES[node - 1] for node in cues.nodes] == ["left elbow", "left hand"]
-    assert show.stage.would("cactus") == (None, "left arm")
+    assert show.stage.candidate("cactus") == (None, "left arm")
 
 
 def test_a_joint_that_is_lost_does_not_fling_anything() -> None:

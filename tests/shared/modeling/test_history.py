@@ -14,11 +14,11 @@ from enliven.errors import InputError
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.rigged.copying import copy_shape, mirror_shape, scale_shape
 from enliven.modeling.rigged.cutting import cut_bone
-from enliven.modeling.rigged.stroke_cut import cut_stroke
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven.modeling.rigged.posed import posed
 from enliven.modeling.rigged.posing import move_shape, turn_bone
+from enliven.modeling.rigged.stroke_cut import cut_stroke
 from enliven.motion.layers.retarget import set_layer
 
 

@@ -13,11 +13,11 @@ from enliven.modeling.mesh.cut_surfaces import PlaneCut, StrokeCut
 from enliven.modeling.mesh.meshes import posed_vertices
 from enliven.modeling.rigged.copying import copy_shape
 from enliven.modeling.rigged.cutting import cut_bone
-from enliven.modeling.rigged.stroke_cut import cut_stroke
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven.modeling.rigged.posed import posed
 from enliven.modeling.rigged.posing import move_shape, set_bone, turn_bone
+from enliven.modeling.rigged.stroke_cut import cut_stroke
 from enliven.motion.layers.evaluate import pose_of
 
 

@@ -44,11 +44,10 @@ def graph(
             f"cannot write {output.suffix or 'no'} pictures", where=str(output), mend=f"Known: {known}."
         )
     # Heavy modules are imported only here, so that the help is quick.
-    from enliven.deformation.graph.graph import DeformationGraph, character_from
-    from enliven.meshes.files import load_mesh
-    from enliven.meshes.mesh import fit_height, refine
-    from enliven.samples.chair import make_chair
-    from enliven_viewer.film.graph_picture import write_graph_picture
+    from enliven.deformation.graph import DeformationGraph, character_from
+    from enliven.meshes import fit_height, load_mesh, refine
+    from enliven.samples import make_chair
+    from enliven_viewer.film import write_graph_picture
 
     if mesh == CHAIR:
         shape = make_chair()

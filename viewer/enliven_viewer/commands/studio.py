@@ -39,10 +39,9 @@ def studio(
             mend="Start it where there is a screen, or under xvfb-run.",
         )
     # Heavy modules are imported only here, so that the help is quick.
-    from enliven_viewer.studio.editor.editor import Editor
-    from enliven_viewer.studio.settings import StudioSettings
-    from enliven_viewer.studio.window import StudioWindow
-    from enliven_viewer.studio.workspace.workspace import Desk
+    from enliven_viewer.studio import StudioSettings, StudioWindow
+    from enliven_viewer.studio.editor import Editor
+    from enliven_viewer.studio.workspace import Desk
 
     chosen = load_settings(StudioSettings, settings) if settings else StudioSettings()
     desk = Desk.new(Editor(chosen))

@@ -77,9 +77,8 @@ def _film(
     hud: bool,
 ) -> None:
     """Heavy modules are imported only here, so that the help is quick."""
-    from enliven_viewer.film.film import make_film
-    from enliven_viewer.playback.document import Document
-    from enliven_viewer.playback.timeline import Timeline
+    from enliven_viewer.film import make_film
+    from enliven_viewer.playback import Document, Timeline
 
     feed = _feed(take, address)
     document = Document(Timeline(settings.playback, bounded=False))
@@ -93,10 +92,8 @@ def _film(
 def _window(
     take: Path | None, address: str, settings: ViewerSettings, seconds: float | None, hud: bool
 ) -> None:
-    from enliven_viewer.live.app import App
-    from enliven_viewer.live.keys import Controls
-    from enliven_viewer.playback.document import Document
-    from enliven_viewer.playback.timeline import Timeline
+    from enliven_viewer.live import App, Controls
+    from enliven_viewer.playback import Document, Timeline
 
     feed = _feed(take, address)
     document = Document(Timeline(settings.playback, bounded=take is None))
@@ -107,18 +104,17 @@ def _window(
 def _feed(take: Path | None, address: str):  # type: ignore[no-untyped-def]
     """The take's feed, or the edge's."""
     if take is not None:
-        from enliven_viewer.link.take_feed import Take
+        from enliven_viewer.link import Take
 
         return Take(take)
-    from enliven_viewer.link.edge_feed import EdgeFeed
-    from enliven_viewer.link.edges import Link
+    from enliven_viewer.link import EdgeFeed, Link
 
     return EdgeFeed(Link([address]))
 
 
 def _address(edge: str, port: int | None, control_port: int | None) -> str:
     """HOST[:PORT[:CONTROL_PORT]] of the options; ports of their own go before those in ``edge``."""
-    from enliven.wire.sockets import Endpoint, parse_endpoint
+    from enliven.wire import Endpoint, parse_endpoint
 
     found = parse_endpoint(edge)
     pose = port or found.pose_port

@@ -17,17 +17,12 @@ from enliven.errors import ResourceError
 from enliven_viewer.film.encoder import FilmWriter
 from enliven_viewer.film.film_strip import FilmStrip
 from enliven_viewer.film.sheet import Tiles, write_sheet
-from enliven_viewer.link.feed import Feed
-from enliven_viewer.live.hud import clock
-from enliven_viewer.live.match_cards import cards_of, draw_cards
-from enliven_viewer.playback.document import Document
-from enliven_viewer.playback.solved_surfaces import Surfaces
-from enliven_viewer.playback.timeline import NS, Moment
-from enliven_viewer.render.camera import FilmCamera
-from enliven_viewer.render.gl.context import offscreen_context
-from enliven_viewer.render.overlay.canvas import Canvas
-from enliven_viewer.render.renderer import EMPTY_BOX, Renderer
-from enliven_viewer.render.scene import Look, scene_of
+from enliven_viewer.link import Feed
+from enliven_viewer.live import cards_of, clock, draw_cards
+from enliven_viewer.playback import NS, Document, Moment, Surfaces
+from enliven_viewer.render import EMPTY_BOX, FilmCamera, Look, Renderer, scene_of
+from enliven_viewer.render.gl import offscreen_context
+from enliven_viewer.render.overlay import Canvas
 from enliven_viewer.settings import ViewerSettings
 
 _IDLE = 0.005

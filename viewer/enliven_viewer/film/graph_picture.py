@@ -11,16 +11,13 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from enliven.arrays import Float, Float32, UInt8
-from enliven.deformation.graph.graph import DeformationGraph
-from enliven.document.character import Character
+from enliven.deformation.graph import DeformationGraph
+from enliven.document import Character
 from enliven.errors import ResourceError
 from enliven_viewer.film.sheet import INK, PAPER, QUIET
-from enliven_viewer.render.camera import Box, OrbitCamera, View
-from enliven_viewer.render.gl.context import offscreen_context
-from enliven_viewer.render.overlay.tubes import Tubes, tube_rows
-from enliven_viewer.render.renderer import Renderer
-from enliven_viewer.render.scene import Actor, Look, Scene
-from enliven_viewer.render.skinned import linear
+from enliven_viewer.render import Actor, Box, Look, OrbitCamera, Renderer, Scene, View, linear
+from enliven_viewer.render.gl import offscreen_context
+from enliven_viewer.render.overlay import Tubes, tube_rows
 
 CLAY = (112, 116, 126)
 NODE, EDGE = (236, 244, 255), (92, 178, 255)

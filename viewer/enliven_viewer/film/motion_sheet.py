@@ -9,20 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float, Float32, Int, UInt8
-from enliven.deformation.skinning import skin_vertices
-from enliven.document.character import Character, Pose, SkinWeights
-from enliven.document.project import Project
-from enliven.document.rigged import Shape, character_of, still_shape
-from enliven.document.skeleton import Skeleton
-from enliven.formats.rig.rig import playing
-from enliven.mapping.automatic_mapping import Retargeted
-from enliven.meshes.mesh import Mesh
-from enliven.motion.layers.evaluate import Player
+from enliven.deformation import skin_vertices
+from enliven.document import Character, Pose, Project, Shape, Skeleton, SkinWeights, character_of, still_shape
+from enliven.formats.rig import playing
+from enliven.mapping import Retargeted
+from enliven.meshes import Mesh
+from enliven.motion.layers import Player
 from enliven_viewer.film.sheet import Tile, write_sheet
-from enliven_viewer.render.camera import Box, OrbitCamera
-from enliven_viewer.render.gl.context import offscreen_context
-from enliven_viewer.render.renderer import Renderer
-from enliven_viewer.render.scene import Actor, Look, Scene
+from enliven_viewer.render import Actor, Box, Look, OrbitCamera, Renderer, Scene
+from enliven_viewer.render.gl import offscreen_context
 
 STICK = (120, 190, 255)
 """sRGB of the performer."""

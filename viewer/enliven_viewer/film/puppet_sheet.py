@@ -7,18 +7,16 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet, character_of_puppet
-from enliven.document.rigged import character_of
-from enliven.examples.puppet_motion import clock, in_world, motion_of, pose_of_state, state_of
-from enliven.formats.rig.rig import playing
-from enliven.mapping.facing import facing_of
-from enliven.motion.layers.evaluate import Player
+from enliven.deformation.arap import PuppetSurface
+from enliven.document import Project, Puppet, character_of, character_of_puppet
+from enliven.examples import clock, in_world, motion_of, pose_of_state, state_of
+from enliven.formats.rig import playing
+from enliven.mapping import facing_of
+from enliven.motion.layers import Player
 from enliven_viewer.film.motion_sheet import SIDE, Film, pictures_of, stick_shape
 from enliven_viewer.film.sheet import Tile, write_sheet
-from enliven_viewer.render.gl.context import offscreen_context
-from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render import Renderer
+from enliven_viewer.render.gl import offscreen_context
 
 
 def write_puppet_sheet(

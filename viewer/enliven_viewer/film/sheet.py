@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from enliven.arrays import UInt8
 from enliven.errors import ResourceError
-from enliven_viewer.live.hud import clock
+from enliven_viewer.live import clock
 
 PAPER, INK, QUIET = (19, 21, 27), (240, 241, 244), (160, 167, 180)
 _GAP, _TITLE = 10, 64

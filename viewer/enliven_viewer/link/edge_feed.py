@@ -5,12 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from enliven.wire.convert import messages_to_health
-from enliven.wire.messages import Done, Look, Mode
+from enliven.wire import Done, Look, Mode, messages_to_health
 from enliven_viewer.link.edges import Link
 from enliven_viewer.link.received import ReceivedCues, ReceivedPose
-from enliven_viewer.playback.document import Document, EdgeState
-from enliven_viewer.playback.timeline import Cues
+from enliven_viewer.playback import Cues, Document, EdgeState
 
 _NOTICE_SECONDS = 5.0
 _BARE_SECONDS = 3.0

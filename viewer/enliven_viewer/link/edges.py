@@ -9,13 +9,13 @@ from typing import Any
 
 import zmq
 
-from enliven.document.character import Character
-from enliven.document.props import Props
+from enliven.document import Character, Props
 from enliven.errors import InputError
-from enliven.matching.board import Board
-from enliven.wire.messages import (
+from enliven.matching import Board
+from enliven.wire import (
     Answer,
     Browse,
+    Endpoint,
     Lock,
     Look,
     Mode,
@@ -24,9 +24,9 @@ from enliven.wire.messages import (
     Release,
     Smooth,
     StatusMessage,
+    parse_endpoint,
+    warm_up,
 )
-from enliven.wire.posecode import warm_up
-from enliven.wire.sockets import Endpoint, parse_endpoint
 from enliven_viewer.link.one_edge import EdgeLink
 from enliven_viewer.link.received import Health, Notice, ReceivedBodies, ReceivedCues, ReceivedPose
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from enliven.wire.messages import Look, Mode
-from enliven_viewer.playback.document import Document
+from enliven.wire import Look, Mode
+from enliven_viewer.playback import Document
 
 
 class Feed(Protocol):

@@ -11,41 +11,43 @@ from typing import Any
 
 import zmq
 
-from enliven.document.character import Character
-from enliven.document.props import Props
+from enliven.document import Character, Props
 from enliven.errors import EnlivenError
-from enliven.matching.board import Board
-from enliven.wire.convert import (
+from enliven.matching import Board
+from enliven.wire import (
+    MAX_STREAM_BYTES,
+    POSE,
+    SUPERSEDED,
+    Answer,
+    BodiesMessage,
+    CharacterMessage,
+    CuesMessage,
+    Endpoint,
+    GetState,
+    Hello,
+    Malformed,
+    MatchesMessage,
+    Order,
+    OtherVersion,
+    Ping,
+    Pong,
+    PoseCodec,
+    PoseMessage,
+    PropsMessage,
+    Refused,
+    Rejects,
+    StatusMessage,
+    Welcome,
+    make_socket,
+    message_to_board,
     message_to_bodies,
     message_to_character,
     message_to_cues,
     message_to_owners,
     message_to_pose,
     message_to_props,
+    unpack_stream,
 )
-from enliven.wire.envelope import Malformed, OtherVersion, Rejects, unpack_stream
-from enliven.wire.matches import message_to_board
-from enliven.wire.messages import (
-    SUPERSEDED,
-    Answer,
-    BodiesMessage,
-    CharacterMessage,
-    CuesMessage,
-    GetState,
-    Hello,
-    MatchesMessage,
-    Order,
-    Ping,
-    Pong,
-    PoseMessage,
-    PropsMessage,
-    Refused,
-    StatusMessage,
-    Welcome,
-)
-from enliven.wire.posecode import PoseCodec
-from enliven.wire.sockets import Endpoint, make_socket
-from enliven.wire.topics import MAX_STREAM_BYTES, POSE
 from enliven_viewer.link.clock import ClockEstimate
 from enliven_viewer.link.received import Health, Notice, ReceivedBodies, ReceivedCues, ReceivedPose
 from enliven_viewer.link.requests import Requests

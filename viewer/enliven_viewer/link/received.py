@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from enliven.arrays import Float32, Int32
-from enliven.document.character import Pose
-from enliven.person.body import Body
+from enliven.document import Pose
+from enliven.person import Body
 
 State = Literal["waiting", "connected", "on rate", "stale", "ended", "version mismatch", "name clash"]
 

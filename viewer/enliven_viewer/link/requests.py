@@ -10,10 +10,18 @@ from typing import Any
 
 import zmq
 
-from enliven.wire.envelope import Malformed, pack_control, unpack_control
-from enliven.wire.messages import Answer, Ask, Reply, Request
-from enliven.wire.sockets import Endpoint, make_socket
-from enliven.wire.topics import REPLY
+from enliven.wire import (
+    REPLY,
+    Answer,
+    Ask,
+    Endpoint,
+    Malformed,
+    Reply,
+    Request,
+    make_socket,
+    pack_control,
+    unpack_control,
+)
 
 
 @dataclass

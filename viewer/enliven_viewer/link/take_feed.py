@@ -12,7 +12,17 @@ import msgspec
 from enliven.errors import EnlivenError, InputError
 from enliven.files import DAMAGE
 from enliven.recording import Recording
-from enliven.wire.convert import (
+from enliven.wire import (
+    BodiesMessage,
+    CharacterMessage,
+    CuesMessage,
+    Look,
+    MatchesMessage,
+    Mode,
+    PoseCodec,
+    PoseMessage,
+    PropsMessage,
+    message_to_board,
     message_to_bodies,
     message_to_character,
     message_to_cues,
@@ -20,20 +30,7 @@ from enliven.wire.convert import (
     message_to_pose,
     message_to_props,
 )
-from enliven.wire.matches import message_to_board
-from enliven.wire.messages import (
-    BodiesMessage,
-    CharacterMessage,
-    CuesMessage,
-    Look,
-    MatchesMessage,
-    Mode,
-    PoseMessage,
-    PropsMessage,
-)
-from enliven.wire.posecode import PoseCodec
-from enliven_viewer.playback.document import Document, EdgeState
-from enliven_viewer.playback.timeline import Cues
+from enliven_viewer.playback import Cues, Document, EdgeState
 
 log = logging.getLogger(__name__)
 

@@ -10,20 +10,15 @@ from typing import Any
 import glfw
 
 from enliven.commands.processes import parent_is_gone
-from enliven.wire.messages import Mode
-from enliven_viewer.link.feed import Feed
+from enliven.wire import Mode
+from enliven_viewer.link import Feed
 from enliven_viewer.live.hud import Hud, HudState, timeline_area
 from enliven_viewer.live.match_cards import cards_of
 from enliven_viewer.live.possession_choice import Grasp
 from enliven_viewer.live.view_report import Gaze, hidden, turn_to_bones
-from enliven_viewer.playback.document import Document
-from enliven_viewer.playback.playhead import Playhead
-from enliven_viewer.playback.solved_surfaces import Surfaces
-from enliven_viewer.playback.timeline import NS
-from enliven_viewer.render.camera import OrbitCamera
-from enliven_viewer.render.gl.context import window_context
-from enliven_viewer.render.renderer import Renderer
-from enliven_viewer.render.scene import Look, Scene, scene_of
+from enliven_viewer.playback import NS, Document, Playhead, Surfaces
+from enliven_viewer.render import Look, OrbitCamera, Renderer, Scene, scene_of
+from enliven_viewer.render.gl import window_context
 from enliven_viewer.settings import ViewerSettings
 from enliven_viewer.window import open_window
 

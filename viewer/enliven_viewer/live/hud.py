@@ -9,8 +9,8 @@ import moderngl
 
 from enliven.health import HealthState, Severity
 from enliven_viewer.live.match_cards import Card, draw_cards
-from enliven_viewer.playback.document import EdgeState
-from enliven_viewer.render.overlay.canvas import Canvas, Colour
+from enliven_viewer.playback import EdgeState
+from enliven_viewer.render.overlay import Canvas, Colour
 
 KEYS = (
     ("Space", "pause, go on"),

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.matching.board import Board
-from enliven_viewer.render.camera import View
-from enliven_viewer.render.overlay.canvas import Canvas, Colour
-from enliven_viewer.render.overlay.match_lines import TINTS
-from enliven_viewer.render.scene import Actor, Scene
+from enliven.matching import Board
+from enliven_viewer.render import Actor, Scene, View
+from enliven_viewer.render.overlay import TINTS, Canvas, Colour
 
 WIDTH, HEIGHT, GAP, PAD = 124.0, 92.0, 8.0, 10.0
 """Pixels of a card on a plain screen, the space between two, and within one."""

@@ -7,9 +7,8 @@ import math
 import numpy as np
 
 from enliven.matching import views
-from enliven.wire.messages import Look
-from enliven_viewer.render.camera import OrbitCamera, View
-from enliven_viewer.render.scene import Scene
+from enliven.wire import Look
+from enliven_viewer.render import OrbitCamera, Scene, View
 
 _EVERY = 0.1
 """Seconds between two words about it at least."""

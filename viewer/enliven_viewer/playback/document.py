@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.document.character import Character, Pose
-from enliven.document.props import Props
+from enliven.document import Character, Pose, Props
 from enliven.health import HealthState
-from enliven.matching.board import Board
-from enliven.person.body import Body
+from enliven.matching import Board
+from enliven.person import Body
 from enliven_viewer.playback.timeline import Cues, Timeline
 
 

@@ -11,10 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.character import Pose
-from enliven.document.props import Props
-from enliven.matching.board import Board, Row
-from enliven.person.body import Body
+from enliven.document import Pose, Props
+from enliven.matching import Board, Row
+from enliven.person import Body
 from enliven.rotation import slerp
 
 _LEAP = 0.6

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.document.character import Character, Pose
+from enliven.document import Character, Pose
 from enliven.errors import EnlivenError
 from enliven.kernels import njit
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 
 if TYPE_CHECKING:
-    from enliven.deformation.arap.control_point_surface import PuppetSurface
+    from enliven.deformation.arap import PuppetSurface
 
 log = logging.getLogger(__name__)
 
@@ -168,9 +168,7 @@ def _beside(work: Callable[[], T]) -> Future[T]:
 
 def _prepared(character: Character) -> PuppetSurface:
     """The solver of a character's surface."""
-    from enliven.deformation.arap.control_point_surface import (
-        PuppetSurface,  # 0.2 s to load, and puppets alone need it
-    )
+    from enliven.deformation.arap import PuppetSurface
 
     assert character.held is not None
     mesh = Mesh(character.vertices.astype(np.float64), character.faces)

@@ -9,10 +9,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from enliven.arrays import Bool, Float32, Int32
-from enliven.document.character import Pose
-from enliven.document.props import Props
-from enliven.matching.board import Board
-from enliven.person.body import Body
+from enliven.document import Pose, Props
+from enliven.matching import Board
+from enliven.person import Body
 from enliven_viewer.playback.interpolation import blend_boards, blend_bodies, blend_poses, blend_props
 from enliven_viewer.settings import PlaybackSettings
 

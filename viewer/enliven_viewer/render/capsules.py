@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float32, Int32
-from enliven.person.body import BONES, Body, Joint
+from enliven.person import BONES, Body, Joint
 from enliven_viewer.render.skinned import linear
 
 MAX_BONES = 64

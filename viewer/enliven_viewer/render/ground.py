@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_viewer.render.gl.program import load_program
+from enliven_viewer.render.gl import load_program
 
 STAGE_RADIUS = 1.9
 """Metres, of the pool of light."""

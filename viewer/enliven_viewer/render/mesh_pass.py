@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import moderngl
 
 from enliven_viewer.render.capsules import bone_block
-from enliven_viewer.render.gl.program import BLOCKS, UNITS, load_program, set_uniform
-from enliven_viewer.render.gl.targets import Picture
+from enliven_viewer.render.gl import BLOCKS, UNITS, Picture, load_program, set_uniform
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned import SkinnedMesh
 from enliven_viewer.settings import RenderSettings

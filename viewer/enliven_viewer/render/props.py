@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float, Float32, Int, Int32
-from enliven.document.props import BALL, BOX, Props
+from enliven.document import BALL, BOX, Props
 from enliven_viewer.render.skinned import linear
 
 _BEVEL, _MOST_BEVEL = 0.07, 0.012

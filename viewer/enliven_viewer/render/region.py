@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.document.props import Props
-from enliven_viewer.render.gl.region import Region, whole
-from enliven_viewer.render.overlay.marks import CUE_RADIUS
+from enliven.document import Props
+from enliven_viewer.render.gl import Region, whole
+from enliven_viewer.render.overlay import CUE_RADIUS
 from enliven_viewer.render.scene import Scene, corners
 
 ROOM = 6

@@ -10,14 +10,20 @@ import numpy as np
 from enliven.arrays import Float, UInt8
 from enliven_viewer.render.camera import Box, View
 from enliven_viewer.render.capsules import Capsules, capsules_of
-from enliven_viewer.render.gl.program import BLOCKS, UNITS, load_program, set_uniform
-from enliven_viewer.render.gl.targets import Picture, Size, SoftMap, reach_of
+from enliven_viewer.render.gl import (
+    BLOCKS,
+    UNITS,
+    Picture,
+    Size,
+    SoftMap,
+    load_program,
+    reach_of,
+    set_uniform,
+)
 from enliven_viewer.render.ground import STAGE_RADIUS, Ground, Patch
 from enliven_viewer.render.lights import TO_KEY, contact_from_world, light_from_world
 from enliven_viewer.render.mesh_pass import MeshPass
-from enliven_viewer.render.overlay.marks import Marks
-from enliven_viewer.render.overlay.match_lines import match_rows
-from enliven_viewer.render.overlay.tubes import Tubes
+from enliven_viewer.render.overlay import Marks, Tubes, match_rows
 from enliven_viewer.render.props import LooseThings
 from enliven_viewer.render.region import casters_of, marks_of, seen_in, shaded_by
 from enliven_viewer.render.scene import Scene

@@ -7,13 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.document.character import Character, Pose
-from enliven.document.props import BOX, Props
-from enliven.matching.board import Board
-from enliven.person.body import Body
-from enliven_viewer.playback.document import Document, bounds_of
-from enliven_viewer.playback.solved_surfaces import Surfaces
-from enliven_viewer.playback.timeline import Cues, Moment
+from enliven.document import BOX, Character, Pose, Props
+from enliven.matching import Board
+from enliven.person import Body
+from enliven_viewer.playback import Cues, Document, Moment, Surfaces, bounds_of
 from enliven_viewer.render.camera import Box
 
 _BOX_REACH, _SHADOW_REACH = 0.7, 1.4

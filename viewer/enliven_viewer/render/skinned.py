@@ -8,8 +8,8 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.document.character import Character, Pose
-from enliven_viewer.render.gl.program import UNITS
+from enliven.document import Character, Pose
+from enliven_viewer.render.gl import UNITS
 from enliven_viewer.render.normals import placed
 from enliven_viewer.render.scene import corners
 from enliven_viewer.render.surface import (

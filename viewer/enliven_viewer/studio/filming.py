@@ -7,12 +7,11 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
-from enliven_viewer.film.encoder import FilmWriter
-from enliven_viewer.film.sheet import Tiles, write_sheet
+from enliven_viewer.film import FilmWriter, Tiles, write_sheet
 from enliven_viewer.studio.session import STEP, Action, steps
-from enliven_viewer.studio.viewport.overlay import Point
+from enliven_viewer.studio.viewport import Point
 from enliven_viewer.studio.window import KEYS, StudioWindow
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace import Desk
 
 _BIT_RATE = 6.0
 

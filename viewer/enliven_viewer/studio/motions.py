@@ -12,8 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.clip import Clip
-from enliven.document.skeleton import Skeleton
+from enliven.document import Clip, Skeleton
 from enliven.rotation import IDENTITY, from_rotation_vector, multiply
 
 STEP = 1 / 30

@@ -10,25 +10,25 @@ import numpy as np
 from imgui_bundle import hello_imgui, imgui
 
 from enliven.arrays import UInt8
-from enliven_viewer.render.gl.context import window_context
-from enliven_viewer.studio.panels.dialogs import draw_dialogs
-from enliven_viewer.studio.panels.examples.panel import draw_examples
-from enliven_viewer.studio.panels.examples.performer import draw_performer
-from enliven_viewer.studio.panels.examples.strip import draw_strip
-from enliven_viewer.studio.panels.menu import draw_menu
-from enliven_viewer.studio.panels.side import draw_side
-from enliven_viewer.studio.panels.source import draw_source, split_side
-from enliven_viewer.studio.panels.style import apply_style, load_fonts
-from enliven_viewer.studio.panels.timeline import draw_timeline
-from enliven_viewer.studio.panels.toolbar import draw_toolbar
-from enliven_viewer.studio.panels.viewport_overlay import draw_over
-from enliven_viewer.studio.performer.performer_picture import PerformerPicture
-from enliven_viewer.studio.performer.thumbnails import Thumbnails
-from enliven_viewer.studio.picture.viewport import Viewport
+from enliven_viewer.render.gl import window_context
+from enliven_viewer.studio.panels import (
+    apply_style,
+    draw_dialogs,
+    draw_menu,
+    draw_over,
+    draw_side,
+    draw_source,
+    draw_timeline,
+    draw_toolbar,
+    load_fonts,
+    split_side,
+)
+from enliven_viewer.studio.panels.examples import draw_examples, draw_performer, draw_strip
+from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
+from enliven_viewer.studio.picture import Viewport
 from enliven_viewer.studio.places import Area, Places, places_in
-from enliven_viewer.studio.tools.map import Map
-from enliven_viewer.studio.tools.puppet_picture import picture_of
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.tools import Map, picture_of
+from enliven_viewer.studio.workspace import Desk
 
 _LONGEST_STEP = 0.1
 """Seconds: after a longer picture the playhead goes on from where it was."""

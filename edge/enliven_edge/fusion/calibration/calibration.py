@@ -19,7 +19,7 @@ from enliven_edge.fusion.calibration.pose_graph import Network, network
 from enliven_edge.fusion.calibration.quality import Quality, Verdict, judged, nothing
 from enliven_edge.fusion.calibration.refinement import Fit, differ, refine
 from enliven_edge.fusion.calibration.tracks import BodyStream
-from enliven_edge.fusion.placement.space import Place, Space, rows
+from enliven_edge.fusion.placement import Place, Space, rows
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _MISSED = 0.5

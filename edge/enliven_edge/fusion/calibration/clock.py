@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import correlate
 
 from enliven.arrays import Float
-from enliven.person.body import Joint
+from enliven.person import Joint
 from enliven_edge.fusion.calibration.tracks import BodyTrack
 from enliven_edge.fusion.settings import CalibrationSettings
 

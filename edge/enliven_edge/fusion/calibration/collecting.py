@@ -11,11 +11,10 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
 from enliven_edge.fusion.calibration.tracks import BodyStream, stream_of
-from enliven_edge.fusion.live.merge import in_world
-from enliven_edge.fusion.live.reading import PATIENCE, SensorThread
-from enliven_edge.fusion.placement.rigid_transform import inverse
-from enliven_edge.sensors.base import Sensor, SensorFault
-from enliven_edge.tracking.tracker import Tracker
+from enliven_edge.fusion.live import PATIENCE, SensorThread, in_world
+from enliven_edge.fusion.placement import inverse
+from enliven_edge.sensors import Sensor, SensorFault
+from enliven_edge.tracking import Tracker
 
 log = logging.getLogger(__name__)
 

@@ -11,8 +11,8 @@ from scipy.optimize import linear_sum_assignment
 from enliven.arrays import Bool, Float
 from enliven_edge.fusion.calibration.clock import likely_lags
 from enliven_edge.fusion.calibration.tracks import BodyStream, BodyTrack
-from enliven_edge.fusion.live.sides import OTHER_SIDE, middle_weights, middles
-from enliven_edge.fusion.placement.rigid_transform import best_rigid, moved
+from enliven_edge.fusion.live import OTHER_SIDE, middle_weights, middles
+from enliven_edge.fusion.placement import best_rigid, moved
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _FRAMES = 240

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from enliven.arrays import Float
 from enliven_edge.fusion.calibration.refinement import Fit
-from enliven_edge.fusion.placement.rigid_transform import inverse, moved, rigid, rotation_vector, turn
+from enliven_edge.fusion.placement import inverse, moved, rigid, rotation_vector, turn
 
 Edge = tuple[str, str, Fit, bool]
 """Sensor a, sensor b, what they measured, and whether it was judged good."""

@@ -8,10 +8,10 @@ from enum import StrEnum
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.person.joints import Joint
+from enliven.person import Joint
 from enliven_edge.fusion.calibration.matching import Match
 from enliven_edge.fusion.calibration.refinement import Fit, refine
-from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, moved
+from enliven_edge.fusion.placement import angle_between, inverse, moved
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _BLOCKS = 8

@@ -13,17 +13,8 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven_edge.fusion.calibration.matching import Match
-from enliven_edge.fusion.live.sides import OTHER_SIDE
-from enliven_edge.fusion.placement.rigid_transform import (
-    UP,
-    angle_between,
-    cross_matrix,
-    inverse,
-    moved,
-    rigid,
-    turn,
-    turned,
-)
+from enliven_edge.fusion.live import OTHER_SIDE
+from enliven_edge.fusion.placement import UP, angle_between, cross_matrix, inverse, moved, rigid, turn, turned
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _FRAMES = 900

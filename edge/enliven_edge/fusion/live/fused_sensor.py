@@ -17,12 +17,12 @@ from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.health import SensorState, SensorWarning
 from enliven_edge.fusion.live.merge import Rhythm, eyes
 from enliven_edge.fusion.live.watcher import Seen, Watcher
-from enliven_edge.fusion.placement.space import Space
+from enliven_edge.fusion.placement import Space
 from enliven_edge.fusion.settings import FusionSettings
-from enliven_edge.sensors.base import Sensor
-from enliven_edge.tracking.health.health import HealthMonitor
-from enliven_edge.tracking.output.output import Output
-from enliven_edge.tracking.tracker import Tracker
+from enliven_edge.sensors import Sensor
+from enliven_edge.tracking import Tracker
+from enliven_edge.tracking.health import HealthMonitor
+from enliven_edge.tracking.output import Output
 
 log = logging.getLogger(__name__)
 

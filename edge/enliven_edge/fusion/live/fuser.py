@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.body import Body
+from enliven.person import Body
 from enliven_edge.fusion.live.grouping import NEVER, Group, assigned, distances, grouped
 from enliven_edge.fusion.live.health import SENTENCE, SensorState, SensorWarning
 from enliven_edge.fusion.live.person import FusedPerson

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.matching.assignment import least_cost
-from enliven.person.body import Body
+from enliven.matching import least_cost
+from enliven.person import Body
 from enliven_edge.fusion.live.blending import bones_within, trunk_distances
 from enliven_edge.fusion.live.sensor_view import SensorView, Sighting
 from enliven_edge.fusion.live.sides import MIDDLES

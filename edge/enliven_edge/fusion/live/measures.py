@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.frames import BodyFrame
-from enliven.person.body import Body
+from enliven.person import Body
 
 _LONGEST_STEP = 0.06
 """Seconds between frames beyond which a change is no jitter."""

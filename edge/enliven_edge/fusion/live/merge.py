@@ -10,12 +10,11 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.frames import BodyFrame
-from enliven.person.body import Body
+from enliven.person import Body
 from enliven.rotation import from_matrix, multiply
 from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.fusion.placement.rigid_transform import moved
-from enliven_edge.fusion.placement.space import Space
-from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.fusion.placement import Space, moved
+from enliven_edge.tracking import TrackerSettings
 
 _MISSED = 1.7
 """Of its own steps, how late the sensor that keeps time may be until another does."""

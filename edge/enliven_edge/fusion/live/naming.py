@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.person.body import Body, Joint
+from enliven.person import Body, Joint
 from enliven_edge.fusion.live.blending import side_costs
 from enliven_edge.fusion.live.sides import OTHER_SIDE, exchanged
 

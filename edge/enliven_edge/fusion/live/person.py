@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.body import Body, Joint
+from enliven.person import Body, Joint
 from enliven.rotation import normalized
 from enliven_edge.fusion.live.blending import blend, doubt_outliers, fuse_confidence
 from enliven_edge.fusion.live.grouping import Group

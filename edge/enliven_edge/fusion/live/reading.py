@@ -6,7 +6,7 @@ import logging
 import threading
 from abc import ABC, abstractmethod
 
-from enliven_edge.sensors.base import Sensor
+from enliven_edge.sensors import Sensor
 
 log = logging.getLogger(__name__)
 

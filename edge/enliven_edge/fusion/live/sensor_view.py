@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.body import Body
+from enliven.person import Body
 from enliven_edge.fusion.live.health import SensorState
 
 _CALM, _LIVELY, _START = 0.2, 0.7, 1.5

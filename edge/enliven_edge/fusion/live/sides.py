@@ -7,8 +7,7 @@ import dataclasses
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.body import Body
-from enliven.person.joints import MIRROR, J
+from enliven.person import MIRROR, Body, J
 from enliven.rotation import multiply
 
 OTHER_SIDE = np.array(MIRROR)

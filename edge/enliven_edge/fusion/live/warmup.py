@@ -7,12 +7,10 @@ from functools import cache
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.body import Body
+from enliven.person import Body
 from enliven.rotation import IDENTITY
 from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.tracking.body_model.joint_limits import standing
-from enliven_edge.tracking.body_model.model import lengths_for_height
-from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.body_model import Posture, lengths_for_height, standing
 
 
 @cache

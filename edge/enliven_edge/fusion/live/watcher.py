@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame, Frame
 from enliven.health import HealthKind, HealthState
-from enliven.person.body import Body
+from enliven.person import Body
 from enliven_edge.fusion.live.merge import in_world
 from enliven_edge.fusion.live.reading import PATIENCE, SensorThread
-from enliven_edge.fusion.placement.space import Place
-from enliven_edge.sensors.base import Sensor, SensorFault, condition_of
-from enliven_edge.tracking.health.health import HealthMonitor
-from enliven_edge.tracking.tracker import Tracker
+from enliven_edge.fusion.placement import Place
+from enliven_edge.sensors import Sensor, SensorFault, condition_of
+from enliven_edge.tracking import Tracker
+from enliven_edge.tracking.health import HealthMonitor
 
 _WAITING = 2
 """Sets of bodies that wait to be fused; the sensor is read no faster than they are taken."""

@@ -3,3 +3,8 @@
 What they have in common, such as opening them anew and keeping crashes out of the edge, is not done here but
 in :mod:`enliven_edge.sensors.reopening` and :mod:`enliven_edge.sensors.isolation`.
 """
+
+from enliven_edge.sensors.drivers import oak, orbbec, playback, realsense, refusals
+from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
+
+__all__ = ["LibcameraImages", "oak", "orbbec", "playback", "realsense", "refusals"]

@@ -8,8 +8,7 @@ from types import TracebackType
 
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
-from enliven_edge.landmarks.eye import LevelEye, check_view
-from enliven_edge.landmarks.source import LandmarkSource
+from enliven_edge.landmarks import LandmarkSource, LevelEye, check_view
 from enliven_edge.sensors.base import Condition
 from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
 from enliven_edge.sensors.stereo import (

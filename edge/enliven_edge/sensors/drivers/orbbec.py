@@ -157,7 +157,7 @@ class OrbbecSensor:
         with tempfile.TemporaryDirectory(prefix="enliven-", ignore_cleanup_errors=True) as folder:
             bag = Path(path)
             if bag.suffix == ".bag":
-                from enliven_edge.importing.bags.orbbec import check_playback
+                from enliven_edge.importing.bags import check_playback
 
                 check_playback(bag)
             else:

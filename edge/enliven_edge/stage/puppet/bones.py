@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.person.body import PARENTS, Body, Joint
+from enliven.person import PARENTS, Body, Joint
 from enliven_edge.stage.placement import turn_about_y
 
 _UP, _DOWN, _AHEAD = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, -0.5, 0.866)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet
+from enliven.document import Project, Puppet
 from enliven.errors import InputError
-from enliven.example_sessions.session import read_session
-from enliven.examples.puppet_motion import missing
-from enliven.formats.project.file import read_project
-from enliven.wire.convert import character_to_message
+from enliven.example_sessions import read_session
+from enliven.examples import missing
+from enliven.formats.project import read_project
+from enliven.wire import character_to_message
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.puppet.settings import PuppetSettings
 from enliven_edge.stage.puppet.spec import MADE, file_of

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.document.pin import ContactSettings
-from enliven.person.body import Body, Joint
+from enliven.document import ContactSettings
+from enliven.person import Body, Joint
 
 _SIDES = ((Joint.FOOT_LEFT, Joint.ANKLE_LEFT), (Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT))
 _CREEP = 0.01

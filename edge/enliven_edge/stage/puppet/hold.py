@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.body import Body
-from enliven.person.orientation import mirrored
+from enliven.person import Body, mirrored
 from enliven_edge.stage.puppet.bones import Bones
 from enliven_edge.stage.puppet.feet import Footing, Soles
 from enliven_edge.stage.puppet.likeness import Likeness

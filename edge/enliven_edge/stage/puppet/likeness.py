@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.skeleton import Skeleton
+from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.mapping.anatomy import Anatomy, Limb, anatomy_of
-from enliven.mapping.facing import facing_of
-from enliven.person.body import Body, Joint
-from enliven.takes.capture_clip import BODY_NAMES
+from enliven.mapping import Anatomy, Limb, anatomy_of, facing_of
+from enliven.person import Body, Joint
+from enliven.takes import BODY_NAMES
 from enliven_edge.stage.placement import turn_about_y
 from enliven_edge.stage.puppet.bones import Bones, Seen
 

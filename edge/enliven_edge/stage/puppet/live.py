@@ -13,9 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.examples.live import LiveExamples
-from enliven.examples.mapping import ExampleMap
-from enliven.examples.puppet_motion import State
+from enliven.examples import ExampleMap, LiveExamples, State
 from enliven_edge.stage.puppet.feet import Footing
 from enliven_edge.stage.puppet.locomotion import Way
 

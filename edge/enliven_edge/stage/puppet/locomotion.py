@@ -14,10 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.document.locomotion import LocomotionSettings
-from enliven.examples.performer import turned_about_y
-from enliven.examples.puppet_motion import State
-from enliven.examples.spacetime.anchoring import stand
+from enliven.document import LocomotionSettings
+from enliven.examples import State, turned_about_y
+from enliven.examples.spacetime import stand
 from enliven_edge.stage.puppet.feet import EITHER, Footing
 
 

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
 
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.constraints.observed import Seen
-from enliven.document.character import Pose
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet, character_of_puppet
+from enliven.deformation.constraints import Seen
+from enliven.document import Pose, Project, Puppet, character_of_puppet
 from enliven.errors import InputError
-from enliven.examples.mapping import ExampleMap
-from enliven.examples.puppet_examples import reference_of
-from enliven.examples.puppet_motion import State, examples_of, pose_of_state
-from enliven.person.body import MIRROR, Body, parts_named
+from enliven.examples import ExampleMap, State, examples_of, pose_of_state, reference_of
+from enliven.person import MIRROR, Body, parts_named
 from enliven.rotation import rotate
+from enliven_edge.stage.actor import Mode
 from enliven_edge.stage.easing import Fading
-from enliven_edge.stage.embedded_actor import Mode
 from enliven_edge.stage.highlights import Cues, cues_of
 from enliven_edge.stage.highlights import State as Held
 from enliven_edge.stage.puppet.bones import Bones
@@ -44,10 +39,8 @@ class PuppetActor:
         InputError: where the puppet lacks something, or follows joints that a tracked person does not have.
     """
 
-    looks = False
+    uses_surface = False
     """It follows skeletons, not surfaces."""
-    chosen_from: Literal[False] = False
-    """Performers choose no parts of it."""
 
     def __init__(self, project: Project, puppet: Puppet, settings: PuppetSettings | None = None) -> None:
         self.settings = settings or PuppetSettings()
@@ -68,7 +61,7 @@ class PuppetActor:
         self._lead: Hold | None = None
         self._turned = 0.0
         self._anew = self._met = False
-        self._would: tuple[int | None, str] = (None, "all")
+        self._candidate: tuple[int | None, str] = (None, "all")
         self._time_ns = 0
 
     @property
@@ -77,9 +70,9 @@ class PuppetActor:
         return "possessed" if self.holds else "free"
 
     @property
-    def would(self) -> tuple[int | None, str]:
+    def candidate(self) -> tuple[int | None, str]:
         """Who takes hold next, None for the first in view, and with what."""
-        return self._would
+        return self._candidate
 
     @property
     def delay(self) -> float:
@@ -134,7 +127,7 @@ class PuppetActor:
         for other in others:
             other.points -= points
         self._hold([*(other for other in others if other.points), hold])
-        self._would = (None, parts)
+        self._candidate = (None, parts)
 
     def release(self, body: int | None = None) -> None:
         """A performer, or everybody, lets go; what nobody moves eases back to rest.
@@ -156,7 +149,7 @@ class PuppetActor:
             InputError: for an unknown part.
         """
         parts_named(parts)
-        self._would = (body, parts)
+        self._candidate = (body, parts)
 
     def next_performer(self, bodies: list[Body]) -> Body | None:
         """Who would take hold: the first who moves nothing of it."""
@@ -165,7 +158,7 @@ class PuppetActor:
 
     def cues(self, bodies: list[Body]) -> Cues:
         """The control points that are moved, and those that the next performer would move."""
-        who, parts = self._would
+        who, parts = self._candidate
         body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
         held = [(hold.body, self._strengths(hold.points)) for hold in self.holds]
         preview = None if body is None else (body.id, self._strengths(self._points(parts)))

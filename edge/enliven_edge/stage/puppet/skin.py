@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from enliven.document.character import Character, SkinWeights
+from enliven.document import Character, SkinWeights
 
 _NEAR = 4
 _SHARP = 3.0

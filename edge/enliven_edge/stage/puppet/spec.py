@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from enliven.document.project import Project
+    from enliven.document import Project
 
 
 def _cactus() -> Project:
-    from enliven.samples.cactus_puppet import cactus_project
+    from enliven.samples import cactus_project
 
     return cactus_project()
 

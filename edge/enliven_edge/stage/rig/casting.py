@@ -6,7 +6,7 @@ import logging
 from pathlib import Path
 
 from enliven.errors import InputError
-from enliven.formats.gltf.read import read_gltf
+from enliven.formats.gltf import read_gltf
 from enliven_edge.stage.casting import name_of
 from enliven_edge.stage.rig.rig_actor import RigActor
 from enliven_edge.stage.rig.settings import MatchingSettings

@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.skeleton import Skeleton
-from enliven.matching.board import Row
-from enliven.matching.picking import Pick, Picker
-from enliven.matching.ranking import Match, Matcher, Ranking
-from enliven.matching.views import View
-from enliven.person.body import Body
+from enliven.document import Skeleton
+from enliven.matching import Match, Matcher, Pick, Picker, Ranking, Row, View
+from enliven.person import Body
 from enliven_edge.stage.rig.limbs import BodySource, body_source
 from enliven_edge.stage.rig.live_shape import Pair
 from enliven_edge.stage.rig.settings import MatchingSettings

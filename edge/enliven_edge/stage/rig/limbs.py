@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
-from enliven.matching.source import Source, source_of
-from enliven.person.body import Body, Joint, parts_named
+from enliven.matching import Source, source_of
+from enliven.person import Body, Joint, parts_named
 
 LIMBS: dict[str, tuple[Joint, ...]] = {
     "head": (Joint.SHOULDER_CENTER, Joint.HEAD),

@@ -8,17 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.character import Pose
-from enliven.document.clip import Clip
-from enliven.document.project import Project
-from enliven.document.rigged import Shape
-from enliven.matching.views import View
-from enliven.motion.layers.evaluate import Player, pose_from
-from enliven.motion.layers.retarget import bind_chain
-from enliven.person.body import PARENTS, Body
+from enliven.document import Clip, Pose, Project, Shape
+from enliven.matching import View
+from enliven.motion.layers import Player, bind_chain, pose_from
+from enliven.person import PARENTS, Body
 from enliven.rotation import conjugate, multiply
-from enliven.takes.capture_clip import clip_of_bodies
-from enliven.takes.positions import turns_of
+from enliven.takes import clip_of_bodies, turns_of
 from enliven_edge.stage.easing import Fading
 
 _TOWARDS = np.array([0.0, 0.0, -1.0])

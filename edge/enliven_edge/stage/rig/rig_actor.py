@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
 
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.constraints.observed import Seen
-from enliven.document.character import Pose
-from enliven.document.rigged import Shape, character_of
+from enliven.deformation.constraints import Seen
+from enliven.document import Pose, Shape, character_of
 from enliven.errors import InputError
-from enliven.matching.board import Board, Row
-from enliven.matching.views import View
-from enliven.person.body import Body, parts_named
-from enliven_edge.stage.embedded_actor import Mode
+from enliven.matching import Board, Row, View
+from enliven.person import Body, parts_named
+from enliven_edge.stage.actor import Mode
 from enliven_edge.stage.highlights import Cues, State, cues_of
 from enliven_edge.stage.rig.chooser import Chooser
 from enliven_edge.stage.rig.live_shape import Binding, Pair, Puppet
@@ -29,17 +26,15 @@ class RigActor:
     shape are ranked as the viewer sees it. Taking hold accepts the match that is shown.
     """
 
-    looks = False
+    uses_surface = False
     """It follows skeletons, not surfaces."""
-    chosen_from: Literal[True] = True
-    """Performers choose the parts of it that they move."""
 
     def __init__(self, shape: Shape, settings: MatchingSettings | None = None) -> None:
         self.settings = settings or MatchingSettings()
         self.character = character_of(shape)
         self.puppet = Puppet(shape, self.settings.fade)
         self.chooser = Chooser(shape.skeleton, self.settings)
-        self._would: tuple[int | None, str] = (None, "all")
+        self._candidate: tuple[int | None, str] = (None, "all")
         self._met = False
         self._time_ns = 0
 
@@ -63,9 +58,9 @@ class RigActor:
         return "possessed" if self.holds else "free"
 
     @property
-    def would(self) -> tuple[int | None, str]:
+    def candidate(self) -> tuple[int | None, str]:
         """Who takes hold next, and with what: whose match is shown, else who was asked for."""
-        who, parts = self._would
+        who, parts = self._candidate
         return (self.chooser.body if self.chooser.body >= 0 else who), parts
 
     def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> Pose:
@@ -97,7 +92,7 @@ class RigActor:
         if not np.isfinite(body.joints).all():
             where, mend = f"possessing {self.character.id!r}", "Step in front of the sensor again."
             raise InputError(f"the joints of performer {body.id} are not known", where=where, mend=mend)
-        self._would = (body.id, parts)
+        self._candidate = (body.id, parts)
         self._look(body)
         self._bind([body], mode)
 
@@ -121,7 +116,7 @@ class RigActor:
             InputError: for an unknown part.
         """
         parts_named(parts)
-        self._would = (body, parts)
+        self._candidate = (body, parts)
 
     def browse(self, step: int) -> None:
         """Shows another match; 0 follows the pose again."""
@@ -171,13 +166,13 @@ class RigActor:
 
     def _choose(self, bodies: list[Body]) -> None:
         """Ranks and picks, for whoever chooses: who was asked for, or the first who drives nothing."""
-        body = next((body for body in bodies if body.id == self._would[0]), None)
+        body = next((body for body in bodies if body.id == self._candidate[0]), None)
         if body is None or body.id in {hold.body for hold in self.holds}:
             body = self.next_performer(bodies)
         self._look(body)
 
     def _look(self, body: Body | None) -> None:
-        self.chooser.look(body, self._would[1], self.puppet.joints, self._time_ns * 1e-9)
+        self.chooser.look(body, self._candidate[1], self.puppet.joints, self._time_ns * 1e-9)
 
     def _bind(self, bodies: Sequence[Body], mode: Mode) -> None:
         """What is meant becomes a binding."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.person.body import Joint
+from enliven.person import Joint
 
 PELVIS, CHEST, HEAD = 0, 1, 2
 UPPER_ARM_L, FOREARM_L, UPPER_ARM_R, FOREARM_R = 3, 4, 5, 6

@@ -9,13 +9,16 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.kernels import njit
-from enliven_edge.tracking.body_model import joint_limits, model
-from enliven_edge.tracking.body_model.capsules import nearest_capsules
-from enliven_edge.tracking.body_model.chest import chest_axes
-from enliven_edge.tracking.body_model.posture import Posture, rotation
-from enliven_edge.tracking.estimator.estimator import Estimate
-from enliven_edge.tracking.estimator.labels import FACINGS, MIRRORED, PARTS, Part, facing_in_plan
-from enliven_edge.tracking.frame.observation import Observation
+from enliven_edge.tracking.body_model import (
+    Posture,
+    chest_axes,
+    joint_limits,
+    model,
+    nearest_capsules,
+    rotation,
+)
+from enliven_edge.tracking.estimator import FACINGS, MIRRORED, PARTS, Estimate, Part, facing_in_plan
+from enliven_edge.tracking.frame import Observation
 
 
 def _capsule_parts() -> Float:

@@ -12,17 +12,15 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.body_model import Posture, model
 from enliven_edge.tracking.detect.appearance import Seen, agreement, facing_score, turned_about
 from enliven_edge.tracking.detect.extremities import extremities
 from enliven_edge.tracking.detect.facing_side import backward
 from enliven_edge.tracking.detect.hypotheses import banked_starts, standing_starts
 from enliven_edge.tracking.detect.posing import posed
-from enliven_edge.tracking.estimator.estimator import Estimate, PoseEstimator
-from enliven_edge.tracking.estimator.labels import FACINGS
-from enliven_edge.tracking.fit.fit import FitReport, Fitter
-from enliven_edge.tracking.frame.observation import Observation
+from enliven_edge.tracking.estimator import FACINGS, Estimate, PoseEstimator
+from enliven_edge.tracking.fit import FitReport, Fitter
+from enliven_edge.tracking.frame import Observation
 from enliven_edge.tracking.work_budget import Steps
 
 _REFINED = 3

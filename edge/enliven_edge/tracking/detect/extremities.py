@@ -13,7 +13,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.kernels import njit
-from enliven_edge.tracking.frame.observation import world_points
+from enliven_edge.tracking.frame import world_points
 
 _NODES = 1200
 """The surface is thinned to about so many points."""

@@ -9,10 +9,15 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.kernels import njit
-from enliven_edge.tracking.body_model.chest import ahead_in_plan, chest_axes, chest_axes_about, leaning_back
-from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.body_model import (
+    Posture,
+    ahead_in_plan,
+    chest_axes,
+    chest_axes_about,
+    leaning_back,
+)
 from enliven_edge.tracking.detect.appearance import Seen, likely_to_face
-from enliven_edge.tracking.estimator.labels import facing_in_plan
+from enliven_edge.tracking.estimator import facing_in_plan
 
 _MEMORY, _PATIENCE = 15.0, 12
 """Frames over which the evidence is averaged, and before a first verdict."""

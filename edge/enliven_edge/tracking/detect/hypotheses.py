@@ -5,14 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Float32, Int
-from enliven.matching.assignment import least_cost
-from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.capsules import misfits
-from enliven_edge.tracking.body_model.joint_limits import RELAXED, mirrored, standing
-from enliven_edge.tracking.body_model.posture import Posture, rotation
+from enliven.matching import least_cost
+from enliven_edge.tracking.body_model import RELAXED, Posture, mirrored, misfits, model, rotation, standing
 from enliven_edge.tracking.detect.extremities import Extremities
-from enliven_edge.tracking.fit.alignment import align
-from enliven_edge.tracking.frame.observation import Observation
+from enliven_edge.tracking.fit import align
+from enliven_edge.tracking.frame import Observation
 
 _ARMS = (
     {"arm_raise": 0.12, "elbow": 0.2},

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.body import Joint
-from enliven_edge.tracking.body_model import joint_limits, model
-from enliven_edge.tracking.body_model.posture import Posture
-from enliven_edge.tracking.estimator.estimator import Estimate
-from enliven_edge.tracking.fit.alignment import align
+from enliven.person import Joint
+from enliven_edge.tracking.body_model import Posture, joint_limits, model
+from enliven_edge.tracking.estimator import Estimate
+from enliven_edge.tracking.fit import align
 
 _WIDTH = 0.3
 """Metres beyond which a joint is doubted while the model is brought to it."""

@@ -12,14 +12,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.joint_limits import mirrored, standing
-from enliven_edge.tracking.body_model.posture import Posture, rotation
+from enliven_edge.tracking.body_model import Posture, mirrored, model, rotation, standing
 from enliven_edge.tracking.detect.appearance import Seen, agreement, turned_about
 from enliven_edge.tracking.detect.backoff import Patience
 from enliven_edge.tracking.detect.posing import drawn, posed
-from enliven_edge.tracking.fit.fit import FitReport, Fitter
-from enliven_edge.tracking.frame.observation import Observation
+from enliven_edge.tracking.fit import FitReport, Fitter
+from enliven_edge.tracking.frame import Observation
 
 _ARM_POSES = (
     standing(arm_raise=0.15, arm_forward=0.1, elbow=1.5),

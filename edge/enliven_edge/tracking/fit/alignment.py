@@ -10,9 +10,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.kernels import copy_row, copy_rows, njit
-from enliven_edge.tracking.body_model import joint_limits, model
-from enliven_edge.tracking.body_model.kinematics import forward_into
-from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.body_model import Posture, forward_into, joint_limits, model
 from enliven_edge.tracking.fit import terms
 from enliven_edge.tracking.fit.gauss_newton import solve_damped, stepped
 from enliven_edge.tracking.fit.normal_equations import add_place, gather, no_sums

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.kernels import njit
-from enliven_edge.tracking.body_model.capsules import FAST, nearest_capsules
+from enliven_edge.tracking.body_model import FAST, nearest_capsules
 from enliven_edge.tracking.fit.normal_equations import of_frame
 from enliven_edge.tracking.fit.terms import body_girth
 

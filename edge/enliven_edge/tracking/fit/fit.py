@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Int
-from enliven_edge.tracking.body_model import joint_limits, model
-from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.body_model import Posture, joint_limits, model
 from enliven_edge.tracking.fit.gauss_newton import assemble, minimise
-from enliven_edge.tracking.frame.observation import Observation
+from enliven_edge.tracking.frame import Observation
 from enliven_edge.tracking.settings import FitSettings
 
 _SQUARE_CM = 1e4

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.kernels import copy_row, copy_rows, njit
-from enliven_edge.tracking.body_model.kinematics import capsules_into, forward_into, pivots_by_length, turn
+from enliven_edge.tracking.body_model import capsules_into, forward_into, pivots_by_length, turn
 from enliven_edge.tracking.fit import data_term, terms
 from enliven_edge.tracking.fit.normal_equations import gather, no_sums
 

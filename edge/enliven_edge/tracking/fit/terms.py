@@ -14,9 +14,9 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.kernels import njit
-from enliven_edge.tracking.body_model.kinematics import deviation_into
+from enliven_edge.tracking.body_model import deviation_into
 from enliven_edge.tracking.fit.normal_equations import add_place, add_ray, of_frame
-from enliven_edge.tracking.frame.observation import nearest_pixel
+from enliven_edge.tracking.frame import nearest_pixel
 
 _DOFS = 30
 _GIRTH = 11

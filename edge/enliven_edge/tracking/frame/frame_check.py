@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.frames import TIME_LIMIT_NS, BodyFrame, DepthFrame, Frame
 from enliven.health import HealthKind
-from enliven.person.body import J
+from enliven.person import J
 
 _NEW_SIZE_FRAMES = 5
 """Frames in a row of another size after which the sensor is taken to have changed its mode: a driver that

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.health import HealthKind
-from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors import Condition
 from enliven_edge.tracking.health.alarm import Alarms
 
 _COOLER = 5.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.camera import Intrinsics
-from enliven.person.body import Body, Joint
+from enliven.person import Body, Joint
 
 _TOUCH, _ARMS_LENGTHS = 0.12, 2.5
 """Metres between two people's joints that touch, and between their hips when any can."""

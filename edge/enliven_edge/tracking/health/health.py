@@ -9,12 +9,10 @@ from enliven.camera import Intrinsics
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import DepthFrame, Frame
 from enliven.health import HealthKind, HealthState
-from enliven.person.body import Body
+from enliven.person import Body
 from enliven.settings import setting
-from enliven_edge.sensors.base import CHECK_IT, Condition
-from enliven_edge.tracking.frame.frame_check import FrameCheck
-from enliven_edge.tracking.frame.frame_timing import Rhythm
-from enliven_edge.tracking.frame.depth_survey import Survey, survey
+from enliven_edge.sensors import CHECK_IT, Condition
+from enliven_edge.tracking.frame import FrameCheck, Rhythm, Survey, survey
 from enliven_edge.tracking.health.alarm import Alarms
 from enliven_edge.tracking.health.device_health import judge_condition
 from enliven_edge.tracking.health.framing import WATCHED, cut_off, touching

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.kernels import copy_row, njit
-from enliven.person.body import Joint
+from enliven.person import Joint
 from enliven_edge.tracking.settings import ContactSettings
 
 _POINTS = np.array([[Joint.FOOT_LEFT, Joint.ANKLE_LEFT], [Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT]])

@@ -11,8 +11,7 @@ import dataclasses
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.body import Body
-from enliven.person.orientation import mirrored
+from enliven.person import Body, mirrored
 from enliven_edge.tracking.output.contact import Contacts
 from enliven_edge.tracking.output.prediction import Ahead
 from enliven_edge.tracking.output.smoothing import OneEuro, OneEuroTurns

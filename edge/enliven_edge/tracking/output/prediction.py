@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.kernels import njit
-from enliven.person.body import PARENTS
+from enliven.person import PARENTS
 from enliven_edge.tracking.output.smoothing import step_between, turn
 
 _PARENTS = np.array(PARENTS)

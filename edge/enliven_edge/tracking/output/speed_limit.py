@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.kernels import njit
-from enliven.person.body import PARENTS, Joint
+from enliven.person import PARENTS, Joint
 from enliven.rotation import normalized
 from enliven_edge.tracking.settings import OutputSettings
 

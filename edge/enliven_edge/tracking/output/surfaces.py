@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.deformation.constraints.observed import Seen
+from enliven.deformation.constraints import Seen
 from enliven.kernels import njit
-from enliven_edge.tracking.frame.observation import sampled, surface_samples
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame import View, sampled, surface_samples
 
 
 def seen_surfaces(view: View, owner: Int, ids: Int, points: int = 1200) -> dict[int, Seen]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from enliven.person.body import Joint
+from enliven.person import Joint
 from enliven_edge.tracking.people.person import Person
 
 _SAME_PLACE = 0.2

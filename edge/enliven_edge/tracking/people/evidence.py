@@ -6,13 +6,10 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.kernels import njit
-from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.posture import Posture, frames_of, joints_into
-from enliven_edge.tracking.estimator.estimator import Estimate
-from enliven_edge.tracking.fit.fit import FitReport, Fitter
-from enliven_edge.tracking.fit.gauss_newton import cholesky
-from enliven_edge.tracking.fit.terms import point_row
-from enliven_edge.tracking.frame.observation import Observation
+from enliven_edge.tracking.body_model import Posture, frames_of, joints_into, model
+from enliven_edge.tracking.estimator import Estimate
+from enliven_edge.tracking.fit import FitReport, Fitter, cholesky, point_row
+from enliven_edge.tracking.frame import Observation
 
 NAMES = (
     "constant",

@@ -7,20 +7,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.posture import Posture, continued
-from enliven_edge.tracking.detect.appearance import Seen, facing, looked_at, turned_about
-from enliven_edge.tracking.detect.detection import cost, detect, detect_another, quality, supposing
-from enliven_edge.tracking.detect.facing_side import Facing
-from enliven_edge.tracking.detect.posing import drawn
-from enliven_edge.tracking.detect.recovery import SecondThoughts
-from enliven_edge.tracking.estimator.estimator import shipped_estimator
-from enliven_edge.tracking.fit.fit import FitReport, Fitter
-from enliven_edge.tracking.frame.observation import Observation, observe
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.body_model import Posture, continued, model
+from enliven_edge.tracking.detect import (
+    Facing,
+    SecondThoughts,
+    Seen,
+    cost,
+    detect,
+    detect_another,
+    drawn,
+    facing,
+    looked_at,
+    quality,
+    supposing,
+    turned_about,
+)
+from enliven_edge.tracking.estimator import shipped_estimator
+from enliven_edge.tracking.fit import FitReport, Fitter
+from enliven_edge.tracking.frame import Observation, View, observe
 from enliven_edge.tracking.people.confidence import confidence
 from enliven_edge.tracking.people.evidence import NAMES, capsule_confidence, evidence
-from enliven_edge.tracking.segment.segmentation import lying_on
+from enliven_edge.tracking.segment import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import LOOK, Budget, Spread, Steps, whole
 

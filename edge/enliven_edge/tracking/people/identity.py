@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.matching.assignment import least_cost
+from enliven.matching import least_cost
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.settings import PeopleSettings
 

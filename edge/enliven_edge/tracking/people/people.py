@@ -10,10 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int, UInt8
-from enliven_edge.tracking.body_model.model import height_of
-from enliven_edge.tracking.body_model.posture import Posture
-from enliven_edge.tracking.fit.fit import Fitter
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.body_model import Posture, height_of
+from enliven_edge.tracking.fit import Fitter
+from enliven_edge.tracking.frame import View
 from enliven_edge.tracking.people.duplicates import Doubles
 from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.people.identity import Absent, Looks, Register
@@ -21,10 +20,8 @@ from enliven_edge.tracking.people.person import UNDECIDED, Person, sight
 from enliven_edge.tracking.people.recognition import recognise
 from enliven_edge.tracking.people.search import Search
 from enliven_edge.tracking.people.spread_search import Lookout, Sighting
-from enliven_edge.tracking.scene.room import ROOM, Room
-from enliven_edge.tracking.scene.zone import Lock, Zone
-from enliven_edge.tracking.segment.candidates import YOUNG, Newcomer, Newcomers
-from enliven_edge.tracking.segment.segmentation import Segments, segmented
+from enliven_edge.tracking.scene import ROOM, Lock, Room, Zone
+from enliven_edge.tracking.segment import YOUNG, Newcomer, Newcomers, Segments, segmented
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
 

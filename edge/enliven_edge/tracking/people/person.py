@@ -8,10 +8,9 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int
 from enliven.kernels import njit
-from enliven.person.body import Joint
-from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.posture import Posture
-from enliven_edge.tracking.frame.view import View
+from enliven.person import Joint
+from enliven_edge.tracking.body_model import Posture, model
+from enliven_edge.tracking.frame import View
 from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.people.identity import Looks, percentile
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from enliven.arrays import Bool
-from enliven_edge.tracking.estimator.estimator import shipped_estimator
-from enliven_edge.tracking.frame.view import View
-from enliven_edge.tracking.segment.candidates import Newcomer
+from enliven_edge.tracking.estimator import shipped_estimator
+from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.segment import Newcomer
 from enliven_edge.tracking.work_budget import LOOK, Budget
 
 _RECOGNISED = 0.97

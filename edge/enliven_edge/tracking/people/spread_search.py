@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from enliven.arrays import Float
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame import View
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.people.search import Found, Search
-from enliven_edge.tracking.segment.candidates import Newcomer
+from enliven_edge.tracking.segment import Newcomer
 from enliven_edge.tracking.work_budget import Budget, Spread
 
 

@@ -7,8 +7,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.camera import unproject, world_from_level_camera
 from enliven.frames import DepthFrame
-from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame import View, WorkingCamera, world_points
 from enliven_edge.tracking.scene.floor import corrected, world_from_floor
 from enliven_edge.tracking.scene.room import Agreement
 from enliven_edge.tracking.settings import SceneSettings

@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float, UInt8
 from enliven.kernels import njit
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame import View
 from enliven_edge.tracking.scene.room_prior import guessed
 from enliven_edge.tracking.settings import RoomSettings
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.kernels import njit
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame import View
 
 _TRIALS, _SAMPLES = 150, 1500
 _LARGEST_WALLS = 4

@@ -9,9 +9,8 @@ import numpy as np
 from enliven.arrays import Bool, Float, UInt8
 from enliven.kernels import njit
 from enliven.masks import pixels_of
-from enliven_edge.tracking.frame.view import View
-from enliven_edge.tracking.scene.room import BEFORE, ROOM, UNLIKELY, widened
-from enliven_edge.tracking.scene.walls import without_walls
+from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.scene import BEFORE, ROOM, UNLIKELY, widened, without_walls
 from enliven_edge.tracking.segment.columns import parted
 from enliven_edge.tracking.segment.person_shape import SMALLEST_AREA, Shape, shape_of
 from enliven_edge.tracking.segment.segmentation import Loose, Segments, loose_groups

@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.kernels import njit
 from enliven.masks import pixels_of
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame import View
 
 SMALLEST_AREA, LARGEST_AREA = 0.06, 1.6
 _SHORTEST, _WIDEST, _DEEPEST = 0.3, 2.4, 1.6

@@ -6,8 +6,8 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.kernels import njit
-from enliven_edge.tracking.frame.view import View
-from enliven_edge.tracking.scene.room import ROOM, UNLIKELY
+from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.scene import ROOM, UNLIKELY
 
 _ON_SURFACE = 0.025
 

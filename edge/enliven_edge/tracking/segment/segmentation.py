@@ -15,9 +15,9 @@ from enliven.arrays import Bool, Float, Int, UInt8
 from enliven.kernels import njit
 from enliven.masks import pixels_of
 from enliven.union_find import join, root_of
-from enliven_edge.tracking.body_model.posture import Posture
-from enliven_edge.tracking.frame.view import View
-from enliven_edge.tracking.scene.room import ROOM, UNLIKELY, UNSEEN
+from enliven_edge.tracking.body_model import Posture
+from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.scene import ROOM, UNLIKELY, UNSEEN
 from enliven_edge.tracking.segment.pixel_labels import claim, image_boxes
 from enliven_edge.tracking.segment.surface_growing import given_back, grown
 

@@ -18,11 +18,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Bool, Float, Float32, Int, Int32
-from enliven.deformation.graph.surface_kernels import dijkstra_workspace, settle_within, ways
+from enliven.deformation.graph import dijkstra_workspace, settle_within, ways
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.meshes.kernels import shells, space_curve
-from enliven.meshes.mesh import Mesh, weld
+from enliven.meshes import Mesh, shells, space_curve, weld
 
 _WHERE = "puppet surface"
 _DENSITY = 0.45

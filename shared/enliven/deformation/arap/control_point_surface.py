@@ -23,9 +23,9 @@ from enliven.deformation.arap.guide import Guide, come, handles_of, rows_of
 from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.surface import check_mesh
 from enliven.deformation.arap.threads import Pace, shared
-from enliven.document.surface_settings import ArapSettings
+from enliven.document import ArapSettings
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 
 _WHERE = "puppet surface"
 _GUIDED = 3

@@ -17,7 +17,7 @@ from enliven.deformation.arap.coarse import coarse_of
 from enliven.deformation.arap.detail import carry
 from enliven.deformation.arap.input import Handle
 from enliven.deformation.arap.solver import ArapSolver
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 from enliven.rotation import nearest_quaternion, to_matrix
 
 _STEPS = 24

@@ -14,8 +14,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int, Int32
 from enliven.kernels import njit
-from enliven.meshes.kernels import first_of_position, space_curve
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh, first_of_position, space_curve
 
 
 class SelfIntersection:

@@ -35,9 +35,9 @@ from enliven.deformation.arap.step import give, gone_along, moved, plain
 from enliven.deformation.arap.surface import surface_of
 from enliven.deformation.arap.threads import Pace, shared
 from enliven.deformation.arap.volume import press
-from enliven.document.surface_settings import ArapSettings
+from enliven.document import ArapSettings
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 
 __all__ = ["ArapSettings", "ArapSolver", "Handle"]
 

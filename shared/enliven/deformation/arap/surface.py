@@ -14,7 +14,7 @@ from enliven.deformation.arap.factor import Factor, factorise
 from enliven.deformation.arap.volume import Volume, volume_of
 from enliven.deformation.arap.weights import VIRTUAL, shells_of, surface_edges, virtual_edges
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh, weld
+from enliven.meshes import Mesh, weld
 
 
 class Surface(NamedTuple):

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from enliven.arrays import Float, Int
 from enliven.deformation.constraints.planes import PlaneConstraints
 from enliven.deformation.constraints.soft import Points, joined_planes, spread
-from enliven.document.character import Character
+from enliven.document import Character
 from enliven.settings import setting
 
 _SOLES = 96

@@ -16,9 +16,9 @@ import numpy as np
 from enliven.arrays import Float, Float32
 from enliven.deformation.constraints.planes import PlaneConstraints
 from enliven.deformation.constraints.soft import Points, spread
-from enliven.document.character import Character
+from enliven.document import Character
 from enliven.kernels import njit
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 from enliven.settings import setting
 
 

@@ -11,8 +11,8 @@ from scipy.sparse.csgraph import dijkstra
 from enliven.arrays import Bool, Float
 from enliven.deformation.constraints.planes import PlaneConstraints
 from enliven.deformation.constraints.soft import Points, spread
-from enliven.deformation.graph.graph import DeformationGraph
-from enliven.document.character import Character
+from enliven.deformation.graph import DeformationGraph
+from enliven.document import Character
 from enliven.kernels import njit
 from enliven.settings import setting
 

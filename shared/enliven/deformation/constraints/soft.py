@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Float32, Int, Int32
 from enliven.deformation.constraints.planes import PlaneConstraints
-from enliven.document.character import Character
+from enliven.document import Character
 from enliven.kernels import njit
 
 

@@ -35,12 +35,12 @@ from typing import Literal, Protocol
 import numpy as np
 
 from enliven.arrays import Float, Int, Int32
-from enliven.deformation.constraints.planes import PlaneConstraints
+from enliven.deformation.constraints import PlaneConstraints
 from enliven.deformation.embedded.block_cholesky import SIZE, BlockPattern, analyse, elimination_order
 from enliven.deformation.embedded.energy import Planes, Terms, gradient
 from enliven.deformation.embedded.lbfgs import Room, keep, solve_frame
 from enliven.deformation.embedded.preconditioner import RigidSystem
-from enliven.deformation.graph.graph import DeformationGraph
+from enliven.deformation.graph import DeformationGraph
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.settings import setting

@@ -14,9 +14,9 @@ from enliven.deformation.graph.connectivity import joints, weak_edges
 from enliven.deformation.graph.sampling import SurfaceSamples, distance_matrix, poisson_disk
 from enliven.deformation.graph.surface import Territories, between_nodes, net_of, territories, ways_from_nodes
 from enliven.deformation.graph.weights import DETOUR, SLACK, blending_weights, carriers
-from enliven.document.character import Character, SkinWeights
+from enliven.document import Character, SkinWeights
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh, weld
+from enliven.meshes import Mesh, weld
 
 NEIGHBOURS = 4
 """The paper's k, for edges and for the nodes that a point follows."""

@@ -9,8 +9,7 @@ import numpy as np
 from enliven.arrays import Float, Int, Int32
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.meshes.kernels import face_areas, face_vectors, normals_of
-from enliven.meshes.mesh import Mesh, weld
+from enliven.meshes import Mesh, face_areas, face_vectors, normals_of, weld
 
 _DARTS_PER_NODE = 80
 _SMOOTH = 0.75

@@ -19,8 +19,7 @@ from scipy.sparse.csgraph import dijkstra
 from enliven.arrays import Float, Float32, Int, Int32
 from enliven.deformation.graph import surface_kernels as kernels
 from enliven.deformation.graph.connectivity import components
-from enliven.meshes.kernels import longest_edge, split_long_edges
-from enliven.meshes.mesh import Mesh, weld
+from enliven.meshes import Mesh, longest_edge, split_long_edges, weld
 
 _MOST_VERTICES = 200_000
 _CELLS = 6

@@ -325,7 +325,7 @@ def around(offsets, neighbours, lengths, limit):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def dijkstra_workspace(offsets, neighbours):  # type: ignore[no-untyped-def]
-    """What :func:`settle_within` works in: metres (infinite), the heap's keys and items, and what was reached."""
+    """What :func:`settle_within` works in: metres (infinite), the heap, what was reached."""
     total = offsets.shape[0] - 1
     room = neighbours.shape[0] + 2
     return np.full(total, np.inf), np.empty(room), np.empty(room, np.int64), np.empty(total, np.int64)

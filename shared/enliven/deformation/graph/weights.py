@@ -24,7 +24,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.graph.surface import Net, members, points_around
-from enliven.document.character import SkinWeights
+from enliven.document import SkinWeights
 from enliven.kernels import njit
 
 DETOUR, SLACK = 1.5, 0.5

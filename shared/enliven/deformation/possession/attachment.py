@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32
-from enliven.deformation.graph.graph import DeformationGraph
+from enliven.deformation.graph import DeformationGraph
 from enliven.deformation.possession.bone_cylinders import bone_rotations, bone_samples, filled
 from enliven.deformation.possession.nearest_nodes import carried_back, nearest_facing
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.person.body import PARENTS, J, Joint, parts_named
+from enliven.person import PARENTS, J, Joint, parts_named
 from enliven.settings import setting
 
 _PARENT = np.array(PARENTS)

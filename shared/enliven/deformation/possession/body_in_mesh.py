@@ -14,8 +14,8 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from enliven.arrays import Float, Int, Int32
-from enliven.deformation.graph.graph import DeformationGraph
-from enliven.person.body import PARENTS, J, Joint
+from enliven.deformation.graph import DeformationGraph
+from enliven.person import PARENTS, J, Joint
 
 _MOST = 8
 """Tips, at most."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.kernels import njit
-from enliven.person.body import BONES, PARENTS, J, Joint
+from enliven.person import BONES, PARENTS, J, Joint
 
 _PARENT = np.array(PARENTS)
 _HIP, _CHEST = int(Joint.HIP_CENTER), int(Joint.SHOULDER_CENTER)

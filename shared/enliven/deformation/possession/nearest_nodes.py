@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.deformation.graph.weights import insert
+from enliven.deformation.graph import insert
 from enliven.kernels import njit
 
 _INNER = 0.35

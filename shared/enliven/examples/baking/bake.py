@@ -17,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int, Int32
-from enliven.document.character import SkinWeights
+from enliven.document import SkinWeights
 from enliven.examples.baking.maps import Maps, add_errors
 from enliven.examples.baking.nodes import Net, Seeds
 from enliven.examples.baking.settings import BakeError, BakeSettings
 from enliven.examples.baking.weights import fit_weights
-from enliven.meshes.mesh import Mesh, weld
+from enliven.meshes import Mesh, weld
 
 Frames = Callable[[], Iterable[Float]]
 """Gives the frames (V, 3) metres from the first to the last, each time that it is called."""

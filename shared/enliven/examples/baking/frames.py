@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet
+from enliven.deformation.arap import PuppetSurface
+from enliven.document import Project, Puppet
 from enliven.examples.puppet_motion import State, state_of
 from enliven.rotation import from_rotation_vector, multiply, rotate
 

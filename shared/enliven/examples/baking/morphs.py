@@ -14,7 +14,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.examples.baking.bake import Frames, Missed, farthest
 from enliven.examples.baking.settings import BakeError, BakeSettings
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 
 _AGAIN = 4
 """How often frames that were not among the chosen and are too far off are taken in."""

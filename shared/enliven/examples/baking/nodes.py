@@ -9,8 +9,8 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from enliven.arrays import Float, Int, Int32
-from enliven.deformation.arap.weights import surface_edges, virtual_edges
-from enliven.meshes.mesh import Mesh
+from enliven.deformation.arap import surface_edges, virtual_edges
+from enliven.meshes import Mesh
 
 
 class Net:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.document.constraints import Constraint, Position, Velocity
+from enliven.document import Constraint, Position, Velocity
 from enliven.errors import InputError
 from enliven.examples.poses import Examples
 

@@ -17,12 +17,11 @@ from itertools import pairwise
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.document.constraints import Coupling
-from enliven.document.locomotion import LocomotionSettings, Switch
+from enliven.document import Coupling, LocomotionSettings, Switch
 from enliven.errors import InputError
 from enliven.examples.performer import turned_about_y
 from enliven.examples.spacetime.anchoring import stand
-from enliven.motion.contact.contacts import runs_of, touching
+from enliven.motion.contact import runs_of, touching
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.example_settings import ExampleSettings
+from enliven.document import ExampleSettings
 from enliven.examples.poses import Examples
 from enliven.examples.spacetime.bounded import Nodes
 from enliven.kernels import njit

@@ -13,10 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.document.locomotion import LocomotionSettings
+from enliven.document import LocomotionSettings
 from enliven.examples.performer import turned_about_y
 from enliven.examples.spacetime.locomotion import Placed
-from enliven.motion.contact.contacts import hold, runs_of
+from enliven.motion.contact import hold, runs_of
 
 
 def planted(

@@ -10,8 +10,7 @@ import numpy as np
 import pygltflib
 
 from enliven.arrays import Float
-from enliven.examples.baking.bake import BakedSurface
-from enliven.examples.baking.morphs import BakedMorphs
+from enliven.examples.baking import BakedMorphs, BakedSurface
 from enliven.exporters.gltf.keys import needed_keys
 from enliven.exporters.gltf.puppet_performance import PuppetPerformance
 from enliven.exporters.gltf.scene import GltfScene

@@ -9,13 +9,19 @@ from dataclasses import dataclass
 from typing import Literal
 
 from enliven.arrays import Float
-from enliven.document.project import Project
-from enliven.examples.baking.bake import BakedSurface, bake_surface
-from enliven.examples.baking.frames import SurfaceFrames, states_of
-from enliven.examples.baking.morphs import BakedMorphs, bake_morphs
-from enliven.examples.baking.settings import BakeError, BakeSettings
-from enliven.meshes.mesh import Mesh
-from enliven.modeling.puppet.baking import end_of_puppet, frame_times
+from enliven.document import Project
+from enliven.examples.baking import (
+    BakedMorphs,
+    BakedSurface,
+    BakeError,
+    BakeSettings,
+    SurfaceFrames,
+    bake_morphs,
+    bake_surface,
+    states_of,
+)
+from enliven.meshes import Mesh
+from enliven.modeling.puppet import end_of_puppet, frame_times
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,10 +9,10 @@ import pygltflib
 
 from enliven import __version__
 from enliven.arrays import Float, Int
-from enliven.document.character import SkinWeights
+from enliven.document import SkinWeights
 from enliven.exporters.gltf.blob import Blob
 from enliven.exporters.gltf.shape import clean_skin, linear16, listed, unit32, unit_normals
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
 
 _STILL = 1e-7

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Float32, UInt8, UInt16
-from enliven.document.skeleton import Skeleton
+from enliven.document import Skeleton
 from enliven.rotation import conjugate, from_matrix, multiply, normalized, to_matrix
 
 

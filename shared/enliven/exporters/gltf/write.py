@@ -20,11 +20,9 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.possessed import GraphShape
-from enliven.document.project import Project
-from enliven.document.rigged import Shape
+from enliven.document import GraphShape, Project, Shape
 from enliven.errors import InputError, ResourceError
-from enliven.examples.baking.maps import stretch_axes
+from enliven.examples.baking import stretch_axes
 from enliven.exporters.gltf.puppet_gltf import add_puppet
 from enliven.exporters.gltf.puppet_performance import PuppetPerformance
 from enliven.exporters.gltf.scene import GltfScene
@@ -36,9 +34,9 @@ from enliven.exporters.gltf.shape import (
     pivots_of,
     stretches_of,
 )
-from enliven.modeling.possessed.pose import graph_pose
-from enliven.modeling.puppet.baking import frame_times
-from enliven.motion.layers.evaluate import Player
+from enliven.modeling.possessed import graph_pose
+from enliven.modeling.puppet import frame_times
+from enliven.motion.layers import Player
 from enliven.rotation import from_matrix, to_matrix
 
 

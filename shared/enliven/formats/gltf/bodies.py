@@ -8,7 +8,7 @@ from enliven.arrays import Float
 from enliven.formats.gltf.bind import Bind
 from enliven.formats.gltf.file import GltfFile
 from enliven.formats.gltf.parts import Part
-from enliven.formats.rig.rig_links import Body
+from enliven.formats.rig import Body
 from enliven.rotation import from_matrix
 
 

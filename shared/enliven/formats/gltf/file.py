@@ -12,7 +12,7 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.errors import InputError
 from enliven.files import DAMAGE, Beside, read_file
-from enliven.meshes.gltf_json import Entry, gltf_document
+from enliven.meshes import Entry, gltf_document
 
 _TYPES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _COMPONENTS: dict[int, Any] = {

@@ -14,10 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.document.character import SkinWeights
-from enliven.document.clip import Clip
-from enliven.document.rigged import still_shape
-from enliven.document.skeleton import Skeleton
+from enliven.document import Clip, Skeleton, SkinWeights, still_shape
 from enliven.errors import EnlivenError
 from enliven.files import DAMAGE
 from enliven.formats.gltf.bind import Bind
@@ -25,10 +22,8 @@ from enliven.formats.gltf.bodies import bodies_of
 from enliven.formats.gltf.file import GltfFile
 from enliven.formats.gltf.motion import MOST_PLACES, animated_locals, frame_times, world_matrices
 from enliven.formats.gltf.parts import Part, parts_of, shown_nodes
-from enliven.formats.rig.rig import Rig, on_floor, resized, welded
-from enliven.formats.rig.rig_links import Body
-from enliven.formats.rig.rig_tree import Tree, strays, tree_of
-from enliven.meshes.mesh import Mesh
+from enliven.formats.rig import Body, Rig, Tree, on_floor, resized, strays, tree_of, welded
+from enliven.meshes import Mesh
 
 _TOLD = 1e-3
 """Share of the model's size above which something that was left out is worth a note."""

@@ -22,7 +22,7 @@ import numpy as np
 
 from enliven import __version__
 from enliven.arrays import AnyArray
-from enliven.document.project import Project
+from enliven.document import Project
 from enliven.errors import InputError, ResourceError
 from enliven.files import DAMAGE, read_file
 from enliven.formats.npy import array_of

@@ -14,14 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.character import SkinWeights
-from enliven.document.clip import Clip
-from enliven.document.layers import Layer, Ref, Span
-from enliven.document.project import Project, unused
-from enliven.document.rigged import Shape
-from enliven.document.skeleton import Skeleton
+from enliven.document import Clip, Layer, Project, Ref, Shape, Skeleton, SkinWeights, Span, unused
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.skeleton import Skeleton
+from enliven.document import Skeleton
 from enliven.formats.rig.rig_links import Body, downward, links_of
 from enliven.rotation import rotate
 

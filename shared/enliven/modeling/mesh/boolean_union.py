@@ -8,9 +8,8 @@ import manifold3d
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32, UInt8
-from enliven.document.character import SkinWeights
-from enliven.meshes.kernels import first_of_position
-from enliven.meshes.mesh import Mesh, weld
+from enliven.document import SkinWeights
+from enliven.meshes import Mesh, first_of_position, weld
 from enliven.modeling.mesh.solids import Solid
 from enliven.modeling.skinning import skin_values as skins
 

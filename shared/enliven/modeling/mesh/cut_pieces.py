@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int, UInt8
-from enliven.document.character import SkinWeights
-from enliven.meshes.mesh import Mesh
+from enliven.document import SkinWeights
+from enliven.meshes import Mesh
 from enliven.modeling.mesh.caps import Cap, Spread
 from enliven.modeling.mesh.cut_plan import Parting
 from enliven.modeling.skinning import skin_values as skins

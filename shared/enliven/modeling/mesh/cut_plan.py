@@ -10,9 +10,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Bool, Float, Int
-from enliven.document.character import SkinWeights
+from enliven.document import SkinWeights
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh, weld
+from enliven.meshes import Mesh, weld
 from enliven.modeling.mesh.caps import Cap, cap_of, flattened
 from enliven.modeling.mesh.cut_loops import Crossings, area, chains_of, crossings_of, joined, winding
 from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut

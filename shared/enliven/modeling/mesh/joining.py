@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.document.character import SkinWeights
+from enliven.document import SkinWeights
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 from enliven.modeling.mesh.mesh_union import Union, united
 
 Heal = Callable[[Mesh, SkinWeights, Bool], tuple[Mesh, SkinWeights]]

@@ -13,10 +13,10 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Int
-from enliven.deformation.graph.surface import Net, net_of
+from enliven.deformation.graph import Net, net_of
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 from enliven.union_find import root_of
 
 _NODES = 200

@@ -16,10 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.character import SkinWeights
-from enliven.document.skeleton import Skeleton
+from enliven.document import Skeleton, SkinWeights
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh, weld
+from enliven.meshes import Mesh, weld
 from enliven.modeling.mesh.cut_pieces import Piece, piece_of
 from enliven.modeling.mesh.cut_plan import CutSettings, Parting, hang_together
 from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut

@@ -16,8 +16,8 @@ from dataclasses import replace
 import manifold3d
 import numpy as np
 
-from enliven.document.character import SkinWeights
-from enliven.meshes.mesh import Mesh, weld
+from enliven.document import SkinWeights
+from enliven.meshes import Mesh, weld
 from enliven.modeling.mesh.boolean_union import Pair, Union, barycentric
 from enliven.modeling.mesh.collapse_slivers import tidied
 from enliven.modeling.mesh.seam import creased

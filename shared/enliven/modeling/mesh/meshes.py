@@ -9,11 +9,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from enliven.arrays import Bool, Float, Int
-from enliven.document.character import SkinWeights
-from enliven.document.rigged import Shape
-from enliven.meshes.mesh import submesh, weld
+from enliven.document import Shape, SkinWeights
+from enliven.meshes import submesh, weld
 from enliven.modeling.mesh.mesh_cut import Piece
-from enliven.modeling.skinning.skins import renumbered
+from enliven.modeling.skinning import renumbered
 from enliven.rotation import rotate, to_matrix
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Float
-from enliven.deformation.graph.sampling import scatter
-from enliven.document.puppet import Plane
-from enliven.meshes.mesh import Mesh
+from enliven.deformation.graph import scatter
+from enliven.document import Plane
+from enliven.meshes import Mesh
 
 TOLERANCE = 0.012
 """Part of the mesh's size (its box's diagonal) that the image may miss the surface by, in the mean."""

@@ -7,7 +7,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from enliven.arrays import Bool, Float, Int32
-from enliven.modeling.skinning.heat_diffusion import cotangents
+from enliven.modeling.skinning import cotangents
 
 SYMMETRIC_LU = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}, "diag_pivot_thresh": 0.0}
 

@@ -21,11 +21,9 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.sparse.linalg import spsolve
 
 from enliven.arrays import Bool, Float
-from enliven.document.character import SkinWeights
-from enliven.document.skeleton import Skeleton
-from enliven.meshes.mesh import Mesh, weld
-from enliven.modeling.skinning.heat_diffusion import HeatSettings, heat_weights, segments_of
-from enliven.modeling.skinning.skin_values import bone_count, dense, sparse
+from enliven.document import Skeleton, SkinWeights
+from enliven.meshes import Mesh, weld
+from enliven.modeling.skinning import HeatSettings, bone_count, dense, heat_weights, segments_of, sparse
 from enliven.settings import setting
 
 _HOLD = 1e-6

@@ -8,7 +8,7 @@ import manifold3d
 import numpy as np
 
 from enliven.arrays import Bool, Int
-from enliven.meshes.mesh import Mesh, weld
+from enliven.meshes import Mesh, weld
 from enliven.modeling.mesh.caps import Spread, cap_of, flattened
 from enliven.modeling.mesh.cut_loops import chains_of
 

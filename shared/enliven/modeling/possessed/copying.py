@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document.possessed import GraphShape
-from enliven.document.project import Project, same, unused
+from enliven.document import GraphShape, Project, same, unused
 from enliven.errors import InputError
-from enliven.modeling.rigged.axes import Axes, moved_mesh
-from enliven.modeling.rigged.pasting import checked_motion
+from enliven.modeling.rigged import Axes, checked_motion, moved_mesh
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.character import Pose
-from enliven.document.possessed import GraphPart, GraphShape, PoseStream
-from enliven.document.project import Project
+from enliven.document import GraphPart, GraphShape, Pose, PoseStream, Project
 from enliven.errors import InputError
 from enliven.rotation import conjugate, from_matrix, multiply, rotate, to_matrix
 

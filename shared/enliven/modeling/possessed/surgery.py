@@ -11,14 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.document.character import SkinWeights
-from enliven.document.possessed import GraphPart, GraphShape, Ride
-from enliven.document.project import Project, unused
+from enliven.document import GraphPart, GraphShape, Project, Ride, SkinWeights, unused
 from enliven.errors import InputError
-from enliven.modeling.mesh.cut_surfaces import CutSurface
-from enliven.modeling.mesh.joining import Surface, joined
-from enliven.modeling.mesh.mesh_cut import Piece, cut_by_stroke
-from enliven.modeling.mesh.seam import SeamSettings, smoothed
+from enliven.modeling.mesh import CutSurface, Piece, SeamSettings, Surface, cut_by_stroke, joined, smoothed
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
 from enliven.rotation import conjugate, from_matrix, multiply, normalized, rotate, to_matrix
 

@@ -10,14 +10,17 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.possessed import GraphPart, GraphShape, PoseStream
-from enliven.document.project import Project, unused
-from enliven.document.puppet import Puppet
+from enliven.document import GraphPart, GraphShape, PoseStream, Project, Puppet, unused
 from enliven.errors import InputError
-from enliven.examples.baking.bake import BakedSurface, bake_surface
-from enliven.examples.baking.frames import SurfaceFrames, states_of
-from enliven.examples.baking.settings import BakeError, BakeSettings
-from enliven.meshes.mesh import Mesh
+from enliven.examples.baking import (
+    BakedSurface,
+    BakeError,
+    BakeSettings,
+    SurfaceFrames,
+    bake_surface,
+    states_of,
+)
+from enliven.meshes import Mesh
 from enliven.rotation import rotate, to_matrix
 
 

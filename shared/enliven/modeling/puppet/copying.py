@@ -8,11 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document.project import Project, unused
-from enliven.document.puppet import Plane, Puppet, PuppetLayer
+from enliven.document import Plane, Project, Puppet, PuppetLayer, unused
 from enliven.errors import InputError
-from enliven.modeling.rigged.axes import Axes, moved_mesh
-from enliven.modeling.rigged.pasting import checked_motion, checked_shift, with_takes_of
+from enliven.modeling.rigged import Axes, checked_motion, checked_shift, moved_mesh, with_takes_of
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
 

@@ -14,10 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet
+from enliven.document import Project, Puppet
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 from enliven.modeling.puppet.copying import (
     copy_puppet,
     delete_puppet,

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet, PuppetLayer
+from enliven.document import Project, Puppet, PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.puppet_motion import missing
-from enliven.examples.puppet_solve import check_layer
+from enliven.examples import check_layer, missing
 from enliven.modeling.puppet.points import check_names
 
 

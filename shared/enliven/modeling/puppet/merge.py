@@ -16,15 +16,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from enliven.arrays import AnyArray, Bool, Float, Int
-from enliven.document.character import SkinWeights
-from enliven.document.project import Project, unused
-from enliven.document.puppet import ControlPoint, KeyPose, Puppet, PuppetLayer
+from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer, SkinWeights, unused
 from enliven.errors import InputError
-from enliven.examples.puppet_examples import frame_at, missing
-from enliven.examples.puppet_motion import in_world, motion_of
-from enliven.modeling.mesh.boolean_union import Union
-from enliven.modeling.mesh.mesh_union import united
-from enliven.modeling.mesh.seam import SeamSettings, smoothed
+from enliven.examples import frame_at, in_world, missing, motion_of
+from enliven.modeling.mesh import SeamSettings, Union, smoothed, united
 from enliven.modeling.puppet.parts import (
     nearest_paired,
     points_needed,

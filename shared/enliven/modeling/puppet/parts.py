@@ -8,15 +8,22 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32
-from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.document.project import Project
-from enliven.document.puppet import ControlPoint, KeyPose, Puppet, PuppetLayer
+from enliven.deformation.arap import PuppetSurface
+from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.baking.nodes import Net
-from enliven.examples.puppet_examples import examples_of, frame_at, material_of, missing
-from enliven.examples.puppet_motion import State, clock, motion_of, state_of
-from enliven.examples.puppet_solve import seen_by
-from enliven.meshes.mesh import Mesh, weld
+from enliven.examples import (
+    State,
+    clock,
+    examples_of,
+    frame_at,
+    material_of,
+    missing,
+    motion_of,
+    seen_by,
+    state_of,
+)
+from enliven.examples.baking import Net
+from enliven.meshes import Mesh, weld
 from enliven.rotation import from_rotation_vector, multiply, normalized, rotate
 
 

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.document.project import Project, unused
-from enliven.document.puppet import ControlPoint, Puppet, PuppetLayer
+from enliven.deformation.arap import PuppetSurface
+from enliven.document import ControlPoint, Project, Puppet, PuppetLayer, unused
 from enliven.errors import InputError
 
 

@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray
-from enliven.document.project import Project
-from enliven.document.puppet import KeyPose, Plane, Puppet
+from enliven.document import KeyPose, Plane, Project, Puppet
 from enliven.errors import InputError
-from enliven.examples.puppet_examples import examples_of, frame_at, missing
-from enliven.examples.symmetric import mirrored_places, partners_of
-from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
+from enliven.examples import examples_of, frame_at, mirrored_places, missing, partners_of
+from enliven.modeling.mesh import plane_of_symmetry
 from enliven.modeling.puppet.points import check_names
 
 

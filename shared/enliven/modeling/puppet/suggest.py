@@ -7,19 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.clip import Clip
-from enliven.document.project import Project, unused
-from enliven.document.puppet import Plane
-from enliven.document.skeleton import Skeleton
+from enliven.document import Clip, Plane, Project, Skeleton, unused
 from enliven.errors import InputError
-from enliven.examples.pairing import guess_joints
-from enliven.examples.performer import performed
-from enliven.examples.suggest import suggest_poses
-from enliven.examples.symmetric import partners_of, reflected
-from enliven.mapping.anatomy import Limb, anatomy_of
-from enliven.meshes.mesh import Mesh
-from enliven.modeling.mesh.limb_ends import extremities
-from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
+from enliven.examples import guess_joints, partners_of, performed, reflected, suggest_poses
+from enliven.mapping import Limb, anatomy_of
+from enliven.meshes import Mesh
+from enliven.modeling.mesh import extremities, plane_of_symmetry
 from enliven.modeling.puppet.edits import add_key_pose, add_point, make_puppet, play_take, set_symmetry
 
 _LOW = 0.08

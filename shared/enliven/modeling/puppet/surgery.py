@@ -12,12 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float, Int32
-from enliven.document.project import Project, unused
-from enliven.document.puppet import ControlPoint, KeyPose, Puppet, PuppetLayer
-from enliven.examples.puppet_motion import in_world
-from enliven.modeling.mesh.cut_pieces import Piece
-from enliven.modeling.mesh.cut_surfaces import CutSurface
-from enliven.modeling.mesh.mesh_cut import cut_by_stroke
+from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer, unused
+from enliven.examples import in_world
+from enliven.modeling.mesh import CutSurface, Piece, cut_by_stroke
 from enliven.modeling.puppet.merge import merge_puppets
 from enliven.modeling.puppet.parts import (
     nearest_paired,

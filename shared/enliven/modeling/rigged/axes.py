@@ -8,13 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document.layers import Layer
-from enliven.document.project import Project, unused
-from enliven.document.rigged import Shape
+from enliven.document import Layer, Project, Shape, unused
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh
+from enliven.meshes import Mesh
 from enliven.modeling.rigged.spans import Spans, as_before
-from enliven.motion.layers.retarget import layers_of
+from enliven.motion.layers import layers_of
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized, rotate
 
 _MIRRORED = np.array([1.0, 1.0, -1.0, -1.0])

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.document.rigged import Shape
-from enliven.document.skeleton import Skeleton
+from enliven.document import Shape, Skeleton
 from enliven.errors import InputError
 from enliven.modeling.rigged.spans import Spans
 

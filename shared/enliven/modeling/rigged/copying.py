@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import AnyArray
-from enliven.document.project import Project, unused
-from enliven.document.rigged import Shape
+from enliven.document import Project, Shape, unused
 from enliven.errors import InputError
 from enliven.modeling.rigged.axes import Axes, layers_in
 from enliven.modeling.rigged.bones import bones_of, rebuilt
 from enliven.modeling.rigged.pasting import checked_shift, with_takes_of
 from enliven.modeling.rigged.posed import as_far
-from enliven.motion.layers.retarget import layers_of, without_idle_layers
+from enliven.motion.layers import layers_of, without_idle_layers
 from enliven.rotation import IDENTITY, normalized
 
 

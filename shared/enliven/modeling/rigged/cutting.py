@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.document.layers import STILL
-from enliven.document.project import Project, unused
-from enliven.document.rigged import Shape
+from enliven.document import STILL, Project, Shape, unused
 from enliven.errors import InputError
-from enliven.modeling.mesh.mesh_cut import Cut, cut_across_bone
-from enliven.modeling.mesh.meshes import numbers_in, with_piece
+from enliven.modeling.mesh import Cut, cut_across_bone, numbers_in, with_piece
 from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, inside, rebuilt
 from enliven.modeling.rigged.nodes import divided, insert_node, new_name
 from enliven.modeling.rigged.posed import as_far, held_at, own_turn, posed

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from enliven.arrays import Float
-from enliven.document.project import unused
-from enliven.document.rigged import Shape
+from enliven.document import Shape, unused
 from enliven.modeling.rigged.axes import Axes
 from enliven.modeling.rigged.bones import Bone, bones_of
 from enliven.modeling.rigged.nodes import without_before
 from enliven.modeling.rigged.spans import before, joined_spans, moves
-from enliven.modeling.skinning.skins import follows
+from enliven.modeling.skinning import follows
 from enliven.rotation import conjugate, multiply, normalized
 
 

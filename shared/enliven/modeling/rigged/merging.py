@@ -7,22 +7,17 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.document.character import SkinWeights
-from enliven.document.pin import Pin
-from enliven.document.project import Project
-from enliven.document.rigged import Shape
+from enliven.document import Pin, Project, Shape, SkinWeights
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh
-from enliven.modeling.mesh.joining import Surface, joined
-from enliven.modeling.mesh.meshes import bone_maps, no_maps, posed_vertices
-from enliven.modeling.mesh.seam import SeamSettings, healed
+from enliven.meshes import Mesh
+from enliven.modeling.mesh import SeamSettings, Surface, bone_maps, healed, joined, no_maps, posed_vertices
 from enliven.modeling.rigged.axes import Axes, layers_in, moved_mesh
 from enliven.modeling.rigged.bones import bone_number, bones_of, inside, rebuilt
 from enliven.modeling.rigged.graft import grafted, root_has_skin
 from enliven.modeling.rigged.nodes import insert_node
 from enliven.modeling.rigged.posed import as_far, posed
-from enliven.modeling.skinning.skins import renumbered
-from enliven.motion.layers.retarget import without_idle_layers
+from enliven.modeling.skinning import renumbered
+from enliven.motion.layers import without_idle_layers
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized
 
 _SEAM = SeamSettings()

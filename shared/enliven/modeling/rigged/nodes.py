@@ -7,15 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.character import SkinWeights
-from enliven.document.layers import STILL
-from enliven.document.project import Project, unused
-from enliven.document.rigged import Shape
+from enliven.document import STILL, Project, Shape, SkinWeights, unused
 from enliven.errors import InputError
 from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, inside, numbers_of, rebuilt
 from enliven.modeling.rigged.posed import as_far
 from enliven.modeling.rigged.spans import AT_ONCE, Spans, joined_spans, split_spans
-from enliven.modeling.skinning.skins import InsertSettings, nearest_bone, renumbered, shared_skin, upper_part
+from enliven.modeling.skinning import InsertSettings, nearest_bone, renumbered, shared_skin, upper_part
 from enliven.rotation import IDENTITY, multiply
 
 _DEFAULTS = InsertSettings()

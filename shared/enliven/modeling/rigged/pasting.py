@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document.project import Project, same, unused
+from enliven.document import Project, same, unused
 from enliven.errors import InputError
 
 

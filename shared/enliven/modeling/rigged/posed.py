@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.project import Project
-from enliven.document.rigged import Shape
+from enliven.document import Project, Shape
 from enliven.errors import InputError
 from enliven.modeling.rigged.spans import before
-from enliven.motion.layers.evaluate import pose_of
-from enliven.motion.layers.travel import travel_scale
+from enliven.motion.layers import pose_of, travel_scale
 from enliven.rotation import conjugate, multiply, normalized, rotate
 
 

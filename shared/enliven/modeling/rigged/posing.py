@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document.project import Project
-from enliven.document.rigged import Shape
+from enliven.document import Project, Shape
 from enliven.errors import InputError
 from enliven.modeling.rigged.bones import bone_number
 from enliven.modeling.rigged.posed import own_turn, posed

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.layers import Ref, Span
+from enliven.document import Ref, Span
 from enliven.rotation import IDENTITY, canonical, multiply, normalized
 
 Spans = tuple[Span, ...]

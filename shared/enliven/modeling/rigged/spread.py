@@ -14,10 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.layers import Layer, Span
-from enliven.document.project import Project, unused
+from enliven.document import Layer, Project, Span, unused
 from enliven.errors import InputError
-from enliven.matching.symmetry import EqualLimbs
+from enliven.matching import EqualLimbs
 from enliven.rotation import canonical, from_matrix, multiply
 
 _MIRROR = np.array([1.0, 1.0, -1.0, -1.0])

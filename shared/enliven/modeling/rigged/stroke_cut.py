@@ -8,12 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.document.project import Project
-from enliven.document.rigged import Shape
+from enliven.document import Project, Shape
 from enliven.errors import InputError
-from enliven.modeling.mesh.cut_surfaces import CutSurface
-from enliven.modeling.mesh.mesh_cut import cut_by_stroke
-from enliven.modeling.mesh.meshes import numbers_in, parted, posed_vertices, with_piece
+from enliven.modeling.mesh import CutSurface, cut_by_stroke, numbers_in, parted, posed_vertices, with_piece
 from enliven.modeling.rigged.cutting import parted_at
 from enliven.modeling.rigged.posed import posed
 

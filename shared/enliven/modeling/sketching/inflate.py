@@ -14,11 +14,9 @@ from scipy.sparse import csc_matrix, diags
 from scipy.sparse.linalg import splu
 
 from enliven.arrays import Float, Int, Int32
-from enliven.meshes.kernels import split_long_edges
-from enliven.modeling.mesh.planar import refined
-from enliven.modeling.mesh.poisson_equation import SYMMETRIC_LU, poisson
-from enliven.modeling.mesh.remesh import flipped, slid
-from enliven.modeling.skinning.heat_diffusion import cotangents
+from enliven.meshes import split_long_edges
+from enliven.modeling.mesh import SYMMETRIC_LU, flipped, poisson, refined, slid
+from enliven.modeling.skinning import cotangents
 
 _LONG = 1.5
 """Edges longer than so many steps of the outline are halved."""

@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.modeling.mesh.cut_loops import area
+from enliven.modeling.mesh import area
 
 _ENDS = 0.15
 """How much of a stroke at each end may run past where it closes, of its length."""

@@ -14,18 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.document.rigged import Shape, still_shape
-from enliven.document.skeleton import Skeleton, skeleton_of
+from enliven.document import Shape, Skeleton, skeleton_of, still_shape
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh
-from enliven.modeling.mesh.cut_loops import area
-from enliven.modeling.mesh.planar import triangulated
+from enliven.meshes import Mesh
+from enliven.modeling.mesh import area, triangulated
 from enliven.modeling.sketching.axis import Axis
 from enliven.modeling.sketching.axis_bones import bones_of_axis, root_of
 from enliven.modeling.sketching.chordal import axis_of
 from enliven.modeling.sketching.inflate import inflated
 from enliven.modeling.sketching.outline import outline_of
-from enliven.modeling.skinning.heat_diffusion import bone_heat
+from enliven.modeling.skinning import bone_heat
 from enliven.settings import setting
 
 

@@ -21,11 +21,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from enliven.arrays import Bool, Float, Int, Int32
-from enliven.document.character import SkinWeights
-from enliven.document.skeleton import Skeleton
+from enliven.document import Skeleton, SkinWeights
 from enliven.errors import InputError
-from enliven.meshes.kernels import face_areas
-from enliven.meshes.mesh import Mesh, weld
+from enliven.meshes import Mesh, face_areas, weld
 from enliven.modeling.skinning.skin_values import sparse
 from enliven.modeling.skinning.visibility import nearest_seen
 from enliven.settings import setting

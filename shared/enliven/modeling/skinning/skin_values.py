@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Int
-from enliven.document.character import SkinWeights
+from enliven.document import SkinWeights
 
 
 def dense(skin: SkinWeights, bones: int) -> Float:

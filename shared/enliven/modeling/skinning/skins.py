@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float, Float32, Int
-from enliven.document.character import SkinWeights
+from enliven.document import SkinWeights
 from enliven.settings import setting
 
 

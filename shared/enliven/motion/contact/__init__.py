@@ -1,1 +1,21 @@
 """Contacts of feet with the floor: found by height and speed, and kept by inverse kinematics."""
+
+from enliven.motion.contact.contacts import Contacts, hold, runs_of, touching
+from enliven.motion.contact.pin import bend_of, held_pins, local_turns, pin_feet, rebuild, unpin
+from enliven.motion.contact.standing import Standing, standing_of, window_of
+
+__all__ = [
+    "Contacts",
+    "Standing",
+    "bend_of",
+    "held_pins",
+    "hold",
+    "local_turns",
+    "pin_feet",
+    "rebuild",
+    "runs_of",
+    "standing_of",
+    "touching",
+    "unpin",
+    "window_of",
+]

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.document.pin import ContactSettings
+from enliven.document import ContactSettings
 from enliven.kernels import njit
 
 

@@ -18,15 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int32
-from enliven.document.pin import ContactSettings, Pin
-from enliven.document.project import Project
-from enliven.document.rigged import Shape
-from enliven.document.skeleton import Skeleton
+from enliven.document import ContactSettings, Pin, Project, Shape, Skeleton
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.motion.kinematics.ik import two_bone
-from enliven.motion.kinematics.quaternions import conj, load, mul, store, turn
-from enliven.motion.kinematics.vectors import row
+from enliven.motion.kinematics import conj, load, mul, row, store, turn, two_bone
 
 _STRAIGHT = 1e-3
 """Share of its length below which the bulge of a limb at rest says nothing."""

@@ -16,9 +16,7 @@ import numpy as np
 from scipy.ndimage import convolve1d, maximum_filter1d
 
 from enliven.arrays import Float
-from enliven.document.clip import Clip
-from enliven.document.layers import Layer
-from enliven.document.skeleton import Skeleton
+from enliven.document import Clip, Layer, Skeleton
 from enliven.motion.contact.contacts import Contacts, contacts_of, hold
 from enliven.motion.contact.pin import HeldPin, pin_limb
 

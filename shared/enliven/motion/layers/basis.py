@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document.skeleton import Skeleton
+from enliven.document import Skeleton
 from enliven.errors import InputError
 from enliven.rotation import canonical, conjugate, from_matrix, multiply
 

@@ -15,9 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from enliven.arrays import AnyArray
-from enliven.document.layers import STILL, Layer, Ref, Span
-from enliven.document.project import Project, unused
-from enliven.document.rigged import Shape
+from enliven.document import STILL, Layer, Project, Ref, Shape, Span, unused
 from enliven.motion.layers.basis import UP, VIEW, basis_between, first_bone
 from enliven.motion.layers.polyline import arc_of
 from enliven.motion.layers.retarget import checked_down, clear_chain

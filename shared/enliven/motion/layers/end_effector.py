@@ -19,14 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int32
-from enliven.document.layers import Layer
-from enliven.document.rigged import Shape
-from enliven.document.skeleton import Skeleton
+from enliven.document import Layer, Shape, Skeleton
 from enliven.kernels import njit
-from enliven.motion.contact.pin import bend_of, local_turns, rebuild
-from enliven.motion.kinematics.quaternions import between, conj, load, mul, store, turn
-from enliven.motion.kinematics.reaching import reach
-from enliven.motion.kinematics.vectors import row
+from enliven.motion.contact import bend_of, local_turns, rebuild
+from enliven.motion.kinematics import between, conj, load, mul, reach, row, store, turn
 from enliven.motion.layers.polyline import Polyline, place_of
 from enliven.rotation import rotate
 

@@ -23,15 +23,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
-from enliven.document.character import Pose
-from enliven.document.layers import Layer
-from enliven.document.project import Project
-from enliven.document.rigged import Shape
+from enliven.document import Layer, Pose, Project, Shape
 from enliven.errors import InputError
-from enliven.motion.contact.contacts import Contacts
-from enliven.motion.contact.pin import held_pins
-from enliven.motion.contact.standing import Standing, standing_of, window_of
-from enliven.motion.kinematics.composing import compose, upright
+from enliven.motion.contact import Contacts, Standing, held_pins, standing_of, window_of
+from enliven.motion.kinematics import compose, upright
 from enliven.motion.layers.end_effector import lead_at, led_chains
 from enliven.motion.layers.sampling import Sampler
 from enliven.motion.layers.travel import Travel

@@ -18,11 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Int32
-from enliven.document.clip import Clip
-from enliven.document.skeleton import Skeleton
+from enliven.document import Clip, Skeleton
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.motion.kinematics.quaternions import between, conj, load, mul, store
+from enliven.motion.kinematics import between, conj, load, mul, store
 from enliven.rotation import IDENTITY
 
 SHORTEST = 1e-6

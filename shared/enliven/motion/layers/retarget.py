@@ -21,10 +21,7 @@ from dataclasses import replace
 from typing import Any
 
 from enliven.arrays import AnyArray
-from enliven.document.layers import Layer, Ref, Span
-from enliven.document.project import Project, unused
-from enliven.document.rigged import Shape
-from enliven.document.skeleton import Skeleton
+from enliven.document import Layer, Project, Ref, Shape, Skeleton, Span, unused
 from enliven.errors import InputError
 from enliven.motion.layers.basis import UP, VIEW, basis_between, first_bone
 from enliven.motion.layers.polyline import arc_of, bones_of, goes_down

@@ -15,10 +15,8 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from enliven.arrays import Float, Int32
-from enliven.document.layers import Layer
-from enliven.document.project import Project
-from enliven.document.rigged import Shape
-from enliven.motion.kinematics.composing import own_turns
+from enliven.document import Layer, Project, Shape
+from enliven.motion.kinematics import own_turns
 from enliven.motion.layers.polyline import Polyline, knot_turns, place_of
 from enliven.motion.layers.timing import Clocks
 

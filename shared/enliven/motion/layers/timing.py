@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document.clip import Clip
-from enliven.document.layers import Layer
+from enliven.document import Clip, Layer
 from enliven.kernels import njit
 
 

@@ -12,12 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.clip import Clip
-from enliven.document.project import Project
-from enliven.document.rigged import Shape
-from enliven.document.skeleton import Skeleton
+from enliven.document import Clip, Project, Shape, Skeleton
 from enliven.kernels import njit
-from enliven.motion.kinematics.quaternions import turn
+from enliven.motion.kinematics import turn
 from enliven.motion.layers.timing import Clocks
 
 _LOW = 0.15

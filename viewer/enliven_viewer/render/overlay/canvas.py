@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_viewer.render.gl.program import UNITS, load_program
+from enliven_viewer.render.gl import UNITS, load_program
 from enliven_viewer.render.overlay.font import make_atlas
 
 Colour = tuple[float, float, float, float]

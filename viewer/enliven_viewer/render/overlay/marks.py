@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven_viewer.render.gl.program import load_program, set_uniform
+from enliven_viewer.render.gl import load_program, set_uniform
 from enliven_viewer.render.scene import Actor, Scene
 
 CUE_TINT = (1.0, 0.74, 0.22)

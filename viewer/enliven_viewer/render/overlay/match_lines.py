@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven.matching.board import Board
+from enliven.matching import Board
 from enliven_viewer.render.overlay.tubes import tube_rows
 
 TINTS = ((0.20, 0.86, 0.84), (1.0, 0.66, 0.20), (0.72, 0.52, 1.0), (0.48, 0.92, 0.36), (1.0, 0.45, 0.55))

@@ -7,8 +7,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven_viewer.render.capsules import Capsules
-from enliven_viewer.render.gl.program import load_program
-from enliven_viewer.render.gl.targets import Picture
+from enliven_viewer.render.gl import Picture, load_program
 
 FAINT = 0.2
 """Opacity of what the mesh covers."""

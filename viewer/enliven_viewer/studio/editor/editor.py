@@ -9,22 +9,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from enliven.document.history import History
-from enliven.document.project import Project
+from enliven.document import History, Project
 from enliven.errors import EnlivenError
-from enliven.examples.puppet_motion import length_of_puppets
-from enliven_viewer.playback.document import bounds_of
-from enliven_viewer.render.camera import Box, OrbitCamera
-from enliven_viewer.render.renderer import EMPTY_BOX
-from enliven_viewer.studio.examples.solving import Solving
-from enliven_viewer.studio.puppets.posing import PuppetDesk
+from enliven.examples import length_of_puppets
+from enliven_viewer.playback import bounds_of
+from enliven_viewer.render import EMPTY_BOX, Box, OrbitCamera
+from enliven_viewer.studio.examples import Solving
+from enliven_viewer.studio.puppets import PuppetDesk
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.toasts import Toasts
-from enliven_viewer.studio.viewport.picking import Lens
-from enliven_viewer.studio.viewport.playback import Company, length_of
-from enliven_viewer.studio.viewport.pose_at_time import Stance
-from enliven_viewer.studio.viewport.possessed import Possessed, end_of_streams, possessed_of
-from enliven_viewer.studio.viewport.selection import Selection, mended
+from enliven_viewer.studio.viewport import (
+    Company,
+    Lens,
+    Possessed,
+    Selection,
+    Stance,
+    end_of_streams,
+    length_of,
+    mended,
+    possessed_of,
+)
 
 log = logging.getLogger(__name__)
 Edit = Callable[[Project], Project]

@@ -10,15 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.clip import Clip
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet
+from enliven.document import Clip, Project, Puppet
 from enliven.errors import EnlivenError
-from enliven.examples.performer import performed
-from enliven.examples.puppet_examples import material_of
-from enliven.examples.puppet_motion import missing
-from enliven.examples.puppet_solve import seen_by
-from enliven.examples.suggest import Suggested, distance_to, further_poses, suggest_poses
+from enliven.examples import (
+    Suggested,
+    distance_to,
+    further_poses,
+    material_of,
+    missing,
+    performed,
+    seen_by,
+    suggest_poses,
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,14 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from enliven.document.constraints import Coupling, Position, Velocity
-from enliven.document.locomotion import Kind, Switch
-from enliven.document.project import Project, unused
+from enliven.document import Coupling, Kind, Position, Project, Switch, Velocity, unused
 from enliven.errors import InputError
-from enliven.examples.pairing import guess_joints
-from enliven.examples.puppet_motion import motion_of
-from enliven.meshes.mesh import fit_height
-from enliven.modeling.puppet.edits import (
+from enliven.examples import guess_joints, motion_of
+from enliven.meshes import fit_height
+from enliven.modeling.puppet import (
     add_key_pose,
     add_point,
     change_key_pose,

@@ -12,10 +12,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import wait as wait_for
 from dataclasses import dataclass
 
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet
+from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError
-from enliven.examples.puppet_motion import missing, motion_of
+from enliven.examples import missing, motion_of
 from enliven_viewer.studio.toasts import Toasts
 
 log = logging.getLogger(__name__)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet, PuppetLayer
+from enliven.document import Project, Puppet, PuppetLayer
 
 
 def seconds_at(project: Project, layer: PuppetLayer, time: float) -> float:

@@ -7,13 +7,11 @@ from pathlib import Path
 from imgui_bundle import ImVec2, imgui
 
 from enliven.errors import EnlivenError
+from enliven_viewer.live import WAIT
 from enliven_viewer.studio.panels.menu import spoken
 from enliven_viewer.studio.panels.style import quiet, tinted
-from enliven_viewer.studio.tools.registry import TOOLS
-from enliven_viewer.studio.viewport.theme import WAIT
-from enliven_viewer.studio.workspace.command_table import DEEDS
-from enliven_viewer.studio.workspace.file_browser import Browser
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.tools import TOOLS
+from enliven_viewer.studio.workspace import DEEDS, Browser, Desk
 
 _FOLDER = "\uf07b"
 _TITLES = {

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from enliven_viewer.studio.workspace.command_table import DEEDS
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace import DEEDS, Desk
 
 _SAID = {
     "ctrl": "Ctrl",

@@ -6,18 +6,14 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from enliven.document.layers import Layer
-from enliven.document.project import Project
-from enliven.document.rigged import Shape
-from enliven.motion.layers.retarget import set_travel
-from enliven_viewer.studio.editor.editor import Edit
+from enliven.document import Layer, Project, Shape
+from enliven.motion.layers import set_travel
+from enliven_viewer.studio.editor import Edit
 from enliven_viewer.studio.panels.style import heading, panel, quiet
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.tools.map import Map
-from enliven_viewer.studio.viewport.colours import clay_of
-from enliven_viewer.studio.viewport.playback import layers_of, used_layers
-from enliven_viewer.studio.workspace.renaming import renamed
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.tools import Map
+from enliven_viewer.studio.viewport import clay_of, layers_of, used_layers
+from enliven_viewer.studio.workspace import Desk, renamed
 
 _HALF = ImVec2(126, 0)
 _MEANT = {

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.live import ACCENT, INK, QUIET
 from enliven_viewer.studio.panels.style import FIXED, heading, packed, panel, quiet, small
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.sources.matches import Offer
-from enliven_viewer.studio.tools.map import Map
-from enliven_viewer.studio.viewport.theme import ACCENT, CHAIN, DARK, INK, QUIET
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.sources import Offer
+from enliven_viewer.studio.tools import Map
+from enliven_viewer.studio.viewport import CHAIN, DARK
+from enliven_viewer.studio.workspace import Desk
 
 _SHARE = 0.56
 _THUMB = ImVec2(92, 92)

@@ -7,18 +7,9 @@ from contextlib import contextmanager
 
 from imgui_bundle import ImVec2, ImVec4, hello_imgui, imgui
 
+from enliven_viewer.live import ACCENT, INK, QUIET
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.viewport.theme import (
-    ACCENT,
-    DARK,
-    INK,
-    LINE,
-    PANEL,
-    PRESSED,
-    QUIET,
-    RAISED,
-    Colour,
-)
+from enliven_viewer.studio.viewport import DARK, LINE, PANEL, PRESSED, RAISED, Colour
 
 BODY, SMALL = 15.0, 12.5
 _ROBOTO = "fonts/Roboto/Roboto-Regular.ttf"

@@ -6,13 +6,13 @@ import zlib
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.live.hud import clock
+from enliven_viewer.live import ACCENT, INK, QUIET, clock
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small
 from enliven_viewer.studio.panels.timeline_puppets import draw_puppet_lanes
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.timeline.layout import LABELS, LANE, RULER, Bar, TimelineLayout
-from enliven_viewer.studio.viewport.theme import ACCENT, DARK, INK, LANES, LINE, QUIET, RAISED
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.timeline import LABELS, LANE, RULER, Bar, TimelineLayout
+from enliven_viewer.studio.viewport import DARK, LANES, LINE, RAISED
+from enliven_viewer.studio.workspace import Desk
 
 _START, _PLAY, _PAUSE, _LOOP = "\uf048", "\uf04b", "\uf04c", "\uf01e"
 _EYE, _CLOSED = "\uf06e", "\uf070"

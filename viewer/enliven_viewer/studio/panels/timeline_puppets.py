@@ -5,24 +5,13 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from enliven.document.constraints import Position, Velocity
-from enliven_viewer.studio.panels.examples.motion import told
+from enliven.document import Position, Velocity
+from enliven_viewer.live import ACCENT, BAD, GOOD, INK, QUIET
+from enliven_viewer.studio.panels.examples import told
 from enliven_viewer.studio.panels.style import packed, small
-from enliven_viewer.studio.timeline.layout import LABELS
-from enliven_viewer.studio.timeline.puppet_lanes import PuppetLanes, Row
-from enliven_viewer.studio.viewport.theme import (
-    ACCENT,
-    BAD,
-    CHAIN,
-    DARK,
-    GOOD,
-    INK,
-    QUIET,
-    RAISED,
-    Colour,
-    point_colour,
-)
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.timeline import LABELS, PuppetLanes, Row
+from enliven_viewer.studio.viewport import CHAIN, DARK, RAISED, Colour, point_colour
+from enliven_viewer.studio.workspace import Desk
 
 _EYE, _CLOSED = "\uf06e", "\uf070"
 _CONTACT: Colour = (0.46, 0.70, 0.50, 1.0)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.live import ACCENT, INK, QUIET
 from enliven_viewer.studio.panels.style import packed, panel
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.tools.registry import TOOLS
-from enliven_viewer.studio.viewport.theme import ACCENT, INK, QUIET
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.tools import TOOLS
+from enliven_viewer.studio.workspace import Desk
 
 _SIZE = ImVec2(72, 50)
 

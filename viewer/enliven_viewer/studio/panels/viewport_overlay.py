@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.live.hud import wrapped
+from enliven_viewer.live import ACCENT, BAD, GLASS, GOOD, INK, QUIET, wrapped
 from enliven_viewer.studio.panels.menu import spoken
 from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.toasts import Toast
-from enliven_viewer.studio.viewport.axes import axes_marks
-from enliven_viewer.studio.viewport.overlay import Disc, Fill, Line
-from enliven_viewer.studio.viewport.theme import ACCENT, BAD, GLASS, GOOD, INK, QUIET
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.viewport import Disc, Fill, Line, axes_marks
+from enliven_viewer.studio.workspace import Desk
 
 _WIDE = 380.0
 

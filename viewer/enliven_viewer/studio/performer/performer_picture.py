@@ -7,13 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven_viewer.render.overlay.tubes import Tubes, tube_rows
-from enliven_viewer.render.renderer import Renderer
-from enliven_viewer.render.scene import Look, Scene
-from enliven_viewer.render.skinned import linear
+from enliven_viewer.render import Look, Renderer, Scene, linear
+from enliven_viewer.render.overlay import Tubes, tube_rows
 from enliven_viewer.studio.performer.performer_view import Figure
-from enliven_viewer.studio.viewport.picking import Lens
-from enliven_viewer.studio.viewport.theme import FADED, HOVERED, point_colour
+from enliven_viewer.studio.viewport import FADED, HOVERED, Lens, point_colour
 
 _LIMB, _JOINT, _PAIRED = 0.026, 0.020, 0.033
 """Radii as shares of the performer's height."""

@@ -12,19 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.clip import Clip
-from enliven.document.rigged import still_shape
-from enliven.document.skeleton import Skeleton
-from enliven.examples.performer import turned_about_y, yaw_of
-from enliven.mapping.facing import facing_of
-from enliven.modeling.puppet.edits import play_take
-from enliven_viewer.render.camera import OrbitCamera
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.examples.edits import paired
-from enliven_viewer.studio.examples.times import layer_of, seconds_at
-from enliven_viewer.studio.viewport.overlay import Point
-from enliven_viewer.studio.viewport.picking import Lens
-from enliven_viewer.studio.viewport.pose_at_time import joints_of
+from enliven.document import Clip, Skeleton, still_shape
+from enliven.examples import turned_about_y, yaw_of
+from enliven.mapping import facing_of
+from enliven.modeling.puppet import play_take
+from enliven_viewer.render import OrbitCamera
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.examples import layer_of, paired, seconds_at
+from enliven_viewer.studio.viewport import Lens, Point, joints_of
 
 _TURN = 0.008
 _ROOM = 1.3

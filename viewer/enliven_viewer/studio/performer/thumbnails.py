@@ -10,14 +10,12 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.document.puppet import Puppet
-from enliven.meshes.mesh import Mesh
-from enliven_viewer.render.camera import OrbitCamera
-from enliven_viewer.render.renderer import Renderer
-from enliven_viewer.render.scene import Actor, Look, Scene
+from enliven.deformation.arap import PuppetSurface
+from enliven.document import Puppet
+from enliven.meshes import Mesh
+from enliven_viewer.render import Actor, Look, OrbitCamera, Renderer, Scene
 from enliven_viewer.settings import RenderSettings
-from enliven_viewer.studio.puppets.stage import PuppetCharacters
+from enliven_viewer.studio.puppets import PuppetCharacters
 
 log = logging.getLogger(__name__)
 _SIZE = (176, 160)

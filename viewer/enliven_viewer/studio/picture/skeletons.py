@@ -7,13 +7,20 @@ import itertools
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven_viewer.render.overlay.tubes import tube_rows
-from enliven_viewer.render.skinned import linear
-from enliven_viewer.studio.viewport.overlay import Overlay
-from enliven_viewer.studio.viewport.picking import Lens
-from enliven_viewer.studio.viewport.pose_at_time import Stance
-from enliven_viewer.studio.viewport.selection import Selection
-from enliven_viewer.studio.viewport.theme import BONE, CHAINED, CHOSEN, FADED, HOVERED, ROOT
+from enliven_viewer.render import linear
+from enliven_viewer.render.overlay import tube_rows
+from enliven_viewer.studio.viewport import (
+    BONE,
+    CHAINED,
+    CHOSEN,
+    FADED,
+    HOVERED,
+    ROOT,
+    Lens,
+    Overlay,
+    Selection,
+    Stance,
+)
 
 _BONE, _JOINT, _ROOT = 2.3, 3.9, 5.4
 """Radii in pixels."""

@@ -7,23 +7,15 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
-from enliven.document.character import Character
-from enliven.document.rigged import Shape, character_of
-from enliven_viewer.playback.document import bounds_of
-from enliven_viewer.render.overlay.tubes import Tubes
-from enliven_viewer.render.renderer import Renderer
-from enliven_viewer.render.scene import Actor, Look, Scene
+from enliven.document import Character, Shape, character_of
+from enliven_viewer.playback import bounds_of
+from enliven_viewer.render import Actor, Look, Renderer, Scene
+from enliven_viewer.render.overlay import Tubes
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.picture.skeletons import skeleton_rows
-from enliven_viewer.studio.puppets.shades import Shades
-from enliven_viewer.studio.puppets.stage import PuppetCharacters, Standing
-from enliven_viewer.studio.tools.puppet_picture import NOTHING, PuppetPicture
-from enliven_viewer.studio.viewport.colours import coloured
-from enliven_viewer.studio.viewport.overlay import Overlay
-from enliven_viewer.studio.viewport.picking import Lens
-from enliven_viewer.studio.viewport.pose_at_time import Stance
-from enliven_viewer.studio.viewport.possessed import Characters, Possessed
-from enliven_viewer.studio.viewport.selection import Selection
+from enliven_viewer.studio.puppets import PuppetCharacters, Shades, Standing
+from enliven_viewer.studio.tools import NOTHING, PuppetPicture
+from enliven_viewer.studio.viewport import Characters, Lens, Overlay, Possessed, Selection, Stance, coloured
 
 _LOOK = Look(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
 _SEEN_THROUGH = 0.4

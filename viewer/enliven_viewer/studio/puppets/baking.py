@@ -5,11 +5,10 @@ from __future__ import annotations
 import logging
 from concurrent.futures import Future, ThreadPoolExecutor
 
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet
+from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError, InputError
-from enliven.examples.baking.settings import BakeError
-from enliven.modeling.puppet.baking import bake_puppet
+from enliven.examples.baking import BakeError
+from enliven.modeling.puppet import bake_puppet
 from enliven_viewer.studio.puppets.editing import Editing
 
 log = logging.getLogger(__name__)

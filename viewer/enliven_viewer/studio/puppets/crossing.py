@@ -8,9 +8,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Int
-from enliven.deformation.arap.self_intersection import SelfIntersection
-from enliven.document.puppet import Puppet
-from enliven.meshes.mesh import Mesh
+from enliven.deformation.arap import SelfIntersection
+from enliven.document import Puppet
+from enliven.meshes import Mesh
 
 _FEW = 2
 """Faces: fewer that cross are a rounding of the surface, and not worth a word."""

@@ -6,12 +6,11 @@ from collections.abc import Callable
 from typing import Protocol
 
 from enliven.arrays import Float
-from enliven.document.project import Project
-from enliven.document.puppet import KeyPose, Puppet
-from enliven.examples.puppet_motion import State
-from enliven_viewer.studio.examples.solving import Solving
+from enliven.document import KeyPose, Project, Puppet
+from enliven.examples import State
+from enliven_viewer.studio.examples import Solving
 from enliven_viewer.studio.toasts import Toasts
-from enliven_viewer.studio.viewport.selection import Selection
+from enliven_viewer.studio.viewport import Selection
 
 
 class Editing(Protocol):

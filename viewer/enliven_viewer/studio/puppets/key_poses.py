@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.clip import Clip
-from enliven.document.project import Project
-from enliven.document.puppet import KeyPose, Puppet
-from enliven.examples.puppet_motion import State
-from enliven.modeling.puppet.edits import add_key_pose, change_key_pose, remove_key_pose
+from enliven.document import Clip, KeyPose, Project, Puppet
+from enliven.examples import State
+from enliven.modeling.puppet import add_key_pose, change_key_pose, remove_key_pose
 from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.playing import take_places
 from enliven_viewer.studio.puppets.selection import Chosen

@@ -11,11 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven_viewer.render.overlay.tubes import tube_rows
-from enliven_viewer.render.skinned import linear
-from enliven_viewer.studio.viewport.overlay import Disc, Fill, Line, Point
-from enliven_viewer.studio.viewport.picking import Lens
-from enliven_viewer.studio.viewport.theme import AXES, HELD_AXIS, Colour
+from enliven_viewer.render import linear
+from enliven_viewer.render.overlay import tube_rows
+from enliven_viewer.studio.viewport import AXES, HELD_AXIS, Colour, Disc, Fill, Lens, Line, Point
 
 LENGTH, _NEAR, _FAR = 84.0, 24.0, 42.0
 """Pixels: of an arrow, and from where to where a square goes along both of its axes."""

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven_viewer.render.overlay.tubes import tube_rows
-from enliven_viewer.render.skinned import linear
+from enliven_viewer.render import linear
+from enliven_viewer.render.overlay import tube_rows
 from enliven_viewer.studio.puppets.stage import Standing
-from enliven_viewer.studio.viewport.overlay import Point
-from enliven_viewer.studio.viewport.picking import Lens
-from enliven_viewer.studio.viewport.theme import point_colour
+from enliven_viewer.studio.viewport import Lens, Point, point_colour
 
 GHOST_RADIUS, POINT_RADIUS = 7.0, 5.2
 """Pixels: of a suggestion's ring, of a control point."""

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Int32
-from enliven.document.puppet import Plane
-from enliven.meshes.mesh import Mesh
-from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
+from enliven.document import Plane
+from enliven.meshes import Mesh
+from enliven.modeling.mesh import plane_of_symmetry
 
 Found = TypeVar("Found")
 _MOST = 8

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.puppet import Plane, Puppet
-from enliven.examples.symmetric import reflected
+from enliven.document import Plane, Puppet
+from enliven.examples import reflected
 from enliven_viewer.studio.puppets.mesh_cache import plane_of, size_of, tree_of
 
 _OFF = 0.05

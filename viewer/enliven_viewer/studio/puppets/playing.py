@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet
+from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError
-from enliven.examples.puppet_motion import State, missing, motion_of, state_of
+from enliven.examples import State, missing, motion_of, state_of
 from enliven_viewer.studio.puppets.editing import Editing
 
 

@@ -14,8 +14,8 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.puppet import Puppet
-from enliven.modeling.puppet.edits import change_key_pose, remove_point
+from enliven.document import Puppet
+from enliven.modeling.puppet import change_key_pose, remove_point
 from enliven_viewer.studio.puppets.baking import Baking
 from enliven_viewer.studio.puppets.crossing import Crossing
 from enliven_viewer.studio.puppets.editing import Editing

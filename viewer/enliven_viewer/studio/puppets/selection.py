@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet
-from enliven.modeling.puppet.edits import add_point
+from enliven.document import Project, Puppet
+from enliven.modeling.puppet import add_point
 from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.mirrored import partner_vertex, plane_for
 from enliven_viewer.studio.puppets.solver import LARGE

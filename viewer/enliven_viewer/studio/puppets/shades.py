@@ -6,9 +6,8 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float32, Int32
-from enliven_viewer.render.gl.program import UNITS, load_program
-from enliven_viewer.render.gl.targets import Picture
-from enliven_viewer.studio.viewport.theme import GHOST, WARNING
+from enliven_viewer.render.gl import UNITS, Picture, load_program
+from enliven_viewer.studio.viewport import GHOST, WARNING
 
 _LINE = 2.0
 """Pixels."""

@@ -8,8 +8,8 @@ from concurrent.futures import Executor, Future
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.document.puppet import Puppet
+from enliven.deformation.arap import PuppetSurface
+from enliven.document import Puppet
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.puppets.mesh_cache import size_of
 from enliven_viewer.studio.toasts import Toasts

@@ -10,17 +10,15 @@ from functools import cached_property
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
-from enliven.document.character import Character, Pose, SkinWeights
-from enliven.document.puppet import Puppet
-from enliven.examples.puppet_motion import State, pose_of_state
-from enliven.meshes.mesh import Mesh
+from enliven.document import Character, Pose, Puppet, SkinWeights
+from enliven.examples import State, pose_of_state
+from enliven.meshes import Mesh
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 from enliven_viewer.studio.puppets.editing import Editing, Posing
 from enliven_viewer.studio.puppets.playing import played_state
 from enliven_viewer.studio.puppets.ray import first_hit, moved
 from enliven_viewer.studio.puppets.surfaces import Surfaces
-from enliven_viewer.studio.viewport.colours import coloured
-from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.viewport import Lens, coloured
 
 
 @dataclass(frozen=True, eq=False)

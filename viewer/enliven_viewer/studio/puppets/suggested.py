@@ -7,10 +7,10 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import numpy as np
 from scipy.spatial import cKDTree
 
-from enliven.deformation.graph.sampling import scatter
-from enliven.document.puppet import Puppet
-from enliven.meshes.mesh import Mesh
-from enliven.modeling.mesh.limb_ends import extremities
+from enliven.deformation.graph import scatter
+from enliven.document import Puppet
+from enliven.meshes import Mesh
+from enliven.modeling.mesh import extremities
 from enliven_viewer.studio.puppets.mesh_cache import size_of
 
 _MOST, _FEW = 14, 5

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from enliven.arrays import Float
-from enliven.document.puppet import Puppet
+from enliven.document import Puppet
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.puppets.solver import Solver
 from enliven_viewer.studio.toasts import Toasts

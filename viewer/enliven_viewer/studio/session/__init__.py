@@ -7,8 +7,7 @@
 Places are looked up when they are needed: a joint is clicked where it then is on the screen.
 """
 
-from __future__ import annotations
-
+from enliven_viewer.studio.session import actions
 from enliven_viewer.studio.session.actions import (
     STEP,
     Action,
@@ -17,7 +16,6 @@ from enliven_viewer.studio.session.actions import (
     Drag,
     Key,
     Name,
-    Open,
     Say,
     Wait,
     play,
@@ -36,9 +34,7 @@ from enliven_viewer.studio.session.places import (
     Place,
     SourceJoint,
     Spot,
-    Stage,
     Widget,
-    source_of,
     where,
 )
 
@@ -57,18 +53,16 @@ __all__ = [
     "OnLane",
     "OnPuppet",
     "OnTimeline",
-    "Open",
     "PerformerJoint",
     "Pixel",
     "Place",
     "Say",
     "SourceJoint",
     "Spot",
-    "Stage",
     "Wait",
     "Widget",
+    "actions",
     "play",
-    "source_of",
     "steps",
     "where",
 ]

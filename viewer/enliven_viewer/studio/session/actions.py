@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from enliven_viewer.studio.session.places import Place, Stage, Widget, where
-from enliven_viewer.studio.viewport.overlay import Point
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.viewport import Point
+from enliven_viewer.studio.workspace import Desk
 
 STEP = 1 / 24
 """Seconds from one picture to the next."""

@@ -8,10 +8,9 @@ from enliven.errors import InputError
 from enliven_viewer.studio.places import places_in
 from enliven_viewer.studio.session.actions import STEP
 from enliven_viewer.studio.session.places import source_of
-from enliven_viewer.studio.tools.map import Map
-from enliven_viewer.studio.viewport.overlay import Point
-from enliven_viewer.studio.workspace.renaming import renamed
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.tools import Map
+from enliven_viewer.studio.viewport import Point
+from enliven_viewer.studio.workspace import Desk, renamed
 
 _AREA = 100_000.0
 """Pixels between the areas of a stage without a window: each is far from the others."""

@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from enliven.errors import InputError
-from enliven_viewer.studio.sources.source_view import SourceView
-from enliven_viewer.studio.tools.map import Map
-from enliven_viewer.studio.viewport.overlay import Point
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.sources import SourceView
+from enliven_viewer.studio.tools import Map
+from enliven_viewer.studio.viewport import Point
+from enliven_viewer.studio.workspace import Desk
 
 
 @dataclass(frozen=True)

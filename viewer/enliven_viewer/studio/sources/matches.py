@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from enliven.document.clip import Clip
-from enliven.document.project import Project
-from enliven.matching.ranking import Matcher
-from enliven.matching.source import source_of_skeleton
-from enliven.matching.views import View as MatchView
-from enliven.motion.layers.retarget import bind_chain
+from enliven.document import Clip, Project
+from enliven.matching import Matcher, source_of_skeleton
+from enliven.matching import View as MatchView
+from enliven.motion.layers import bind_chain
 from enliven_viewer.studio.sources.source_view import stance_of
-from enliven_viewer.studio.viewport.picking import Lens
-from enliven_viewer.studio.viewport.pose_at_time import Stance
+from enliven_viewer.studio.viewport import Lens, Stance
 
 Chain = tuple[int, ...]
 

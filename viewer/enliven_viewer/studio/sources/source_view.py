@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.document.clip import Clip
-from enliven.document.rigged import still_shape
-from enliven_viewer.playback.document import bounds_of
-from enliven_viewer.render.camera import OrbitCamera
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.viewport.overlay import Overlay, Point
-from enliven_viewer.studio.viewport.picking import Hit, Lens, joint_at
-from enliven_viewer.studio.viewport.pose_at_time import Stance, joints_of
-from enliven_viewer.studio.viewport.selection import Selection
+from enliven.document import Clip, still_shape
+from enliven_viewer.playback import bounds_of
+from enliven_viewer.render import OrbitCamera
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.viewport import Hit, Lens, Overlay, Point, Selection, Stance, joint_at, joints_of
 
 _TURN = 0.01
 SOURCE = "source"

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from enliven.document.layers import Layer
-from enliven.document.project import Project
-from enliven_viewer.studio.editor.editor import Edit, Editor
+from enliven.document import Layer, Project
+from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline.layout import RULER, Grip, TimelineLayout
 from enliven_viewer.studio.timeline.puppet_drag import PuppetTimelineHand
 

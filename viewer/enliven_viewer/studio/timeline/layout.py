@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from enliven.document.layers import Layer
-from enliven.document.project import Project
-from enliven_viewer.studio.viewport.playback import end_of, used_layers
+from enliven.document import Layer, Project
+from enliven_viewer.studio.viewport import end_of, used_layers
 
 LABELS, RULER, LANE, GAP, END = 190.0, 26.0, 24.0, 3.0, 12.0
 """Pixels: width of the labels, heights of ruler and lane, between lanes, and what is left at the right."""

@@ -5,21 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from enliven.document.locomotion import Switch
+from enliven.document import Switch
 from enliven.errors import EnlivenError
-from enliven.examples.puppet_motion import motion_of
-from enliven.modeling.puppet.edits import change_layer
-from enliven_viewer.studio.editor.editor import Edit, Editor
-from enliven_viewer.studio.examples.coverage import Coverage, Coverages
-from enliven_viewer.studio.examples.edits import (
+from enliven.examples import motion_of
+from enliven.modeling.puppet import change_layer
+from enliven_viewer.studio.editor import Edit, Editor
+from enliven_viewer.studio.examples import (
+    Coverage,
+    Coverages,
     added_switch,
     held_of,
+    layer_end,
     moved_switch,
     removed_switch,
     retimed,
+    time_of,
     without_held,
 )
-from enliven_viewer.studio.examples.times import layer_end, time_of
 from enliven_viewer.studio.timeline.layout import TimelineLayout
 from enliven_viewer.studio.timeline.puppet_lanes import PuppetGrip, PuppetLanes
 

@@ -8,12 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from enliven.document.locomotion import Switch
-from enliven.document.project import Project
-from enliven.document.puppet import Puppet, PuppetLayer
-from enliven_viewer.studio.examples.coverage import Coverage
-from enliven_viewer.studio.examples.edits import Held, held_of
-from enliven_viewer.studio.examples.times import layer_end, time_of
+from enliven.document import Project, Puppet, PuppetLayer, Switch
+from enliven_viewer.studio.examples import Coverage, Held, held_of, layer_end, time_of
 from enliven_viewer.studio.timeline.layout import GAP, LABELS, LANE, TimelineLayout
 
 POSES, BAND = 30.0, 15.0

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.viewport.overlay import Overlay, Point
-from enliven_viewer.studio.viewport.picking import Hit, bone_at, joint_at, surface_at
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.viewport import Hit, Overlay, Point, bone_at, joint_at, surface_at
 
 _AS_NEAR = 3.0
 """Pixels: after a cut, two joints are at one place."""

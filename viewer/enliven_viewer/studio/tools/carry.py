@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.project import Project
-from enliven.modeling.rigged.merging import merge
-from enliven.modeling.rigged.posing import move_shape
+from enliven.document import Project
+from enliven.modeling.rigged import merge, move_shape
+from enliven_viewer.live import GOOD, INK
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.handle_graph import GraphGrip
 from enliven_viewer.studio.tools.handle_puppet import PuppetHold
-from enliven_viewer.studio.viewport.overlay import Disc, Line, Overlay, Words
-from enliven_viewer.studio.viewport.picking import Hit, bone_at, joint_at
-from enliven_viewer.studio.viewport.theme import GOOD, INK, STROKE
+from enliven_viewer.studio.viewport import STROKE, Disc, Hit, Line, Overlay, Words, bone_at, joint_at
 
 
 class Carry(Tool):

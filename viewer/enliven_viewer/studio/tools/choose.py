@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from enliven_viewer.studio.puppets.stage import puppet_at
+from enliven_viewer.studio.puppets import puppet_at
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.viewport.possessed import possessed_at
+from enliven_viewer.studio.viewport import possessed_at
 
 
 class Choose(Tool):

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.document.project import Project
+from enliven.document import Project
 from enliven.errors import EnlivenError
-from enliven.modeling.mesh.cut_surfaces import StrokeCut
-from enliven.modeling.possessed.surgery import cut_graph
-from enliven.modeling.puppet.surgery import cut_puppet
-from enliven.modeling.rigged.stroke_cut import cut_stroke
-from enliven_viewer.studio.editor.editor import Editor
+from enliven.modeling.mesh import StrokeCut
+from enliven.modeling.possessed import cut_graph
+from enliven.modeling.puppet import cut_puppet
+from enliven.modeling.rigged import cut_stroke
+from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.viewport.overlay import Disc, Line, Overlay, Point
-from enliven_viewer.studio.viewport.picking import Hit, crossings
-from enliven_viewer.studio.viewport.theme import CUT
+from enliven_viewer.studio.viewport import CUT, Disc, Hit, Line, Overlay, Point, crossings
 
 _APART = 3.0
 """Pixels between two points of a stroke."""

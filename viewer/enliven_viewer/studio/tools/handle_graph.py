@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from enliven.arrays import Float
-from enliven.document.project import Project
-from enliven.modeling.possessed.copying import move_graph
-from enliven.modeling.possessed.surgery import merge_graphs
-from enliven_viewer.studio.editor.editor import Editor
+from enliven.document import Project
+from enliven.modeling.possessed import merge_graphs, move_graph
+from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer
-from enliven_viewer.studio.viewport.possessed import possessed_at
+from enliven_viewer.studio.viewport import possessed_at
 
 
 class GraphGrip:

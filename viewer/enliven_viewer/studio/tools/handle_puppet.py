@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.project import Project
-from enliven.modeling.puppet.edits import move_puppet, turn_puppet
-from enliven.modeling.puppet.surgery import merge_puppets
+from enliven.document import Project
+from enliven.modeling.puppet import merge_puppets, move_puppet, turn_puppet
 from enliven.rotation import from_rotation_vector
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.puppets.stage import puppet_at
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.puppets import puppet_at
 from enliven_viewer.studio.tools.base import Pointer
 
 _TURN = 0.01

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from enliven.document.project import Project
+from enliven.document import Project
 from enliven.errors import EnlivenError, InputError
-from enliven.mapping.applying import apply_plan
-from enliven.mapping.automatic_mapping import automatic
-from enliven.motion.layers.polyline import goes_down
-from enliven.motion.layers.retarget import bind_chain
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.sources.matches import Chain, Offer, accepted, offers
-from enliven_viewer.studio.sources.source_view import SourceView
+from enliven.mapping import apply_plan, automatic
+from enliven.motion.layers import bind_chain, goes_down
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.sources import Chain, Offer, SourceView, accepted, offers
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.viewport.overlay import Overlay
+from enliven_viewer.studio.viewport import Overlay
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.project import Project
-from enliven.modeling.rigged.posing import drag_joint, turn_bone
+from enliven.document import Project
+from enliven.modeling.rigged import drag_joint, turn_bone
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.handle_puppet import PuppetHold
-from enliven_viewer.studio.viewport.pose_at_time import Stance
+from enliven_viewer.studio.viewport import Stance
 
 _TURN = 0.01
 """Radians a pixel."""

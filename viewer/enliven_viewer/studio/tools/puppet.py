@@ -5,16 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_viewer.studio.puppets.manipulator import Manipulator
-from enliven_viewer.studio.puppets.marks import ghost_at, point_at
-from enliven_viewer.studio.puppets.ray import vertex_hit
-from enliven_viewer.studio.puppets.stage import Standing, puppet_at
-from enliven_viewer.studio.puppets.suggested import Suggested
+from enliven_viewer.studio.puppets import (
+    Manipulator,
+    Standing,
+    Suggested,
+    ghost_at,
+    point_at,
+    puppet_at,
+    vertex_hit,
+)
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.puppet_drag import PointGrip
 from enliven_viewer.studio.tools.puppet_marks import marks_of
-from enliven_viewer.studio.viewport.overlay import Overlay, Point
-from enliven_viewer.studio.viewport.possessed import possessed_at
+from enliven_viewer.studio.viewport import Overlay, Point, possessed_at
 
 _STILL = 4.0
 """Pixels that a click may move."""

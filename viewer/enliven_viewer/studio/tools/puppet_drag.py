@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.puppets.manipulator import Manipulator
-from enliven_viewer.studio.puppets.stage import Standing
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.puppets import Manipulator, Standing
 from enliven_viewer.studio.tools.base import Pointer
-from enliven_viewer.studio.viewport.overlay import Point
+from enliven_viewer.studio.viewport import Point
 
 
 class PointGrip:

@@ -7,17 +7,19 @@ from typing import Protocol
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_viewer.studio.puppets.manipulator import Manipulator
-from enliven_viewer.studio.puppets.marks import GHOST_RADIUS, POINT_RADIUS
-from enliven_viewer.studio.puppets.mesh_cache import normals_of
-from enliven_viewer.studio.puppets.mirrored import partner_vertex
-from enliven_viewer.studio.puppets.posing import PuppetDesk
-from enliven_viewer.studio.puppets.stage import Standing
-from enliven_viewer.studio.puppets.suggested import Suggested
+from enliven_viewer.live import ACCENT, INK, QUIET
+from enliven_viewer.studio.puppets import (
+    GHOST_RADIUS,
+    POINT_RADIUS,
+    Manipulator,
+    PuppetDesk,
+    Standing,
+    Suggested,
+    normals_of,
+    partner_vertex,
+)
 from enliven_viewer.studio.tools.puppet_drag import PointGrip
-from enliven_viewer.studio.viewport.overlay import Disc, Fill, Line, Point, Words
-from enliven_viewer.studio.viewport.picking import Lens
-from enliven_viewer.studio.viewport.theme import ACCENT, INK, QUIET, Colour
+from enliven_viewer.studio.viewport import Colour, Disc, Fill, Lens, Line, Point, Words
 
 _WHITE: Colour = (1.0, 1.0, 1.0, 0.9)
 

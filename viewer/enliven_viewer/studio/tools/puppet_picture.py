@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float32, Int32
-from enliven_viewer.studio.puppets.marks import point_rows
-from enliven_viewer.studio.puppets.mesh_cache import middle_of, size_of
+from enliven_viewer.studio.puppets import middle_of, point_rows, size_of
 from enliven_viewer.studio.tools.base import Tool
 from enliven_viewer.studio.tools.puppet import PuppetTool
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.project import Project, unused
-from enliven.modeling.sketching.sketch import Plane, shape_from_stroke
-from enliven_viewer.studio.editor.editor import Editor
+from enliven.document import Project, unused
+from enliven.modeling.sketching import Plane, shape_from_stroke
+from enliven_viewer.live import GOOD
+from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.viewport.overlay import Disc, Line, Overlay, Point
-from enliven_viewer.studio.viewport.theme import GOOD, STROKE
+from enliven_viewer.studio.viewport import STROKE, Disc, Line, Overlay, Point
 
 _APART = 4.0
 """Pixels between two points of a stroke."""

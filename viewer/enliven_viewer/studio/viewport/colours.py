@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from enliven.document.character import Character
+from enliven.document import Character
 from enliven_viewer.studio.viewport.theme import CLAYS
 
 

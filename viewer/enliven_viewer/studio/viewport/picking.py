@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int32
-from enliven_viewer.render.camera import View
+from enliven_viewer.render import View
 from enliven_viewer.studio.viewport.pose_at_time import Stance
 
 _NEAREST = 1e-3

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 
-from enliven.document.layers import Layer
-from enliven.document.project import Project
-from enliven.document.rigged import Shape
-from enliven.motion.layers.evaluate import Player
+from enliven.document import Layer, Project, Shape
+from enliven.motion.layers import Player
 from enliven_viewer.studio.viewport.pose_at_time import Stance
 
 _MOST, _ALMOST = 4.0, 0.02

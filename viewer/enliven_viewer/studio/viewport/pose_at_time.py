@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.character import Pose
-from enliven.document.rigged import Shape
+from enliven.document import Pose, Shape
 from enliven.rotation import rotate, to_matrix
 
 

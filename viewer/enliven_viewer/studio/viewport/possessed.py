@@ -8,14 +8,10 @@ from functools import cached_property
 from pathlib import Path
 
 from enliven.arrays import Float
-from enliven.document.character import Character, Pose
-from enliven.document.possessed import GraphShape, character_of_graph
-from enliven.document.project import Project, unused
+from enliven.document import Character, GraphShape, Pose, Project, character_of_graph, unused
 from enliven.errors import InputError
-from enliven.modeling.possessed.copying import paste_graph
-from enliven.modeling.possessed.pose import graph_vertices, pose_of_graph
-from enliven.takes.possessed import read_possessed
-from enliven.takes.recorded import clips_of_recording
+from enliven.modeling.possessed import graph_vertices, paste_graph, pose_of_graph
+from enliven.takes import clips_of_recording, read_possessed
 from enliven_viewer.studio.viewport.colours import coloured
 from enliven_viewer.studio.viewport.picking import Lens, first_face
 

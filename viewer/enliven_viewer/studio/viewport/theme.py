@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enliven_viewer.live.hud import ACCENT, BAD, GLASS, GOOD, INK, QUIET, WAIT
+from enliven_viewer.live import ACCENT, BAD, GLASS, GOOD, INK, QUIET, WAIT
 
 Colour = tuple[float, float, float, float]
 """sRGB and opacity, 0..1 each."""

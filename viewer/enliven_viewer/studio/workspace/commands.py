@@ -6,20 +6,23 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from enliven.document.project import Project
-from enliven.matching.symmetry import equal_limbs
-from enliven.matching.views import best_view
-from enliven.modeling.possessed.copying import copy_graph, move_graph
-from enliven.modeling.rigged.copying import copy_shape, mirror_shape, paste_shape, scale_shape
-from enliven.modeling.rigged.posing import turn_bone
-from enliven.modeling.rigged.spread import spread_motion
-from enliven.motion.contact.pin import pin_feet, unpin
-from enliven.motion.layers.copying import copy_motion
-from enliven.motion.layers.retarget import clear_chain
+from enliven.document import Project
+from enliven.matching import best_view, equal_limbs
+from enliven.modeling.possessed import copy_graph, move_graph
+from enliven.modeling.rigged import (
+    copy_shape,
+    mirror_shape,
+    paste_shape,
+    scale_shape,
+    spread_motion,
+    turn_bone,
+)
+from enliven.motion.contact import pin_feet, unpin
+from enliven.motion.layers import clear_chain, copy_motion
 from enliven.rotation import from_rotation_vector
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.sources.matches import seen
-from enliven_viewer.studio.tools.nodes import remove
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.sources import seen
+from enliven_viewer.studio.tools import remove
 from enliven_viewer.studio.workspace.puppet_commands import PuppetDeeds
 
 _ASIDE = 0.3

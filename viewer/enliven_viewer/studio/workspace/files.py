@@ -7,27 +7,25 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.document.project import Project, same, unused
-from enliven.document.puppet import Puppet
+from enliven.document import Project, Puppet, same, unused
 from enliven.errors import InputError
-from enliven.example_sessions.session import read_session
-from enliven.example_sessions.text import write_session
-from enliven.examples.puppet_motion import missing
-from enliven.exporters.gltf.puppet_performance import PuppetPerformance, puppet_performance_of
-from enliven.exporters.gltf.write import (
+from enliven.example_sessions import read_session, write_session
+from enliven.examples import missing
+from enliven.exporters.gltf import (
     GraphPerformance,
     Performance,
+    PuppetPerformance,
     graph_performance_of,
     performance_of,
+    puppet_performance_of,
     write_gltf,
 )
-from enliven.formats.gltf.read import read_gltf
-from enliven.meshes.files import load_mesh
-from enliven.meshes.mesh import Mesh, fit_height
-from enliven.modeling.puppet.edits import make_puppet
-from enliven.takes.files import read_take
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.viewport.possessed import with_performance
+from enliven.formats.gltf import read_gltf
+from enliven.meshes import Mesh, fit_height, load_mesh
+from enliven.modeling.puppet import make_puppet
+from enliven.takes import read_take
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.viewport import with_performance
 
 MODELS = (".glb", ".gltf")
 MESHES = (".obj", ".ply", ".stl", ".off")

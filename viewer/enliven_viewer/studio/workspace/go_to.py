@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.examples.times import layer_of, time_of
-from enliven_viewer.studio.performer.performer_view import PerformerView
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.examples import layer_of, time_of
+from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.workspace.input import Hand
 
 _ROOM = 1.35

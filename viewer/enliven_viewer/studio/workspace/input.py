@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.tools.registry import TOOLS
-from enliven_viewer.studio.viewport.overlay import Point
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.tools import TOOLS, Pointer, Tool
+from enliven_viewer.studio.viewport import Point
 from enliven_viewer.studio.workspace.command_table import DEEDS
 from enliven_viewer.studio.workspace.commands import Deeds
 

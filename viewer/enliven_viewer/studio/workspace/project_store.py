@@ -8,11 +8,11 @@ import sys
 import time
 from pathlib import Path
 
-from enliven.document.project import Project
+from enliven.document import Project
 from enliven.errors import EnlivenError
 from enliven.files import own_folder
-from enliven.formats.project.file import read_project, write_project
-from enliven_viewer.studio.editor.editor import Editor
+from enliven.formats.project import read_project, write_project
+from enliven_viewer.studio.editor import Editor
 
 PROJECT = ".enliven"
 _UNNAMED = "Untitled"

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.project import Project, unused
+from enliven.document import Project, unused
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh
-from enliven.modeling.puppet.edits import (
+from enliven.meshes import Mesh
+from enliven.modeling.puppet import (
     copy_puppet,
     delete_puppet,
     make_puppet,
@@ -21,7 +21,7 @@ from enliven.modeling.puppet.edits import (
     turn_puppet,
 )
 from enliven.rotation import from_rotation_vector
-from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.editor import Editor
 
 _ASIDE = 0.3
 """Metres between a puppet and what is put beside it."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from enliven.document.project import Project
+from enliven.document import Project
 from enliven.errors import InputError
 
 

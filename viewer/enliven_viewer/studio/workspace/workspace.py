@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from enliven.document.project import Project
+from enliven.document import Project
 from enliven.errors import EnlivenError, InputError
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.examples.exporting import Exporting
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.examples import Exporting
 from enliven_viewer.studio.motions import library
-from enliven_viewer.studio.performer.performer_view import PerformerView
-from enliven_viewer.studio.timeline.drag import TimelineHand
+from enliven_viewer.studio.performer import PerformerView
+from enliven_viewer.studio.timeline import TimelineHand
 from enliven_viewer.studio.workspace.commands import Deeds
 from enliven_viewer.studio.workspace.file_browser import Browser
 from enliven_viewer.studio.workspace.files import (

@@ -6,13 +6,19 @@ from typing import Any
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven.document.constraints import Coupling, Position, Velocity
-from enliven.document.puppet import Puppet, PuppetLayer
-from enliven.modeling.puppet.edits import change_layer, remove_layer
-from enliven_viewer.studio.examples.edits import Held, held_of, with_held, without_held
-from enliven_viewer.studio.examples.times import layer_of, seconds_at, time_of
+from enliven.document import Coupling, Position, Puppet, PuppetLayer, Velocity
+from enliven.modeling.puppet import change_layer, remove_layer
+from enliven_viewer.studio.examples import (
+    Held,
+    held_of,
+    layer_of,
+    seconds_at,
+    time_of,
+    with_held,
+    without_held,
+)
 from enliven_viewer.studio.panels.style import heading, quiet, small
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace import Desk
 
 _REMOVE = "\uf00d"
 _TOLD = {

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven.document.puppet import Puppet
-from enliven.examples.puppet_motion import missing
-from enliven_viewer.studio.examples.edits import renamed_puppet
+from enliven.document import Puppet
+from enliven.examples import missing
+from enliven_viewer.live import ACCENT, BAD, GOOD, INK, QUIET
+from enliven_viewer.studio.examples import renamed_puppet
 from enliven_viewer.studio.panels.examples.motion import draw_held, draw_layer
 from enliven_viewer.studio.panels.examples.points import draw_points
 from enliven_viewer.studio.panels.examples.settings import draw_settings
 from enliven_viewer.studio.panels.style import packed, panel, small, tinted
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.viewport.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.viewport import RAISED, Colour
+from enliven_viewer.studio.workspace import Desk
 
 _BACK = "\uf060"
 _PAD = 10.0

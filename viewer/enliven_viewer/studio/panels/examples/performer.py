@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.live.hud import clock
-from enliven_viewer.studio.examples.times import layer_of
+from enliven_viewer.live import ACCENT, GLASS, INK, QUIET, clock
+from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small
 from enliven_viewer.studio.panels.viewport_overlay import draw_mark
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.viewport.axes import axes_marks
-from enliven_viewer.studio.viewport.theme import ACCENT, DARK, GLASS, INK, LINE, QUIET
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.viewport import DARK, LINE, axes_marks
+from enliven_viewer.studio.workspace import Desk
 
 _LINKED = "\uf0c1"
 

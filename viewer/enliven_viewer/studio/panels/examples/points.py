@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven.document.project import Project
-from enliven.document.puppet import ControlPoint, Puppet
-from enliven.examples.pairing import guess_joints
-from enliven.modeling.mesh.limb_ends import extremities
-from enliven.modeling.puppet.edits import change_point, set_symmetry
-from enliven_viewer.studio.examples.edits import guessed, stood, with_points
+from enliven.document import ControlPoint, Project, Puppet
+from enliven.examples import guess_joints
+from enliven.modeling.mesh import extremities
+from enliven.modeling.puppet import change_point, set_symmetry
+from enliven_viewer.live import ACCENT, INK, QUIET
+from enliven_viewer.studio.examples import guessed, stood, with_points
 from enliven_viewer.studio.panels.examples.motion import draw_holding
 from enliven_viewer.studio.panels.style import heading, packed, quiet, small, tinted
-from enliven_viewer.studio.puppets.mirrored import plane_for
-from enliven_viewer.studio.viewport.theme import ACCENT, INK, QUIET, RAISED, point_colour
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.puppets import plane_for
+from enliven_viewer.studio.viewport import RAISED, point_colour
+from enliven_viewer.studio.workspace import Desk
 
 _ROW, _FOOT, _LOCKED, _SOFT = 24.0, "\uf063", "\uf023", "\uf09c"
 _SUGGESTED = 6

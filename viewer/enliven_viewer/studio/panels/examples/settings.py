@@ -6,11 +6,11 @@ import dataclasses
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven.document.puppet import Puppet
-from enliven_viewer.studio.examples.edits import with_default_settings, with_setting
+from enliven.document import Puppet
+from enliven_viewer.studio.examples import with_default_settings, with_setting
 from enliven_viewer.studio.panels.style import tinted
-from enliven_viewer.studio.viewport.theme import PRESSED, RAISED
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.viewport import PRESSED, RAISED
+from enliven_viewer.studio.workspace import Desk
 
 _NUMBERS = (
     ("surface", "squash_and_stretch", "squash and stretch", 0.0, 1.0, ""),

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven.document.puppet import Puppet
-from enliven.modeling.puppet.edits import remove_key_pose
-from enliven_viewer.live.hud import clock
-from enliven_viewer.studio.examples.coverage import Coverage
-from enliven_viewer.studio.examples.edits import duplicated, mirrored_copy, retimed
+from enliven.document import Puppet
+from enliven.modeling.puppet import remove_key_pose
+from enliven_viewer.live import ACCENT, GLASS, GOOD, INK, QUIET, clock
+from enliven_viewer.studio.examples import Coverage, duplicated, mirrored_copy, retimed
 from enliven_viewer.studio.panels.examples.strokes import dashed, stick
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
-from enliven_viewer.studio.performer.thumbnails import Thumbnails
+from enliven_viewer.studio.performer import Thumbnails
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.viewport.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED
-from enliven_viewer.studio.workspace.go_to import begin_pose, edit_pose
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.viewport import CHAIN, DARK, LINE, RAISED
+from enliven_viewer.studio.workspace import Desk, begin_pose, edit_pose
 
 TILE = ImVec2(88, 80)
 _PLUS = "\uf067"

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.studio.performer.performer_view import Figure
+from enliven_viewer.studio.performer import Figure
 from enliven_viewer.studio.places import Area
 
 SIDE = 0.42
