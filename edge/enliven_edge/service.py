@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from enliven.commands.processes import parent_is_gone
+from enliven.commands import parent_is_gone
 from enliven.document import Pose, Props
 from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.frames import BodyFrame, DepthFrame, Frame

@@ -15,7 +15,7 @@ from typing import Any
 import typer
 
 from enliven import __version__
-from enliven.commands.lazy import LazyCommands
+from enliven.commands import LazyCommands
 from enliven.errors import EnlivenError
 from enliven.logs import keep_going_unheard, start_logging
 

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from enliven.commands.processes import terminate_as_interrupt
+from enliven.commands import terminate_as_interrupt
 from enliven.errors import InputError, ResourceError
 from enliven.settings import load_settings
 from enliven_viewer.doctor import has_display

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from enliven.arrays import UInt8
-from enliven.commands.processes import parent_is_gone
+from enliven.commands import parent_is_gone
 from enliven.errors import ResourceError
 from enliven_viewer.film.encoder import FilmWriter
 from enliven_viewer.film.film_strip import FilmStrip

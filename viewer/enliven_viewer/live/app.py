@@ -9,7 +9,7 @@ from typing import Any
 
 import glfw
 
-from enliven.commands.processes import parent_is_gone
+from enliven.commands import parent_is_gone
 from enliven.wire import Mode
 from enliven_viewer.link import Feed
 from enliven_viewer.live.hud import Hud, HudState, timeline_area

@@ -10,7 +10,7 @@ from enliven_edge.sensors.stereo.calibration import (
 from enliven_edge.sensors.stereo.collecting import Keeper
 from enliven_edge.sensors.stereo.judging import Judgement, judge
 from enliven_edge.sensors.stereo.matching import StereoMatcher
-from enliven_edge.sensors.stereo.opencv import opencv
+from enliven_edge.sensors.stereo.opencv_library import opencv
 from enliven_edge.sensors.stereo.pair_folder import RecordedPairs, image_pairs, read_grey
 from enliven_edge.sensors.stereo.pairing import Pairing, Picture
 from enliven_edge.sensors.stereo.rectifying import Rectification

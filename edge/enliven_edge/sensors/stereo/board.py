@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import Float, UInt8
 from enliven.errors import InputError
-from enliven_edge.sensors.stereo.opencv import opencv
+from enliven_edge.sensors.stereo.opencv_library import opencv
 
 _MARKER = 0.75
 """Side of a marker over that of its square: OpenCV needs some white around it."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import UInt8, UInt16
 from enliven.errors import InputError
-from enliven_edge.sensors.stereo.opencv import opencv
+from enliven_edge.sensors.stereo.opencv_library import opencv
 from enliven_edge.sensors.stereo.rectifying import Rectification
 
 STEPS = 16

@@ -8,7 +8,7 @@ from enliven.arrays import UInt8
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven_edge.sensors.stereo.calibration import StereoCalibration
-from enliven_edge.sensors.stereo.opencv import opencv
+from enliven_edge.sensors.stereo.opencv_library import opencv
 
 
 class Rectification:

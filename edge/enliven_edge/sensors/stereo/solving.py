@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven_edge.sensors.stereo.board import Board
 from enliven_edge.sensors.stereo.calibration import StereoCalibration, StereoLens
-from enliven_edge.sensors.stereo.opencv import opencv
+from enliven_edge.sensors.stereo.opencv_library import opencv
 from enliven_edge.sensors.stereo.rectifying import Rectification
 
 _LEAST_CORNERS = 8

@@ -1,0 +1,234 @@
+"""Reads the imports of the packages and tells which of them break the rules of ``rules.toml``.
+
+A room is a folder of modules, its door the ``__init__`` that names what other rooms may use. In each folder
+the modules and rooms import one another in one direction.
+"""
+
+from __future__ import annotations
+
+import ast
+import tomllib
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Import:
+    """One name that a module imports.
+
+    Attributes:
+        source: the dotted module that imports.
+        target: the dotted module, or door, that is imported from.
+        name: what is imported from it; empty for the module as a whole.
+        line: in the source's file.
+    """
+
+    source: str
+    target: str
+    name: str
+    line: int
+
+
+@dataclass(frozen=True)
+class Rules:
+    """The rules of a house, see ``rules.toml``."""
+
+    most_modules: int
+    packages: dict[str, str]
+    may_import: dict[str, list[str]]
+    open: list[str] = field(default_factory=list)
+    order: dict[str, list[str]] = field(default_factory=dict)
+    exceptions: list[str] = field(default_factory=list)
+
+    @staticmethod
+    def read(path: Path) -> Rules:
+        """The rules in a TOML file."""
+        return Rules(**tomllib.loads(path.read_text(encoding="utf-8")))
+
+
+class House:
+    """The modules and imports of all packages under a folder.
+
+    Attributes:
+        modules: the file of each dotted module; doors by the name of their room.
+        doors: the names of the rooms.
+        imports: every import of one module by another, in functions and for type checkers too.
+    """
+
+    def __init__(self, root: Path, rules: Rules) -> None:
+        self.root, self.rules = root, rules
+        self.modules: dict[str, Path] = {}
+        self.doors: set[str] = set()
+        for package, folder in rules.packages.items():
+            for path in sorted((root / folder).rglob("*.py")):
+                parts = [package, *path.relative_to(root / folder).with_suffix("").parts]
+                if parts[-1] == "__init__":
+                    parts.pop()
+                    self.doors.add(".".join(parts))
+                self.modules[".".join(parts)] = path
+        self.imports = [
+            one for module, path in self.modules.items() for one in self._imports_of(module, path)
+        ]
+
+    def broken(self) -> list[str]:
+        """A sentence for each import or folder that breaks a rule, and what to do about it."""
+        said = [
+            *self._foreign(),
+            *self._round_doors(),
+            *self._back(),
+            *self._circles(),
+            *self._crowded(),
+            *self._mute(),
+        ]
+        return [one for one in said if one not in self.rules.exceptions]
+
+    def _imports_of(self, module: str, path: Path) -> Iterator[Import]:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                found = [(alias.name, "") for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                whole = [f"{node.module}.{alias.name}" for alias in node.names]
+                found = [
+                    (name, "")
+                    if name in self.modules and name not in self.doors
+                    else (node.module, name.rpartition(".")[2])
+                    for name in whole
+                ]
+            else:
+                continue
+            for target, name in found:
+                if target in self.modules and target != module:
+                    yield Import(module, target, name, node.lineno)
+
+    def _at(self, one: Import) -> str:
+        return f"{self.modules[one.source].relative_to(self.root)}:{one.line}"
+
+    def _room(self, module: str) -> str:
+        return module if module in self.doors else module.rpartition(".")[0]
+
+    def _foreign(self) -> Iterator[str]:
+        """Imports of a package that this one must not know."""
+        for one in self.imports:
+            mine, other = one.source.split(".")[0], one.target.split(".")[0]
+            if other != mine and other not in self.rules.may_import[mine]:
+                shared = [p for p in self.rules.may_import[mine] if p in self.rules.may_import[other]]
+                better = f"move what both need to {shared[0]}" if shared else "turn the import round"
+                yield f"{self._at(one)} imports {other}, which {mine} must not know: {better}."
+
+    def _round_doors(self) -> Iterator[str]:
+        """Imports that go round a room's door, and those by which a room uses its own door."""
+        for one in self.imports:
+            room, name = self._room(one.target), one.name or one.target.rpartition(".")[2]
+            inside = one.source == room or one.source.startswith(f"{room}.")
+            if one.target in self.doors:
+                if inside and not self._of_door(one):
+                    yield (
+                        f"{self._at(one)} uses the door of its own room {room}: "
+                        f"import {name} from the module that defines it."
+                    )
+            elif not inside and room not in self.rules.open and not self._shown(room, one):
+                yield (
+                    f"{self._at(one)} goes round the door of {room}: write `from {room} import {name}`, "
+                    f"and name it in the room's __init__ where it is not yet."
+                )
+
+    def _shown(self, room: str, one: Import) -> bool:
+        """Whether a whole module is imported that its room's door shows."""
+        return not one.name and any(
+            other.source == room and other.target == one.target and not other.name for other in self.imports
+        )
+
+    def _of_door(self, one: Import) -> bool:
+        """Whether a name is defined in a door itself, or is a room or a module behind it."""
+        lines = ast.parse(self.modules[one.target].read_text(encoding="utf-8")).body
+        defined = {name.id for line in lines for name in ast.walk(line) if isinstance(name, ast.Name)}
+        return one.name in defined or f"{one.target}.{one.name}" in self.modules
+
+    def _arrows(self) -> dict[str, dict[tuple[str, str], list[Import]]]:
+        """By folder: the imports between two of its modules or rooms, anywhere in them."""
+        found: dict[str, dict[tuple[str, str], list[Import]]] = defaultdict(lambda: defaultdict(list))
+        for one in self.imports:
+            source, target = one.source.split("."), one.target.split(".")
+            shared = 0
+            while shared < min(len(source), len(target)) and source[shared] == target[shared]:
+                shared += 1
+            if 0 < shared < min(len(source), len(target)):
+                found[".".join(source[:shared])][source[shared], target[shared]].append(one)
+        return found
+
+    def _back(self) -> Iterator[str]:
+        """Imports that run against the order that is stated for a folder."""
+        arrows = self._arrows()
+        for folder, order in self.rules.order.items():
+            here = {
+                module.split(".")[folder.count(".") + 1]
+                for module in self.modules
+                if module.startswith(f"{folder}.")
+            }
+            for name in sorted(here - set(order)):
+                yield f"{folder}.{name} has no place in the order of {folder}: give it one in rules.toml."
+            for name in sorted(set(order) - here):
+                yield f"rules.toml orders {folder}.{name}, which is not there: take it out."
+            for (source, target), imports in arrows[folder].items():
+                if source in order and target in order and order.index(source) < order.index(target):
+                    for one in imports:
+                        yield (
+                            f"{self._at(one)} runs back from {folder}.{source} to {folder}.{target}: "
+                            f"move what it needs to {folder}.{source} or to a room before it, "
+                            f"or what needs it to {folder}.{target}."
+                        )
+
+    def _circles(self) -> Iterator[str]:
+        """Circles of modules and rooms in folders whose order is not stated."""
+        for folder, arrows in self._arrows().items():
+            if folder in self.rules.order:
+                continue
+            for circle in _circles(set(arrows)):
+                ties = [(pair, arrows[pair]) for pair in arrows if set(pair) <= circle]
+                (source, target), imports = min(ties, key=lambda tie: len(tie[1]))
+                yield (
+                    f"{', '.join(sorted(circle))} in {folder} import each other in a circle: "
+                    f"{self._at(imports[0])} is the thinnest tie, of {source} to {target}; "
+                    "move what it needs below both."
+                )
+
+    def _crowded(self) -> Iterator[str]:
+        """Folders with too many modules."""
+        for room in sorted(self.doors):
+            count = sum(self._room(module) == room for module in self.modules.keys() - self.doors)
+            if count > self.rules.most_modules:
+                yield (
+                    f"{room} has {count} modules, {count - self.rules.most_modules} too many: "
+                    "part it into rooms by what they are for."
+                )
+
+    def _mute(self) -> Iterator[str]:
+        """Rooms whose door does not say what they are for."""
+        for room in sorted(self.doors):
+            if not ast.get_docstring(ast.parse(self.modules[room].read_text(encoding="utf-8"))):
+                yield f"{room} does not say what it is for: write a paragraph at the top of its __init__."
+
+
+def _circles(arrows: set[tuple[str, str]]) -> list[set[str]]:
+    """The sets of two nodes or more that reach one another."""
+    after: dict[str, set[str]] = defaultdict(set)
+    for source, target in arrows:
+        after[source].add(target)
+
+    def reached(start: str) -> set[str]:
+        seen, queue = set(), [start]
+        while queue:
+            for node in after[queue.pop()] - seen:
+                seen.add(node)
+                queue.append(node)
+        return seen
+
+    reach = {node: reached(node) for pair in arrows for node in pair}
+    found: list[set[str]] = []
+    for node in sorted(reach):
+        circle = {other for other in reach[node] if node in reach[other]} | {node}
+        if len(circle) > 1 and circle not in found:
+            found.append(circle)
+    return found

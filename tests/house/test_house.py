@@ -1,0 +1,119 @@
+"""The house keeps its rules, and each rule refuses what breaks it."""
+
+from pathlib import Path
+
+import pytest
+from house import House, Rules
+
+ROOT = Path(__file__).parents[2]
+RULES = Rules.read(Path(__file__).with_name("rules.toml"))
+
+
+def test_no_import_breaks_a_rule():
+    assert "\n".join(House(ROOT, RULES).broken()) == ""
+
+
+def test_nothing_is_let_through():
+    assert RULES.exceptions == []
+
+
+def test_every_package_is_seen():
+    house = House(ROOT, RULES)
+    assert {package for package in RULES.packages if package in house.doors} == set(RULES.packages)
+    assert len(house.modules) > 500 and len(house.imports) > 2000
+
+
+SMALL = Rules(
+    most_modules=3,
+    packages={"core": "core", "edge": "edge"},
+    may_import={"core": [], "edge": ["core"]},
+    open=["core", "edge"],
+    order={"edge": ["sensing", "tracking", "loop"]},
+)
+FILES = {
+    "core/__init__.py": '"""Mathematics."""',
+    "core/arrays.py": "",
+    "edge/__init__.py": '"""The edge."""',
+    "edge/loop.py": "from edge.tracking import Tracker",
+    "edge/sensing/__init__.py": '"""Frames."""\nfrom edge.sensing.frame import Frame',
+    "edge/sensing/frame.py": "import core.arrays\nFrame = 1",
+    "edge/tracking/__init__.py": '"""People."""\nfrom edge.tracking.tracker import Tracker',
+    "edge/tracking/tracker.py": "from edge.sensing import Frame\nTracker = Frame",
+}
+
+
+def house_of(root: Path, changes: dict[str, str]) -> list[str]:
+    """What is said of a small house with some files changed or added."""
+    for name, text in {**FILES, **changes}.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text)
+    return House(root, SMALL).broken()
+
+
+def test_a_house_in_order_is_let_be(tmp_path):
+    assert house_of(tmp_path, {}) == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"core/arrays.py": "def f():\n    from edge.sensing import Frame"},
+            "core/arrays.py:2 imports edge, which core must not know: turn the import round.",
+        ),
+        (
+            {"edge/loop.py": "from edge.tracking.tracker import Tracker"},
+            "edge/loop.py:1 goes round the door of edge.tracking: write `from edge.tracking import T",
+        ),
+        (
+            {"edge/loop.py": "import edge.tracking.tracker"},
+            "edge/loop.py:1 goes round the door of edge.tracking: write `from edge.tracking import t",
+        ),
+        (
+            {"edge/tracking/fit.py": "from edge.tracking import Tracker"},
+            "edge/tracking/fit.py:1 uses the door of its own room edge.tracking: import Tracker from",
+        ),
+        (
+            {"edge/sensing/frame.py": "from edge.tracking import Tracker\nFrame = 1"},
+            "edge/sensing/frame.py:1 runs back from edge.sensing to edge.tracking: move what it needs",
+        ),
+        (
+            {"edge/late.py": ""},
+            "edge.late has no place in the order of edge: give it one",
+        ),
+        (
+            {
+                "edge/tracking/a.py": "from edge.tracking import b",
+                "edge/tracking/b.py": "import edge.tracking.a",
+            },
+            "a, b in edge.tracking import each other in a circle: edge/tracking/",
+        ),
+        (
+            {f"edge/tracking/{name}.py": "" for name in "abc"},
+            "edge.tracking has 4 modules, 1 too many",
+        ),
+        (
+            {"edge/sensing/__init__.py": "from edge.sensing.frame import Frame"},
+            "edge.sensing does not say what it is for",
+        ),
+    ],
+)
+def test_what_breaks_a_rule_is_refused_with_a_way_out(tmp_path, changes, said):
+    found = house_of(tmp_path, changes)
+    assert len(found) == 1 and found[0].startswith(said)
+
+
+def test_a_module_that_a_door_shows_may_be_imported_whole(tmp_path):
+    door = '"""People."""\nfrom edge.tracking import model\nfrom edge.tracking.tracker import Tracker'
+    changes = {"edge/tracking/__init__.py": door, "edge/tracking/model.py": ""}
+    assert house_of(tmp_path, {**changes, "edge/loop.py": "from edge.tracking import model"}) == []
+
+
+def test_an_order_that_names_what_is_not_there_is_said(tmp_path):
+    for name, text in FILES.items():
+        if not name.startswith("edge/loop"):
+            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / name).write_text(text)
+    assert House(tmp_path, SMALL).broken() == [
+        "rules.toml orders edge.loop, which is not there: take it out."
+    ]
