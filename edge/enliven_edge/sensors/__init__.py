@@ -5,7 +5,7 @@ devices.
 ``enliven.sensors``.
 """
 
-from enliven_edge.sensors import attached_cameras, crash_reports, diary, extras, reopening, replay
+from enliven_edge.sensors import crash_reports
 from enliven_edge.sensors.attached_cameras import attached
 from enliven_edge.sensors.base import CHECK_IT, Condition, Sensor, SensorFault, condition_of
 from enliven_edge.sensors.diary import Diary, Moment, Moments
@@ -24,17 +24,12 @@ __all__ = [
     "SensorFault",
     "SensorProfile",
     "attached",
-    "attached_cameras",
     "condition_of",
     "crash_reports",
-    "diary",
-    "extras",
     "kept_open",
     "load_profile",
     "open_sensor",
     "profile_names",
-    "reopening",
-    "replay",
     "sensor_names",
     "sensor_opener",
     "sensor_options",

@@ -2,6 +2,5 @@
 
 from enliven.commands.lazy import LazyCommands
 from enliven.commands.processes import parent_is_gone, terminate_as_interrupt
-from enliven.commands.run import run
 
-__all__ = ["LazyCommands", "parent_is_gone", "run", "terminate_as_interrupt"]
+__all__ = ["LazyCommands", "parent_is_gone", "terminate_as_interrupt"]

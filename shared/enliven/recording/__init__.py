@@ -4,7 +4,6 @@
 :mod:`enliven.recording.schemas`.
 """
 
-from enliven.recording import schemas
 from enliven.recording.reader import Recording, RecordingInfo, RecordingWarning, frame_of
 from enliven.recording.recorder import Recorder
 from enliven.recording.recovery import Recovery, recover
@@ -20,5 +19,4 @@ __all__ = [
     "Recovery",
     "frame_of",
     "recover",
-    "schemas",
 ]

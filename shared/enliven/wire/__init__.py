@@ -1,6 +1,5 @@
 """The wire: messages between edge and viewer, their one table of topics, and the compression of poses."""
 
-from enliven.wire import bits, convert, envelope, messages, quantize, quaternions, topics
 from enliven.wire.characters import CharacterMessage
 from enliven.wire.convert import (
     bodies_to_message,
@@ -110,13 +109,10 @@ __all__ = [
     "Smooth",
     "StatusMessage",
     "Welcome",
-    "bits",
     "board_to_message",
     "bodies_to_message",
     "character_to_message",
-    "convert",
     "cues_to_message",
-    "envelope",
     "framed",
     "free_ports",
     "head",
@@ -129,7 +125,6 @@ __all__ = [
     "message_to_owners",
     "message_to_pose",
     "message_to_props",
-    "messages",
     "messages_to_health",
     "pack_control",
     "pack_stream",
@@ -137,10 +132,7 @@ __all__ = [
     "payload",
     "pose_to_message",
     "props_to_message",
-    "quantize",
-    "quaternions",
     "reply_head",
-    "topics",
     "unpack_control",
     "unpack_stream",
     "warm_up",

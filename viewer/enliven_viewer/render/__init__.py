@@ -1,6 +1,5 @@
 """The renderer: a scene of characters, bodies, props and marks becomes one picture."""
 
-from enliven_viewer.render import renderer
 from enliven_viewer.render.camera import Box, FilmCamera, OrbitCamera, View
 from enliven_viewer.render.renderer import EMPTY_BOX, Renderer
 from enliven_viewer.render.scene import Actor, Look, Scene, scene_of
@@ -17,6 +16,5 @@ __all__ = [
     "Scene",
     "View",
     "linear",
-    "renderer",
     "scene_of",
 ]

@@ -1,7 +1,6 @@
 """The studio: the editor's window, where shapes are sketched, cut, merged, posed and played."""
 
-from enliven_viewer.studio import motions
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 
-__all__ = ["StudioSettings", "StudioWindow", "motions"]
+__all__ = ["StudioSettings", "StudioWindow"]

@@ -4,7 +4,6 @@ by joint.
 The fused set is read like one sensor that tracks bodies itself.
 """
 
-from enliven_edge.fusion.live import blending
 from enliven_edge.fusion.live.fused_sensor import FusedFrame, FusedSensors
 from enliven_edge.fusion.live.merge import in_world, untouched
 from enliven_edge.fusion.live.reading import PATIENCE, SensorThread
@@ -17,7 +16,6 @@ __all__ = [
     "FusedFrame",
     "FusedSensors",
     "SensorThread",
-    "blending",
     "in_world",
     "middle_weights",
     "middles",

@@ -4,7 +4,6 @@ What they have in common, such as opening them anew and keeping crashes out of t
 in :mod:`enliven_edge.sensors.reopening` and :mod:`enliven_edge.sensors.isolation`.
 """
 
-from enliven_edge.sensors.drivers import oak, orbbec, playback, realsense, refusals
 from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
 
-__all__ = ["LibcameraImages", "oak", "orbbec", "playback", "realsense", "refusals"]
+__all__ = ["LibcameraImages"]

@@ -1,6 +1,5 @@
 """Sensors whose library may crash or hang: each runs in a helper process, its images in shared memory."""
 
-from enliven_edge.sensors.isolation import isolated
 from enliven_edge.sensors.isolation.isolated import IsolatedOpener
 
-__all__ = ["IsolatedOpener", "isolated"]
+__all__ = ["IsolatedOpener"]

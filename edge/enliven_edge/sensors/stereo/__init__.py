@@ -1,12 +1,7 @@
 """Two cameras as a depth sensor: their calibration from a printed board, and depth from their images."""
 
 from enliven_edge.sensors.stereo.board import Board
-from enliven_edge.sensors.stereo.calibration import (
-    StereoCalibration,
-    StereoLens,
-    load_calibration,
-    save_calibration,
-)
+from enliven_edge.sensors.stereo.calibration import load_calibration, save_calibration
 from enliven_edge.sensors.stereo.collecting import Keeper
 from enliven_edge.sensors.stereo.judging import Judgement, judge
 from enliven_edge.sensors.stereo.matching import StereoMatcher
@@ -25,8 +20,6 @@ __all__ = [
     "RecordedPairs",
     "Rectification",
     "Sighting",
-    "StereoCalibration",
-    "StereoLens",
     "StereoMatcher",
     "image_pairs",
     "judge",

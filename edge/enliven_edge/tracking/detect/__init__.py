@@ -2,7 +2,6 @@
 fits.
 """
 
-from enliven_edge.tracking.detect import recovery
 from enliven_edge.tracking.detect.appearance import Seen, facing, looked_at, turned_about
 from enliven_edge.tracking.detect.detection import cost, detect, detect_another, quality, supposing
 from enliven_edge.tracking.detect.facing_side import Facing
@@ -20,7 +19,6 @@ __all__ = [
     "facing",
     "looked_at",
     "quality",
-    "recovery",
     "supposing",
     "turned_about",
 ]

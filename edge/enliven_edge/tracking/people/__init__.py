@@ -1,8 +1,6 @@
 """The people in view: found, followed, recognised after an absence, and never counted twice."""
 
-from enliven_edge.tracking.people import follower, person, search
-from enliven_edge.tracking.people.evidence import evidence
 from enliven_edge.tracking.people.people import Crowd
 from enliven_edge.tracking.people.person import Person
 
-__all__ = ["Crowd", "Person", "evidence", "follower", "person", "search"]
+__all__ = ["Crowd", "Person"]
