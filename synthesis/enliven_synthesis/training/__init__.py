@@ -1,5 +1,5 @@
 """The training of the pose estimator: the data set of rendered people, and the network that learns it."""
 
-from enliven_synthesis.training.dataset import Album, render_album
+import lazy_loader
 
-__all__ = ["Album", "render_album"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

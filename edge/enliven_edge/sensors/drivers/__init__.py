@@ -4,6 +4,6 @@ What they have in common, such as opening them anew and keeping crashes out of t
 in :mod:`enliven_edge.sensors.reopening` and :mod:`enliven_edge.sensors.isolation`.
 """
 
-from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
+import lazy_loader
 
-__all__ = ["LibcameraImages"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

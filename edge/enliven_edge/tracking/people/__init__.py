@@ -1,6 +1,5 @@
 """The people in view: found, followed, recognised after an absence, and never counted twice."""
 
-from enliven_edge.tracking.people.people import Crowd
-from enliven_edge.tracking.people.person import Person
+import lazy_loader
 
-__all__ = ["Crowd", "Person"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

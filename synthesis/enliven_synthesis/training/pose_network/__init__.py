@@ -1,12 +1,5 @@
 """The network itself: its layers in PyTorch, its training, and its quantisation for the edge."""
 
-from enliven_synthesis.training.pose_network.quantisation import quantise
-from enliven_synthesis.training.pose_network.training import (
-    KEPT_BACK,
-    TrainingSettings,
-    export,
-    measure,
-    train,
-)
+import lazy_loader
 
-__all__ = ["KEPT_BACK", "TrainingSettings", "export", "measure", "quantise", "train"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,3 @@
+from .libcamera_images import LibcameraImages
+
+__all__ = ["LibcameraImages"]
