@@ -122,12 +122,19 @@ class Newcomer:
         whole = self.shape.cut or (self.shape.crown > _TALL and stout)
         slim = self.shape.cut or self.area < _BULKY * self.shape.crown**2
         stands = self.shape.upright and whole and slim
-        known = self.recognised and self.shape.possible and (self.shape.cut or self.shape.crown > _TALL)
+        known = self.recognised and self._knowable
         return (stands or known) and self.area > _LEAST and not self.refused
+
+    @property
+    def _knowable(self) -> bool:
+        """Whether it is believed where the network takes it for a person: a panel never is."""
+        return self.shape.possible and (self.shape.cut or self.shape.crown > _TALL)
 
     def puzzles(self, time_ns: int) -> bool:
         """Whether its shape does not convince, so that the network is to be asked, now and then."""
         if self.area < _LEAST or self.refused or (self.convincing and not self.recognised):
+            return False
+        if not self._knowable:
             return False
         if self._asked_ns is not None and 0 <= time_ns - self._asked_ns < _CHECK_NS:
             return False
