@@ -6,6 +6,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.kernels import njit
+from enliven.masks import pixels_of
 from enliven_edge.tracking.human import samples
 
 _SAMPLES = 3000
@@ -32,7 +33,7 @@ def parted(points: Float, mask: Bool) -> list[Bool]:
     Args:
         points: (h, w, 3) world frame.
     """
-    columns = columns_of(samples(points, mask, _SAMPLES))
+    columns = columns_of(samples(points, pixels_of(mask), _SAMPLES))
     if len(columns) < 2:
         return [mask]
     nearest = _nearest(points, mask, columns)
