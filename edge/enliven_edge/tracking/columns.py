@@ -77,32 +77,44 @@ def _columns(points, height, order, origin):  # type: ignore[no-untyped-def]
     return kept[:count].copy()
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def _summit(points, x, z, top):  # type: ignore[no-untyped-def]
     """x and z of the middle of what is highest about a place, of a head say."""
     right, deep, count = 0.0, 0.0, 0
     for i in range(points.shape[1]):
-        if points[1, i] > top - _TOP:
-            dx, dz = points[0, i] - x, points[2, i] - z
-            if dx * dx + dz * dz < _HEAD * _HEAD:
-                right, deep, count = right + points[0, i], deep + points[2, i], count + 1
+        dx, dz = points[0, i] - x, points[2, i] - z
+        # Without a branch, so that many points are looked at at once.
+        on = (points[1, i] > top - _TOP) & (dx * dx + dz * dz < _HEAD * _HEAD)
+        right += points[0, i] if on else 0.0
+        deep += points[2, i] if on else 0.0
+        count += on
     return right / count, deep / count
 
 
 @njit(cache=True, nogil=True)
 def _filled(points, x, z, top):  # type: ignore[no-untyped-def]
     """Whether a person is under a peak: no shoulder, and most heights from the knees up are met."""
+    if _shoulder(points, x, z, top):
+        return False
     first, last = int(np.ceil(_KNEES * top / _LAYER)), int(np.floor(top / _LAYER))
     met = np.zeros(max(0, last - first), np.bool_)
     for i in range(points.shape[1]):
         dx, dz = points[0, i] - x, points[2, i] - z
-        away = dx * dx + dz * dz
-        if away < _NECK * _NECK and points[1, i] > top + _HIGHER:
-            return False
-        layer = int(np.floor(points[1, i] / _LAYER)) - first
-        if away < _RADIUS * _RADIUS and 0 <= layer < len(met):
-            met[layer] = True
+        if dx * dx + dz * dz < _RADIUS * _RADIUS:
+            layer = int(np.floor(points[1, i] / _LAYER)) - first
+            if 0 <= layer < len(met):
+                met[layer] = True
     return len(met) > 0 and np.count_nonzero(met) > _MET * len(met)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _shoulder(points, x, z, top):  # type: ignore[no-untyped-def]
+    """Whether something near a peak is so much higher that the peak is a shoulder."""
+    higher = 0
+    for i in range(points.shape[1]):
+        dx, dz = points[0, i] - x, points[2, i] - z
+        higher += (points[1, i] > top + _HIGHER) & (dx * dx + dz * dz < _NECK * _NECK)
+    return higher > 0
 
 
 @njit(cache=True, nogil=True)

@@ -136,15 +136,13 @@ def _flattened(points):  # type: ignore[no-untyped-def]
 
     That way is level, and its coordinates are from the points' middle.
     """
-    count, middle, sums = points.shape[1], np.zeros(3), np.zeros((3, 3))
-    for a in range(3):
-        middle[a] = points[a].mean()
+    count, middle = points.shape[1], (points[0].mean(), points[1].mean(), points[2].mean())
+    xx, yy, zz, xy, xz, yz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(count):
-        for a in range(3):
-            for b in range(a + 1):
-                sums[a, b] += (points[a, i] - middle[a]) * (points[b, i] - middle[b])
-    xx, yy, zz = sums[0, 0] / count, sums[1, 1] / count, sums[2, 2] / count
-    xy, xz, yz = sums[1, 0] / count, sums[2, 0] / count, sums[2, 1] / count
+        x, y, z = points[0, i] - middle[0], points[1, i] - middle[1], points[2, i] - middle[2]
+        xx, yy, zz = xx + x * x, yy + y * y, zz + z * z
+        xy, xz, yz = xy + x * y, xz + x * z, yz + y * z
+    xx, yy, zz, xy, xz, yz = xx / count, yy / count, zz / count, xy / count, xz / count, yz / count
     x, z = _longest(xx, zz, xz)
     along = np.empty(count)
     for i in range(count):
@@ -214,7 +212,10 @@ def _widths(along, height, crown, bands):  # type: ignore[no-untyped-def]
     """
     first = np.floor(along.min() / _BIN)
     met = np.zeros((len(bands), int(np.floor(along.max() / _BIN) - first) + 1), np.bool_)
+    lowest = crown - bands[:, 1].max()
     for i in range(len(along)):
+        if height[i] <= lowest:
+            continue
         place = int(np.floor(along[i] / _BIN) - first)
         for b in range(len(bands)):
             if crown - bands[b, 1] < height[i] <= crown - bands[b, 0]:

@@ -10,9 +10,9 @@ from enliven.arrays import Bool, Float, UInt8
 from enliven.kernels import njit
 from enliven.masks import pixels_of
 from enliven_edge.tracking.columns import parted
-from enliven_edge.tracking.human import SMALLEST_AREA, Shape, shape_of
+from enliven_edge.tracking.human import LARGEST_AREA, SMALLEST_AREA, Shape, quantile, shape_of
 from enliven_edge.tracking.room import BEFORE, ROOM, UNLIKELY, widened
-from enliven_edge.tracking.segmentation import Loose, Segments, loose_groups
+from enliven_edge.tracking.segmentation import Loose, Segments, groups_of
 from enliven_edge.tracking.view import View
 from enliven_edge.tracking.walls import without_walls
 
@@ -33,7 +33,11 @@ _BACK_OFF_NS, _LONGEST_NS = 150_000_000, 2_000_000_000
 _PARTED_AREA = 0.45
 _TOUCHING = 3
 """Pixels within which a fragment touches a group."""
+_GAP, _ARM = 0.6, 0.8
+"""Metres in depth between a fragment and what it touches, and from there to most of it, at most."""
 _TIGHTNESS, _PIECES = 0.35, 6
+_FEWEST = 30
+"""Pixels of the smallest part that is measured."""
 
 
 class Newcomer:
@@ -238,9 +242,7 @@ class Newcomers:
                 parts += [(part, wall) for part in _before_walls(view, kind, rest, wall)]
                 parts += [(part, None) for part in _tight(view, kind, mask)]
             for part, walls in parts:
-                if any(
-                    (part & other.pixels).sum() > 0.5 * part.sum() for other in present if other.convincing
-                ):
+                if any(_mostly(part, other.pixels) for other in present if other.convincing):
                     continue
                 found = self._one(view, kind, part, walls)
                 if found is not None and found not in present:
@@ -254,9 +256,11 @@ class Newcomers:
 
     def _one(self, view: View, kind: UInt8, part: Bool, walls: Bool | None) -> Newcomer | None:
         """The newcomer that a group of pixels is, None where it has not a person's size."""
-        if np.count_nonzero(part) < 30:
+        if np.count_nonzero(part) < _FEWEST:
             return None
         centre, area, shares = measured(view, part, kind)
+        if not SMALLEST_AREA < area < LARGEST_AREA:
+            return None
         shape = shape_of(view, part, area, walls)
         # Everything is free before the walls that were taken away from it: it has to have a head as well.
         if shape.likeness == 0 or (walls is not None and not shape.upright):
@@ -274,6 +278,11 @@ class Newcomers:
         """Whether a thing is there that was taken for somebody."""
         self._refused = [(at, t) for at, t in self._refused if 0 <= time_ns - t < _REFUSED_NS]
         return any(float(np.linalg.norm((at - centre)[[0, 2]])) < _REFUSED for at, _ in self._refused)
+
+
+def _mostly(part: Bool, other: Bool) -> bool:
+    """Whether more than half of a part's pixels are another's too."""
+    return np.count_nonzero(part & other) > 0.5 * np.count_nonzero(part)
 
 
 def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
@@ -301,17 +310,16 @@ def measured(view: View, pixels: Bool, kind: UInt8) -> tuple[Float, float, tuple
 @njit(cache=True, nogil=True)
 def _measured(points, z, kind, part):  # type: ignore[no-untyped-def]
     """See :func:`measured`; the sum of the depths' squares in place of the area."""
-    pixels = pixels_of(part)
-    centre, squares, before, plain, width = np.zeros(3), 0.0, 0, 0, part.shape[1]
+    pixels, width = pixels_of(part), part.shape[1]
+    x, y, deep, squares, before, plain = 0.0, 0.0, 0.0, 0.0, 0, 0
     for i in range(len(pixels)):
         v, u = divmod(pixels[i], width)
-        for a in range(3):
-            centre[a] += points[v, u, a]
+        x, y, deep = x + points[v, u, 0], y + points[v, u, 1], deep + points[v, u, 2]
         squares += z[v, u] * z[v, u]
         before += kind[v, u] == BEFORE
         plain += kind[v, u] != UNLIKELY
     count = max(1, len(pixels))
-    return centre / count, squares, before / count, plain / count
+    return np.array([x, y, deep]) / count, squares, before / count, plain / count
 
 
 def _before_walls(view: View, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool]:
@@ -319,7 +327,7 @@ def _before_walls(view: View, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool
     if not walls.any():
         return []
     parts = [part for group in _pieces(view, kind, rest, 1.0) for part in parted(view.points, group)]
-    return [part for part in parts if np.percentile(view.points[part][:, 1], 99) > _STANDS]
+    return [part for part in parts if quantile(np.sort(view.points[..., 1][part]), 0.99) > _STANDS]
 
 
 def _tight(view: View, kind: UInt8, mask: Bool) -> list[Bool]:
@@ -329,24 +337,28 @@ def _tight(view: View, kind: UInt8, mask: Bool) -> list[Bool]:
 
 def _pieces(view: View, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]:
     """The largest parts of a mask that hang together, by steps in depth that small."""
-    inside = np.where(mask, kind, ROOM).astype(np.uint8)
-    labels, count = loose_groups(view.z, inside, np.full(mask.shape, -1), tightness)
-    size = np.bincount(labels.ravel(), minlength=count + 1)
-    size[0] = 0
+    places = pixels_of(mask & (kind != ROOM) & (kind != UNLIKELY))
+    labels, count = groups_of(view.z, places, tightness)
+    size = np.bincount(labels.ravel()[places], minlength=count + 1)
     return [labels == index for index in np.argsort(-size)[:_PIECES] if size[index] > 100]
 
 
 def _all_of(segments: Segments, main: Loose, view: View) -> Bool:
     """The main group with the fragments that seem to be its own, unless it is more like a person without."""
-    bare, mask = segments.group(main), _with_fragments(segments, main, view)
-    if mask.sum() == bare.sum() or shape_of(view, mask, main.area).upright:
+    bare = segments.group(main)
+    mask = _with_fragments(segments, main, bare, view)
+    if mask is bare or main.area >= LARGEST_AREA or shape_of(view, mask, main.area).upright:
         return mask
     return bare if shape_of(view, bare, main.area).upright else mask
 
 
-def _with_fragments(segments: Segments, main: Loose, view: View) -> Bool:
-    """The main group and smaller ones that touch it in the image within 0.6 m, a forearm held forward say."""
-    mask = segments.group(main)
+def _with_fragments(segments: Segments, main: Loose, bare: Bool, view: View) -> Bool:
+    """The main group and smaller ones that touch it within reach, a forearm held forward say.
+
+    Args:
+        bare: (h, w) the main group's pixels; returned where there are no others.
+    """
+    mask = bare
     top, left, bottom, right = main.box
     near = [
         other
@@ -366,13 +378,24 @@ def _with_fragments(segments: Segments, main: Loose, view: View) -> Bool:
         ]
         part, points = segments.labels[window] == other.label, view.points[window]
         contact = widened(part, _TOUCHING) & mask[window]
-        if contact.any():
-            gap = abs(float(np.median(points[part][:, 2]) - np.median(points[contact][:, 2])))
-            if gap < 0.6 and _reaches(points[part], points[contact]):
-                mask[window] |= part
+        if contact.any() and _reaches(points[part], points[contact]):
+            mask = mask.copy() if mask is bare else mask
+            mask[window] |= part
     return mask
 
 
 def _reaches(part: Float, contact: Float) -> bool:
-    """Whether a fragment stays within an arm's length of where it touches, unlike a wall."""
-    return bool(np.percentile(np.linalg.norm(part - contact.mean(0), axis=1), 90) < 0.8)
+    """Whether a fragment begins where it touches, and stays within an arm's length of that, unlike a wall.
+
+    Args:
+        part, contact: (N, 3) and (M, 3) metres, world frame, of the fragment and of what it touches.
+    """
+    gap = _median(part[:, 2]) - _median(contact[:, 2])
+    if abs(gap) >= _GAP:
+        return False
+    away = part - contact.mean(0)
+    return quantile(np.sort(np.sqrt((away * away).sum(1))), 0.9) < _ARM
+
+
+def _median(values: Float) -> float:
+    return float(quantile(np.sort(values), 0.5))

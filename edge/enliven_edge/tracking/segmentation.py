@@ -128,7 +128,12 @@ def lying_on(view: View, postures: Sequence[Posture], above: float, reach: float
 
 def loose_groups(z: Float, kind: UInt8, owner: Int, tightness: float = 1.0) -> tuple[Int, int]:
     """(h, w) groups 1..n of nobody's candidate pixels that touch with a small step in depth, and n."""
-    labels, groups = _grouped(z, _candidates(kind, owner), tightness)
+    return groups_of(z, _candidates(kind, owner), tightness)
+
+
+def groups_of(z: Float, pixels: Int, tightness: float = 1.0) -> tuple[Int, int]:
+    """(h, w) groups 1..n of (M,) int32 places, in reading order, that touch with a small step in depth, and n."""
+    labels, groups = _grouped(z, pixels, tightness)
     return np.asarray(labels), int(groups)
 
 
