@@ -195,11 +195,10 @@ def _built(points, along, ordered, ordered_along, bands):  # type: ignore[no-unt
 def samples(points, pixels, most):  # type: ignore[no-untyped-def]
     """(3, M) every k-th of the (h, w, 3) points at (N,) places, in reading order; M < 2 ``most``."""
     step = max(1, len(pixels) // most)
-    out, width = np.empty((3, (len(pixels) + step - 1) // step)), points.shape[1]
+    out, points = np.empty((3, (len(pixels) + step - 1) // step)), points.reshape(-1, 3)
     for i in range(out.shape[1]):
-        v, u = divmod(pixels[i * step], width)
         for a in range(3):
-            out[a, i] = points[v, u, a]
+            out[a, i] = points[pixels[i * step], a]
     return out
 
 

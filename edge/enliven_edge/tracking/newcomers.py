@@ -310,14 +310,13 @@ def measured(view: View, pixels: Bool, kind: UInt8) -> tuple[Float, float, tuple
 @njit(cache=True, nogil=True)
 def _measured(points, z, kind, part):  # type: ignore[no-untyped-def]
     """See :func:`measured`; the sum of the depths' squares in place of the area."""
-    pixels, width = pixels_of(part), part.shape[1]
-    x, y, deep, squares, before, plain = 0.0, 0.0, 0.0, 0.0, 0, 0
-    for i in range(len(pixels)):
-        v, u = divmod(pixels[i], width)
-        x, y, deep = x + points[v, u, 0], y + points[v, u, 1], deep + points[v, u, 2]
-        squares += z[v, u] * z[v, u]
-        before += kind[v, u] == BEFORE
-        plain += kind[v, u] != UNLIKELY
+    points, z, kind = points.reshape(-1, 3), z.ravel(), kind.ravel()
+    x, y, deep, squares, before, plain, pixels = 0.0, 0.0, 0.0, 0.0, 0, 0, pixels_of(part)
+    for i in pixels:
+        x, y, deep = x + points[i, 0], y + points[i, 1], deep + points[i, 2]
+        squares += z[i] * z[i]
+        before += kind[i] == BEFORE
+        plain += kind[i] != UNLIKELY
     count = max(1, len(pixels))
     return np.array([x, y, deep]) / count, squares, before / count, plain / count
 

@@ -14,7 +14,7 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int, UInt8
 from enliven.kernels import njit
 from enliven.masks import pixels_of
-from enliven.union_find import join, root_of
+from enliven.union_find import root_of
 from enliven_edge.tracking.belonging import given_back, grown
 from enliven_edge.tracking.claiming import claim, image_boxes
 from enliven_edge.tracking.posture import Posture
@@ -105,7 +105,7 @@ def segmented(
     pixels = _candidates(kind, owner)
     labels, groups = _grouped(view.z, pixels, 1.0)
     loose, joined = _judged(_table(view, pixels, labels, groups, owner, count))
-    counts = _join(owner, labels, pixels, joined, count)
+    counts = _join(owner, labels, pixels, joined, count) if count else np.zeros(0, np.int64)
     if count > 1:
         kept, counts = counts, given_back(owner, view.z, counts)
         if (kept != counts).any():
@@ -152,20 +152,27 @@ def _grouped(z, pixels, tightness):  # type: ignore[no-untyped-def]
     """(h, w) the number of the group of each of (M,) pixels, 0 for all others; how many groups there are."""
     shape, width, z = z.shape, z.shape[1], z.ravel()
     # Until the groups are numbered a pixel's label is its number among the pixels, from 1.
-    labels, parent = np.zeros(len(z), np.int64), np.arange(len(pixels))
+    labels, parent, row = np.zeros(len(z), np.int64), np.arange(len(pixels)), 0
     for n in range(len(pixels)):
         here = pixels[n]
         labels[here] = n + 1
+        while here >= row + width:
+            row += width
         step = (0.035 + 0.012 * z[here] * z[here]) * tightness
-        left, above = here - 1 if here % width > 0 else -1, here - width
+        left, above = here - 1 if here > row else -1, here - width
+        root = n
         if left >= 0 and labels[left] > 0 and abs(z[here] - z[left]) < step:
-            join(parent, n, n - 1)
+            root = root_of(parent, n - 1)
         if above >= 0 and labels[above] > 0 and abs(z[here] - z[above]) < step:
-            join(parent, n, labels[above] - 1)
+            other = root_of(parent, labels[above] - 1)
+            # A root is the first pixel of its group.
+            root, later = min(root, other), max(root, other)
+            parent[later] = root
+        parent[n] = root
     count = 0
     for n in range(len(pixels)):
         root = root_of(parent, n)
-        # A root is the first pixel of its group, so it was numbered before all others.
+        # It was numbered before all others of its group.
         count += root == n
         labels[pixels[n]] = count if root == n else labels[pixels[root]]
     return labels.reshape(shape), count
@@ -196,6 +203,8 @@ def _measured(z, points, pixels, labels, groups, owner, people, pixel):  # type:
         row[10] += 1.0
         row[11], row[12] = min(row[11], v), min(row[12], u)
         row[13], row[14] = max(row[13], v + 1.0), max(row[14], u + 1.0)
+        if people == 0:
+            continue
         step = 0.035 + 0.012 * z[v, u] * z[v, u]
         for q, p in ((v - 1, u), (v + 1, u), (v, u - 1), (v, u + 1)):
             if 0 <= q < height and 0 <= p < width and owner[q, p] >= 0 and abs(z[q, p] - z[v, u]) < step:

@@ -51,11 +51,12 @@ def _seen_from_above(points, z, pixels):  # type: ignore[no-untyped-def]
         points: (h, w, 3) metres, world frame.
         z: (h, w) metres.
     """
-    out, squares, width = np.empty((3, len(pixels))), 0.0, z.shape[1]
+    points, z = points.reshape(-1, 3), z.ravel()
+    out, squares = np.empty((3, len(pixels))), 0.0
     for n in range(len(pixels)):
-        v, u = divmod(pixels[n], width)
-        out[0, n], out[1, n], out[2, n] = points[v, u, 0], points[v, u, 2], z[v, u]
-        squares += z[v, u] * z[v, u]
+        i = pixels[n]
+        out[0, n], out[1, n], out[2, n] = points[i, 0], points[i, 2], z[i]
+        squares += z[i] * z[i]
     return out, squares
 
 
