@@ -36,19 +36,26 @@ def parted(points: Float, mask: Bool) -> list[Bool]:
     columns = columns_of(samples(points, pixels_of(mask), _SAMPLES))
     if len(columns) < 2:
         return [mask]
-    nearest = _nearest(points, mask, columns)
-    return [nearest == k for k in range(len(columns))]
+    return list(_nearest(points, mask, columns))
 
 
 def columns_of(points: Float) -> Float:
     """(N, 2) x and z of the people in (3, M) points: peaks of the height map over a filled column."""
-    flat = points[::2]
-    origin = flat.min(1)
-    cells = np.floor((flat - origin[:, None]) / _CELL).astype(int)
-    height = np.zeros(cells.max(1) + 1)
-    np.maximum.at(height, (cells[0], cells[1]), points[1])
+    height, origin = _seen_from_above(points)
     order = np.argsort(-height, axis=None)[:_PEAKS]
     return np.asarray(_columns(points, height, order, origin))
+
+
+@njit(cache=True, nogil=True)
+def _seen_from_above(points):  # type: ignore[no-untyped-def]
+    """(X, Z) metres, the highest of (3, M) points in each cell, 0 at the least; (2,) the first cell's corner."""
+    left, back = points[0].min(), points[2].min()
+    wide, deep = int((points[0].max() - left) / _CELL), int((points[2].max() - back) / _CELL)
+    height = np.zeros((wide + 1, deep + 1))
+    for n in range(points.shape[1]):
+        i, j = int((points[0, n] - left) / _CELL), int((points[2, n] - back) / _CELL)
+        height[i, j] = max(height[i, j], points[1, n])
+    return height, np.array([left, back])
 
 
 @njit(cache=True, nogil=True)
@@ -119,14 +126,13 @@ def _shoulder(points, x, z, top):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _nearest(points, mask, columns):  # type: ignore[no-untyped-def]
-    """(h, w) which of (N, 2) columns is nearest to each of the masked points; -1 elsewhere."""
-    out = np.full(mask.shape, -1, np.int32)
-    for v in range(mask.shape[0]):
-        for u in range(mask.shape[1]):
-            if mask[v, u]:
-                least = np.inf
-                for k in range(len(columns)):
-                    dx, dz = points[v, u, 0] - columns[k, 0], points[v, u, 2] - columns[k, 1]
-                    if dx * dx + dz * dz < least:
-                        least, out[v, u] = dx * dx + dz * dz, k
-    return out
+    """(N, h, w) which of the masked points each of (N, 2) columns is the nearest to."""
+    points, out = points.reshape(-1, 3), np.zeros((len(columns), mask.size), np.bool_)
+    for i in pixels_of(mask):
+        least, nearest = np.inf, 0
+        for k in range(len(columns)):
+            dx, dz = points[i, 0] - columns[k, 0], points[i, 2] - columns[k, 1]
+            if dx * dx + dz * dz < least:
+                least, nearest = dx * dx + dz * dz, k
+        out[nearest, i] = True
+    return out.reshape((len(columns), mask.shape[0], mask.shape[1]))

@@ -14,6 +14,8 @@ from enliven_edge.tracking.view import View
 SMALLEST_AREA, LARGEST_AREA = 0.06, 1.6
 _SHORTEST, _WIDEST, _DEEPEST = 0.3, 2.4, 1.6
 _TALLEST = 2.6
+_MUCH, _HIGH = 0.7, 1.8
+"""Square metres and metres beyond which more of a group is no more like a person."""
 _FLAT, _BROAD = 0.022, 0.35
 _BIN, _GRID = 0.04, 0.06
 _HEAD = 0.14
@@ -35,7 +37,8 @@ class Shape:
     """What a group of pixels looks like.
 
     Attributes:
-        likeness: how much it is like a person by its size alone; 0 where it cannot be one.
+        area: square metres that are seen, towards the sensor.
+        size: metres that it is tall, up to a person's height; 0 where its extents are not a person's.
         crown: metres above the floor of its top.
         thickness: metres, the standard deviation from its best plane.
         wide: metres across, the larger of its two horizontal extents.
@@ -49,7 +52,8 @@ class Shape:
         cut: whether it runs out of the image below.
     """
 
-    likeness: float
+    area: float
+    size: float
     crown: float
     thickness: float
     wide: float
@@ -60,6 +64,11 @@ class Shape:
     behind: float
     border: float
     cut: bool
+
+    @property
+    def likeness(self) -> float:
+        """How much it is like a person by its size alone; 0 where it cannot be one."""
+        return min(self.area, _MUCH) * self.size if SMALLEST_AREA < self.area < LARGEST_AREA else 0.0
 
     @property
     def possible(self) -> bool:
@@ -109,10 +118,9 @@ def shape_of(view: View, mask: Bool, area: float, walls: Bool | None = None) -> 
     thickness, along = _flattened(points)
     ordered = np.sort(points, axis=1)
     wide, tall, deep, crown, head, head_width, fill = _built(points, along, ordered, np.sort(along), _BANDS)
-    fits = SMALLEST_AREA < area < LARGEST_AREA and tall >= _SHORTEST and wide <= _WIDEST and deep <= _DEEPEST
-    likeness = float(min(area, 0.7) * min(tall, 1.8)) if fits else 0.0
+    size = min(tall, _HIGH) if tall >= _SHORTEST and wide <= _WIDEST and deep <= _DEEPEST else 0.0
     wide = max(wide, deep)
-    return Shape(likeness, crown, thickness, wide, head, head_width, fill, free, behind, border, cut)
+    return Shape(area, size, crown, thickness, wide, head, head_width, fill, free, behind, border, cut)
 
 
 @njit(cache=True, nogil=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,7 +31,8 @@ _CHECK_NS = 250_000_000
 _REFUSED, _REFUSED_NS = 0.4, 20_000_000_000
 _BEHIND, _PATIENCE_NS = 0.25, 800_000_000
 _BACK_OFF_NS, _LONGEST_NS = 150_000_000, 2_000_000_000
-_PARTED_AREA = 0.45
+_PARTED_AREA, _USUAL = 0.45, 0.5
+"""Square metres of the smallest group that is parted, and that are seen of a person, about."""
 _TOUCHING = 3
 """Pixels within which a fragment touches a group."""
 _GAP, _ARM = 0.6, 0.8
@@ -231,12 +233,14 @@ class Newcomers:
                 same.seen_ns = view.time_ns
                 present.append(same)
                 continue
-            mask = _all_of(segments, group, view)
+            mask, shape = _all_of(segments, group, view)
             if not mask.any():  # a person has taken all of it back
                 continue
             bare = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
             parts: list[tuple[Bool, Bool | None]] = [(part, None) for part in bare]
-            if young and group.area > _PARTED_AREA and not shape_of(view, mask, 0.5).possible:
+            if young and group.area > _PARTED_AREA:
+                shape = shape or shape_of(view, mask, group.area)
+            if young and group.area > _PARTED_AREA and not replace(shape, area=_USUAL).possible:
                 rest = without_walls(view, mask)
                 wall = mask & ~rest
                 parts += [(part, wall) for part in _before_walls(view, kind, rest, wall)]
@@ -244,7 +248,7 @@ class Newcomers:
             for part, walls in parts:
                 if any(_mostly(part, other.pixels) for other in present if other.convincing):
                     continue
-                found = self._one(view, kind, part, walls)
+                found = self._one(view, kind, part, walls, shape if part is mask else None)
                 if found is not None and found not in present:
                     found.parts = bare if walls is None else []
                     found.bystander = not admits(found.centre)
@@ -254,14 +258,20 @@ class Newcomers:
         self._known = [n for n in self._known if n in present or 0 <= view.time_ns - n.seen_ns < _FORGET_NS]
         return sorted(present, key=lambda n: -n.shape.likeness)
 
-    def _one(self, view: View, kind: UInt8, part: Bool, walls: Bool | None) -> Newcomer | None:
-        """The newcomer that a group of pixels is, None where it has not a person's size."""
+    def _one(
+        self, view: View, kind: UInt8, part: Bool, walls: Bool | None, shape: Shape | None
+    ) -> Newcomer | None:
+        """The newcomer that a group of pixels is, None where it has not a person's size.
+
+        Args:
+            shape: of the group, where that was measured before, but for its area.
+        """
         if np.count_nonzero(part) < _FEWEST:
             return None
         centre, area, shares = measured(view, part, kind)
         if not SMALLEST_AREA < area < LARGEST_AREA:
             return None
-        shape = shape_of(view, part, area, walls)
+        shape = shape_of(view, part, area, walls) if shape is None else replace(shape, area=area)
         # Everything is free before the walls that were taken away from it: it has to have a head as well.
         if shape.likeness == 0 or (walls is not None and not shape.upright):
             return None
@@ -342,13 +352,20 @@ def _pieces(view: View, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]
     return [labels == index for index in np.argsort(-size)[:_PIECES] if size[index] > 100]
 
 
-def _all_of(segments: Segments, main: Loose, view: View) -> Bool:
-    """The main group with the fragments that seem to be its own, unless it is more like a person without."""
+def _all_of(segments: Segments, main: Loose, view: View) -> tuple[Bool, Shape | None]:
+    """The main group with the fragments that seem to be its own, unless it is more like a person without.
+
+    And its shape, where that was measured to tell.
+    """
     bare = segments.group(main)
     mask = _with_fragments(segments, main, bare, view)
-    if mask is bare or main.area >= LARGEST_AREA or shape_of(view, mask, main.area).upright:
-        return mask
-    return bare if shape_of(view, bare, main.area).upright else mask
+    if mask is bare or main.area >= LARGEST_AREA:
+        return mask, None
+    shape = shape_of(view, mask, main.area)
+    if shape.upright:
+        return mask, shape
+    without = shape_of(view, bare, main.area)
+    return (bare, without) if without.upright else (mask, shape)
 
 
 def _with_fragments(segments: Segments, main: Loose, bare: Bool, view: View) -> Bool:

@@ -37,10 +37,11 @@ def without_walls(view: View, mask: Bool, seed: int = 0) -> Bool:
         on, along, flat = _lying_on(seen, line)
         if not line.any() or flat * pixel < _AREA or not _is_wall(along):
             break
-        pixels, seen, squares = pixels[~on], seen[:, ~on], squares - flat
-    rest = np.zeros(mask.shape, bool)
-    rest.ravel()[pixels] = True
-    return rest
+        rest = np.flatnonzero(~on)
+        pixels, seen, squares = pixels[rest], seen.take(rest, axis=1), squares - flat
+    left = np.zeros(mask.shape, bool)
+    left.ravel()[pixels] = True
+    return left
 
 
 @njit(cache=True, nogil=True)
