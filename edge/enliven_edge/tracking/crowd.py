@@ -275,7 +275,7 @@ class Crowd:
         newcomers = self._newcomers.update(
             view, kind, segments, self._admits, self._awaits, young=room.age < YOUNG
         )
-        self._budget.left -= (self.settings.search.fits_per_frame if room.age == 0.0 else len(newcomers))
+        self._budget.left -= len(newcomers)
         if self.settings.estimator:
             recognise(newcomers, view, self._budget)
         hold = np.zeros(view.z.shape, bool)
@@ -289,7 +289,11 @@ class Crowd:
             self._lookout.stop()
         elif not self._lookout.busy:
             self._look_at(due, view)
-        self._budget.left = max(0.0 if room.age == 0.0 else _LEAST, self._budget.left)
+        if room.age > 0.0:
+            self._budget.left = max(_LEAST, self._budget.left)
+        elif self._budget.left < np.inf:
+            # All that stands in a new room was measured in this frame: the search goes on in the next one.
+            self._budget.left = 0.0
         for sighting in self._lookout.go_on(self._budget):
             pixels = self._caught_up(sighting, view, kind, segments)
             if pixels is not None:

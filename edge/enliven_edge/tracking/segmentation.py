@@ -94,7 +94,8 @@ def segmented(
     """
     shape, count = kind.shape, len(postures)
     handicap = np.zeros(count) if handicap is None else handicap
-    owner, distance = np.full(shape, -1, np.int64), np.full(shape, np.inf)
+    owner = np.full(shape, -1, np.int64)
+    distance = np.full(shape if count else (0, 0), np.inf)
     if count:
         capsules = [posture.capsules() for posture in postures]
         ends, radii = np.stack([c[0] for c in capsules]), np.stack([c[1] for c in capsules])
@@ -152,7 +153,7 @@ def _grouped(z, pixels, tightness):  # type: ignore[no-untyped-def]
     """(h, w) the number of the group of each of (M,) pixels, 0 for all others; how many groups there are."""
     shape, width, z = z.shape, z.shape[1], z.ravel()
     # Until the groups are numbered a pixel's label is its number among the pixels, from 1.
-    labels, parent, row = np.zeros(len(z), np.int64), np.arange(len(pixels)), 0
+    labels, parent, row = np.zeros(len(z), np.int32), np.arange(len(pixels), dtype=np.int32), 0
     for n in range(len(pixels)):
         here = pixels[n]
         labels[here] = n + 1
@@ -192,13 +193,20 @@ def _measured(z, points, pixels, labels, groups, owner, people, pixel):  # type:
     out = np.zeros((groups + 1, 15 + people))
     out[:, 1:4], out[:, 4:7] = np.inf, -np.inf
     out[:, 11:13] = 1e9
+    depth, label, place, v = z.ravel(), labels.ravel(), points.reshape(-1, 3), 0
     for n in range(len(pixels)):
-        v, u = pixels[n] // width, pixels[n] % width
-        row = out[labels[v, u]]
-        row[0] += z[v, u] * z[v, u] * pixel
+        i = np.uintp(pixels[n])
+        while pixels[n] >= (v + 1) * width:
+            v += 1
+        u, row = pixels[n] - v * width, out[np.uintp(label[i])]
+        row[0] += depth[i] * depth[i] * pixel
         for a in range(3):
-            p = points[v, u, a]
-            row[1 + a], row[4 + a] = min(row[1 + a], p), max(row[4 + a], p)
+            p = place[i, a]
+            # Few pixels are a corner: what is not is not written again.
+            if p < row[1 + a]:
+                row[1 + a] = p
+            if p > row[4 + a]:
+                row[4 + a] = p
             row[7 + a] += p
         row[10] += 1.0
         row[11], row[12] = min(row[11], v), min(row[12], u)
@@ -240,14 +248,13 @@ def _loose(g: int, row: Float) -> Loose:
 @njit(cache=True, nogil=True)
 def _join(owner, labels, pixels, joined, people):  # type: ignore[no-untyped-def]
     """Gives the (M,) pixels of joined groups to their owners, in place; each person's number of pixels."""
-    width = owner.shape[1]
-    for n in range(len(pixels)):
-        v, u = pixels[n] // width, pixels[n] % width
-        whose = joined[labels[v, u]]
+    owner, labels = owner.ravel(), labels.ravel()
+    for i in pixels:
+        whose = joined[labels[i]]
         if whose >= 0:
-            owner[v, u], labels[v, u] = whose, 0
+            owner[i], labels[i] = whose, 0
     counts = np.zeros(people, np.int64)
-    for k in owner.ravel():
+    for k in owner:
         if k >= 0:
             counts[k] += 1
     return counts
