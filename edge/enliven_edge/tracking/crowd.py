@@ -334,8 +334,11 @@ class Crowd:
 
     def sought(self, view: View) -> Bool:
         """(h, w) the pixels of those who may be people and are being looked at."""
-        pixels = [n.pixels for n in self._lookout.sought if n.seen_ns == view.time_ns]
-        return np.logical_or.reduce([np.zeros(view.z.shape, bool), *pixels])
+        made = np.zeros(view.z.shape, bool)
+        for newcomer in self._lookout.sought:
+            if newcomer.seen_ns == view.time_ns:
+                made |= newcomer.pixels
+        return made
 
     def _admits(self, place: Float) -> bool:
         """Whether somebody new at a place may be a performer."""

@@ -109,9 +109,9 @@ def shape_of(view: View, mask: Bool, area: float, walls: Bool | None = None) -> 
     """The shape of the (h, w) masked pixels, which cover ``area`` square metres towards the sensor.
 
     Args:
-        walls: (h, w) what is a wall: behind the mask, however near.
+        walls: (h, w) what is measured of a wall: behind the mask, however near.
     """
-    z = view.z if walls is None else np.where(walls & (view.z > 0), view.z + _WALL_BEHIND, view.z)
+    z = view.z if walls is None else view.z + _WALL_BEHIND * walls
     pixels = pixels_of(mask)
     free, behind, border, cut = _outline(z, mask, pixels)
     points = samples(view.points, pixels, _SAMPLES)

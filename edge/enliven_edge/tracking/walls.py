@@ -100,6 +100,7 @@ def _thickness(z: Float) -> Float:
 def _best_line(points, thickness, weight, pairs):  # type: ignore[no-untyped-def]
     """(3,) the line a x + b z + c = 0 through two of the (N, 2) points on which most weight lies."""
     best, found = 0.0, np.zeros(3)
+    x, z = points[:, 0].copy(), points[:, 1].copy()
     for trial in range(len(pairs)):
         p, q = points[pairs[trial, 0]], points[pairs[trial, 1]]
         dx, dz = q[0] - p[0], q[1] - p[1]
@@ -109,9 +110,9 @@ def _best_line(points, thickness, weight, pairs):  # type: ignore[no-untyped-def
         a, b = -dz / length, dx / length
         c = -(a * p[0] + b * p[1])
         on = 0.0
-        for i in range(len(points)):
+        for i in range(len(x)):
             # Without a branch, so that many points are counted at once.
-            on += weight[i] if abs(a * points[i, 0] + b * points[i, 1] + c) < thickness[i] else 0.0
+            on += weight[i] if abs(a * x[i] + b * z[i] + c) < thickness[i] else 0.0
         if on > best:
             best = on
             found[0], found[1], found[2] = a, b, c
