@@ -48,7 +48,7 @@ def columns_of(points: Float) -> Float:
 
 @njit(cache=True, nogil=True)
 def _seen_from_above(points):  # type: ignore[no-untyped-def]
-    """(X, Z) metres, the highest of (3, M) points in each cell, 0 at the least; (2,) the first cell's corner."""
+    """(X, Z) metres, the highest of (3, M) points in each cell, at least 0; (2,) the first cell's corner."""
     left, back = points[0].min(), points[2].min()
     wide, deep = int((points[0].max() - left) / _CELL), int((points[2].max() - back) / _CELL)
     height = np.zeros((wide + 1, deep + 1))

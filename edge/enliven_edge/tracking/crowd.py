@@ -44,8 +44,9 @@ _ABOUT, _TALLER = 1.5, 0.12
 _WELL_KNOWN = 10
 """Frames after which somebody's proportions are known."""
 _ANEW, _LEAST, _MEASURED = 1 / 4, 6, 1 / 3
-"""What looking anew for people who are followed may cost, of what the search for new ones may; the coarse fits
-that the latter may cost in every frame, however many groups of pixels are measured in it; and those of one."""
+"""What looking anew for people who are followed may cost, of what the search for new ones may; the coarse
+fits that the latter may cost in every frame, however many groups of pixels are measured in it; and what to
+measure one of these costs, in coarse fits."""
 _IN_PLAN = np.array([1.0, 0.0, 1.0])
 """What of a step of a group's middle is one of the person's: its height changes with what is seen of them."""
 

@@ -183,7 +183,7 @@ def _least_eigenvalue(xx, yy, zz, xy, xz, yz):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _built(points, along, ordered, ordered_along, bands):  # type: ignore[no-untyped-def]
-    """Of (3, M) points: metres wide, tall and deep, of the crown; head, head_width, fill as of :class:`Shape`.
+    """Metres that (3, M) points are wide, tall, deep; crown, head, head_width, fill as of :class:`Shape`.
 
     Args:
         along: (M,) metres along the longest level way.
@@ -289,7 +289,8 @@ def _edges(mask, pixels):  # type: ignore[no-untyped-def]
     out, count = np.empty(len(pixels) + 1, np.int32), 0
     for n in range(len(pixels)):
         i = np.int64(pixels[n])
-        left, right, above = np.uintp(max(0, i - 1)), np.uintp(min(len(flat) - 1, i + 1)), np.uintp(max(0, i - width))
+        left, right = np.uintp(max(0, i - 1)), np.uintp(min(len(flat) - 1, i + 1))
+        above = np.uintp(max(0, i - width))
         out[np.uintp(count)] = i
         count += not (flat[left] and flat[right] and flat[above])
     return out[:count]

@@ -42,6 +42,10 @@ _FEWEST = 30
 """Pixels of the smallest part that is measured."""
 
 
+Part = tuple[Bool, Bool | None]
+"""(h, w) some pixels of a group, and those of the walls before which they are, where any are known."""
+
+
 class Newcomer:
     """A group of pixels of a person's size.
 
@@ -133,14 +137,14 @@ class Newcomer:
 
     @property
     def _knowable(self) -> bool:
-        """Whether it is believed where the network takes it for a person: a panel never is."""
+        """Whether it convinces where the network takes it for a person: a panel never does."""
         return self.shape.possible and (self.shape.cut or self.shape.crown > _TALL)
 
     def puzzles(self, time_ns: int) -> bool:
         """Whether its shape does not convince, so that the network is to be asked, now and then."""
         if self.area < _LEAST or self.refused or (self.convincing and not self.recognised):
             return False
-        if not self._knowable:
+        if not self._knowable:  # no answer would change anything
             return False
         if self._asked_ns is not None and 0 <= time_ns - self._asked_ns < _CHECK_NS:
             return False
@@ -237,14 +241,11 @@ class Newcomers:
             if not mask.any():  # a person has taken all of it back
                 continue
             bare = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
-            parts: list[tuple[Bool, Bool | None]] = [(part, None) for part in bare]
+            parts: list[Part] = [(part, None) for part in bare]
             if young and group.area > _PARTED_AREA:
                 shape = shape or shape_of(view, mask, group.area)
-            if young and group.area > _PARTED_AREA and not replace(shape, area=_USUAL).possible:
-                rest = without_walls(view, mask)
-                wall = mask & ~rest
-                parts += [(part, wall) for part in _before_walls(view, kind, rest, wall)]
-                parts += [(part, None) for part in _tight(view, kind, mask)]
+                if not replace(shape, area=_USUAL).possible:
+                    parts += _beside_walls(view, kind, mask)
             for part, walls in parts:
                 if any(_mostly(part, other.pixels) for other in present if other.convincing):
                     continue
@@ -292,7 +293,7 @@ class Newcomers:
 
 def _mostly(part: Bool, other: Bool) -> bool:
     """Whether more than half of a part's pixels are another's too."""
-    return np.count_nonzero(part & other) > 0.5 * np.count_nonzero(part)
+    return bool(np.count_nonzero(part & other) > 0.5 * np.count_nonzero(part))
 
 
 def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
@@ -329,6 +330,14 @@ def _measured(points, z, kind, part):  # type: ignore[no-untyped-def]
         plain += kind[i] != UNLIKELY
     count = max(1, len(pixels))
     return np.array([x, y, deep]) / count, squares, before / count, plain / count
+
+
+def _beside_walls(view: View, kind: UInt8, mask: Bool) -> list[Part]:
+    """Parts of a group that may be people before a wall in it or beside one."""
+    rest = without_walls(view, mask)
+    walls = mask & ~rest
+    before: list[Part] = [(part, walls) for part in _before_walls(view, kind, rest, walls)]
+    return before + [(part, None) for part in _tight(view, kind, mask)]
 
 
 def _before_walls(view: View, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool]:

@@ -133,7 +133,11 @@ def loose_groups(z: Float, kind: UInt8, owner: Int, tightness: float = 1.0) -> t
 
 
 def groups_of(z: Float, pixels: Int, tightness: float = 1.0) -> tuple[Int, int]:
-    """(h, w) groups 1..n of (M,) int32 places, in reading order, that touch with a small step in depth, and n."""
+    """(h, w) groups 1..n of pixels that touch with a small step in depth, and n.
+
+    Args:
+        pixels: (M,) int32 their places in reading order.
+    """
     labels, groups = _grouped(z, pixels, tightness)
     return np.asarray(labels), int(groups)
 
