@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.body_model.joint_limits import standing
@@ -17,7 +19,7 @@ from enliven_edge.tracking.people.identity import Looks
 from enliven_edge.tracking.people.people import Crowd
 from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.scene.room import UNSEEN, Room
-from enliven_edge.tracking.segment.candidates import YOUNG
+from enliven_edge.tracking.segment.candidates import YOUNG, _reaches
 from enliven_edge.tracking.segment.segmentation import segmented
 from enliven_edge.tracking.settings import TrackerSettings
 
@@ -74,3 +76,15 @@ def test_a_shank_beside_who_is_yet_to_be_found_is_held():
     view = drawn(SOMEBODY, SHANK)
     np.testing.assert_array_equal(held(view, None), view.z > 0)
     assert not held(drawn(SOMEBODY, (1.0, 1.12, 0.25, 0.6)), None)[:, 65:].any()
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=40, deadline=None)
+def test_a_fragment_reaches_as_its_median_and_percentile_say(seed):
+    random = np.random.default_rng(seed)
+    part = random.normal(0.0, random.uniform(0.1, 0.6), (random.integers(1, 40), 3))
+    contact = random.normal(random.uniform(-0.8, 0.8), 0.1, (random.integers(1, 9), 3))
+    gap = abs(np.median(part[:, 2]) - np.median(contact[:, 2]))
+    away = np.percentile(np.linalg.norm(part - contact.mean(0), axis=1), 90)
+    assume(abs(gap - 0.6) > 1e-9 and abs(away - 0.8) > 1e-9)
+    assert _reaches(part, contact) == (gap < 0.6 and away < 0.8)

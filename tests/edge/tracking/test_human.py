@@ -9,7 +9,7 @@ from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
 from enliven_edge.tracking.frame.view import View
 from enliven_edge.tracking.segment.columns import parted
-from enliven_edge.tracking.segment.person_shape import outline, shape_of
+from enliven_edge.tracking.segment.person_shape import _flattened, outline, shape_of
 
 CAMERA = WorkingCamera(Intrinsics(160, 120, 130, 130, 79.5, 59.5), 160)
 MOUNT = world_from_level_camera(1.2)
@@ -108,6 +108,58 @@ def test_the_images_border_counts_as_measured():
     z[:20, :20], mask[:20, :20] = 2.5, True
     free, _, border, _ = outline(z, mask)
     assert (free, border) == (0.0, 1.0)
+
+
+def obvious_outline(z, mask):
+    """What :func:`outline` tells, by a walk over every pixel."""
+    width = z.shape[1]
+    step, counts = 0.05 + 0.012 * z**2, np.zeros(4, int)
+    for v, u in ((0, -1), (0, 1), (-1, 0)):
+        for i, j in np.argwhere(mask):
+            if not (i + v >= 0 and 0 <= j + u < width):
+                counts[3] += 1
+            elif not mask[i + v, j + u] and i + 3 * v >= 0 and 0 <= j + 3 * u < width:
+                beyond = z[i + 3 * v, j + 3 * u]
+                if beyond and not mask[i + 3 * v, j + 3 * u]:
+                    counts[
+                        0 if beyond > z[i, j] + step[i, j] else 1 if beyond < z[i, j] - step[i, j] else 2
+                    ] += 1
+    farther, nearer, _, border = counts / max(1, counts.sum())
+    return farther, nearer, border, mask[-2:].sum() > 0.05 * width
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=30, deadline=None)
+def test_the_outline_is_that_of_the_obvious_walk(seed):
+    """Of patches of any form at any place of the image, among depths that are near each other."""
+    random = np.random.default_rng(seed)
+    z, mask = random.choice([2.0, 2.08, 2.6], (24, 31)), np.zeros((24, 31), bool)
+    for _ in range(3):
+        top, left = random.integers(0, 20, 2)
+        mask[top : top + random.integers(1, 12), left : left + random.integers(1, 12)] = True
+    mask &= random.uniform(size=mask.shape) < 0.9
+    z[random.uniform(size=z.shape) < 0.1] = 0.0
+    z[mask & (z == 0.0)] = 2.0
+    np.testing.assert_allclose(outline(z, mask), obvious_outline(z, mask), atol=1e-12)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=30, deadline=None)
+def test_the_best_plane_and_the_longest_way_are_lapacks(seed):
+    random = np.random.default_rng(seed)
+    points = random.standard_normal((3, 3)) * random.uniform(0.01, 1.0, 3) @ random.standard_normal((3, 60))
+    thickness, along = _flattened(points)
+    centred = points - points.mean(1, keepdims=True)
+    covariance = centred @ centred.T / 60
+    assert thickness == pytest.approx(np.sqrt(np.linalg.eigvalsh(covariance)[0]), abs=1e-6)
+    way = np.linalg.eigh(covariance[::2, ::2])[1][:, 1]
+    np.testing.assert_allclose(np.abs(along), np.abs(way @ centred[::2]), atol=1e-7)
+
+
+def test_points_in_one_place_have_no_thickness():
+    thickness, along = _flattened(np.ones((3, 5)))
+    assert thickness == 0.0
+    assert not along.any()
 
 
 def test_what_runs_out_of_the_image_is_cut():

@@ -168,3 +168,19 @@ def test_who_was_plainly_a_person_for_long_stays_one(plain_frames, vague, scene)
         someone.follow(view, mask, whole=True)
     assert someone.vague == vague
     assert person._PLAIN_FRAMES == 10
+
+
+def test_the_network_is_asked_where_its_answer_tells(scene):
+    """Of a person with raised arms, now and then; not of a panel, which no answer makes a person."""
+    view, pixels = scene
+    raised = newcomer(view, pixels)
+    raised.shape = replace(raised.shape, head=1.0)
+    assert not raised.convincing
+    assert [raised.puzzles(ns) for ns in (0, 100_000_000, 300_000_000)] == [True, False, True]
+    raised.recognised = True
+    assert raised.convincing
+    panel = newcomer(view, pixels)
+    panel.shape = replace(panel.shape, head=1.0, thickness=0.01, wide=0.5)
+    assert not panel.puzzles(0)
+    panel.recognised = True
+    assert not panel.convincing

@@ -40,9 +40,10 @@ _ZONE_MARGIN = 0.15
 _ABOUT, _TALLER = 1.5, 0.12
 _WELL_KNOWN = 10
 """Frames after which somebody's proportions are known."""
-_ANEW, _LEAST = 1 / 4, 6
-"""What looking anew for people who are followed may cost, of what the search for new ones may; and the coarse
-fits that the latter may cost in every frame, however many groups of pixels are measured in it (one each)."""
+_ANEW, _LEAST, _MEASURED = 1 / 4, 6, 1 / 3
+"""What looking anew for people who are followed may cost, of what the search for new ones may; the coarse
+fits that the latter may cost in every frame, however many groups of pixels are measured in it; and what to
+measure one of these costs, in coarse fits."""
 _IN_PLAN = np.array([1.0, 0.0, 1.0])
 """What of a step of a group's middle is one of the person's: its height changes with what is seen of them."""
 
@@ -82,6 +83,7 @@ class Crowd:
         self._lookout = Lookout(Search(fitter, self._expecting))
         self._budget = Budget(0.0)
         self._before_ns: int | None = None
+        self._first = True
         self._threads: ThreadPoolExecutor | None = None
 
     @property
@@ -158,7 +160,7 @@ class Crowd:
     def _share_out(self, time_ns: int) -> None:
         """Gives the search for new people, and those who are looked for anew, their parts of the frame."""
         elapsed = None if self._before_ns is None else (time_ns - self._before_ns) * 1e-9
-        self._before_ns = time_ns
+        self._before_ns, self._first = time_ns, elapsed is None
         whole = frame_budget(self.settings.search.fits_per_frame, elapsed).left
         looking = [p.follower for p in self.people if p.follower.looking]
         for person in self.people:
@@ -272,7 +274,7 @@ class Crowd:
         newcomers = self._newcomers.update(
             view, kind, segments, self._admits, self._awaits, young=room.age < YOUNG
         )
-        self._budget.left -= len(newcomers)
+        self._budget.left -= _MEASURED * len(newcomers)
         if self.settings.estimator:
             recognise(newcomers, view, self._budget)
         hold = np.zeros(view.z.shape, bool)
@@ -286,7 +288,11 @@ class Crowd:
             self._lookout.stop()
         elif not self._lookout.busy:
             self._look_at(due, view)
-        self._budget.left = max(_LEAST, self._budget.left)
+        if not self._first:
+            self._budget.left = max(_LEAST, self._budget.left)
+        elif self._budget.left < np.inf:
+            # All that stands in the room was measured in this frame: the search begins in the next one.
+            self._budget.left = 0.0
         for sighting in self._lookout.go_on(self._budget):
             pixels = self._caught_up(sighting, view, kind, segments)
             if pixels is not None:
@@ -327,8 +333,11 @@ class Crowd:
 
     def sought(self, view: View) -> Bool:
         """(h, w) the pixels of those who may be people and are being looked at."""
-        pixels = [n.pixels for n in self._lookout.sought if n.seen_ns == view.time_ns]
-        return np.logical_or.reduce([np.zeros(view.z.shape, bool), *pixels])
+        made = np.zeros(view.z.shape, bool)
+        for newcomer in self._lookout.sought:
+            if newcomer.seen_ns == view.time_ns:
+                made |= newcomer.pixels
+        return made
 
     def _admits(self, place: Float) -> bool:
         """Whether somebody new at a place may be a performer."""
