@@ -14,6 +14,8 @@ from enliven_edge.sensors.profile import load_profile
 
 _SHORTEST = 10.0
 """Pixels of focal length below which a camera has told nothing: those of depth cameras are 150 to 1,000."""
+_FARTHEST = 65535
+"""Millimetres, the greatest depth of an image."""
 
 
 def kind_of(name: str, kinds: Mapping[str, str], otherwise: str) -> str:
@@ -56,14 +58,23 @@ def known_or_typical(
 
 
 def within(reach: tuple[float, float], profile: str, rehearsed: bool) -> Callable[[UInt16], UInt16]:
-    """What leaves out depths that a camera cannot have measured.
+    """What leaves out depths that a camera cannot have measured; arguments and errors as of :func:`limits`.
+
+    Returns:
+        takes (H, W) uint16 millimetres, and returns them with 0 outside the reach.
+    """
+    low, high = limits(reach, profile, rehearsed)
+    if (low, high) == (0, _FARTHEST):
+        return lambda depth: depth
+    return lambda depth: np.where((depth >= low) & (depth <= high), depth, np.uint16(0))
+
+
+def limits(reach: tuple[float, float], profile: str, rehearsed: bool) -> tuple[int, int]:
+    """The least and the greatest depth that a camera can have measured, millimetres.
 
     Args:
         reach: (near, far) metres; 0 stands for the profile's, or in a rehearsal for any: a recording may be
             of another camera.
-
-    Returns:
-        takes (H, W) uint16 millimetres, and returns them with 0 outside the reach.
 
     Raises:
         InputError: where the reach is empty.
@@ -75,7 +86,4 @@ def within(reach: tuple[float, float], profile: str, rehearsed: bool) -> Callabl
         raise InputError(
             f"near is {near} m and far {far} m", where="sensor", mend="Give near below far, both above 0."
         )
-    low, high = round(1e3 * near), min(round(1e3 * far), 65535) if far else 65535
-    if not near and not far:
-        return lambda depth: depth
-    return lambda depth: np.where((depth >= low) & (depth <= high), depth, np.uint16(0))
+    return round(1e3 * near), min(round(1e3 * far), _FARTHEST) if far else _FARTHEST
