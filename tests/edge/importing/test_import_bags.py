@@ -119,7 +119,7 @@ def orbbec(tmp_path_factory) -> Path:
         for number in range(IMAGES):
             depth = depth_image(number)
             recorder.write_frame(DepthFrame(depth, CAMERA, 7_000_000_000 + 33_000_000 * number, "t"))
-    written = write_playback(str(folder / "take.mcap"), folder / "take.bag")
+    (written,) = write_playback(str(folder / "take.mcap"), folder / "take.bag")
     assert written.images == IMAGES and written.shift_ns == 6_000_000_000
     return folder / "take.bag"
 

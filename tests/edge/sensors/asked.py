@@ -13,6 +13,7 @@ from enliven.errors import EnlivenError
 from enliven_edge.sensors.attached import attached
 from enliven_edge.sensors.drivers import refusals
 from enliven_edge.sensors.drivers.oak import OakSensor
+from enliven_edge.sensors.drivers.orbbec import OrbbecSensor
 from enliven_edge.sensors.drivers.realsense import RealSenseSensor
 
 
@@ -57,6 +58,7 @@ def lensless(kind: type, name: str) -> object:
 KINDS: dict[str, tuple[type, str, str]] = {
     "oak": (OakSensor, "device", "14442C10D13EABCE00"),
     "realsense": (RealSenseSensor, "serial", "012345678901"),
+    "orbbec": (OrbbecSensor, "device", "CP3S34D00012"),
 }
 
 if __name__ == "__main__":

@@ -30,13 +30,19 @@ def kind_of(name: str, kinds: Mapping[str, str], otherwise: str) -> str:
 
 
 def known_or_typical(
-    width: int, height: int, lens: tuple[float, float, float, float], profile: str, name: str
+    width: int,
+    height: int,
+    lens: tuple[float, float, float, float],
+    profile: str,
+    name: str,
+    rehearsed: bool = False,
 ) -> tuple[Intrinsics, bool]:
     """The camera that a device tells of, or that of its kind's profile where it tells nothing.
 
     Args:
         lens: (fx, fy, cx, cy) pixels, as the device says them.
         profile: a profile of ``firmware_configs/sensors``.
+        rehearsed: it is a recording's, which cannot be asked for another size.
 
     Returns:
         the camera, and whether the device told it.
@@ -49,11 +55,12 @@ def known_or_typical(
         return Intrinsics(width, height, fx, fy, cx, cy), True
     typical = load_profile(profile).intrinsics(width)
     if typical.height != height:
-        raise InputError(
-            f"it does not know its lens, and the profile {profile} has none for {width}x{height}",
-            where=name,
-            mend=f"Ask for {typical.width}x{typical.height}, or calibrate the camera with its maker's tool.",
-        )
+        size = f"{typical.width}x{typical.height}"
+        what = f"it does not know its lens, and the profile {profile} has none for {width}x{height}"
+        mend = f"Ask for {size}, or calibrate the camera with its maker's tool."
+        if rehearsed:
+            mend = f"Rehearse with a recording that knows its lens, or with one of {size}."
+        raise InputError(what, where=name, mend=mend)
     return typical, False
 
 

@@ -97,7 +97,7 @@ class OakSensor:
         try:
             self._pipeline.start()
         except RuntimeError as error:
-            raise refused("oak", error, self.name) from None
+            raise refused("oak", error, self.name, bool(rehearse)) from None
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
         """The next image; None when a rehearsal is over.
@@ -111,7 +111,7 @@ class OakSensor:
         try:
             image = self._images.get(timeout=timedelta(seconds=timeout or 0.0))
         except RuntimeError as error:
-            raise refused("oak", error, self.name) from None
+            raise refused("oak", error, self.name, self._rehearsal is not None) from None
         if image is None:
             if over:
                 return None
@@ -240,7 +240,8 @@ class OakSensor:
         if self._camera is None or matrix != self._matrix:
             (fx, _, cx), (_, fy, cy), _ = matrix
             lens = (fx, fy, cx, cy)
-            self._camera, self._calibrated = known_or_typical(width, height, lens, self._kind, self.name)
+            known = width, height, lens, self._kind, self.name, self._rehearsal is not None
+            self._camera, self._calibrated = known_or_typical(*known)
             self._matrix = matrix
         return self._camera
 

@@ -171,7 +171,7 @@ class RealSenseSensor:
             sensor.open(profile)
             sensor.start(queue)
         except RuntimeError as error:
-            raise refused("realsense", error, self.name) from None
+            raise refused("realsense", error, self.name, self._rehearsal is not None) from None
         self._streams.append(sensor)
 
     def _set(self, option: str, word: Any, value: float | None) -> None:
@@ -235,7 +235,9 @@ class RealSenseSensor:
         except RuntimeError:
             lens = self._rs.intrinsics()
             lens.width, lens.height = profile.width(), profile.height()
-        self._camera, self._calibrated = _intrinsics(lens, self._rs, self._kind, self.name)
+        self._camera, self._calibrated = _intrinsics(
+            lens, self._rs, self._kind, self.name, self._rehearsal is not None
+        )
 
     def _down(self) -> tuple[float, float, float] | None:
         """Gravity's direction, the mean of the last readings: at rest an accelerometer feels the opposite."""
@@ -294,7 +296,7 @@ def _library() -> Any:
     return library("pyrealsense2", "realsense")
 
 
-def _intrinsics(lens: Any, rs: Any, kind: str, name: str) -> tuple[Intrinsics, bool]:
+def _intrinsics(lens: Any, rs: Any, kind: str, name: str, rehearsed: bool) -> tuple[Intrinsics, bool]:
     """The camera as the library describes it, or as its kind's profile does, and whether the library did.
 
     Raises:
@@ -309,7 +311,7 @@ def _intrinsics(lens: Any, rs: Any, kind: str, name: str) -> tuple[Intrinsics, b
         )
     k1, k2, p1, p2, k3 = lens.coeffs
     said = (lens.fx, lens.fy, lens.ppx, lens.ppy)
-    camera, told = known_or_typical(lens.width, lens.height, said, kind, name)
+    camera, told = known_or_typical(lens.width, lens.height, said, kind, name, rehearsed)
     return (replace(camera, distortion=(k1, k2, p1, p2, k3)) if told else camera), told
 
 
