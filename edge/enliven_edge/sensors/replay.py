@@ -11,7 +11,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import TracebackType
 
 from enliven.errors import InputError
 from enliven.files import open_file
@@ -19,7 +18,7 @@ from enliven.frames import Frame
 from enliven.recording import Recording
 from enliven.recording.reader import RecordingInfo
 from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC
-from enliven_edge.sensors.base import TIME_LIMIT_NS, Condition
+from enliven_edge.sensors.base import TIME_LIMIT_NS, Condition, Sensor
 from enliven_edge.sensors.diary import Moment, Moments
 
 log = logging.getLogger(__name__)
@@ -27,7 +26,7 @@ log = logging.getLogger(__name__)
 _USUAL_STEP_NS = 33_333_333
 
 
-class ReplaySensor:
+class ReplaySensor(Sensor):
     """Delivers every frame of a recording, none dropped, at the recorded pace or another.
 
     A recording of a live sensor is that sensor again: with its sequence numbers, the conditions of its
@@ -115,14 +114,6 @@ class ReplaySensor:
         self._ahead.clear()
         self._moments = iter(())
         self._file.close()
-
-    def __enter__(self) -> ReplaySensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _due(self, moment: Moment) -> float:
         """The monotonic second at which a moment has come."""

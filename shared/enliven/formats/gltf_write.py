@@ -11,8 +11,6 @@ skeleton again.
 
 from __future__ import annotations
 
-import contextlib
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,8 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.errors import InputError, ResourceError
+from enliven.errors import InputError
 from enliven.examples.bake_maps import stretch_axes
+from enliven.files import write_file
 from enliven.formats.gltf_scene import GltfScene
 from enliven.formats.gltf_shape import (
     bone_names,
@@ -140,18 +139,7 @@ def write_gltf(path: Path | str, performances: Sequence[AnyPerformance], name: s
     path = Path(path)
     if path.suffix.lower() != ".glb":
         raise InputError("shapes are written as .glb", where=str(path), mend="End the name in .glb.")
-    data = glb_of(performances, name)
-    beside = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside.write_bytes(data)
-        os.replace(beside, path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            beside.unlink(missing_ok=True)
-        raise ResourceError(
-            f"cannot be written ({error.strerror})", where=str(path), mend="Choose another place."
-        ) from None
+    write_file(path, glb_of(performances, name), "Choose another place.")
 
 
 def glb_of(performances: Sequence[AnyPerformance], name: str = "enliven") -> bytes:

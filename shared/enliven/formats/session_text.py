@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from enliven.errors import InputError, ResourceError
+from enliven.errors import InputError
+from enliven.files import write_file
 from enliven.formats.project_file import write_project
 from enliven.formats.session_tables import LayerTable, MeshTable, SettingsTable, TakeTable
 from enliven.project import Project
@@ -56,12 +57,7 @@ def write_session(
         write_project(beside, Project(takes=kept, puppets={puppet.id: puppet}))
     mesh = mesh or MeshTable(beside.name, puppet=puppet.id)
     files = {name: takes.get(name) or TakeTable(beside.name, animation=name) for name in used}
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(session_text(puppet, mesh, files), encoding="utf-8")
-    except OSError as error:
-        what = f"the session cannot be written ({error.strerror})"
-        raise ResourceError(what, where=str(path), mend="Save it elsewhere.") from None
+    write_file(path, session_text(puppet, mesh, files), "Save it elsewhere.")
 
 
 def session_text(puppet: Puppet, mesh: MeshTable, takes: Mapping[str, TakeTable]) -> str:

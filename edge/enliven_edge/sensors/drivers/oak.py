@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import os
 from datetime import timedelta
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors import crash_reports
-from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.extras import library
 from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical
 from enliven_edge.sensors.drivers.oak_colour import aligned, message, together
@@ -35,7 +34,7 @@ _HOT = 105.0
 """Degrees Celsius of the chip at which it throttles and then stops (RVC2 data sheet)."""
 
 
-class OakSensor:
+class OakSensor(Sensor):
     """An OAK with a stereo pair, or the images of a recording through the same library.
 
     Args:
@@ -139,14 +138,6 @@ class OakSensor:
             self._pipeline.stop()
             if self._device is not None:
                 self._device.close()
-
-    def __enter__(self) -> OakSensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _opened(
         self,

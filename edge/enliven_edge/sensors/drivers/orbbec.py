@@ -6,7 +6,6 @@ import contextlib
 from collections import deque
 from dataclasses import replace
 from functools import partial
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from enliven.arrays import UInt16
 from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
-from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical, within
 from enliven_edge.sensors.drivers.orbbec_library import depth_mode, opened_device, orbbec_library
 from enliven_edge.sensors.drivers.orbbec_rehearsal import playbacks
@@ -34,7 +33,7 @@ _KINDS = {
 """The profile of a camera, by its name, a regular expression."""
 
 
-class OrbbecSensor:
+class OrbbecSensor(Sensor):
     """A depth camera of Orbbec, or a recording through the same library.
 
     Args:
@@ -132,14 +131,6 @@ class OrbbecSensor:
         self._stop()
         self._device = self._context = None
         self._left = []
-
-    def __enter__(self) -> OrbbecSensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _found(self, wanted: str, before: str) -> Any:
         """The camera, opened; the library tells when it is unplugged."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import math
 from dataclasses import replace
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from enliven.arrays import UInt16
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.extras import library
 from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical
 from enliven_edge.sensors.drivers.realsense_colour import (
@@ -36,7 +35,7 @@ _MODES_SHOWN = 8
 """Modes that are named where the wanted one is none."""
 
 
-class RealSenseSensor:
+class RealSenseSensor(Sensor):
     """A depth camera of the D400 family, or the images of a recording through the same library.
 
     Args:
@@ -118,14 +117,6 @@ class RealSenseSensor:
         for stream in streams:
             stream.stop()
             stream.close()
-
-    def __enter__(self) -> RealSenseSensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _found(self, serial: str, before: str) -> Any:
         """The camera of this serial number, or the only one."""

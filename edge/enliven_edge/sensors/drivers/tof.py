@@ -9,7 +9,6 @@ from __future__ import annotations
 import queue
 import time
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven.kernels import njit
-from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.extras import library
 from enliven_edge.sensors.drivers.lens import known_or_typical, limits
 from enliven_edge.sensors.drivers.rehearsal import Rehearsal
@@ -56,7 +55,7 @@ class _Measured:
     lens: Intrinsics
 
 
-class TofSensor:
+class TofSensor(Sensor):
     """Arducam's camera at a Raspberry Pi's camera port, or the images of a recording in its place.
 
     Args:
@@ -137,14 +136,6 @@ class TofSensor:
         if camera is not None:
             camera.stop()
             camera.close()
-
-    def __enter__(self) -> TofSensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _open(self, device: int, metres: int) -> None:
         """Opens and starts the camera; any call to one that did not open crashes the library."""

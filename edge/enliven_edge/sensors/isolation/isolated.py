@@ -10,7 +10,6 @@ import multiprocessing
 import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
-from types import TracebackType
 from typing import Any, cast
 
 from enliven.camera import Intrinsics
@@ -87,7 +86,7 @@ class IsolatedOpener:
             helper.end()
 
 
-class IsolatedSensor:
+class IsolatedSensor(Sensor):
     """A :class:`~enliven_edge.sensors.base.Sensor` whose driver runs in a helper process.
 
     Its frames lie in shared memory, read-only, and stay as they are for as long as they are kept.
@@ -138,14 +137,6 @@ class IsolatedSensor:
         if not self._closed:
             self._closed = True
             self._helper.end()
-
-    def __enter__(self) -> IsolatedSensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _understood(self, word: str, *rest: Any) -> Frame | None:
         """The frame of a message, or None for other messages."""
