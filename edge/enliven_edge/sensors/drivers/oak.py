@@ -39,18 +39,11 @@ class OakSensor(Sensor):
 
     Args:
         device: its id, USB port or network address; empty: the only one.
-        width, height: pixels of the depth image.
-        fps: images a second.
         preset: "default", "accuracy", "density", "robotics", "high_detail" or "face".
         subpixel: finer steps of the depth, at the price of some speed.
         left_right_check: leave out what one of the two cameras sees alone.
         colour: the colour camera's image too; depth is then as that camera sees it.
-        rehearse: a recording that is played through the library in place of a camera.
-        before: the id of the camera that was open last; of several it is taken again.
-
-    Raises:
-        InputError: for a preset or recording that cannot be used.
-        ResourceError: where the library or the camera is missing, or the camera is in use.
+        others: as every driver has them, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True

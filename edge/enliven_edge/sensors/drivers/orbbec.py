@@ -44,11 +44,7 @@ class OrbbecSensor(Sensor):
         preset: the name of a set of the camera's own settings, such as "High Accuracy"; empty: as it is.
         sync: how several cameras keep time, such as "primary" and "secondary"; empty: as it is.
         rehearse: a recording of ours or Orbbec's (.bag), played through the library in place of a camera.
-        before: the serial number of the camera that was open last; of several it is taken again.
-
-    Raises:
-        InputError: for a mode, preset or recording that cannot be used.
-        ResourceError: where the library or the camera is missing, or the camera is in use.
+        others: as every driver has them, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True

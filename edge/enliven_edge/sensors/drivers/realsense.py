@@ -40,17 +40,10 @@ class RealSenseSensor(Sensor):
 
     Args:
         serial: which camera; empty: the only one.
-        width, height: pixels of the depth image.
-        fps: images a second.
         preset: "default", "high_accuracy", "high_density", "medium_density" or "hand".
         laser: whether the pattern projector is on.
         colour: its colour too, laid over the depth; without depth there is none.
-        rehearse: a recording that is played through the library in place of a camera.
-        before: the serial number of the camera that was open last; of several it is taken again.
-
-    Raises:
-        InputError: for a mode, preset or recording that cannot be used.
-        ResourceError: where the library or the camera is missing, or the camera is in use.
+        others: as every driver has them, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True

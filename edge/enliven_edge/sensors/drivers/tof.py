@@ -63,11 +63,7 @@ class TofSensor(Sensor):
         range: metres that are measured, 2 (finer) or 4.
         confidence: the least that a depth may have, 0 to 255; what has less counts as unknown.
         near, far: metres outside which a depth counts as unknown; 0: 0.2 m and the range.
-        rehearse: a recording that is played in place of a camera.
-
-    Raises:
-        InputError: for a range or recording that cannot be used.
-        ResourceError: where the library or the camera is missing, or the camera is in use.
+        others: as every driver has them, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True
