@@ -15,6 +15,7 @@ from enliven_edge.sensors.drivers import refusals
 from enliven_edge.sensors.drivers.oak import OakSensor
 from enliven_edge.sensors.drivers.orbbec import OrbbecSensor
 from enliven_edge.sensors.drivers.realsense import RealSenseSensor
+from enliven_edge.sensors.drivers.realsense_library import depth_mode
 
 
 def say(ask: Callable[[], object]) -> list[str]:
@@ -33,7 +34,8 @@ def on_usb(folder: Path, name: str) -> None:
 def opened_twice() -> object:
     """librealsense's own error for a stream that is open already."""
     with RealSenseSensor(rehearse=str(folder / "lensless-realsense.mcap")) as sensor:
-        return sensor._open(sensor._depth, sensor._profile((320, 240, 30)), sensor._images)
+        stream = depth_mode(sensor._rs, sensor._depth, (320, 240, 30), sensor.name)
+        return sensor._open(sensor._depth, stream, sensor._images)
 
 
 def on_usb_2() -> object:
