@@ -31,9 +31,9 @@ IMAGES = 6
 
 def librealsense_writes(path: Path, packed: bool) -> None:
     """Images of a software device through librealsense's own recorder."""
-    from enliven_edge.sensors.drivers.realsense import _library
+    from enliven_edge.sensors.drivers.realsense_library import realsense_library
 
-    rs = _library()
+    rs = realsense_library()
     device = rs.software_device()
     device.register_info(rs.camera_info.serial_number, SERIAL)
     sensor, stream, lens = device.add_sensor("Depth"), rs.video_stream(), rs.intrinsics()
