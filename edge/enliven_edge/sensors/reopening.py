@@ -14,7 +14,6 @@ import statistics
 import time
 from collections import deque
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any, Literal
 
 from enliven.errors import EnlivenError, InputError
@@ -47,7 +46,7 @@ _CLOCK_FRAMES = 5
 """Frames whose median tells how the stream's clock stands to this machine's: one wrong time does no harm."""
 
 
-class ReopeningSensor:
+class ReopeningSensor(Sensor):
     """A :class:`~enliven_edge.sensors.base.Sensor` over devices that are opened one after the other.
 
     ``read`` raises what the device said once, as a :class:`SensorFault`, and then goes on opening it anew. A
@@ -128,14 +127,6 @@ class ReopeningSensor:
             getattr(self._open, "close", lambda: None)()
             if not self._errands.finish(functools.partial(_let_go, self._device), _CLOSING):
                 log.warning("%s does not let its device go", self.name)
-
-    def __enter__(self) -> ReopeningSensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _begin(self, timeout: float | None) -> None:
         """Asks for a frame, or for the device where there is none and its time has come.
