@@ -53,10 +53,9 @@ def listed_cameras() -> list[ListedCamera]:
     """
     if not _installed() and not _is_raspberry_pi():
         return []
+    asked = [sys.executable, "-c", f"from {__name__} import tell; tell()"]
     try:
-        done = subprocess.run(
-            [sys.executable, "-m", __name__], capture_output=True, text=True, timeout=_LISTING, check=False
-        )
+        done = subprocess.run(asked, capture_output=True, text=True, timeout=_LISTING, check=False)
     except subprocess.TimeoutExpired:
         what = f"libcamera has not listed its cameras within {_LISTING:.0f} s"
         raise ResourceError(what, where="sensor libcamera", mend="Close what else uses a camera.") from None
@@ -113,7 +112,7 @@ def _is_raspberry_pi() -> bool:
         return False
 
 
-def _tell() -> None:
+def tell() -> None:
     """Prints a line of JSON: the cameras' models and ids, or why there can be none."""
     try:
         cameras = libcamera_library("").CameraManager.singleton().cameras
@@ -122,7 +121,3 @@ def _tell() -> None:
         return
     about = [({key.name: value for key, value in each.properties.items()}, each.id) for each in cameras]
     print(json.dumps([(str(told.get("Model", "")), name) for told, name in about]))
-
-
-if __name__ == "__main__":
-    _tell()
