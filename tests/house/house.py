@@ -1,7 +1,8 @@
 """Reads the imports of the packages and tells which of them break the rules of ``rules.toml``.
 
-A room is a folder of modules, its door the ``__init__`` that names what other rooms may use. In each folder
-the modules and rooms import one another in one direction.
+A room is a folder of modules. Its door is the ``__init__``, whose stub names what other rooms may use, and
+from which module; each is loaded when it is first asked for. In each folder the modules and rooms import one
+another in one direction.
 """
 
 from __future__ import annotations
@@ -79,28 +80,31 @@ class House:
             *self._round_doors(),
             *self._back(),
             *self._circles(),
+            *self._two_meanings(),
             *self._crowded(),
             *self._mute(),
         ]
         return [one for one in said if one not in self.rules.exceptions]
 
     def _imports_of(self, module: str, path: Path) -> Iterator[Import]:
+        if module in self.doors and path.with_suffix(".pyi").exists():
+            path = path.with_suffix(".pyi")
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 found = [(alias.name, "") for alias in node.names]
-            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-                whole = [f"{node.module}.{alias.name}" for alias in node.names]
-                found = [
-                    (name, "")
-                    if name in self.modules and name not in self.doors
-                    else (node.module, name.rpartition(".")[2])
-                    for name in whole
-                ]
+            elif isinstance(node, ast.ImportFrom):
+                start = f"{module}.{node.module or ''}".rstrip(".") if node.level else node.module or ""
+                found = [self._meant(start, alias.name) for alias in node.names]
             else:
                 continue
             for target, name in found:
                 if target in self.modules and target != module:
                     yield Import(module, target, name, node.lineno)
+
+    def _meant(self, start: str, name: str) -> tuple[str, str]:
+        """The module and the name that ``from start import name`` is about; no name for a whole module."""
+        whole = f"{start}.{name}"
+        return (whole, "") if whole in self.modules and whole not in self.doors else (start, name)
 
     def _at(self, one: Import) -> str:
         return f"{self.modules[one.source].relative_to(self.root)}:{one.line}"
@@ -193,6 +197,12 @@ class House:
                     f"{self._at(imports[0])} is the thinnest tie, of {source} to {target}; "
                     "move what it needs below both."
                 )
+
+    def _two_meanings(self) -> Iterator[str]:
+        """Names that a door shows and that are modules of its room as well."""
+        for one in self.imports:
+            if one.source in self.doors and one.name and f"{one.source}.{one.name}" in self.modules:
+                yield f"{one.source} shows {one.name}, which is also a module of it: rename the module."
 
     def _crowded(self) -> Iterator[str]:
         """Folders with too many modules."""

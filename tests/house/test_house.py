@@ -35,7 +35,8 @@ FILES = {
     "core/arrays.py": "",
     "edge/__init__.py": '"""The edge."""',
     "edge/loop.py": "from edge.tracking import Tracker",
-    "edge/sensing/__init__.py": '"""Frames."""\nfrom edge.sensing.frame import Frame',
+    "edge/sensing/__init__.py": '"""Frames."""',
+    "edge/sensing/__init__.pyi": "from .frame import Frame",
     "edge/sensing/frame.py": "import core.arrays\nFrame = 1",
     "edge/tracking/__init__.py": '"""People."""\nfrom edge.tracking.tracker import Tracker',
     "edge/tracking/tracker.py": "from edge.sensing import Frame\nTracker = Frame",
@@ -93,7 +94,11 @@ def test_a_house_in_order_is_let_be(tmp_path):
             "edge.tracking has 4 modules, 1 too many",
         ),
         (
-            {"edge/sensing/__init__.py": "from edge.sensing.frame import Frame"},
+            {"edge/sensing/Frame.py": "", "edge/tracking/tracker.py": "Tracker = 1"},
+            "edge.sensing shows Frame, which is also a module of it",
+        ),
+        (
+            {"edge/sensing/__init__.py": "import lazy_loader"},
             "edge.sensing does not say what it is for",
         ),
     ],

@@ -3,9 +3,6 @@
 A control is read on a thread of its own and says a command; the edge takes the commands between two frames.
 """
 
-from enliven_edge.controls import serial_panel
-from enliven_edge.controls.control_set import Controls, open_controls
-from enliven_edge.controls.lamps import Lamps, lamps_of
-from enliven_edge.controls.settings import ControlSettings
+import lazy_loader
 
-__all__ = ["ControlSettings", "Controls", "Lamps", "lamps_of", "open_controls", "serial_panel"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

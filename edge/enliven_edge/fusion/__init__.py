@@ -1,5 +1,5 @@
 """Several sensors on one space: where each stands, and one set of bodies out of what all see."""
 
-from enliven_edge.fusion.settings import CalibrationSettings, FusionSettings
+import lazy_loader
 
-__all__ = ["CalibrationSettings", "FusionSettings"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -4,9 +4,6 @@ A reader turns files of one layout into frames of enliven; other packages add re
 group ``enliven.readers``.
 """
 
-from enliven_edge.importing import flow_room
-from enliven_edge.importing.base import ImportOptions, Reader
-from enliven_edge.importing.mirror import mirrored
-from enliven_edge.importing.registry import find_files, find_reader, readers
+import lazy_loader
 
-__all__ = ["ImportOptions", "Reader", "find_files", "find_reader", "flow_room", "mirrored", "readers"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

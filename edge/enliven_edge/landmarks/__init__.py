@@ -3,19 +3,6 @@
 This is an addition: depth alone tracks without it. MediaPipe runs in a process of its own.
 """
 
-from enliven_edge.landmarks import mediapipe_source, worker
-from enliven_edge.landmarks.eye import ColourEye, LevelEye, check_view
-from enliven_edge.landmarks.mediapipe_source import MediaPipeSource
-from enliven_edge.landmarks.settings import ColourSettings
-from enliven_edge.landmarks.source import LandmarkSource
+import lazy_loader
 
-__all__ = [
-    "ColourEye",
-    "ColourSettings",
-    "LandmarkSource",
-    "LevelEye",
-    "MediaPipeSource",
-    "check_view",
-    "mediapipe_source",
-    "worker",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,8 +1,5 @@
 """The edge's network: TCP servers with bounded queues, the streams to viewers, and the requests from them."""
 
-from enliven_edge.network.descriptors import raise_descriptor_limit
-from enliven_edge.network.frame_rate import Pace
-from enliven_edge.network.listening import check_open
-from enliven_edge.network.outlet import Outlet, need_free
+import lazy_loader
 
-__all__ = ["Outlet", "Pace", "check_open", "need_free", "raise_descriptor_limit"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,7 +1,5 @@
 """Loose boxes and balls that characters and performers knock about, by a physics engine (an extra)."""
 
-from enliven_edge.physics.engine import need_engine
-from enliven_edge.physics.playground import Playground
-from enliven_edge.physics.settings import PhysicsSettings
+import lazy_loader
 
-__all__ = ["PhysicsSettings", "Playground", "need_engine"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

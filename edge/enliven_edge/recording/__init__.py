@@ -2,7 +2,6 @@
 full.
 """
 
-from enliven_edge.recording.disk_sync import DiskSync
-from enliven_edge.recording.take import Take
+import lazy_loader
 
-__all__ = ["DiskSync", "Take"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -5,37 +5,6 @@ devices.
 ``enliven.sensors``.
 """
 
-from enliven_edge.sensors import attached_cameras, crash_reports, diary, extras, reopening, replay
-from enliven_edge.sensors.attached_cameras import attached
-from enliven_edge.sensors.base import CHECK_IT, Condition, Sensor, SensorFault, condition_of
-from enliven_edge.sensors.diary import Diary, Moment, Moments
-from enliven_edge.sensors.options import sensor_options
-from enliven_edge.sensors.profile import SensorProfile, load_profile, profile_names
-from enliven_edge.sensors.registry import open_sensor, sensor_names, sensor_opener
-from enliven_edge.sensors.reopening import kept_open
+import lazy_loader
 
-__all__ = [
-    "CHECK_IT",
-    "Condition",
-    "Diary",
-    "Moment",
-    "Moments",
-    "Sensor",
-    "SensorFault",
-    "SensorProfile",
-    "attached",
-    "attached_cameras",
-    "condition_of",
-    "crash_reports",
-    "diary",
-    "extras",
-    "kept_open",
-    "load_profile",
-    "open_sensor",
-    "profile_names",
-    "reopening",
-    "replay",
-    "sensor_names",
-    "sensor_opener",
-    "sensor_options",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -4,12 +4,6 @@
 of a rigged model, ``puppet`` that of a mesh moved by example poses.
 """
 
-from enliven_edge.stage.actor import Actor
-from enliven_edge.stage.actor_settings import ActorSettings
-from enliven_edge.stage.casting import cast, parts_for
-from enliven_edge.stage.highlights import Cues
-from enliven_edge.stage.opening import Opening
-from enliven_edge.stage.placement import facing
-from enliven_edge.stage.stage import Stage
+import lazy_loader
 
-__all__ = ["Actor", "ActorSettings", "Cues", "Opening", "Stage", "cast", "facing", "parts_for"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,6 +1,5 @@
 """Pictures in a terminal, by its own image protocol where it has one, else in coloured half blocks."""
 
-from enliven_edge.terminal.probing import way_of
-from enliven_edge.terminal.showing import WAYS, Way, shown
+import lazy_loader
 
-__all__ = ["WAYS", "Way", "shown", "way_of"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -5,7 +5,6 @@ people from it, ``body_model``, ``fit`` and ``detect`` find each posture, ``peop
 ``output`` smooths and ``health`` says what is wrong. An import never runs back along this way.
 """
 
-from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
-from enliven_edge.tracking.tracker import Tracker
+import lazy_loader
 
-__all__ = ["SceneSettings", "Tracker", "TrackerSettings"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,7 +1,5 @@
 """The commands that the library itself owns: run both programs, and say what a machine lacks."""
 
-from enliven.commands.lazy import LazyCommands
-from enliven.commands.processes import parent_is_gone, terminate_as_interrupt
-from enliven.commands.run import run
+import lazy_loader
 
-__all__ = ["LazyCommands", "parent_is_gone", "run", "terminate_as_interrupt"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -4,7 +4,6 @@ The solvers are rooms of their own: ``graph`` (what both share), ``embedded`` (K
 stretch), ``constraints`` and ``possession``.
 """
 
-from enliven.deformation.skinning import skin_vertices
-from enliven.deformation.spheres import SphereProxies, SphereSettings, pack_spheres
+import lazy_loader
 
-__all__ = ["SphereProxies", "SphereSettings", "pack_spheres", "skin_vertices"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -2,25 +2,6 @@
 file.
 """
 
-from enliven.mapping.anatomy import Anatomy, Limb, anatomy_of
-from enliven.mapping.applying import apply_plan
-from enliven.mapping.automatic_mapping import Retargeted, automatic, retargeted
-from enliven.mapping.facing import facing_of, turned_level
-from enliven.mapping.plan import Mode, Plan
-from enliven.mapping.plan_file import read_plan, write_plan
+import lazy_loader
 
-__all__ = [
-    "Anatomy",
-    "Limb",
-    "Mode",
-    "Plan",
-    "Retargeted",
-    "anatomy_of",
-    "apply_plan",
-    "automatic",
-    "facing_of",
-    "read_plan",
-    "retargeted",
-    "turned_level",
-    "write_plan",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

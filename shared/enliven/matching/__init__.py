@@ -2,33 +2,6 @@
 symmetry.
 """
 
-from enliven.matching import views
-from enliven.matching.assignment import least_cost
-from enliven.matching.board import Board, Row
-from enliven.matching.matches import Match, Ranking
-from enliven.matching.picking import Pick, Picker, PickingSettings
-from enliven.matching.ranking import Matcher, RankingSettings
-from enliven.matching.source import Source, source_of, source_of_skeleton
-from enliven.matching.symmetry import EqualLimbs, equal_limbs
-from enliven.matching.views import View, best_view
+import lazy_loader
 
-__all__ = [
-    "Board",
-    "EqualLimbs",
-    "Match",
-    "Matcher",
-    "Pick",
-    "Picker",
-    "PickingSettings",
-    "Ranking",
-    "RankingSettings",
-    "Row",
-    "Source",
-    "View",
-    "best_view",
-    "equal_limbs",
-    "least_cost",
-    "source_of",
-    "source_of_skeleton",
-    "views",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,41 +1,5 @@
 """Triangle meshes: the type, readers of mesh files, repair, and surfaces of scans."""
 
-from enliven.meshes.files import load_mesh
-from enliven.meshes.gltf_json import Entry, gltf_document
-from enliven.meshes.isosurface import surface_of
-from enliven.meshes.kernels import (
-    corner_sums,
-    edge_lengths,
-    face_areas,
-    face_vectors,
-    first_of_position,
-    longest_edge,
-    normals_of,
-    shells,
-    space_curve,
-    split_long_edges,
-)
-from enliven.meshes.mesh import Axis, Mesh, fit_height, refine, submesh, weld
+import lazy_loader
 
-__all__ = [
-    "Axis",
-    "Entry",
-    "Mesh",
-    "corner_sums",
-    "edge_lengths",
-    "face_areas",
-    "face_vectors",
-    "first_of_position",
-    "fit_height",
-    "gltf_document",
-    "load_mesh",
-    "longest_edge",
-    "normals_of",
-    "refine",
-    "shells",
-    "space_curve",
-    "split_long_edges",
-    "submesh",
-    "surface_of",
-    "weld",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

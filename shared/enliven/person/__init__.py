@@ -2,22 +2,6 @@
 bones.
 """
 
-from enliven.person.body import ANKLE_ABOVE_SOLE, HEAD_ABOVE_JOINT, Body
-from enliven.person.joints import BONES, MIRROR, PARENTS, J, Joint
-from enliven.person.limbs import Limb
-from enliven.person.orientation import mirrored
-from enliven.person.parts import parts_named
+import lazy_loader
 
-__all__ = [
-    "ANKLE_ABOVE_SOLE",
-    "BONES",
-    "HEAD_ABOVE_JOINT",
-    "MIRROR",
-    "PARENTS",
-    "Body",
-    "J",
-    "Joint",
-    "Limb",
-    "mirrored",
-    "parts_named",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -4,21 +4,6 @@
 :mod:`enliven.recording.schemas`.
 """
 
-from enliven.recording import schemas
-from enliven.recording.reader import Recording, RecordingInfo, RecordingWarning, frame_of
-from enliven.recording.recorder import Recorder
-from enliven.recording.recovery import Recovery, recover
-from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC
+import lazy_loader
 
-__all__ = [
-    "BODIES_TOPIC",
-    "DEPTH_TOPIC",
-    "Recorder",
-    "Recording",
-    "RecordingInfo",
-    "RecordingWarning",
-    "Recovery",
-    "frame_of",
-    "recover",
-    "schemas",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

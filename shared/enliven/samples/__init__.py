@@ -1,7 +1,5 @@
 """Sample characters that the project made: a chair, a lamp and a cactus."""
 
-from enliven.samples.cactus_puppet import cactus_project
-from enliven.samples.chair import make_chair
-from enliven.samples.lamp import make_lamp
+import lazy_loader
 
-__all__ = ["cactus_project", "make_chair", "make_lamp"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

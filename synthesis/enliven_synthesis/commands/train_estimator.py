@@ -56,14 +56,13 @@ def train_estimator(
             where="train-estimator",
             mend='Install it: pip install "enliven-synthesis[training]".',
         ) from None
-    from enliven_synthesis.training import (
+    from enliven_synthesis.training import Album, render_album
+    from enliven_synthesis.training.pose_network import (
         KEPT_BACK,
-        Album,
         TrainingSettings,
         export,
         measure,
         quantise,
-        render_album,
         train,
     )
 

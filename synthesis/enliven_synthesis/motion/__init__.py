@@ -1,6 +1,5 @@
 """What the performer does: choreographies by name, walks, exercises and motion captures."""
 
-from enliven_synthesis.motion.choreographies import choreography
-from enliven_synthesis.motion.motion import Motion, placed
+import lazy_loader
 
-__all__ = ["Motion", "choreography", "placed"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

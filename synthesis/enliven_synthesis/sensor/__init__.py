@@ -1,8 +1,5 @@
 """The room and the depth camera before which the performer stands, with the faults of real cameras."""
 
-from enliven_synthesis.sensor import stream_faults
-from enliven_synthesis.sensor.noise import DepthNoise
-from enliven_synthesis.sensor.render import Renderer
-from enliven_synthesis.sensor.studio import Studio, StudioSettings
+import lazy_loader
 
-__all__ = ["DepthNoise", "Renderer", "Studio", "StudioSettings", "stream_faults"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

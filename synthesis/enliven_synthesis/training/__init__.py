@@ -1,19 +1,5 @@
-"""The training of the pose estimator: data set, network, losses, quantisation."""
+"""The training of the pose estimator: the data set of rendered people, and the network that learns it."""
 
-from enliven_synthesis.training import dataset, training
-from enliven_synthesis.training.dataset import Album, render_album
-from enliven_synthesis.training.quantisation import quantise
-from enliven_synthesis.training.training import KEPT_BACK, TrainingSettings, export, measure, train
+import lazy_loader
 
-__all__ = [
-    "KEPT_BACK",
-    "Album",
-    "TrainingSettings",
-    "dataset",
-    "export",
-    "measure",
-    "quantise",
-    "render_album",
-    "train",
-    "training",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

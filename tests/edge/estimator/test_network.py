@@ -14,11 +14,11 @@ from enliven.errors import InputError
 from enliven_edge.tracking.estimator.crop import CHANNELS, COLUMNS, ROWS, Crop
 from enliven_edge.tracking.estimator.estimator import PoseEstimator
 from enliven_edge.tracking.estimator.labels import FACINGS, PARTS
-from enliven_synthesis.training import training
 from enliven_synthesis.training.dataset import Album, render_album
-from enliven_synthesis.training.network import JOINTS, PoseNetwork
-from enliven_synthesis.training.quantisation import quantise
-from enliven_synthesis.training.training import TrainingSettings, export, measure, train
+from enliven_synthesis.training.pose_network import training
+from enliven_synthesis.training.pose_network.network import JOINTS, PoseNetwork
+from enliven_synthesis.training.pose_network.quantisation import quantise
+from enliven_synthesis.training.pose_network.training import TrainingSettings, export, measure, train
 
 COUNT, BACK = 40, 8
 NEARLY, MOSTLY = 0.01, 0.8

@@ -1,8 +1,5 @@
 """The link to edges and takes: messages received, clocks aligned, requests sent."""
 
-from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.link.edges import Link
-from enliven_viewer.link.feed import Feed
-from enliven_viewer.link.take_feed import Take
+import lazy_loader
 
-__all__ = ["EdgeFeed", "Feed", "Link", "Take"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,22 +1,5 @@
 """The live window: keys, captions and cards over the stage."""
 
-from enliven_viewer.live.app import App
-from enliven_viewer.live.hud import ACCENT, BAD, GLASS, GOOD, INK, QUIET, WAIT, clock, wrapped
-from enliven_viewer.live.keys import Controls
-from enliven_viewer.live.match_cards import cards_of, draw_cards
+import lazy_loader
 
-__all__ = [
-    "ACCENT",
-    "BAD",
-    "GLASS",
-    "GOOD",
-    "INK",
-    "QUIET",
-    "WAIT",
-    "App",
-    "Controls",
-    "cards_of",
-    "clock",
-    "draw_cards",
-    "wrapped",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,7 +1,5 @@
 """The studio: the editor's window, where shapes are sketched, cut, merged, posed and played."""
 
-from enliven_viewer.studio import motions
-from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.window import StudioWindow
+import lazy_loader
 
-__all__ = ["StudioSettings", "StudioWindow", "motions"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

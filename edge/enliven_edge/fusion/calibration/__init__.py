@@ -4,7 +4,6 @@ Joints that two sensors see at once give the transform between them, a pose grap
 quality is stated in words.
 """
 
-from enliven_edge.fusion.calibration.calibration import Calibration, Pair, calibrate
-from enliven_edge.fusion.calibration.collecting import Collector
+import lazy_loader
 
-__all__ = ["Calibration", "Collector", "Pair", "calibrate"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,6 +1,5 @@
 """Readers of the recordings that the makers' own tools write: ROS bags of RealSense and Orbbec."""
 
-from enliven_edge.importing.bags import ros1
-from enliven_edge.importing.bags.orbbec import check_playback
+import lazy_loader
 
-__all__ = ["check_playback", "ros1"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -13,8 +13,6 @@ Every driver raises InputError for a mode, preset or recording that cannot be us
 its library or the camera is missing, or the camera is in use.
 """
 
-from enliven_edge.sensors.drivers import oak, orbbec, playback, realsense, refusals
-from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
-from enliven_edge.sensors.drivers.libcamera_library import listed_cameras
+import lazy_loader
 
-__all__ = ["LibcameraImages", "listed_cameras", "oak", "orbbec", "playback", "realsense", "refusals"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,6 +1,5 @@
 """Sensors whose library may crash or hang: each runs in a helper process, its images in shared memory."""
 
-from enliven_edge.sensors.isolation import isolated
-from enliven_edge.sensors.isolation.isolated import IsolatedOpener
+import lazy_loader
 
-__all__ = ["IsolatedOpener", "isolated"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -2,9 +2,6 @@
 viewer.
 """
 
-from enliven_edge.stage.puppet.casting import cast_puppet
-from enliven_edge.stage.puppet.settings import PuppetSettings
-from enliven_edge.stage.puppet.skin import roughly_skinned
-from enliven_edge.stage.puppet.spec import is_puppet
+import lazy_loader
 
-__all__ = ["PuppetSettings", "cast_puppet", "is_puppet", "roughly_skinned"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

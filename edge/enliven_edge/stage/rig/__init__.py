@@ -1,6 +1,5 @@
 """Rigged models: a performer chooses a part of the skeleton by posing, and then drives it (AniMesh)."""
 
-from enliven_edge.stage.rig.casting import cast_rig
-from enliven_edge.stage.rig.settings import MatchingSettings
+import lazy_loader
 
-__all__ = ["MatchingSettings", "cast_rig"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

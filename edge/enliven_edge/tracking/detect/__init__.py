@@ -2,25 +2,6 @@
 fits.
 """
 
-from enliven_edge.tracking.detect import recovery
-from enliven_edge.tracking.detect.appearance import Seen, facing, looked_at, turned_about
-from enliven_edge.tracking.detect.detection import cost, detect, detect_another, quality, supposing
-from enliven_edge.tracking.detect.facing_side import Facing
-from enliven_edge.tracking.detect.posing import drawn
-from enliven_edge.tracking.detect.recovery import SecondThoughts
+import lazy_loader
 
-__all__ = [
-    "Facing",
-    "SecondThoughts",
-    "Seen",
-    "cost",
-    "detect",
-    "detect_another",
-    "drawn",
-    "facing",
-    "looked_at",
-    "quality",
-    "recovery",
-    "supposing",
-    "turned_about",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,9 +1,5 @@
 """The fit of the body model to a depth image: damped Gauss-Newton over data, prior and landmark terms."""
 
-from enliven_edge.tracking.fit import data_term, terms
-from enliven_edge.tracking.fit.alignment import align
-from enliven_edge.tracking.fit.fit import FitReport, Fitter
-from enliven_edge.tracking.fit.gauss_newton import cholesky
-from enliven_edge.tracking.fit.terms import point_row
+import lazy_loader
 
-__all__ = ["FitReport", "Fitter", "align", "cholesky", "data_term", "point_row", "terms"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

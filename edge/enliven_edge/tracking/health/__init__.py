@@ -1,6 +1,5 @@
 """The health of sensor and performance as the user reads it: states, what to do, and when to say so."""
 
-from enliven_edge.tracking.health.health import HealthMonitor, HealthSettings, TrackerState
-from enliven_edge.tracking.health.messages import COMPLAINTS
+import lazy_loader
 
-__all__ = ["COMPLAINTS", "HealthMonitor", "HealthSettings", "TrackerState"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -2,7 +2,6 @@
 the delay.
 """
 
-from enliven_edge.tracking.output.output import Output, mirror_of
-from enliven_edge.tracking.output.surfaces import mirrored_surfaces, seen_surfaces
+import lazy_loader
 
-__all__ = ["Output", "mirror_of", "mirrored_surfaces", "seen_surfaces"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,8 +1,5 @@
 """The people in view: found, followed, recognised after an absence, and never counted twice."""
 
-from enliven_edge.tracking.people import follower, person, search
-from enliven_edge.tracking.people.evidence import evidence
-from enliven_edge.tracking.people.people import Crowd
-from enliven_edge.tracking.people.person import Person
+import lazy_loader
 
-__all__ = ["Crowd", "Person", "evidence", "follower", "person", "search"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

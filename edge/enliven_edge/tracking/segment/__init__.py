@@ -1,6 +1,5 @@
 """Segmentation: which pixels belong to which person, and which groups of pixels may be a new one."""
 
-from enliven_edge.tracking.segment.candidates import YOUNG, Newcomer, Newcomers
-from enliven_edge.tracking.segment.segmentation import Segments, lying_on, segmented
+import lazy_loader
 
-__all__ = ["YOUNG", "Newcomer", "Newcomers", "Segments", "lying_on", "segmented"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

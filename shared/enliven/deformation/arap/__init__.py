@@ -2,8 +2,6 @@
 2014).
 """
 
-from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.deformation.arap.self_intersection import SelfIntersection
-from enliven.deformation.arap.weights import surface_edges, virtual_edges
+import lazy_loader
 
-__all__ = ["PuppetSurface", "SelfIntersection", "surface_edges", "virtual_edges"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

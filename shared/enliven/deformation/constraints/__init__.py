@@ -1,19 +1,5 @@
 """Soft constraints on a deformation graph: the floor, planes, the observed surface, and the mesh itself."""
 
-from enliven.deformation.constraints.floor_contact import FloorContact, FloorSettings
-from enliven.deformation.constraints.observed import ObservedSettings, ObservedSurface, Seen
-from enliven.deformation.constraints.planes import PlaneConstraints
-from enliven.deformation.constraints.self_contact import SelfContact, SelfContactSettings
-from enliven.deformation.constraints.soft import joined_planes
+import lazy_loader
 
-__all__ = [
-    "FloorContact",
-    "FloorSettings",
-    "ObservedSettings",
-    "ObservedSurface",
-    "PlaneConstraints",
-    "Seen",
-    "SelfContact",
-    "SelfContactSettings",
-    "joined_planes",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

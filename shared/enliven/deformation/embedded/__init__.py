@@ -2,6 +2,6 @@
 2012).
 """
 
-from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
+import lazy_loader
 
-__all__ = ["EmbeddedSettings", "EmbeddedSolver"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

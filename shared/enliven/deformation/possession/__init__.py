@@ -1,16 +1,5 @@
 """Possession: which graph nodes a performer's bones take hold of (KinÊtre, 2012)."""
 
-from enliven.deformation.possession.attachment import Attachment, AttachmentSettings, Growth, attach
-from enliven.deformation.possession.body_in_mesh import Likeness, likeness
-from enliven.deformation.possession.bone_cylinders import bone_rotations, filled
+import lazy_loader
 
-__all__ = [
-    "Attachment",
-    "AttachmentSettings",
-    "Growth",
-    "Likeness",
-    "attach",
-    "bone_rotations",
-    "filled",
-    "likeness",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -2,26 +2,6 @@
 locomotion.
 """
 
-from enliven.examples.spacetime.anchoring import stand
-from enliven.examples.spacetime.bounded import Nodes
-from enliven.examples.spacetime.constraints import Conditions, conditions_of
-from enliven.examples.spacetime.locomotion import Placed, check_switches, find_switches, locate, standing_feet
-from enliven.examples.spacetime.nearest import Nearest
-from enliven.examples.spacetime.planting import planted
-from enliven.examples.spacetime.spacetime import Solution, solve
+import lazy_loader
 
-__all__ = [
-    "Conditions",
-    "Nearest",
-    "Nodes",
-    "Placed",
-    "Solution",
-    "check_switches",
-    "conditions_of",
-    "find_switches",
-    "locate",
-    "planted",
-    "solve",
-    "stand",
-    "standing_feet",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

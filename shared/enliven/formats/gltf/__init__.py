@@ -1,5 +1,5 @@
 """The glTF 2.0 reader: meshes, skins, skeletons and animations of a file become a rig."""
 
-from enliven.formats.gltf.read import read_gltf
+import lazy_loader
 
-__all__ = ["read_gltf"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,7 +1,5 @@
 """Motion captures: BVH files and CMU's exponential maps."""
 
-from enliven.formats.motion.bvh import read_bvh
-from enliven.formats.motion.capture import UNITS, Capture, guess_unit
-from enliven.formats.motion.expmap import COLUMNS, read_expmap
+import lazy_loader
 
-__all__ = ["COLUMNS", "UNITS", "Capture", "guess_unit", "read_bvh", "read_expmap"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,5 +1,5 @@
 """The project file of enliven, written and read."""
 
-from enliven.formats.project.file import read_project, write_project
+import lazy_loader
 
-__all__ = ["read_project", "write_project"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,7 +1,5 @@
 """Rigs that a file holds: links, trees of bones, and the shapes that they become."""
 
-from enliven.formats.rig.rig import Rig, on_floor, playing, resized, welded
-from enliven.formats.rig.rig_links import Body
-from enliven.formats.rig.rig_tree import Tree, strays, tree_of
+import lazy_loader
 
-__all__ = ["Body", "Rig", "Tree", "on_floor", "playing", "resized", "strays", "tree_of", "welded"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,16 +1,5 @@
 """Edits of possessed meshes: cut, merged, copied and posed with their motion kept."""
 
-from enliven.modeling.possessed.copying import copy_graph, move_graph, paste_graph
-from enliven.modeling.possessed.pose import graph_pose, graph_vertices, pose_of_graph
-from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
+import lazy_loader
 
-__all__ = [
-    "copy_graph",
-    "cut_graph",
-    "graph_pose",
-    "graph_vertices",
-    "merge_graphs",
-    "move_graph",
-    "paste_graph",
-    "pose_of_graph",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,6 +1,5 @@
 """Shapes from strokes: an outline is inflated to a mesh with a skeleton along its middle."""
 
-from enliven.modeling.sketching import strokes
-from enliven.modeling.sketching.sketch import Plane, shape_from_stroke
+import lazy_loader
 
-__all__ = ["Plane", "shape_from_stroke", "strokes"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

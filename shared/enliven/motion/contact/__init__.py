@@ -1,21 +1,5 @@
 """Contacts of feet with the floor: found by height and speed, and kept by inverse kinematics."""
 
-from enliven.motion.contact.contacts import Contacts, hold, runs_of, touching
-from enliven.motion.contact.pin import bend_of, held_pins, local_turns, pin_feet, rebuild, unpin
-from enliven.motion.contact.standing import Standing, standing_of, window_of
+import lazy_loader
 
-__all__ = [
-    "Contacts",
-    "Standing",
-    "bend_of",
-    "held_pins",
-    "hold",
-    "local_turns",
-    "pin_feet",
-    "rebuild",
-    "runs_of",
-    "standing_of",
-    "touching",
-    "unpin",
-    "window_of",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

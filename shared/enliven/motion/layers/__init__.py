@@ -2,31 +2,6 @@
 5).
 """
 
-from enliven.motion.layers.copying import copy_motion
-from enliven.motion.layers.evaluate import Player, pose_from, pose_of
-from enliven.motion.layers.polyline import arc_of, goes_down
-from enliven.motion.layers.retarget import (
-    bind_chain,
-    branch,
-    clear_chain,
-    layers_of,
-    set_travel,
-    without_idle_layers,
-)
-from enliven.motion.layers.travel import travel_scale
+import lazy_loader
 
-__all__ = [
-    "Player",
-    "arc_of",
-    "bind_chain",
-    "branch",
-    "clear_chain",
-    "copy_motion",
-    "goes_down",
-    "layers_of",
-    "pose_from",
-    "pose_of",
-    "set_travel",
-    "travel_scale",
-    "without_idle_layers",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

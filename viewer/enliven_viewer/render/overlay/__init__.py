@@ -1,8 +1,5 @@
 """What is drawn over a picture: flat shapes and text, glowing marks, lines of matches, tubes of graphs."""
 
-from enliven_viewer.render.overlay.canvas import Canvas, Colour
-from enliven_viewer.render.overlay.marks import CUE_RADIUS, Marks
-from enliven_viewer.render.overlay.match_lines import TINTS, match_rows
-from enliven_viewer.render.overlay.tubes import Tubes, tube_rows
+import lazy_loader
 
-__all__ = ["CUE_RADIUS", "TINTS", "Canvas", "Colour", "Marks", "Tubes", "match_rows", "tube_rows"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

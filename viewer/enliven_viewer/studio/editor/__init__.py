@@ -1,5 +1,5 @@
 """The editor without a window: the project with its past, time, camera and selection."""
 
-from enliven_viewer.studio.editor.editor import Edit, Editor
+import lazy_loader
 
-__all__ = ["Edit", "Editor"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

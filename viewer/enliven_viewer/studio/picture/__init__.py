@@ -1,5 +1,5 @@
 """The studio's 3-D picture: shapes by the viewer's renderer, skeletons over them."""
 
-from enliven_viewer.studio.picture.viewport import Viewport
+import lazy_loader
 
-__all__ = ["Viewport"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -7,62 +7,6 @@
 Places are looked up when they are needed: a joint is clicked where it then is on the screen.
 """
 
-from enliven_viewer.studio.session import actions
-from enliven_viewer.studio.session.actions import (
-    STEP,
-    Action,
-    Click,
-    Do,
-    Drag,
-    Key,
-    Name,
-    Say,
-    Wait,
-    play,
-    steps,
-)
-from enliven_viewer.studio.session.desk_stage import DeskStage
-from enliven_viewer.studio.session.places import (
-    Joint,
-    Near,
-    OnBone,
-    OnLane,
-    OnPuppet,
-    OnTimeline,
-    PerformerJoint,
-    Pixel,
-    Place,
-    SourceJoint,
-    Spot,
-    Widget,
-    where,
-)
+import lazy_loader
 
-__all__ = [
-    "STEP",
-    "Action",
-    "Click",
-    "DeskStage",
-    "Do",
-    "Drag",
-    "Joint",
-    "Key",
-    "Name",
-    "Near",
-    "OnBone",
-    "OnLane",
-    "OnPuppet",
-    "OnTimeline",
-    "PerformerJoint",
-    "Pixel",
-    "Place",
-    "Say",
-    "SourceJoint",
-    "Spot",
-    "Wait",
-    "Widget",
-    "actions",
-    "play",
-    "steps",
-    "where",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

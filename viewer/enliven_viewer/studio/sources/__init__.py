@@ -1,6 +1,5 @@
 """Sources of motion: a take's skeleton beside the shapes, and the parts that it could drive."""
 
-from enliven_viewer.studio.sources.matches import Chain, Offer, accepted, offers, seen
-from enliven_viewer.studio.sources.source_view import SourceView
+import lazy_loader
 
-__all__ = ["Chain", "Offer", "SourceView", "accepted", "offers", "seen"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -17,7 +17,7 @@ from onnxruntime.quantization.shape_inference import quant_pre_process
 
 from enliven.arrays import Float32
 from enliven_synthesis.training.dataset import Album
-from enliven_synthesis.training.network import JOINTS
+from enliven_synthesis.training.pose_network.network import JOINTS
 
 _LESSONS, _AT_ONCE = 600, 4
 """From which the ranges of all values are taken, and how many of them in one run."""

@@ -22,7 +22,7 @@ from enliven.errors import InputError
 from enliven.settings import setting
 from enliven_edge.tracking.estimator import CHANNELS, COLUMNS, FACINGS, NOBODY, ROWS
 from enliven_synthesis.training.dataset import Album, Batch
-from enliven_synthesis.training.network import PoseNetwork
+from enliven_synthesis.training.pose_network.network import PoseNetwork
 
 Dice = np.random.Generator
 

@@ -1,0 +1,3 @@
+from .settings import CalibrationSettings, FusionSettings
+
+__all__ = ["CalibrationSettings", "FusionSettings"]

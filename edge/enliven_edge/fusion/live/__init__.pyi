@@ -1,0 +1,18 @@
+from .fused_sensor import FusedFrame, FusedSensors
+from .merge import in_world, untouched
+from .reading import PATIENCE, SensorThread
+from .sides import OTHER_SIDE, middle_weights, middles
+from .warmup import warm_up_fusion
+
+__all__ = [
+    "OTHER_SIDE",
+    "PATIENCE",
+    "FusedFrame",
+    "FusedSensors",
+    "SensorThread",
+    "in_world",
+    "middle_weights",
+    "middles",
+    "untouched",
+    "warm_up_fusion",
+]

@@ -1,0 +1,3 @@
+from .orbbec import check_playback
+
+__all__ = ["check_playback"]

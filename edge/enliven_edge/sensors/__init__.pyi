@@ -1,0 +1,29 @@
+from . import crash_reports
+from .attached_cameras import attached
+from .base import CHECK_IT, Condition, Sensor, SensorFault, condition_of
+from .diary import Diary, Moment, Moments
+from .options import sensor_options
+from .profile import SensorProfile, load_profile, profile_names
+from .registry import open_sensor, sensor_names, sensor_opener
+from .reopening import kept_open
+
+__all__ = [
+    "CHECK_IT",
+    "Condition",
+    "Diary",
+    "Moment",
+    "Moments",
+    "Sensor",
+    "SensorFault",
+    "SensorProfile",
+    "attached",
+    "condition_of",
+    "crash_reports",
+    "kept_open",
+    "load_profile",
+    "open_sensor",
+    "profile_names",
+    "sensor_names",
+    "sensor_opener",
+    "sensor_options",
+]

@@ -1,0 +1,3 @@
+from .isolated import IsolatedOpener
+
+__all__ = ["IsolatedOpener"]

@@ -1,0 +1,9 @@
+from .actor import Actor
+from .actor_settings import ActorSettings
+from .casting import cast, parts_for
+from .highlights import Cues
+from .opening import Opening
+from .placement import facing
+from .stage import Stage
+
+__all__ = ["Actor", "ActorSettings", "Cues", "Opening", "Stage", "cast", "facing", "parts_for"]

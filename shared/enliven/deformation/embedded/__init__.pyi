@@ -1,0 +1,3 @@
+from .solver import EmbeddedSettings, EmbeddedSolver
+
+__all__ = ["EmbeddedSettings", "EmbeddedSolver"]

@@ -1,0 +1,19 @@
+from .graph import DeformationGraph, character_from
+from .sampling import scatter
+from .stiffness import stiffness_at
+from .surface import Net, net_of
+from .surface_kernels import dijkstra_workspace, settle_within, ways
+from .weights import insert
+
+__all__ = [
+    "DeformationGraph",
+    "Net",
+    "character_from",
+    "dijkstra_workspace",
+    "insert",
+    "net_of",
+    "scatter",
+    "settle_within",
+    "stiffness_at",
+    "ways",
+]

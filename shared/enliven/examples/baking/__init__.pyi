@@ -1,0 +1,19 @@
+from .bake import BakedSurface, bake_surface
+from .frames import SurfaceFrames, states_of
+from .maps import stretch_axes
+from .morphs import BakedMorphs, bake_morphs
+from .nodes import Net
+from .settings import BakeError, BakeSettings
+
+__all__ = [
+    "BakeError",
+    "BakeSettings",
+    "BakedMorphs",
+    "BakedSurface",
+    "Net",
+    "SurfaceFrames",
+    "bake_morphs",
+    "bake_surface",
+    "states_of",
+    "stretch_axes",
+]

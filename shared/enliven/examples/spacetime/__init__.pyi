@@ -1,0 +1,23 @@
+from .anchoring import stand
+from .bounded import Nodes
+from .constraints import Conditions, conditions_of
+from .locomotion import Placed, check_switches, find_switches, locate, standing_feet
+from .nearest import Nearest
+from .planting import planted
+from .spacetime import Solution, solve
+
+__all__ = [
+    "Conditions",
+    "Nearest",
+    "Nodes",
+    "Placed",
+    "Solution",
+    "check_switches",
+    "conditions_of",
+    "find_switches",
+    "locate",
+    "planted",
+    "solve",
+    "stand",
+    "standing_feet",
+]

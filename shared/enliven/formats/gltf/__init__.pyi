@@ -1,0 +1,3 @@
+from .read import read_gltf
+
+__all__ = ["read_gltf"]

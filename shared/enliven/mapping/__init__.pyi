@@ -1,0 +1,22 @@
+from .anatomy import Anatomy, Limb, anatomy_of
+from .applying import apply_plan
+from .automatic_mapping import Retargeted, automatic, retargeted
+from .facing import facing_of, turned_level
+from .plan import Mode, Plan
+from .plan_file import read_plan, write_plan
+
+__all__ = [
+    "Anatomy",
+    "Limb",
+    "Mode",
+    "Plan",
+    "Retargeted",
+    "anatomy_of",
+    "apply_plan",
+    "automatic",
+    "facing_of",
+    "read_plan",
+    "retargeted",
+    "turned_level",
+    "write_plan",
+]

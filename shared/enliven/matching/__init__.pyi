@@ -1,0 +1,30 @@
+from . import views
+from .assignment import least_cost
+from .board import Board, Row
+from .matches import Match, Ranking
+from .picking import Pick, Picker, PickingSettings
+from .ranking import Matcher, RankingSettings
+from .source import Source, source_of, source_of_skeleton
+from .symmetry import EqualLimbs, equal_limbs
+from .views import View, best_view
+
+__all__ = [
+    "Board",
+    "EqualLimbs",
+    "Match",
+    "Matcher",
+    "Pick",
+    "Picker",
+    "PickingSettings",
+    "Ranking",
+    "RankingSettings",
+    "Row",
+    "Source",
+    "View",
+    "best_view",
+    "equal_limbs",
+    "least_cost",
+    "source_of",
+    "source_of_skeleton",
+    "views",
+]

@@ -1,0 +1,4 @@
+from .choreographies import choreography
+from .motion import Motion, placed
+
+__all__ = ["Motion", "choreography", "placed"]

@@ -1,0 +1,3 @@
+from .dataset import Album, render_album
+
+__all__ = ["Album", "render_album"]

@@ -1,0 +1,67 @@
+"""Reads the names, constants and docstrings of the packages and tells which a stranger could not use."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+RIDDLES = re.compile(r"\b(somebody|nobody|whoever|whomever|whose)\b", re.IGNORECASE)
+"""Pronouns in the place of a noun: the reader has to find out what is meant."""
+_CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]*")
+
+
+def riddles(path: Path) -> Iterator[str]:
+    """A sentence for each docstring that speaks of data as of somebody."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        said = _text_of(node)
+        for found in RIDDLES.finditer(said):
+            line = node.lineno + said[: found.start()].count("\n")  # type: ignore[attr-defined]
+            yield f"{path}:{line}: says {found[0]!r}: name what is meant."
+
+
+def mute_constants(path: Path) -> Iterator[str]:
+    """A sentence for each constant of a module without one of its own."""
+    body = ast.parse(path.read_text(encoding="utf-8")).body
+    for node, after in zip(body, [*body[1:], None], strict=True):
+        if not isinstance(node, ast.Assign | ast.AnnAssign):
+            continue
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        names = [name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)]
+        names = [name for name in names if _CONSTANT.fullmatch(name)]
+        if not names or not _is_number(node.value):
+            continue
+        said = _text_of(after)
+        if len(names) > 1:
+            yield f"{path}:{node.lineno}: {', '.join(names)} share a line: each needs its own, with unit and reason."
+        elif not said:
+            yield f"{path}:{node.lineno}: {names[0]} has no sentence: say its unit and its reason below it."
+
+
+def _text_of(node: ast.AST | None) -> str:
+    """The words of a docstring, or of the sentence below a constant; empty for anything else."""
+    words = node.value if isinstance(node, ast.Expr) else None
+    return words.value if isinstance(words, ast.Constant) and isinstance(words.value, str) else ""
+
+
+def _is_number(value: ast.expr | None) -> bool:
+    """Whether a constant decides by a number: its expression is of literals alone."""
+    if value is None:
+        return False
+    names = [node for node in ast.walk(value) if isinstance(node, ast.Name | ast.Attribute | ast.Call)]
+    constants = [node.value for node in ast.walk(value) if isinstance(node, ast.Constant)]
+    return not names and any(isinstance(one, int | float) for one in constants)
+
+
+def shared_names(paths: list[Path]) -> Iterator[str]:
+    """A sentence for each name of a public class that several modules define."""
+    where: dict[str, list[Path]] = defaultdict(list)
+    for path in paths:
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                where[node.name].append(path)
+    for name, places in sorted(where.items()):
+        if len(places) > 1:
+            yield f"{name} is a class in {', '.join(map(str, places))}: one name, one meaning."

@@ -1,0 +1,20 @@
+from .app import App
+from .hud import ACCENT, BAD, GLASS, GOOD, INK, QUIET, WAIT, clock, wrapped
+from .keys import Controls
+from .match_cards import cards_of, draw_cards
+
+__all__ = [
+    "ACCENT",
+    "BAD",
+    "GLASS",
+    "GOOD",
+    "INK",
+    "QUIET",
+    "WAIT",
+    "App",
+    "Controls",
+    "cards_of",
+    "clock",
+    "draw_cards",
+    "wrapped",
+]

@@ -1,0 +1,4 @@
+from .settings import StudioSettings
+from .window import StudioWindow
+
+__all__ = ["StudioSettings", "StudioWindow"]

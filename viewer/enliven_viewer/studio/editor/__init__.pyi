@@ -1,0 +1,3 @@
+from .editor import Edit, Editor
+
+__all__ = ["Edit", "Editor"]

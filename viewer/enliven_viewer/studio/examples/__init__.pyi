@@ -1,0 +1,51 @@
+from .coverage import Coverage, Coverages
+from .edits import (
+    Held,
+    added_switch,
+    duplicated,
+    guessed,
+    held_of,
+    mirrored_copy,
+    moved_switch,
+    paired,
+    removed_switch,
+    renamed_puppet,
+    retimed,
+    stood,
+    with_default_settings,
+    with_held,
+    with_points,
+    with_setting,
+    without_held,
+)
+from .exporting import Exporting
+from .solving import Solving
+from .times import layer_end, layer_of, seconds_at, time_of
+
+__all__ = [
+    "Coverage",
+    "Coverages",
+    "Exporting",
+    "Held",
+    "Solving",
+    "added_switch",
+    "duplicated",
+    "guessed",
+    "held_of",
+    "layer_end",
+    "layer_of",
+    "mirrored_copy",
+    "moved_switch",
+    "paired",
+    "removed_switch",
+    "renamed_puppet",
+    "retimed",
+    "seconds_at",
+    "stood",
+    "time_of",
+    "with_default_settings",
+    "with_held",
+    "with_points",
+    "with_setting",
+    "without_held",
+]

@@ -1,0 +1,3 @@
+from .viewport import Viewport
+
+__all__ = ["Viewport"]

@@ -1,0 +1,47 @@
+from . import actions
+from .actions import STEP, Action, Click, Do, Drag, Key, Name, Say, Wait, play, steps
+from .desk_stage import DeskStage
+from .places import (
+    Joint,
+    Near,
+    OnBone,
+    OnLane,
+    OnPuppet,
+    OnTimeline,
+    PerformerJoint,
+    Pixel,
+    Place,
+    SourceJoint,
+    Spot,
+    Widget,
+    where,
+)
+
+__all__ = [
+    "STEP",
+    "Action",
+    "Click",
+    "DeskStage",
+    "Do",
+    "Drag",
+    "Joint",
+    "Key",
+    "Name",
+    "Near",
+    "OnBone",
+    "OnLane",
+    "OnPuppet",
+    "OnTimeline",
+    "PerformerJoint",
+    "Pixel",
+    "Place",
+    "Say",
+    "SourceJoint",
+    "Spot",
+    "Wait",
+    "Widget",
+    "actions",
+    "play",
+    "steps",
+    "where",
+]
