@@ -79,7 +79,7 @@ class Playback:
 def write_playback(recording: str, path: Path) -> list[Playback]:
     """Writes the depth images of one of our recordings as a playback of Orbbec's, which has one lens.
 
-    Images of another size or lens go into further ones beside it, those of another sensor into none.
+    Images of another size or lens go into further files beside it; images of another sensor are left out.
 
     Raises:
         InputError: where it is no recording, or none of a depth camera.
@@ -96,7 +96,7 @@ def write_playback(recording: str, path: Path) -> list[Playback]:
 
 
 def _write(path: Path, camera: Intrinsics, fps: int, frames: Iterator[DepthFrame], before: int) -> Playback:
-    """One file of the images of one camera; so many images came in those before it."""
+    """Writes the images of one camera into one file; the files before it hold ``before`` images."""
     first, images = next(frames), 0
     shift_ns = first.time_ns - 1000 * BEGINNING_US
     with _Bag(path) as bag:

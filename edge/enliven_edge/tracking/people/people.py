@@ -28,9 +28,10 @@ from enliven_edge.tracking.work_budget import Budget, frame_budget
 _COVERED, _OUTSIDE = 0.55, 0.85
 _HANDICAP = 0.06
 """Metres: pixels that somebody in sight may have are not taken by somebody hidden."""
-_DARK, _LONG_BLIND_NS = 0.01, 250_000_000
-"""Share of the pixels below which nothing is seen, and nanoseconds of that, or of the same image again and
-again, after which nobody may be as they were."""
+_DARK = 0.01
+"""Share of the pixels below which nothing is seen: a covered lens still shows a few."""
+_LONG_BLIND_NS = 250_000_000
+"""Nanoseconds of dark, or of the same image again, after which people are looked for anew: they moved on."""
 _DECIDE_NS = 1_500_000_000
 _DOUBT_NS = 4_000_000_000
 _WHOLE, _LOOSE = 0.12, 0.4
