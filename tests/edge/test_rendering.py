@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, project, rays, world_from_level_camera
@@ -168,6 +168,34 @@ def test_a_room_is_that_of_the_slow_twin(boxes: list, at: tuple, yaw: float) -> 
     found = np.isfinite(depth)
     chosen = np.isclose(hits, depth, rtol=1e-9) & (stuff[:, None, None] == material)
     assert chosen.any(0)[found].mean() > 0.97 if found.any() else not material.any()
+
+
+_whole = st.tuples(*[st.integers(-4, 4)] * 3)
+_turns = st.tuples(st.permutations(range(3)), st.tuples(*[st.sampled_from([-1.0, 1.0])] * 3))
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(_whole, _whole), min_size=1, max_size=4), _whole, _turns)
+@example([((0, 0, 2), (1, 1, 1))], (0, 0, 0), ((0, 1, 2), (1.0, 1.0, 1.0)))
+@example([((0, 0, 2), (1, 1, 1))], (1, 1, 0), ((0, 1, 2), (-1.0, -1.0, 1.0)))
+def test_a_ray_that_lies_in_a_side_of_a_box_meets_it(boxes: list, at: tuple, turn: tuple) -> None:
+    """Everything is in whole metres, so that a ray lies in a side exactly, and enters after whole steps."""
+    order, signs = turn
+    mount = np.eye(4)
+    mount[:3, :3] = np.eye(3)[list(order)] * signs
+    mount[:3, 3] = at
+    room = tuple(Box(low, tuple(np.add(low, np.abs(size) + 1)), i % 3) for i, (low, size) in enumerate(boxes))
+    depth, material = cast_room(Intrinsics(3, 3, 1.0, 1.0, 1.0, 1.0), mount, room)
+    steps = np.arange(-30, 31)
+    for v, u in np.ndindex(3, 3):
+        along = mount[:3, :3] @ (u - 1, v - 1, 1)
+        places = at + steps[:, None] * along
+        entered = []
+        for box in room:
+            within = steps[((places >= box.low) & (places <= box.high)).all(1)]
+            entered.append(float(within[0]) if len(within) and within[0] > 0 else np.inf)
+        assert depth[v, u] == min(entered)
+        assert material[v, u] == (room[int(np.argmin(entered))].material if min(entered) < np.inf else 0)
 
 
 def test_a_box_is_cut_by_the_ray_where_geometry_says() -> None:

@@ -28,8 +28,10 @@ from enliven_edge.tracking.work_budget import Budget, frame_budget
 _COVERED, _OUTSIDE = 0.55, 0.85
 _HANDICAP = 0.06
 """Metres: pixels that somebody in sight may have are not taken by somebody hidden."""
-_DARK, _LONG_DARK_NS = 0.01, 250_000_000
-"""Share of the pixels below which nothing is seen, and for how long until nobody may be as they were."""
+_DARK = 0.01
+"""Share of the pixels below which nothing is seen: a covered lens still shows a few."""
+_LONG_BLIND_NS = 250_000_000
+"""Nanoseconds of dark, or of the same image again, after which people are looked for anew: they moved on."""
 _DECIDE_NS = 1_500_000_000
 _DOUBT_NS = 4_000_000_000
 _WHOLE, _LOOSE = 0.12, 0.4
@@ -76,7 +78,8 @@ class Crowd:
         self._fitter = fitter
         self._newcomers = Newcomers()
         self._turn = 0
-        self._dark_ns: int | None = None
+        self._blind_ns: int | None = None
+        self._before: Float | None = None
         self._dropped: list[Float] = []
         self._indexed: list[Person] = []
         self._doubles = Doubles()
@@ -132,18 +135,24 @@ class Crowd:
     def follow(self, view: View, kind: UInt8) -> Segments:
         """Fits everybody who is known; whose the pixels of the frame are."""
         self._share_out(view.time_ns)
-        if np.count_nonzero(view.z > 0.0) < _DARK * view.z.size:
+        dark = np.count_nonzero(view.z > 0.0) < _DARK * view.z.size
+        frozen = self._before is not None and np.array_equal(view.z, self._before)
+        self._before = view.z
+        if self._blind_ns is None and (dark or frozen):
+            self._blind_ns = view.time_ns
+        if dark:
             return self._wait_in_the_dark(view, kind)
         handicap = np.array([_HANDICAP if p.hidden else 0.0 for p in self.people])
         expected = [p.expected() for p in self.people]
         segments = segmented(view, kind, expected, handicap)
         self._indexed = list(self.people)
-        if self._dark_ns is not None:
-            if view.time_ns - self._dark_ns > _LONG_DARK_NS:
+        if self._blind_ns is not None and not frozen:
+            if view.time_ns - self._blind_ns > _LONG_BLIND_NS:
                 for k, person in enumerate(self._indexed):
+                    person.seen_ns = min(person.seen_ns, self._blind_ns)
                     self._refind(person, k, view, segments)
                 expected = [p.expected() for p in self.people]
-            self._dark_ns = None
+            self._blind_ns = None
         fitted = self._fitted_now()
         glances = [self._glance(p, expected[k], k, view, segments) for k, p in enumerate(self._indexed)]
         self._fit_all([g for g in glances if not g.behind and (g.person in fitted or g.person.hidden)], view)
@@ -172,7 +181,6 @@ class Crowd:
 
     def _wait_in_the_dark(self, view: View, kind: UInt8) -> Segments:
         """A frame of a covered lens: everybody stays where they were going, as somebody hidden does."""
-        self._dark_ns = view.time_ns if self._dark_ns is None else self._dark_ns
         for person in list(self.people):
             person.hide(view.time_ns)
             if person.hidden_for(view.time_ns) > self.settings.people.hidden:
@@ -181,7 +189,7 @@ class Crowd:
         return segmented(view, kind, [])
 
     def _refind(self, person: Person, k: int, view: View, segments: Segments) -> None:
-        """Looks for somebody in any posture about where they were: much may have happened in the dark."""
+        """Looks for somebody in any posture about where they were: much may have happened unseen."""
         pixels = segments.pixels(k)
         reach = person.uncertainty(view.time_ns)
         for group in segments.loose:
