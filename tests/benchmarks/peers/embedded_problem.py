@@ -17,7 +17,7 @@ from enliven.samples.chair import make_chair
 from enliven_synthesis.body.performer import Performer
 from enliven_synthesis.motion.mocap import Captured
 
-DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data")) / "cmu_expmap"
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data")) / "cmu_expmap"
 MOTIONS = ("test_walking_1.txt", "train_jumping_1.txt")
 RATE = 30.0
 _REACH = 0.3

@@ -1,4 +1,4 @@
-"""Fits the tracker's confidence to the tuning sequences: python tests/benchmarks/calibrate_confidence.py
+"""Fits the tracker's confidence to the tuning set: python tests/benchmarks/tracking/calibrate_confidence.py
 
 Runs the tracker over them, with the network and without, pairs each joint's evidence with whether it was
 within ten centimetres of the truth, and writes the weights of a regularised logistic regression.
@@ -21,7 +21,7 @@ from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 
-TARGET = Path(__file__).parents[2] / "edge" / "enliven_edge" / "assets" / "confidence.json"
+TARGET = Path(__file__).parents[3] / "edge" / "enliven_edge" / "assets" / "confidence.json"
 _RIDGE = 3.0
 _FOR = ("support", "visible", "support beside", "visible beside", "explained")
 _AGAINST = (

@@ -1,7 +1,7 @@
 """Films of what the tracker makes of the real sequences and of some synthetic ones, into out/tracking.
 
-    python tests/benchmarks/tracking_films.py            all of them
-    python tests/benchmarks/tracking_films.py uva four   those whose name has one of the words in it
+    python tests/benchmarks/tracking/tracking_films.py            all of them
+    python tests/benchmarks/tracking/tracking_films.py uva four   those whose name has one of the words in it
 
 Each film has a contact sheet of twelve of its frames beside it. Single shots are held for a second each.
 """
@@ -29,7 +29,7 @@ from enliven_edge.inspection.inspector import Inspector
 from enliven_edge.inspection.picture import contact_sheet
 from enliven_edge.tracking.tracker import Tracker
 
-OUT = Path(__file__).parents[2] / "out" / "tracking"
+OUT = Path(__file__).parents[3] / "out" / "tracking"
 SYNTHETIC = (
     "h traffic", "h boxing", "h fall", "h kneel", "h turn", "h cross", "h four", "h leave", "h pillar",
     "h recover overhead", "h knocked", "h holed",

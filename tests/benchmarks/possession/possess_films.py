@@ -1,8 +1,8 @@
 """Films of meshes that real people possess, into out/possess, with what is measured of each.
 
-    python tests/benchmarks/possess_films.py                all of them
-    python tests/benchmarks/possess_films.py horse lamp     those whose name has one of the words in it
-    python tests/benchmarks/possess_films.py --sheets       contact sheets only: much quicker
+    python tests/benchmarks/possession/possess_films.py                all of them
+    python tests/benchmarks/possession/possess_films.py horse lamp     those with one of the words in the name
+    python tests/benchmarks/possession/possess_films.py --sheets       contact sheets only: much quicker
 
 The skeleton that drives the mesh stands in it while it takes hold, and then steps out to its side. Where the
 recordings of ENLIVEN_DATA are missing, what the project's own performer does is filmed on the chair and the
@@ -32,8 +32,8 @@ from enliven_edge.importing.registry import find_files, find_reader
 from enliven_edge.stage.casting import cast
 from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 
-DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
-OUT = Path(__file__).parents[2] / "out" / "possess"
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
+OUT = Path(__file__).parents[3] / "out" / "possess"
 
 
 @dataclass(frozen=True)

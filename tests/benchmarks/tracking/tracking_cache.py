@@ -20,7 +20,7 @@ from enliven_synthesis.motion.dance import HOME_Z
 from enliven_synthesis.sensor import stream_faults
 from enliven_synthesis.sensor.ensemble import Appearance
 
-CACHE = Path(__file__).parents[2] / "out" / "tracking" / "cache"
+CACHE = Path(__file__).parents[3] / "out" / "tracking" / "cache"
 
 
 @dataclass(frozen=True)

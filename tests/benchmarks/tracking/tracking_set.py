@@ -24,7 +24,7 @@ from enliven_synthesis.motion.motion import Chained, Danced, Held, Leg, Motion
 from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
 from enliven_synthesis.sensor.scene import ROOM, Box
 
-DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
 TUNING, HELD_OUT = "tuning", "held-out"
 SIDE, BACK = 1.5708, 3.1416
 

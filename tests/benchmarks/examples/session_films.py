@@ -2,7 +2,7 @@
 
     make session-films                      all of them, into out/sessions
     make session-films ONLY="squid"         some of them
-    python tests/benchmarks/session_films.py --check     without window and film, as fast as it goes
+    python tests/benchmarks/examples/session_films.py --check     without window and film, as fast as it goes
 
 Every motion and every part is made here: parts are sketched, motions are the studio's library.
 """
@@ -47,7 +47,7 @@ from enliven_viewer.studio.session import (
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.workspace.workspace import Desk
 
-OUT = Path(__file__).parents[2] / "out" / "sessions"
+OUT = Path(__file__).parents[3] / "out" / "sessions"
 Actions = Iterator[Action]
 SIZE = StudioSettings(width=1200, height=740)
 LARGE = StudioSettings(width=1360, height=820)

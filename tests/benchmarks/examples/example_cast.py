@@ -28,7 +28,7 @@ from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Axis, Mesh, refine
 from enliven.takes.files import read_take
 
-DATA = Path(os.environ.setdefault("ENLIVEN_DATA", str(Path(__file__).parents[3] / "shared" / "data")))
+DATA = Path(os.environ.setdefault("ENLIVEN_DATA", str(Path(__file__).parents[4] / "shared" / "data")))
 SESSIONS = Path(__file__).parent / "example_sessions"
 MIDDLE = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 """Whose left is the mirror image of its right is mirrored here."""

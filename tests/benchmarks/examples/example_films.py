@@ -1,9 +1,9 @@
 """Films of meshes that act by a few example poses, into out/examples, with what is measured of each.
 
-    python tests/benchmarks/example_films.py                  all of them
-    python tests/benchmarks/example_films.py cactus trex      those whose name has one of the words in it
-    python tests/benchmarks/example_films.py --sessions       write the sessions anew, from the directions
-    python tests/benchmarks/example_films.py --measure        no films, only what is measured
+    python tests/benchmarks/examples/example_films.py                all of them
+    python tests/benchmarks/examples/example_films.py cactus trex    those with one of the words in the name
+    python tests/benchmarks/examples/example_films.py --sessions     write the sessions anew from the directions
+    python tests/benchmarks/examples/example_films.py --measure      no films, only what is measured
 
 The sessions in example_sessions are what example_acts.py directs; meshes and motions are real ones, by
 others, which are looked for in ENLIVEN_DATA.
@@ -21,7 +21,7 @@ from example_cast import DATA, SESSIONS, Act, playing, session_of, staged
 from example_measures import Ruler
 from example_play import Play
 
-OUT = Path(__file__).parents[2] / "out" / "examples"
+OUT = Path(__file__).parents[3] / "out" / "examples"
 RATE = 30.0
 
 

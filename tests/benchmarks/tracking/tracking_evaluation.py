@@ -1,9 +1,9 @@
 """Run the tracker on the sequences and print what it is worth, a line a sequence.
 
-    python tests/benchmarks/tracking_evaluation.py --set tuning
-    python tests/benchmarks/tracking_evaluation.py --set tuning --only kneel --per-joint
-    python tests/benchmarks/tracking_evaluation.py --set tuning --kind recovery
-    python tests/benchmarks/tracking_evaluation.py --set tuning --starts 0 3 7
+    python tests/benchmarks/tracking/tracking_evaluation.py --set tuning
+    python tests/benchmarks/tracking/tracking_evaluation.py --set tuning --only kneel --per-joint
+    python tests/benchmarks/tracking/tracking_evaluation.py --set tuning --kind recovery
+    python tests/benchmarks/tracking/tracking_evaluation.py --set tuning --starts 0 3 7
 
 Chance decides much of one run: whether an arm is found in the first frame, or somebody beside a cupboard.
 With several starts every sequence is tracked once from each of those frames, which tells luck from gain.
