@@ -2,7 +2,7 @@
 
     python tests/benchmarks/examples/example_films.py                all of them
     python tests/benchmarks/examples/example_films.py cactus trex    those with one of the words in the name
-    python tests/benchmarks/examples/example_films.py --sessions     write the sessions anew from the directions
+    python tests/benchmarks/examples/example_films.py --sessions     the sessions anew, from the directions
     python tests/benchmarks/examples/example_films.py --measure      no films, only what is measured
 
 The sessions in example_sessions are what example_acts.py directs; meshes and motions are real ones, by

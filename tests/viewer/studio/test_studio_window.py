@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from enliven.errors import ResourceError
 from enliven_viewer.commands.studio import studio
 
-SESSION = Path(__file__).with_name("studio_session.py")
+SESSION = Path(__file__).parents[1] / "studio_session.py"
 
 
 def test_an_artist_works_in_the_window(tmp_path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pygltflib
 import pytest
 
-sys.path.append(str(Path(__file__).parent))
+sys.path.append(str(Path(__file__).parents[1]))
 from made_studio_puppets import project_with, star, studio
 
 from enliven.document.project import Project, same

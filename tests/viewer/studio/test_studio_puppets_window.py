@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-SESSION = Path(__file__).with_name("studio_puppets_session.py")
+SESSION = Path(__file__).parents[1] / "studio_puppets_session.py"
 
 
 def test_an_artist_poses_a_puppet_in_the_window(tmp_path) -> None:

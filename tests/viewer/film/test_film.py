@@ -23,7 +23,7 @@ from enliven_viewer.playback.document import Document, EdgeState
 from enliven_viewer.playback.timeline import NS, Cues, Timeline
 from enliven_viewer.settings import Encoder, FilmSettings, RenderSettings, ViewerSettings
 
-PROFILES = Path(__file__).parents[2] / "firmware_configs"
+PROFILES = Path(__file__).parents[3] / "firmware_configs"
 SMALL = ViewerSettings(
     render=RenderSettings(shadow_size=64, contact_size=32, samples=1),
     film=FilmSettings(columns=3, rows=2, tile_width=80, patience=0.2),

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-SESSION = Path(__file__).with_name("studio_examples_session.py")
+SESSION = Path(__file__).parents[1] / "studio_examples_session.py"
 
 
 def test_a_star_acts_after_two_poses_in_the_window(tmp_path) -> None:

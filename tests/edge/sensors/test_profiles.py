@@ -11,7 +11,7 @@ import pytest
 from enliven.errors import InputError
 from enliven_edge.sensors.profile import load_profile, profile_names, profiles_folder
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_the_known_cameras_are_there() -> None:

@@ -10,7 +10,7 @@ from PIL import Image
 from enliven.mapping.automatic_mapping import retargeted
 from enliven_viewer.film.motion_sheet import stick_shape, write_motion_sheet
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "shared" / "mapping"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "mapping"))
 from made_bodies import horse, man, random_motion
 
 SIZE = 160

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-sys.path.append(str(Path(__file__).parent))
+sys.path.append(str(Path(__file__).parents[1]))
 from made_studio_puppets import SIDES, TIPS, project_with, star, studio, vertex
 
 from enliven.document.constraints import Coupling, Position, Velocity

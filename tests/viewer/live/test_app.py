@@ -19,7 +19,7 @@ from enliven_viewer.commands.view import _address, _sized, view
 from enliven_viewer.doctor import checks
 from enliven_viewer.settings import ViewerSettings
 
-SESSION = Path(__file__).with_name("window_session.py")
+SESSION = Path(__file__).parents[1] / "window_session.py"
 
 
 def in_a_window(*arguments: str) -> dict[str, Any]:

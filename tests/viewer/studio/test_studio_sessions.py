@@ -17,7 +17,7 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.session import Action, Click, DeskStage, Do, Drag, Key, Pixel, play
 from enliven_viewer.studio.workspace.workspace import Desk
 
-FILMS = Path(__file__).parents[1] / "benchmarks" / "examples" / "session_films.py"
+FILMS = Path(__file__).parents[2] / "benchmarks" / "examples" / "session_films.py"
 
 
 @pytest.fixture(scope="module")
