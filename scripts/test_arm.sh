@@ -19,7 +19,7 @@ shared/deformation/test_skinning shared/deformation/test_block_cholesky shared/d
 shared/deformation/test_stiffness shared/deformation/test_sampling shared/deformation/test_graph
 shared/deformation/test_attachment shared/deformation/test_spheres shared/deformation/test_soft_terms
 shared/deformation/test_embedded shared/deformation/test_arap shared/matching/test_symmetry
-shared/mapping/test_assignment shared/modeling/test_mesh_cut shared/modeling/test_mesh_planar
+shared/mapping/test_assignment shared/modeling/mesh/test_mesh_cut shared/modeling/mesh/test_mesh_planar
 shared/formats/test_bvh shared/formats/test_expmap shared/formats/test_gltf_read edge/fusion/test_rigid
 edge/tracking/scene/test_floor
 edge/tracking/body_model/test_kinematics edge/tracking/body_model/test_ranges edge/stage/test_placing"

@@ -5,28 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from contract import PATIENCE, helpers, next_frame
-from wild import Wild
+from contract import PATIENCE, next_frame
+from isolated_sensors import none_left, opener  # noqa: F401 (a fixture)
 
 from enliven.errors import ResourceError
 from enliven_edge.sensors.base import SensorFault
-from enliven_edge.sensors.isolation import IsolatedOpener
 from enliven_edge.sensors.isolation.slots import SLOTS, SPARE, FrameSlots
 from enliven_edge.sensors.reopening import kept_open
-
-
-def opener(folder: Path, every_frame: bool = False, **options) -> IsolatedOpener:
-    return IsolatedOpener("wild", Wild, {"folder": str(folder), **options}, every_frame)
-
-
-@pytest.fixture(autouse=True)
-def none_left():
-    """Every test ends without a helper process."""
-    yield
-    deadline = time.monotonic() + PATIENCE
-    while helpers():
-        assert time.monotonic() < deadline, "a helper process was left"
-        time.sleep(0.01)
 
 
 def test_frames_come_whole_and_in_order(tmp_path, capfd):
@@ -129,7 +114,7 @@ def test_the_helper_ends_with_an_edge_that_was_killed(tmp_path):
     script.write_text(code)
     before = set(Path("/dev/shm").glob("psm_*")) if Path("/dev/shm").is_dir() else set()
     edge = subprocess.Popen(
-        [sys.executable, str(script), str(tmp_path), str(Path(__file__).parent)], stdout=subprocess.PIPE
+        [sys.executable, str(script), str(tmp_path), str(Path(__file__).parents[1])], stdout=subprocess.PIPE
     )
     assert edge.stdout.readline() == b"up\n"
     (device,) = tmp_path.glob("device-*")

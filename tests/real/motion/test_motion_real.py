@@ -23,7 +23,7 @@ from enliven.takes.capture_clip import BODY_NAMES, between_times, clip_of_bodies
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader
 
-DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
 pytestmark = [
     pytest.mark.real,
     pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings (ENLIVEN_DATA) are not here"),

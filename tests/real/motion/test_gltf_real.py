@@ -17,11 +17,11 @@ from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import playing, welded
 from enliven.motion.layers.evaluate import Player
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "shared" / "formats"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "formats"))
 from slow_gltf import SlowGltf
 from strict_gltf import checked_glb
 
-DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "shared" / "data"))
 FILES = sorted(p for p in DATA.glob("gltf/*/*") if p.suffix in (".glb", ".gltf"))
 ONLY_TURN = {"BrainStem", "Fox", "RiggedFigure", "RiggedSimple", "SimpleSkin", "Manta_ray"}
 """Rigs whose animations only turn joints (and move the root): those are exact."""

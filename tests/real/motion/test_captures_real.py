@@ -18,7 +18,7 @@ from enliven.takes.capture_roles import find_roles
 from enliven_synthesis.body.performer import Performer
 from enliven_synthesis.motion.mocap import Captured
 
-DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
 pytestmark = [
     pytest.mark.real,
     pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings (ENLIVEN_DATA) are not here"),

@@ -17,7 +17,7 @@ from enliven.modeling.rigged.posed import posed
 from enliven.modeling.rigged.posing import drag_joint
 from enliven.motion.layers.evaluate import pose_of
 
-DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "shared" / "data"))
 CHOSEN = ("Fox", "Monster", "CesiumMan", "Horse", "Spider", "Snake", "Wasp")
 MODELS = sorted(path for path in (DATA / "gltf").glob("*/*.glb") if path.stem in CHOSEN)
 pytestmark = [

@@ -14,7 +14,7 @@ from enliven.modeling.mesh.mesh_union import united
 from enliven.modeling.skinning.heat_diffusion import bone_heat, segments_of
 from enliven.modeling.skinning.skin_values import dense
 
-DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "shared" / "data"))
 FILES = sorted(p for p in (DATA / "gltf" / "quaternius").glob("*") if p.suffix in (".glb", ".gltf"))
 CLOSED = {"Horse", "Snake", "Spider", "Trex", "Manta_ray"}
 

@@ -13,7 +13,7 @@ from enliven.recording.depth_codec import decode_depth, encode_depth
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader
 
-DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
 pytestmark = [
     pytest.mark.real,
     pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings (ENLIVEN_DATA) are not here"),

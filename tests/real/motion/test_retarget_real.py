@@ -16,10 +16,10 @@ from enliven.mapping.automatic_mapping import retargeted
 from enliven.motion.layers.evaluate import Player
 from enliven.takes.files import read_take
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "shared" / "formats"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "formats"))
 from strict_gltf import checked_glb
 
-DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "shared" / "data"))
 MODELS = sorted(p for p in DATA.glob("gltf/*/*") if p.suffix in (".glb", ".gltf"))
 TAKES = sorted([*DATA.glob("bvh/*/*.bvh"), *DATA.glob("cmu_expmap/t*.txt")])
 OTHERS = 8

@@ -15,7 +15,7 @@ from enliven.document.character import Pose
 from enliven.meshes.files import READABLE, load_mesh
 from enliven.meshes.mesh import fit_height
 
-DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "shared" / "data"))
 FILES = sorted(p for kind in ("meshes", "gltf") for p in DATA.glob(f"{kind}/**/*") if p.suffix in READABLE)
 FLAT = {"alligator", "woody", "SimpleSkin"}
 

@@ -14,7 +14,7 @@ from enliven.document.character import Character, SkinWeights
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import fit_height
 
-DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data")) / "meshes"
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data")) / "meshes"
 MESHES = sorted(DATA.glob("*/*.o[bf][jf]")) if DATA.is_dir() else []
 
 pytestmark = pytest.mark.real

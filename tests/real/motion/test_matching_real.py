@@ -28,7 +28,7 @@ from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.take_feed import Take
 from enliven_viewer.playback.document import Document
 
-DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
 SPIDER = DATA / "gltf" / "quaternius" / "Spider.glb"
 CLIPS = (
     "ms_labanotation_kinect2/Ges01*.csv",

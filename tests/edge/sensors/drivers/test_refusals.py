@@ -162,7 +162,7 @@ def said(request, tmp_path_factory):
             recorder.write_frame(
                 DepthFrame(picture(0, *size), camera(*size, 1.0), number * 33_333_333, "test")
             )
-    asked = [sys.executable, str(Path(__file__).parent / "asked.py"), str(folder), driver.name]
+    asked = [sys.executable, str(Path(__file__).parents[1] / "asked.py"), str(folder), driver.name]
     around = {**os.environ, "DEPTHAI_SEARCH_TIMEOUT": "200"}
     done = subprocess.run(asked, env=around, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr

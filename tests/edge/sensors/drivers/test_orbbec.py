@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from contract import next_frame
+from isolated_sensors import none_left  # noqa: F401 (a fixture)
 from libraries import needs
-from test_isolation import none_left  # noqa: F401 (a fixture)
 from troubled import camera, picture
 
 from enliven.camera import Intrinsics
