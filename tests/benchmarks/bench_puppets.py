@@ -29,7 +29,7 @@ from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.posture import Posture, rotation
-from enliven_viewer.playback.solved_surfaces import Surfaces
+from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
 from enliven_viewer.render.normals import placed
 from enliven_viewer.render.surface import split_creases
 
@@ -117,7 +117,7 @@ def _surface(actor: PuppetActor, poses: list[Pose]) -> float:
     character, runs = actor.character, []
     drawn = split_creases(character.vertices, character.faces)
     for _ in range(REPEATS):
-        surfaces, took = Surfaces(wait=True), []
+        surfaces, took = SolvedSurfaces(wait=True), []
         for pose in poses[40:160]:
             started = time.perf_counter()
             vertices = surfaces.vertices(character, pose)

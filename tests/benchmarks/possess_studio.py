@@ -14,12 +14,12 @@ from enliven.person.body import Body
 from enliven_viewer.film.encoder import FilmWriter
 from enliven_viewer.film.sheet import Tile, write_sheet
 from enliven_viewer.live.hud import clock
-from enliven_viewer.playback.timeline import Cues
+from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render.camera import FilmCamera
 from enliven_viewer.render.gl.context import offscreen_context
 from enliven_viewer.render.overlay.canvas import Canvas
 from enliven_viewer.render.renderer import EMPTY_BOX, Renderer
-from enliven_viewer.render.scene import Actor, Look, Scene
+from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 
 SIZE, RATE, BIT_RATE = (1280, 720), 30.0, 5.0
 _TEXT = 18
@@ -89,12 +89,12 @@ class Studio:
         share = min(max((since - _STEP_OUT) / _STEPPING, 0.0), 1.0)
         share = share * share * (3 - 2 * share)
         bodies = tuple(_aside(body, share) for body in shot.bodies)
-        cues = Cues(
+        cues = CueFrame(
             take.character.id, shot.cues.nodes.astype(np.int32), shot.cues.strengths.astype(np.float32)
         )
-        actor = Actor(take.character, shot.pose, cues)
+        actor = SceneCharacter(take.character, shot.pose, cues)
         # Beside it, the performer makes nothing transparent, and what is held need glow no more.
-        return Scene((actor,), bodies, Look(body=1.0, reveal=1.0 - share, cues=1.0 - share))
+        return Scene((actor,), bodies, SceneStyle(body=1.0, reveal=1.0 - share, cues=1.0 - share))
 
 
 def _aside(body: Body, share: float) -> Body:

@@ -24,7 +24,7 @@ from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.link.edges import Link
+from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.live.app import App
 from enliven_viewer.playback.document import Document
 from enliven_viewer.render.scene import scene_of
@@ -62,7 +62,7 @@ class House:
         outlet.introduce(self.actor.character)
         self.edge = Edge(TwoPeople(), Tracker(), Stage([self.actor]), outlet)
         self.document = Document()
-        self.feed = EdgeFeed(Link([outlet.publisher.endpoint]))
+        self.feed = EdgeFeed(EdgeClient([outlet.publisher.endpoint]))
         self.app = App(self.feed, self.document)
 
     def step(self) -> None:

@@ -31,11 +31,11 @@ from enliven_edge.stage.puppet.settings import PuppetSettings
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.link.edges import Link
-from enliven_viewer.link.take_feed import Take
+from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.live.app import App
 from enliven_viewer.playback.document import Document
-from enliven_viewer.playback.solved_surfaces import Surfaces
+from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
 from enliven_viewer.playback.timeline import Timeline
 from enliven_viewer.render.scene import scene_of
 
@@ -75,8 +75,8 @@ class House:
         self.sensor = Waving()
         self.edge = Edge(self.sensor, Tracker(), Stage([self.actor]), outlet)
         self.document, self.outlet = Document(), outlet
-        self.feed = EdgeFeed(Link([outlet.publisher.endpoint]))
-        self.app, self.surfaces = App(self.feed, self.document), Surfaces()
+        self.feed = EdgeFeed(EdgeClient([outlet.publisher.endpoint]))
+        self.app, self.surfaces = App(self.feed, self.document), SolvedSurfaces()
 
     def step(self) -> None:
         frame = self.sensor.read()
@@ -147,8 +147,8 @@ def test_who_comes_late_sees_the_whole_of_it(house: House) -> None:
     house.app.possess()
     house.sensor.left = 2.7
     house.until(lambda: house.hand(LEFT) > 1.05)
-    late, surfaces = Document(), Surfaces(wait=True)
-    feed = EdgeFeed(Link([house.outlet.publisher.endpoint]))
+    late, surfaces = Document(), SolvedSurfaces(wait=True)
+    feed = EdgeFeed(EdgeClient([house.outlet.publisher.endpoint]))
 
     def hand() -> float:
         """Metres of the left hand's height as the late viewer sees it."""
@@ -210,8 +210,8 @@ def test_the_film_shows_a_cactus_that_acts(road: Path) -> None:
 @pytest.mark.system
 def test_the_take_plays_back_as_it_was_and_opens_in_the_studio(road: Path) -> None:
     character, poses, _ = taken(road / "take.mcap")
-    document, surfaces = Document(Timeline(bounded=False)), Surfaces(wait=True)
-    feed = Take(road / "take.mcap")
+    document, surfaces = Document(Timeline(bounded=False)), SolvedSurfaces(wait=True)
+    feed = TakeFeed(road / "take.mcap")
     while feed.poll(document):
         pass
     held = np.asarray(character.held)

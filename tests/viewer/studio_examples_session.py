@@ -29,14 +29,14 @@ from enliven_viewer.studio.session import (
 from enliven_viewer.studio.session import actions as pace
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 said: dict[str, object] = {}
 STEP = pace.STEP = 0.12
 """Seconds a picture: a third of the pictures of a film."""
 
 
-def work(desk: Desk) -> Iterator[Action]:
+def work(desk: Workspace) -> Iterator[Action]:
     """Choose a take, pair by hand and by guessing, pose twice, retime, change a setting, play."""
 
     def star():  # type: ignore[no-untyped-def]
@@ -92,7 +92,7 @@ def work(desk: Desk) -> Iterator[Action]:
 
 def main() -> None:
     render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
-    desk = Desk.new(Editor(StudioSettings(render=render, width=1000, height=660)), Path(sys.argv[1]))
+    desk = Workspace.new(Editor(StudioSettings(render=render, width=1000, height=660)), Path(sys.argv[1]))
     project = project_with("head", "left", "right", "foot")
     puppet = project.puppets["star"]
     bare = tuple(type(point)(point.name, point.vertex) for point in puppet.points)

@@ -29,7 +29,7 @@ from enliven_viewer.studio.session import (
 )
 from enliven_viewer.studio.tools.puppet import PuppetTool
 from enliven_viewer.studio.window import StudioWindow
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 said: dict[str, object] = {"done": False}
 pictures: dict[str, np.ndarray] = {}
@@ -73,7 +73,7 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
 
 
 def main() -> None:
-    desk: Desk = studio(Path(sys.argv[1]), take="sway")[0]
+    desk: Workspace = studio(Path(sys.argv[1]), take="sway")[0]
     window = StudioWindow(desk, STEP)
     wanted: list[str] = []
     stages: list[WindowStage] = []

@@ -13,10 +13,10 @@ from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.modeling.sketching.strokes import limb
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.session import Joint, Place, where
+from enliven_viewer.studio.session import JointPlace, Place, where
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 said: dict[str, object] = {"done": False, "errors": []}
 
@@ -42,11 +42,11 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     said["size"] = list(window.places.viewport)
     ctx.item_click("tools/##carry")
     said["tool"] = desk.hand.tool.name
-    ctx.mouse_move_to_pos(at(Joint("one", 0)))
+    ctx.mouse_move_to_pos(at(JointPlace("one", 0)))
     settle(ctx)
     ctx.mouse_down(0)
     settle(ctx)
-    ctx.mouse_move_to_pos(at(Joint("two", 1)))
+    ctx.mouse_move_to_pos(at(JointPlace("two", 1)))
     settle(ctx)
     ctx.mouse_up(0)
     settle(ctx)
@@ -83,7 +83,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 
 def main() -> None:
     render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
-    desk = Desk.new(Editor(StudioSettings(render=render, width=1000, height=660)), Path(sys.argv[1]))
+    desk = Workspace.new(Editor(StudioSettings(render=render, width=1000, height=660)), Path(sys.argv[1]))
     pill = limb(np.array([[0.0, 0.0], [0.0, 0.6]]), np.array([0.08, 0.05]))
     shapes = [shape_from_stroke(np.add(pill, [x, 0.7]), id=name) for x, name in ((-0.4, "one"), (0.4, "two"))]
     desk.cabinet.new(desk.editor.project.with_shapes(*shapes))

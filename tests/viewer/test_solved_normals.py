@@ -9,10 +9,10 @@ from enliven.arrays import Float
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.samples.chair import make_chair
-from enliven_viewer.render.camera import OrbitCamera, View
+from enliven_viewer.render.camera import CameraView, OrbitCamera
 from enliven_viewer.render.normals import placed
 from enliven_viewer.render.renderer import Renderer
-from enliven_viewer.render.scene import Actor, Look, Scene
+from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 from enliven_viewer.render.surface import split_creases
 from enliven_viewer.settings import RenderSettings
 
@@ -52,7 +52,7 @@ def character() -> Character:
     return Character("chair", VERTICES, FACES, skin, pivots, np.zeros((0, 2), np.int32))
 
 
-def view() -> View:
+def view() -> CameraView:
     camera = OrbitCamera(0.6)
     camera.frame((VERTICES.min(0) - 0.3, VERTICES.max(0) + 0.3), SIZE[0] / SIZE[1], at_once=True)
     return camera.view(SIZE[0] / SIZE[1])
@@ -79,12 +79,12 @@ def test_what_is_no_number_and_what_has_no_area_does_no_harm() -> None:
 
 def test_the_picture_of_solved_vertices_is_that_of_the_same_vertices_skinned(gl, character) -> None:
     renderer = Renderer(gl, SIZE, RenderSettings(shadow_size=128, contact_size=64))
-    bare, pose = Look(body=0, reveal=0, cues=0), rigid(character)
+    bare, pose = SceneStyle(body=0, reveal=0, cues=0), rigid(character)
     room = np.full(3, -1.5), np.full(3, 1.5)  # shadows reach as far in both
-    renderer.draw(Scene((Actor(character, pose),), look=bare, extent=room), view())
+    renderer.draw(Scene((SceneCharacter(character, pose),), look=bare, extent=room), view())
     skinned = renderer.pixels().astype(int)
     where = VERTICES @ pose.linear[0].T + pose.positions[0]
-    renderer.draw(Scene((Actor(character, pose, vertices=where),), look=bare, extent=room), view())
+    renderer.draw(Scene((SceneCharacter(character, pose, vertices=where),), look=bare, extent=room), view())
     assert renderer.ctx.error == "GL_NO_ERROR"
     solved = renderer.pixels().astype(int)
     assert skinned.std() > 10
@@ -93,7 +93,7 @@ def test_the_picture_of_solved_vertices_is_that_of_the_same_vertices_skinned(gl,
 
 def test_a_camera_has_the_whole_of_what_was_solved_in_its_picture(character) -> None:
     where = (VERTICES + np.array([5.0, 0.0, 0.0])).astype(np.float32)
-    box = Scene((Actor(character, character.rest_pose(), vertices=where),)).box
+    box = Scene((SceneCharacter(character, character.rest_pose(), vertices=where),)).box
     assert box is not None
     assert (box[0] <= where.min(0)).all()
     assert (box[1] >= where.max(0)).all()

@@ -21,14 +21,14 @@ from enliven.meshes.mesh import Mesh
 from enliven.modeling.puppet.edits import add_key_pose
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.files import export
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 NAMES = ("head", "left", "right", "foot")
 
 
 @pytest.fixture
-def desk(tmp_path) -> Desk:
-    return Desk.new(Editor(), tmp_path / "recovery")
+def desk(tmp_path) -> Workspace:
+    return Workspace.new(Editor(), tmp_path / "recovery")
 
 
 def acting() -> Project:
@@ -40,12 +40,12 @@ def acting() -> Project:
     return project
 
 
-def said(desk: Desk) -> str:
+def said(desk: Workspace) -> str:
     return " | ".join(f"{toast.text} {toast.mend}" for toast in desk.editor.toasts.shown)
 
 
 @pytest.mark.parametrize("ending", [".obj", ".ply", ".stl", ".off", ".glb"])
-def test_a_mesh_without_a_rig_opens_as_a_puppet_that_stands(desk: Desk, tmp_path, ending: str) -> None:
+def test_a_mesh_without_a_rig_opens_as_a_puppet_that_stands(desk: Workspace, tmp_path, ending: str) -> None:
     raised = Mesh(np.add(star().vertices, [0.3, 2.0, 0.1]), star().faces, "star")
     save_mesh(raised, tmp_path / f"star{ending}")
     desk.open(tmp_path / f"star{ending}")
@@ -58,14 +58,16 @@ def test_a_mesh_without_a_rig_opens_as_a_puppet_that_stands(desk: Desk, tmp_path
     assert other.place[0] > puppet.mesh.vertices[:, 0].max(), "beside the first"
 
 
-def test_a_mesh_in_millimetres_becomes_as_tall_as_a_person_and_that_is_said(desk: Desk, tmp_path) -> None:
+def test_a_mesh_in_millimetres_becomes_as_tall_as_a_person_and_that_is_said(
+    desk: Workspace, tmp_path
+) -> None:
     save_mesh(Mesh(1000.0 * star().vertices, star().faces, "star"), tmp_path / "star.ply")
     desk.open(tmp_path / "star.ply")
     assert np.ptp(desk.puppets.puppet.mesh.vertices[:, 1]) == pytest.approx(1.7)  # type: ignore[union-attr]
     assert "made 1.7 m tall" in said(desk)
 
 
-def test_a_mesh_that_cannot_be_read_changes_nothing(desk: Desk, tmp_path) -> None:
+def test_a_mesh_that_cannot_be_read_changes_nothing(desk: Workspace, tmp_path) -> None:
     (tmp_path / "bad.ply").write_bytes(b"ply\nnothing more")
     before = desk.editor.project
     with pytest.raises(InputError):
@@ -73,7 +75,7 @@ def test_a_mesh_that_cannot_be_read_changes_nothing(desk: Desk, tmp_path) -> Non
     assert desk.editor.project is before
 
 
-def test_a_table_of_exponential_maps_opens_as_a_take(desk: Desk, tmp_path) -> None:
+def test_a_table_of_exponential_maps_opens_as_a_take(desk: Workspace, tmp_path) -> None:
     rows = np.zeros((20, COLUMNS))
     rows[:, 1] = np.linspace(17.0, 18.0, 20)
     np.savetxt(tmp_path / "hop.txt", rows, delimiter=",")
@@ -98,7 +100,7 @@ def test_a_session_is_saved_and_opens_beside_what_is_there(tmp_path) -> None:
     assert [name for name in project.takes if name.startswith("sway")] == ["sway"], "the take is the same one"
 
 
-def test_a_session_needs_a_puppet(desk: Desk) -> None:
+def test_a_session_needs_a_puppet(desk: Workspace) -> None:
     desk.ask("session")
     assert desk.asking == "" and "No puppet is chosen" in said(desk)
 

@@ -19,8 +19,8 @@ from enliven.document.locomotion import Switch
 from enliven.document.project import Project
 from enliven.modeling.puppet.edits import add_key_pose, change_layer, play_take
 from enliven_viewer.studio.timeline.layout import LABELS, TimelineLayout
-from enliven_viewer.studio.timeline.puppet_lanes import PuppetLanes, Row
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.timeline.puppet_lanes import LaneRow, PuppetLanes
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 NAMES = ("head", "left", "right", "foot")
 SWITCHES = (Switch(0, "contact"), Switch(30, "flight"), Switch(60, "contact"))
@@ -35,18 +35,18 @@ def posed(times: tuple[float, ...], **changes) -> Project:  # type: ignore[no-un
     return change_layer(project, "star", 0, **changes)
 
 
-def desk_with(tmp_path: Path, project: Project) -> Desk:
+def desk_with(tmp_path: Path, project: Project) -> Workspace:
     desk, _ = studio(tmp_path, *NAMES)
     desk.cabinet.new(project)
     desk.puppets.choose("star")
     return desk
 
 
-def row_of(lanes: PuppetLanes, kind: str) -> Row:
+def row_of(lanes: PuppetLanes, kind: str) -> LaneRow:
     return next(row for row in lanes.rows() if row.kind == kind)
 
 
-def middle(row: Row) -> float:
+def middle(row: LaneRow) -> float:
     return row.top + row.height / 2
 
 
@@ -99,7 +99,7 @@ def test_only_the_chosen_puppet_shows_more_than_its_layers() -> None:
     assert lanes.height < chosen.height
 
 
-def drag(desk: Desk, start: tuple[float, float], x: float) -> None:
+def drag(desk: Workspace, start: tuple[float, float], x: float) -> None:
     hand = desk.timeline
     hand.press(*start)
     for share in (0.3, 0.7, 1.0):

@@ -14,7 +14,7 @@ from enliven.document.skeleton import Skeleton
 from enliven.rotation import IDENTITY
 from enliven_viewer.render.camera import OrbitCamera
 from enliven_viewer.studio.viewport.picking import Lens, bone_at, crossings, joint_at, surface_at
-from enliven_viewer.studio.viewport.pose_at_time import Stance
+from enliven_viewer.studio.viewport.pose_at_time import PosedShape
 
 SIZE = (900.0, 600.0)
 
@@ -28,14 +28,14 @@ def lens_of(azimuth: float, elevation: float) -> Lens:
 
 
 @st.composite
-def trees(draw: st.DrawFn) -> Stance:
+def trees(draw: st.DrawFn) -> PosedShape:
     """A random tree of joints, none of them at one place, before every camera of :func:`lens_of`."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     count = int(rng.integers(2, 12))
     parents = np.array([-1, *(int(rng.integers(0, k)) for k in range(1, count))], np.int32)
     joints = rng.uniform([-1, 0, -1], [1, 2, 1], (count, 3))
     skeleton = Skeleton(tuple(f"j{k}" for k in range(count)), parents, joints)
-    return Stance(still_shape("tree", skeleton), np.tile(IDENTITY, (count, 1)), joints)
+    return PosedShape(still_shape("tree", skeleton), np.tile(IDENTITY, (count, 1)), joints)
 
 
 lenses = st.builds(lens_of, st.floats(-3.0, 3.0), st.floats(0.05, 1.4))
@@ -43,7 +43,7 @@ lenses = st.builds(lens_of, st.floats(-3.0, 3.0), st.floats(0.05, 1.4))
 
 @given(trees(), lenses)
 @settings(max_examples=60, deadline=None)
-def test_every_joint_is_picked_at_its_pixel(stance: Stance, lens: Lens) -> None:
+def test_every_joint_is_picked_at_its_pixel(stance: PosedShape, lens: Lens) -> None:
     pixels, depths = lens.project(stance.joints)
     for joint, pixel in enumerate(pixels):
         hit = joint_at([stance], lens, (float(pixel[0]), float(pixel[1])), 4.0)
@@ -120,7 +120,7 @@ def test_a_ray_goes_through_its_pixel_and_a_plane_gives_it_back(lens: Lens, x: f
 def test_the_nearer_of_two_surfaces_is_picked(make_limb) -> None:
     lens = lens_of(0.0, 0.1)
     limbs = [make_limb("far", at=(0.0, 0.2, -0.5)), make_limb("near", at=(0.0, 0.2, 0.5))]
-    stances = [Stance(s, np.tile(IDENTITY, (5, 1)), s.skeleton.positions) for s in limbs]
+    stances = [PosedShape(s, np.tile(IDENTITY, (5, 1)), s.skeleton.positions) for s in limbs]
     at = lens.project(np.array([[0.0, 0.7, 0.56]]))[0][0]
     hit = surface_at(stances, lens, (float(at[0]), float(at[1])))
     assert hit is not None and hit.shape == "near" and hit.joint in (2, 3)
@@ -131,7 +131,7 @@ def test_what_is_behind_the_camera_is_not_picked(make_limb) -> None:
     lens = lens_of(0.0, 0.1)
     shape = make_limb()
     behind = np.add(shape.skeleton.positions, [0.0, 0.0, 60.0])
-    stance = Stance(shape, np.tile(IDENTITY, (5, 1)), behind)
+    stance = PosedShape(shape, np.tile(IDENTITY, (5, 1)), behind)
     assert joint_at([stance], lens, (450.0, 300.0), 1e9) is None
     assert bone_at([stance], lens, (450.0, 300.0), 1e9) is None
     assert crossings([stance], lens, np.array([[0.0, 0.0], [900.0, 600.0]])) == []

@@ -27,16 +27,16 @@ from enliven_viewer.studio.session import (
     play,
 )
 from enliven_viewer.studio.tools.puppet import PuppetTool
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 
-def tool_of(desk: Desk) -> PuppetTool:
+def tool_of(desk: Workspace) -> PuppetTool:
     tool = desk.hand.tools["puppet"]
     assert isinstance(tool, PuppetTool)
     return tool
 
 
-def two_poses(desk: Desk) -> None:
+def two_poses(desk: Workspace) -> None:
     """The first two key poses of the chosen star: at rest, and bent to its left."""
     rest = desk.puppets.puppet.rest
     bent = rest + np.linspace(0.0, 0.3, len(rest))[::-1, None] * [1.0, 0.3, 0.0]
@@ -44,7 +44,7 @@ def two_poses(desk: Desk) -> None:
         desk.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "star", "sway", t, q))
 
 
-def bad(desk: Desk) -> list[str]:
+def bad(desk: Workspace) -> list[str]:
     return [toast.text for toast in desk.editor.toasts.shown if toast.bad]
 
 

@@ -15,16 +15,16 @@ from enliven.document.project import same
 from enliven.modeling.puppet.edits import add_key_pose, set_symmetry
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.puppets.mirrored import partner_point, partner_vertex
-from enliven_viewer.studio.puppets.posing import PuppetDesk
+from enliven_viewer.studio.puppets.posing import PuppetEditor
 
 
-def posing(*names: str, take: str = "sway") -> PuppetDesk:
+def posing(*names: str, take: str = "sway") -> PuppetEditor:
     editor = Editor(project=project_with(*names, take=take))
     editor.puppets.choose("star")
     return editor.puppets
 
 
-def steps(desk: PuppetDesk) -> int:
+def steps(desk: PuppetEditor) -> int:
     """How many edits can be undone."""
     editor, count = desk.editor, 0
     while editor.history.undo_name is not None:
@@ -35,7 +35,7 @@ def steps(desk: PuppetDesk) -> int:
     return count
 
 
-def puppet_of(desk: PuppetDesk):
+def puppet_of(desk: PuppetEditor):
     assert desk.puppet is not None
     return desk.puppet
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from enliven.document.project import same
 from enliven.motion.layers.evaluate import Player
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.session import Action, Click, DeskStage, Do, Drag, Key, Pixel, play
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.session import Action, Click, Do, Drag, HeadlessStage, Key, Pixel, play
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 FILMS = Path(__file__).parents[1] / "benchmarks" / "session_films.py"
 
@@ -30,9 +30,9 @@ def films() -> ModuleType:
     return module
 
 
-def played(films: ModuleType, name: str, folder: Path) -> Desk:
-    desk = Desk.new(Editor(films.SIZE), folder)
-    play(list(films.SESSIONS[name]()), DeskStage(desk))
+def played(films: ModuleType, name: str, folder: Path) -> Workspace:
+    desk = Workspace.new(Editor(films.SIZE), folder)
+    play(list(films.SESSIONS[name]()), HeadlessStage(desk))
     bad = [toast.text for toast in desk.editor.toasts.shown if toast.bad]
     assert not bad, bad
     return desk
@@ -99,7 +99,7 @@ actions: st.SearchStrategy[Action] = st.one_of(
 def test_undo_after_whatever_an_artist_does_gives_back_the_document(make_scene, todo) -> None:
     desk = make_scene()
     first = desk.editor.project
-    play(todo, DeskStage(desk))
+    play(todo, HeadlessStage(desk))
     assert not any("fault of enliven" in toast.text for toast in desk.editor.toasts.shown)
     for _ in desk.editor.history.names:
         desk.editor.undo()
@@ -113,8 +113,8 @@ def make_scene(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("recovery")
 
-    def make() -> Desk:
-        desk = Desk.new(Editor(), folder)
+    def make() -> Workspace:
+        desk = Workspace.new(Editor(), folder)
         project = desk.editor.project.with_shapes(limb_at("limb", 0.0), limb_at("arm", 0.5))
         desk.cabinet.new(bind_chain(project, "limb", (0, 1, 2, 3), "wave", (0, 1, 2, 3, 4, 5, 6), loop=True))
         return desk

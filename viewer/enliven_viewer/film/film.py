@@ -19,8 +19,8 @@ from enliven_viewer.film.film_strip import FilmStrip
 from enliven_viewer.film.sheet import Tiles, write_sheet
 from enliven_viewer.link import Feed
 from enliven_viewer.live import cards_of, clock, draw_cards
-from enliven_viewer.playback import NS, Document, Moment, Surfaces
-from enliven_viewer.render import EMPTY_BOX, FilmCamera, Look, Renderer, scene_of
+from enliven_viewer.playback import NS, Document, SolvedSurfaces, TimelineMoment
+from enliven_viewer.render import EMPTY_BOX, FilmCamera, Renderer, SceneStyle, scene_of
 from enliven_viewer.render.gl import offscreen_context
 from enliven_viewer.render.overlay import Canvas
 from enliven_viewer.settings import ViewerSettings
@@ -91,7 +91,7 @@ class _Studio:
         self._text = max(round(settings.height / 40), 10)
         self._canvas = Canvas(self._renderer.ctx, (self._text,)) if caption else None
         self._camera = FilmCamera(settings.render.opening)
-        self._surfaces = Surfaces(wait=True)
+        self._surfaces = SolvedSurfaces(wait=True)
         self._possessed_at: float | None = None
         film = settings.film
         self.tiles = Tiles(film.columns * film.rows, film.tile_width)
@@ -102,7 +102,7 @@ class _Studio:
         film = self.settings.film
         return FilmWriter(path, self.size, film.rate, film.bit_rate, film.encoder)
 
-    def draw(self, moment: Moment, second: float) -> UInt8:
+    def draw(self, moment: TimelineMoment, second: float) -> UInt8:
         """(H, W, 4) the picture of a moment, ``second`` seconds into the film; bottom row first."""
         began = time.perf_counter()
         scene = scene_of(self.document, moment, self._look(moment, second), self._surfaces)
@@ -119,11 +119,11 @@ class _Studio:
         self.draw_seconds += time.perf_counter() - began
         return picture
 
-    def _look(self, moment: Moment, second: float) -> Look:
+    def _look(self, moment: TimelineMoment, second: float) -> SceneStyle:
         """Body and attachments until some seconds after possession, then the mesh alone."""
         if not moment.possessed:
             self._possessed_at = None
-            return Look()
+            return SceneStyle()
         if self._possessed_at is None:
             self._possessed_at = second
         since = second - self._possessed_at - self.settings.film.overlay_seconds
@@ -132,9 +132,9 @@ class _Studio:
         # Whoever plays along without a mesh has nothing else to be seen by.
         holding = sum(cues.state == "possessed" for cues in moment.cues.values())
         playing = moment.props is not None and len(moment.bodies) > holding
-        return Look(body=1.0 if playing else shown, reveal=shown, cues=shown)
+        return SceneStyle(body=1.0 if playing else shown, reveal=shown, cues=shown)
 
-    def _caption(self, moment: Moment, second: float) -> None:
+    def _caption(self, moment: TimelineMoment, second: float) -> None:
         """The time, and whether somebody holds the mesh, in the lower right corner."""
         assert self._canvas is not None
         margin, line = 1.4 * self._text, self._text
@@ -150,7 +150,7 @@ class _Studio:
 
 def _moments(
     feed: Feed, document: Document, settings: ViewerSettings, seconds: float | None
-) -> Iterator[tuple[Moment, float]]:
+) -> Iterator[tuple[TimelineMoment, float]]:
     """(moment, second of the film) at the film's rate of sensor time, as fast as the feed brings them."""
     timeline, rate = document.timeline, settings.film.rate
     _await_first(feed, document, settings.film.patience)

@@ -15,7 +15,16 @@ from enliven.deformation.graph import DeformationGraph
 from enliven.document import Character
 from enliven.errors import ResourceError
 from enliven_viewer.film.sheet import INK, PAPER, QUIET
-from enliven_viewer.render import Actor, Box, Look, OrbitCamera, Renderer, Scene, View, linear
+from enliven_viewer.render import (
+    Box,
+    CameraView,
+    OrbitCamera,
+    Renderer,
+    Scene,
+    SceneCharacter,
+    SceneStyle,
+    linear,
+)
 from enliven_viewer.render.gl import offscreen_context
 from enliven_viewer.render.overlay import Tubes, tube_rows
 
@@ -59,7 +68,7 @@ def draw_graph(character: Character, graph: DeformationGraph, panel: tuple[int, 
     renderer = Renderer(offscreen_context(), panel)
     tubes = Tubes(renderer.ctx)
     spacing = scale * math.sqrt(_area(character) / len(nodes))
-    scene = Scene((Actor(shown, shown.rest_pose()),), (), Look(body=0, reveal=0, cues=0))
+    scene = Scene((SceneCharacter(shown, shown.rest_pose()),), (), SceneStyle(body=0, reveal=0, cues=0))
     box = (shown.vertices.min(0).astype(float), shown.vertices.max(0).astype(float))
     return [_view(renderer, tubes, scene, box, graph, nodes, spacing, turn) for turn in SIDES]
 
@@ -84,7 +93,7 @@ def _view(
     return renderer.pixels()
 
 
-def view_of(box: Box, aspect: float, turn: float) -> View:
+def view_of(box: Box, aspect: float, turn: float) -> CameraView:
     """The camera that has the box in its picture, turned by ``turn`` radians from the front right."""
     camera = OrbitCamera(math.radians(24))
     camera.orbit(turn, math.radians(3))

@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable
 
 from enliven.wire import Done, Look, Mode, messages_to_health
-from enliven_viewer.link.edges import Link
+from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.link.received import ReceivedCues, ReceivedPose
-from enliven_viewer.playback import Cues, Document, EdgeState
+from enliven_viewer.playback import CueFrame, Document, EdgeState
 
 _NOTICE_SECONDS = 5.0
 _BARE_SECONDS = 3.0
@@ -20,7 +20,7 @@ _EASE = 0.1
 class EdgeFeed:
     """A ``Feed`` over a ``Link`` to one edge."""
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: EdgeClient) -> None:
         self._link = link
         self._shown_cues: dict[str, ReceivedCues] = {}
         self._notice, self._notice_until = "", 0.0
@@ -85,7 +85,7 @@ class EdgeFeed:
         """Cues that are new, each at its own time; none for what the edge has forgotten."""
         current = self._link.cues
         for cues in self._link.take_cues():
-            shown = Cues(cues.character, cues.nodes, cues.strengths, cues.state, cues.owners, cues.held)
+            shown = CueFrame(cues.character, cues.nodes, cues.strengths, cues.state, cues.owners, cues.held)
             document.set_cues(shown, cues.time_ns)
         for name in self._shown_cues.keys() - current.keys():
             document.forget_cues(name)

@@ -27,14 +27,14 @@ from enliven.wire import (
     parse_endpoint,
     warm_up,
 )
-from enliven_viewer.link.one_edge import EdgeLink
+from enliven_viewer.link.one_edge import EdgeConnection
 from enliven_viewer.link.received import Health, Notice, ReceivedBodies, ReceivedCues, ReceivedPose
 
 _ALIVE = 1.6
 """Seconds without a heartbeat (three of them) after which an edge of the same name is not a rival."""
 
 
-class Link:
+class EdgeClient:
     """Follows one edge or several: polled from the thread that draws, it never waits.
 
     Start it before or after its edges, and restart them as you like: characters and state are fetched by
@@ -56,7 +56,7 @@ class Link:
         name: of this viewer, for the edges.
 
     Attributes:
-        edges: one :class:`EdgeLink` an endpoint, in the order given.
+        edges: one :class:`EdgeConnection` an endpoint, in the order given.
 
     Raises:
         InputError: for an address that is none, or no address at all.
@@ -78,7 +78,7 @@ class Link:
         def label(edge: str, character: str) -> str:
             return f"{edge}/{character}" if several else character
 
-        self.edges = [EdgeLink(self._context, e, name[:64], label, self._notices.append) for e in found]
+        self.edges = [EdgeConnection(self._context, e, name[:64], label, self._notices.append) for e in found]
 
     def poll(self) -> None:
         """Take in everything that has arrived and ask for what is missing; returns at once."""

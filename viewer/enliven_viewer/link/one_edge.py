@@ -72,7 +72,7 @@ class _Held:
     codec: PoseCodec
 
 
-class EdgeLink:
+class EdgeConnection:
     """One SUB and one DEALER socket, and what was heard over them; a Link polls it.
 
     Args:

@@ -30,7 +30,7 @@ from enliven.wire import (
     message_to_pose,
     message_to_props,
 )
-from enliven_viewer.playback import Cues, Document, EdgeState
+from enliven_viewer.playback import CueFrame, Document, EdgeState
 
 log = logging.getLogger(__name__)
 
@@ -39,7 +39,7 @@ TOPICS = ("character", "bodies", "pose", "props", "matches", "cues")
 _BATCH = 96
 
 
-class Take:
+class TakeFeed:
     """A :class:`~enliven_viewer.link.feed.Feed` that reads a take a little further with every poll.
 
     A message that cannot be read is left out; the first such is logged. A take holds copies of each
@@ -130,7 +130,7 @@ class Take:
             document.add_board(message_to_board(msgspec.msgpack.decode(data, type=MatchesMessage)))
         else:
             cues = msgspec.msgpack.decode(data, type=CuesMessage)
-            shown = Cues(
+            shown = CueFrame(
                 cues.character, *message_to_cues(cues), cues.state, message_to_owners(cues), cues.held
             )
             document.set_cues(shown, cues.time_ns)

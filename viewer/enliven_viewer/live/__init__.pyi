@@ -1,6 +1,6 @@
 from .app import App
 from .hud import ACCENT, BAD, GLASS, GOOD, INK, QUIET, WAIT, clock, wrapped
-from .keys import Controls
+from .keys import KeyBindings
 from .match_cards import cards_of, draw_cards
 
 __all__ = [
@@ -12,7 +12,7 @@ __all__ = [
     "QUIET",
     "WAIT",
     "App",
-    "Controls",
+    "KeyBindings",
     "cards_of",
     "clock",
     "draw_cards",

@@ -14,10 +14,10 @@ from enliven.wire import Mode
 from enliven_viewer.link import Feed
 from enliven_viewer.live.hud import Hud, HudState, timeline_area
 from enliven_viewer.live.match_cards import cards_of
-from enliven_viewer.live.possession_choice import Grasp
-from enliven_viewer.live.view_report import Gaze, hidden, turn_to_bones
-from enliven_viewer.playback import NS, Document, Playhead, Surfaces
-from enliven_viewer.render import Look, OrbitCamera, Renderer, Scene, scene_of
+from enliven_viewer.live.possession_choice import PossessionChoice
+from enliven_viewer.live.view_report import ViewReporter, hidden, turn_to_bones
+from enliven_viewer.playback import NS, Document, Playhead, SolvedSurfaces
+from enliven_viewer.render import OrbitCamera, Renderer, Scene, SceneStyle, scene_of
 from enliven_viewer.render.gl import window_context
 from enliven_viewer.settings import ViewerSettings
 from enliven_viewer.window import open_window
@@ -48,11 +48,11 @@ class App:
         self.settings = settings or ViewerSettings()
         self.playhead = Playhead(document.timeline, live=not take, loop=bool(take))
         self.camera = OrbitCamera(self.settings.render.opening)
-        self.look, self.help, self.scale = Look(), False, 1.0
+        self.look, self.help, self.scale = SceneStyle(), False, 1.0
         self._take, self._with_hud = take, hud
-        self.grasp = Grasp()
-        self._gaze = Gaze()
-        self._surfaces = Surfaces()
+        self.grasp = PossessionChoice()
+        self._gaze = ViewReporter()
+        self._surfaces = SolvedSurfaces()
         self._framed: tuple[str, ...] | None = None
         self._size = (1, 1)
         self._scene = Scene()

@@ -17,7 +17,7 @@ _TURN = 0.008
 _KEY_TURN = 0.12
 
 
-class Controls:
+class KeyBindings:
     """Listens to a window on behalf of an app."""
 
     def __init__(self, app: App, window: Any) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.matching import Board
-from enliven_viewer.render import Actor, Scene, View
+from enliven_viewer.render import CameraView, Scene, SceneCharacter
 from enliven_viewer.render.overlay import TINTS, Canvas, Colour
 
 WIDTH, HEIGHT, GAP, PAD = 124.0, 92.0, 8.0, 10.0
@@ -44,7 +44,7 @@ class Card:
     held: float = 0.0
 
 
-def cards_of(scene: Scene, view: View) -> tuple[Card, ...]:
+def cards_of(scene: Scene, view: CameraView) -> tuple[Card, ...]:
     """The cards of the first character from which somebody chooses, as it is seen; none where nobody does."""
     for actor in scene.actors:
         board = scene.boards.get(actor.character.id)
@@ -53,7 +53,7 @@ def cards_of(scene: Scene, view: View) -> tuple[Card, ...]:
     return ()
 
 
-def _cards(actor: Actor, board: Board, view: View) -> tuple[Card, ...]:
+def _cards(actor: SceneCharacter, board: Board, view: CameraView) -> tuple[Card, ...]:
     bones = actor.pose.positions[actor.character.edges].astype(np.float64)
     every = [bones.reshape(-1, 3), *(line for row in board.rows for line in row.lines)]
     seen = view.project(np.concatenate(every)) * [1.0, -1.0]

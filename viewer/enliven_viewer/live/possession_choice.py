@@ -23,7 +23,7 @@ SMOOTHING = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
 _USUAL = 2
 
 
-class Grasp:
+class PossessionChoice:
     """A choice of performer and parts.
 
     Attributes:

@@ -12,7 +12,7 @@ from enliven.document import Character, Pose, Props
 from enliven.health import HealthState
 from enliven.matching import Board
 from enliven.person import Body
-from enliven_viewer.playback.timeline import Cues, Timeline
+from enliven_viewer.playback.timeline import CueFrame, Timeline
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Document:
         """Put what there is to choose from on a character on the timeline."""
         self.timeline.add_board(board)
 
-    def set_cues(self, cues: Cues, time_ns: int | None = None) -> None:
+    def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
         """Say what of a character is held, from a time on or from the newest moment; no nodes: nothing."""
         self.timeline.set_cues(cues, time_ns)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enliven_viewer.playback.timeline import NS, Moment, Timeline
+from enliven_viewer.playback.timeline import NS, Timeline, TimelineMoment
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 
@@ -37,7 +37,7 @@ class Playhead:
         length = self.timeline.end_ns - self.timeline.start_ns
         return (self.time_ns - self.timeline.start_ns) / length if length else 1.0
 
-    def moment(self) -> Moment | None:
+    def moment(self) -> TimelineMoment | None:
         """What is to be drawn now; None when nothing was received."""
         return self.timeline.at(self.time_ns)
 

@@ -35,7 +35,7 @@ _SETTLING = 12
 """Pictures for which a surface whose control points do not move is still solved, until it is at rest."""
 
 
-class Surfaces:
+class SolvedSurfaces:
     """The surfaces of everybody's puppets, from picture to picture.
 
     A mesh is prepared in a thread; until then, and where it cannot be, it is drawn as one rigid piece.
@@ -46,7 +46,7 @@ class Surfaces:
 
     def __init__(self, *, wait: bool = False) -> None:
         self._wait = wait
-        self._known: dict[str, _Surface] = {}
+        self._known: dict[str, _SolvedSurface] = {}
 
     def vertices(self, character: Character, pose: Pose) -> Float32 | None:
         """(V, 3) metres in the world of a puppet in a pose; None for what its transforms alone move."""
@@ -54,7 +54,7 @@ class Surfaces:
             return None
         known = self._known.get(character.id)
         if known is None or known.character is not character:
-            known = _Surface(character)
+            known = _SolvedSurface(character)
             self._known[character.id] = known
         return known.vertices(pose, wait=self._wait)
 
@@ -64,7 +64,7 @@ class Surfaces:
         self._known = {name: known for name, known in self._known.items() if name in names}
 
 
-class _Surface:
+class _SolvedSurface:
     """One puppet's surface: prepared, then solved as its control points move."""
 
     def __init__(self, character: Character) -> None:

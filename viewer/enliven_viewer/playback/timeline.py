@@ -19,7 +19,7 @@ NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
-class Cues:
+class CueFrame:
     """Where the performer holds a character.
 
     Attributes:
@@ -46,13 +46,13 @@ class Cues:
 
 
 @dataclass(frozen=True)
-class Moment:
+class TimelineMoment:
     """Everything at one time of the sensor's clock: poses, cues, boards by character, bodies, props."""
 
     time_ns: int
     poses: dict[str, Pose] = field(default_factory=dict)
     bodies: tuple[Body, ...] = ()
-    cues: dict[str, Cues] = field(default_factory=dict)
+    cues: dict[str, CueFrame] = field(default_factory=dict)
     props: Props | None = None
     boards: dict[str, Board] = field(default_factory=dict)
 
@@ -73,8 +73,8 @@ class Timeline:
         self.generation = 0
         self._bounded = bounded
         self._times: list[int] = []
-        self._moments: list[Moment] = []
-        self._cues: dict[str, Cues] = {}
+        self._moments: list[TimelineMoment] = []
+        self._cues: dict[str, CueFrame] = {}
 
     def __len__(self) -> int:
         return len(self._moments)
@@ -107,7 +107,7 @@ class Timeline:
         old = self._at(board.time_ns)
         self._put(replace(old, boards={**old.boards, board.character: board}))
 
-    def set_cues(self, cues: Cues, time_ns: int | None = None) -> None:
+    def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
         """Say what of a character is held from a time on (the newest moment's where None) until said anew."""
         self._cues = {**self._cues, cues.character: cues}
         first = len(self._times) - 1 if time_ns is None else bisect.bisect_left(self._times, time_ns)
@@ -125,7 +125,7 @@ class Timeline:
         self._moments.clear()
         self.generation += 1
 
-    def at(self, time_ns: int) -> Moment | None:
+    def at(self, time_ns: int) -> TimelineMoment | None:
         """The moment at a time: blended between its neighbours, the nearer one across a gap.
 
         Outside the timeline the first or last moment; None when the timeline is empty.
@@ -157,7 +157,7 @@ class Timeline:
         count = max(bisect.bisect_right(self._times, time_ns) - 1, 0)
         del self._times[:count], self._moments[:count]
 
-    def _between(self, before: Moment, after: Moment, time_ns: int) -> Moment:
+    def _between(self, before: TimelineMoment, after: TimelineMoment, time_ns: int) -> TimelineMoment:
         """The moment between two neighbours."""
         share = (time_ns - before.time_ns) / (after.time_ns - before.time_ns)
         if after.time_ns - before.time_ns > self.settings.gap * NS:
@@ -172,15 +172,15 @@ class Timeline:
         bodies = blend_bodies(before.bodies, after.bodies, share)
         props = blend_props(before.props, after.props, share, time_ns)
         boards = blend_boards(before.boards, after.boards, share)
-        return Moment(time_ns, poses, bodies, before.cues, props, boards)
+        return TimelineMoment(time_ns, poses, bodies, before.cues, props, boards)
 
-    def _hold(self, cues: dict[str, Cues]) -> None:
+    def _hold(self, cues: dict[str, CueFrame]) -> None:
         """Cues of the newest moment and all that follow."""
         self._cues = cues
         if self._moments:
             self._moments[-1] = replace(self._moments[-1], cues=cues)
 
-    def _at(self, time_ns: int) -> Moment:
+    def _at(self, time_ns: int) -> TimelineMoment:
         """The moment at exactly this time, or an empty one."""
         index = bisect.bisect_left(self._times, time_ns)
         found = index < len(self._times) and self._times[index] == time_ns
@@ -188,7 +188,9 @@ class Timeline:
             return self._moments[index]
         # Boards come after the poses of their time, and must not vanish meanwhile.
         boards = self._moments[index - 1].boards if index else {}
-        return Moment(time_ns, cues=self._cues, props=self._still_loose(index, time_ns), boards=boards)
+        return TimelineMoment(
+            time_ns, cues=self._cues, props=self._still_loose(index, time_ns), boards=boards
+        )
 
     def _still_loose(self, index: int, time_ns: int) -> Props | None:
         """What was loose a moment ago: it does not vanish while a moment's own props are on their way."""
@@ -196,7 +198,7 @@ class Timeline:
         fresh = props is not None and time_ns - props.time_ns <= self.settings.gap * NS
         return props if fresh else None
 
-    def _put(self, moment: Moment) -> None:
+    def _put(self, moment: TimelineMoment) -> None:
         """Insert or replace; start anew where the clock went back; drop the oldest beyond the bounds."""
         if self._times and moment.time_ns < self._times[-1] - self.settings.restart * NS and self._bounded:
             self.clear()

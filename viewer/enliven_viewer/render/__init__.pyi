@@ -1,18 +1,18 @@
-from .camera import Box, FilmCamera, OrbitCamera, View
+from .camera import Box, CameraView, FilmCamera, OrbitCamera
 from .renderer import EMPTY_BOX, Renderer
-from .scene import Actor, Look, Scene, scene_of
+from .scene import Scene, SceneCharacter, SceneStyle, scene_of
 from .skinned import linear
 
 __all__ = [
     "EMPTY_BOX",
-    "Actor",
     "Box",
+    "CameraView",
     "FilmCamera",
-    "Look",
     "OrbitCamera",
     "Renderer",
     "Scene",
-    "View",
+    "SceneCharacter",
+    "SceneStyle",
     "linear",
     "scene_of",
 ]

@@ -20,7 +20,7 @@ LOWEST, HIGHEST = math.radians(1.0), math.radians(88)
 
 
 @dataclass(frozen=True)
-class View:
+class CameraView:
     """A camera at one moment.
 
     Attributes:
@@ -159,12 +159,14 @@ class OrbitCamera:
         """Ease towards the goal: what is left halves every 60 milliseconds."""
         self._now += (self._goal - self._now) * (1 - 0.5 ** (seconds / 0.06))
 
-    def view(self, aspect: float) -> View:
+    def view(self, aspect: float) -> CameraView:
         """Where the camera is now."""
         eye, target = self._eye_and_target(self._now)
         distance = math.exp(self._now[5])
         near = max(0.02, distance * 0.02)
-        return View(eye, look_at(eye, target), perspective(self.field_of_view, aspect, near, distance + 80))
+        return CameraView(
+            eye, look_at(eye, target), perspective(self.field_of_view, aspect, near, distance + 80)
+        )
 
     @staticmethod
     def _eye_and_target(state: Float) -> tuple[Float, Float]:
@@ -224,6 +226,6 @@ class FilmCamera:
         self._orbit.orbit(self._drift * math.sin(phase), 0.25 * self._drift * math.sin(0.7 * phase))
         self._orbit.advance(10.0)
 
-    def view(self, aspect: float) -> View:
+    def view(self, aspect: float) -> CameraView:
         """Where the camera is now."""
         return self._orbit.view(aspect)

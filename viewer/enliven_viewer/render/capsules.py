@@ -68,7 +68,7 @@ def bone_block(bodies: tuple[Body, ...], strength: float) -> tuple[Float32, int]
     return block, len(filled)
 
 
-class Capsules:
+class CapsulePass:
     """Instanced capsules on the GPU: limbs between two balls, and balls.
 
     Args:

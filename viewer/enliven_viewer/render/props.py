@@ -32,7 +32,7 @@ def prop_rows(props: Props | None, shape: int) -> Float32:
     return rows
 
 
-class LooseThings:
+class PropPass:
     """The props of a scene on the GPU, for one program.
 
     Args:

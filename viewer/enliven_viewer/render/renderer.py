@@ -8,23 +8,23 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float, UInt8
-from enliven_viewer.render.camera import Box, View
-from enliven_viewer.render.capsules import Capsules, capsules_of
+from enliven_viewer.render.camera import Box, CameraView
+from enliven_viewer.render.capsules import CapsulePass, capsules_of
 from enliven_viewer.render.gl import (
     BLOCKS,
     UNITS,
-    Picture,
+    RenderTarget,
     Size,
     SoftMap,
     load_program,
     reach_of,
     set_uniform,
 )
-from enliven_viewer.render.ground import STAGE_RADIUS, Ground, Patch
+from enliven_viewer.render.ground import STAGE_RADIUS, GroundPass, Patch
 from enliven_viewer.render.lights import TO_KEY, contact_from_world, light_from_world
 from enliven_viewer.render.mesh_pass import MeshPass
 from enliven_viewer.render.overlay import Marks, Tubes, match_rows
-from enliven_viewer.render.props import LooseThings
+from enliven_viewer.render.props import PropPass
 from enliven_viewer.render.region import casters_of, marks_of, seen_in, shaded_by
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned import SkinnedMesh
@@ -52,7 +52,7 @@ class Renderer:
     def __init__(self, ctx: moderngl.Context, size: Size, settings: RenderSettings | None = None) -> None:
         self.ctx = ctx
         self.settings = settings or RenderSettings()
-        self.picture = Picture(ctx, size, self.settings.samples)
+        self.picture = RenderTarget(ctx, size, self.settings.samples)
         self._shadow = SoftMap(ctx, self.settings.shadow_size)
         self._contact = SoftMap(ctx, self.settings.contact_size)
         self._frame = ctx.buffer(reserve=_FRAME_BYTES, dynamic=True)
@@ -61,16 +61,16 @@ class Renderer:
         self._caster = load_program(ctx, "caster.vert", "caster.frag")
         self._body = load_program(ctx, "capsule.vert", "capsule.frag")
         self._body_caster = load_program(ctx, "capsule.vert", "caster.frag")
-        self._capsules = Capsules(ctx, self._body, open_limbs=True)
-        self._shadow_capsules = Capsules(ctx, self._body_caster, open_limbs=True, casting=True)
+        self._capsules = CapsulePass(ctx, self._body, open_limbs=True)
+        self._shadow_capsules = CapsulePass(ctx, self._body_caster, open_limbs=True, casting=True)
         self._prop = load_program(ctx, "prop.vert", "prop.frag")
         self._prop_caster = load_program(ctx, "prop.vert", "caster.frag")
-        self._props, self._shadow_props = LooseThings(ctx, self._prop), LooseThings(ctx, self._prop_caster)
+        self._props, self._shadow_props = PropPass(ctx, self._prop), PropPass(ctx, self._prop_caster)
         self._marks = Marks(ctx)
         self._tubes: Tubes | None = None
         self._present = load_program(ctx, "screen.vert", "present.frag")
         self._present_quad = ctx.vertex_array(self._present, [])
-        self._ground = Ground(ctx)
+        self._ground = GroundPass(ctx)
         self._meshes: dict[str, SkinnedMesh] = {}
         self._stage: Float | None = None
 
@@ -82,11 +82,11 @@ class Renderer:
     def resize(self, size: Size) -> None:
         """Change the picture's size; sizes without a pixel are ignored (a minimised window)."""
         if size != self.picture.size and size[0] > 0 and size[1] > 0:
-            before, self.picture = self.picture, Picture(self.ctx, size, self.settings.samples)
+            before, self.picture = self.picture, RenderTarget(self.ctx, size, self.settings.samples)
             self.picture.drawn.use()  # moderngl binds anew what was bound, so that must still be there
             before.release()
 
-    def draw(self, scene: Scene, view: View) -> None:
+    def draw(self, scene: Scene, view: CameraView) -> None:
         """Draw a scene into :attr:`picture` and resolve it."""
         self.picture.drawn.use()  # without a framebuffer OpenGL refuses even what draws nothing
         meshes = self._skinned(scene)
@@ -151,7 +151,7 @@ class Renderer:
                 known.place(actor.vertices)
         return [self._meshes[actor.character.id] for actor in scene.actors]
 
-    def _write_frame(self, box: Box, view: View) -> Float:
+    def _write_frame(self, box: Box, view: CameraView) -> Float:
         """Fill the uniform block that every shader shares; (3,) where the pool of light is.
 
         It follows the scene slowly.

@@ -10,7 +10,7 @@ from enliven.arrays import Float, Float32
 from enliven.document import BOX, Character, Pose, Props
 from enliven.matching import Board
 from enliven.person import Body
-from enliven_viewer.playback import Cues, Document, Moment, Surfaces, bounds_of
+from enliven_viewer.playback import CueFrame, Document, SolvedSurfaces, TimelineMoment, bounds_of
 from enliven_viewer.render.camera import Box
 
 _BOX_REACH, _SHADOW_REACH = 0.7, 1.4
@@ -18,7 +18,7 @@ _BOX_REACH, _SHADOW_REACH = 0.7, 1.4
 
 
 @dataclass(frozen=True)
-class Look:
+class SceneStyle:
     """How strongly each overlay is shown, 0 (not at all) to 1.
 
     Attributes:
@@ -35,7 +35,7 @@ class Look:
 
 
 @dataclass(frozen=True)
-class Actor:
+class SceneCharacter:
     """One character in one pose.
 
     Attributes:
@@ -45,7 +45,7 @@ class Actor:
 
     character: Character
     pose: Pose
-    cues: Cues | None = None
+    cues: CueFrame | None = None
     vertices: Float32 | None = None
 
     @property
@@ -58,9 +58,9 @@ class Actor:
 class Scene:
     """Everything of one picture."""
 
-    actors: tuple[Actor, ...] = ()
+    actors: tuple[SceneCharacter, ...] = ()
     bodies: tuple[Body, ...] = ()
-    look: Look = field(default_factory=Look)
+    look: SceneStyle = field(default_factory=SceneStyle)
     props: Props | None = None
     boards: dict[str, Board] = field(default_factory=dict)
     extent: Box | None = None
@@ -94,7 +94,10 @@ class Scene:
 
 
 def scene_of(
-    document: Document, moment: Moment | None, look: Look, surfaces: Surfaces | None = None
+    document: Document,
+    moment: TimelineMoment | None,
+    look: SceneStyle,
+    surfaces: SolvedSurfaces | None = None,
 ) -> Scene:
     """The scene of one moment; a character without a pose, or with one that does not fit, stands at rest.
 
@@ -108,7 +111,7 @@ def scene_of(
             pose = character.rest_pose()
         cues = moment.cues.get(character.id) if moment else None
         vertices = None if surfaces is None else surfaces.vertices(character, pose)
-        actors.append(Actor(character, pose, cues, vertices))
+        actors.append(SceneCharacter(character, pose, cues, vertices))
     if surfaces is not None:
         surfaces.forget_but(document.characters.values())
     bodies = moment.bodies if moment else ()

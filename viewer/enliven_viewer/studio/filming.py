@@ -11,7 +11,7 @@ from enliven_viewer.film import FilmWriter, Tiles, write_sheet
 from enliven_viewer.studio.session import STEP, Action, steps
 from enliven_viewer.studio.viewport import Point
 from enliven_viewer.studio.window import KEYS, StudioWindow
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _BIT_RATE = 6.0
 
@@ -83,7 +83,7 @@ class WindowStage:
 
 def film(
     actions: Iterable[Action],
-    desk: Desk,
+    desk: Workspace,
     path: Path,
     *,
     title: str = "",

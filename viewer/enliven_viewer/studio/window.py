@@ -15,7 +15,7 @@ from enliven_viewer.studio.panels import (
     apply_style,
     draw_dialogs,
     draw_menu,
-    draw_over,
+    draw_overlay,
     draw_side,
     draw_source,
     draw_timeline,
@@ -27,8 +27,8 @@ from enliven_viewer.studio.panels.examples import draw_examples, draw_performer,
 from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
 from enliven_viewer.studio.picture import Viewport
 from enliven_viewer.studio.places import Area, Places, places_in
-from enliven_viewer.studio.tools import Map, picture_of
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.tools import MapTool, picture_of
+from enliven_viewer.studio.workspace import Workspace
 
 _LONGEST_STEP = 0.1
 """Seconds: after a longer picture the playhead goes on from where it was."""
@@ -63,7 +63,7 @@ class StudioWindow:
         step: seconds that each picture takes, for films; None for the clock's.
     """
 
-    def __init__(self, desk: Desk, step: float | None = None) -> None:
+    def __init__(self, desk: Workspace, step: float | None = None) -> None:
         self.desk, self.step = desk, step
         self.pictures = 0
         self._viewport: Viewport | None = None
@@ -156,7 +156,7 @@ class StudioWindow:
     @property
     def _acts(self) -> bool:
         """Whether a puppet is worked on: then its performer and its key poses are shown."""
-        return self.desk.puppets.puppet is not None and not isinstance(self.desk.hand.tool, Map)
+        return self.desk.puppets.puppet is not None and not isinstance(self.desk.hand.tool, MapTool)
 
     def _start(self) -> None:
         # Keys are the tools': Space must not press the button that was clicked last.
@@ -212,8 +212,8 @@ class StudioWindow:
         if self._acts:
             self._draw_performer()
             return
-        stance = tool.source.stance() if isinstance(tool, Map) else None
-        if not isinstance(tool, Map) or stance is None or self._source is None:
+        stance = tool.source.stance() if isinstance(tool, MapTool) else None
+        if not isinstance(tool, MapTool) or stance is None or self._source is None:
             return
         scale = imgui.get_io().display_framebuffer_scale.y
         wide, high = tool.source.size
@@ -238,7 +238,7 @@ class StudioWindow:
         draw_menu(self.desk)
         draw_toolbar(self.desk, places.tools)
         tool = self.desk.hand.tool
-        if isinstance(tool, Map) and self._source is not None:
+        if isinstance(tool, MapTool) and self._source is not None:
             above, below = split_side(places.side)
             draw_side(self.desk, above)
             texture = self._source.renderer.picture.texture.glo
@@ -252,7 +252,7 @@ class StudioWindow:
         else:
             draw_side(self.desk, places.side)
         draw_timeline(self.desk, places.timeline)
-        draw_over(self.desk, places.viewport)
+        draw_overlay(self.desk, places.viewport)
         draw_dialogs(self.desk)
         self._listen(places.viewport)
         self.desk.cabinet.keep()

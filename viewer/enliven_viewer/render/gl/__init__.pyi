@@ -1,13 +1,13 @@
 from .context import offscreen_context, window_context
 from .program import BLOCKS, UNITS, load_program, set_uniform
 from .region import Region, whole
-from .targets import Picture, Size, SoftMap, reach_of
+from .targets import RenderTarget, Size, SoftMap, reach_of
 
 __all__ = [
     "BLOCKS",
     "UNITS",
-    "Picture",
     "Region",
+    "RenderTarget",
     "Size",
     "SoftMap",
     "load_program",

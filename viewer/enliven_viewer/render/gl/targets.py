@@ -16,7 +16,7 @@ _OUTERMOST = 3.23
 """Taps of shaders/blur.frag from its middle to its outermost fetch."""
 
 
-class Picture:
+class RenderTarget:
     """A picture to read, draw over or show, and a multisampled framebuffer where its edges are drawn.
 
     The ground is drawn with one sample a pixel. Where anything stands before it, :attr:`drawn` takes it

@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float32
 from enliven_viewer.render.gl import load_program, set_uniform
-from enliven_viewer.render.scene import Actor, Scene
+from enliven_viewer.render.scene import Scene, SceneCharacter
 
 CUE_TINT = (1.0, 0.74, 0.22)
 CUE_TINTS = ((0.22, 0.90, 0.86), (1.0, 0.70, 0.20), (0.72, 0.52, 1.0), (0.50, 0.95, 0.36))
@@ -23,7 +23,7 @@ POINT_RADIUS = 0.020
 _SQUARE = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
 
 
-def cue_rows(actor: Actor, strength: float, bodies: Sequence[int] = ()) -> Float32:
+def cue_rows(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32:
     """(A, 8) float32 of an actor's attachment points: xyz and radius, rgb and strength.
 
     Args:
@@ -47,7 +47,7 @@ def cue_rows(actor: Actor, strength: float, bodies: Sequence[int] = ()) -> Float
     return rows
 
 
-def node_rows(actor: Actor, strength: float) -> Float32:
+def node_rows(actor: SceneCharacter, strength: float) -> Float32:
     """(N, 8) float32 of all of an actor's nodes, as :func:`cue_rows`; of a puppet, its control points."""
     points = actor.character.kind == "points"
     places = actor.pose.positions[1:] if points else actor.pose.positions
@@ -83,7 +83,7 @@ class Marks:
         rows = [cue_rows(actor, scene.look.cues, bodies) for actor in scene.actors]
         self._draw_dots(np.concatenate(rows) if rows else np.zeros((0, 8), np.float32), 3.0, 1.1)
 
-    def _draw_graph(self, actor: Actor, strength: float) -> None:
+    def _draw_graph(self, actor: SceneCharacter, strength: float) -> None:
         ends = actor.pose.positions[actor.character.edges.reshape(-1)].astype(np.float32)
         if (
             len(ends) and actor.character.kind != "points"

@@ -15,19 +15,19 @@ from enliven.examples import length_of_puppets
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import EMPTY_BOX, Box, OrbitCamera
 from enliven_viewer.studio.examples import Solving
-from enliven_viewer.studio.puppets import PuppetDesk
+from enliven_viewer.studio.puppets import PuppetEditor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.viewport import (
-    Company,
     Lens,
+    Players,
+    PosedShape,
     Possessed,
     Selection,
-    Stance,
     end_of_streams,
     length_of,
-    mended,
     possessed_of,
+    valid_selection,
 )
 
 log = logging.getLogger(__name__)
@@ -52,11 +52,11 @@ class Editor:
         self.toasts = Toasts(self.settings.toast)
         self.time, self.playing, self.loop, self.speed = 0.0, False, True, 1.0
         self.show_bones, self.show_meshes = True, True
-        self.puppets = PuppetDesk(self)
+        self.puppets = PuppetEditor(self)
         self.solving = Solving(self.toasts)
-        self._company = Company()
+        self._company = Players()
         self._possessed: tuple[Project, float, tuple[Possessed, ...]] | None = None
-        self._stances: tuple[Project, float, tuple[Stance, ...]] | None = None
+        self._stances: tuple[Project, float, tuple[PosedShape, ...]] | None = None
 
     @property
     def project(self) -> Project:
@@ -76,7 +76,7 @@ class Editor:
         return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
 
     @property
-    def stances(self) -> tuple[Stance, ...]:
+    def stances(self) -> tuple[PosedShape, ...]:
         """Every shape as it is shown now."""
         known = self._stances
         if known is None or known[0] is not self.project or known[1] != self.time:
@@ -92,7 +92,7 @@ class Editor:
             self._possessed = known = (self.project, self.time, possessed_of(self.project, self.time))
         return known[2]
 
-    def stance(self, shape_id: str) -> Stance:
+    def stance(self, shape_id: str) -> PosedShape:
         """One shape as it is shown now.
 
         Raises:
@@ -201,5 +201,5 @@ class Editor:
 
     def _mend_selection(self) -> None:
         """Forget what is no longer there."""
-        self.selection = mended(self.selection, self.project)
+        self.selection = valid_selection(self.selection, self.project)
         self.time = float(np.clip(self.time, 0.0, self.length))

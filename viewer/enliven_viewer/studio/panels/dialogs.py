@@ -11,7 +11,7 @@ from enliven_viewer.live import WAIT
 from enliven_viewer.studio.panels.menu import spoken
 from enliven_viewer.studio.panels.style import quiet, tinted
 from enliven_viewer.studio.tools import TOOLS
-from enliven_viewer.studio.workspace import DEEDS, Browser, Desk
+from enliven_viewer.studio.workspace import MENU_COMMANDS, FileBrowser, Workspace
 
 _FOLDER = "\uf07b"
 _TITLES = {
@@ -22,7 +22,7 @@ _TITLES = {
 }
 
 
-def draw_dialogs(desk: Desk) -> None:
+def draw_dialogs(desk: Workspace) -> None:
     """The dialogue that is asked for, over everything."""
     if desk.asking in _TITLES:
         _files(desk)
@@ -43,7 +43,7 @@ def _begin(title: str, wide: float, high: float = 0.0) -> bool:
     return bool(imgui.begin_popup_modal(title, None, flags)[0])
 
 
-def _files(desk: Desk) -> None:
+def _files(desk: Workspace) -> None:
     browser = desk.browser
     if browser is None or not _begin(_TITLES[desk.asking], 560, 440):
         return
@@ -75,7 +75,7 @@ def _files(desk: Desk) -> None:
     imgui.end_popup()
 
 
-def _finish(desk: Desk, browser: Browser) -> None:
+def _finish(desk: Workspace, browser: FileBrowser) -> None:
     """Do what the file dialogue was for; what is wrong with the choice is said in it."""
     try:
         path = browser.chosen()
@@ -85,7 +85,7 @@ def _finish(desk: Desk, browser: Browser) -> None:
     desk.attempt(lambda: desk.chosen(path))
 
 
-def _choice(desk: Desk, yes: str, no: str) -> bool:
+def _choice(desk: Workspace, yes: str, no: str) -> bool:
     """Two buttons; whether the first was pressed. The second, and Escape, close the dialogue."""
     pressed = imgui.button(yes, ImVec2(110, 0))
     desk.remember(f"dialog {yes}")
@@ -96,7 +96,7 @@ def _choice(desk: Desk, yes: str, no: str) -> bool:
     return bool(pressed)
 
 
-def _unsaved(desk: Desk) -> None:
+def _unsaved(desk: Workspace) -> None:
     """Ask before work is thrown away."""
     if not _begin("Save your work?", 430):
         return
@@ -112,7 +112,7 @@ def _unsaved(desk: Desk) -> None:
     imgui.end_popup()
 
 
-def _recover(desk: Desk) -> None:
+def _recover(desk: Workspace) -> None:
     """Offer what a studio that ended badly had not saved."""
     found = desk.cabinet.recoverable()
     if not found or not _begin("Unsaved work was found", 460):
@@ -142,12 +142,14 @@ def _when(path: Path) -> str:
     return datetime.datetime.fromtimestamp(path.stat().st_mtime).strftime("%d %B, %H:%M")
 
 
-def _help(desk: Desk) -> None:
+def _help(desk: Workspace) -> None:
     if not _begin("Keys", 970, 560):
         return
     rows = [("Tools", [(kind.key.upper(), kind.label) for kind in TOOLS])]
-    for menu in dict.fromkeys(deed.menu for deed in DEEDS):
-        rows.append((menu, [(spoken(d.keys[0]), d.label) for d in DEEDS if d.menu == menu and d.keys]))
+    for menu in dict.fromkeys(deed.menu for deed in MENU_COMMANDS):
+        rows.append(
+            (menu, [(spoken(d.keys[0]), d.label) for d in MENU_COMMANDS if d.menu == menu and d.keys])
+        )
     rows.append(("Mouse", [("Right drag", "turn the view"), ("Middle drag", "move it"), ("Wheel", "closer")]))
     rows.append(("Anywhere", [("Esc", "drop what was begun")]))
     imgui.columns(3, "##keys", False)

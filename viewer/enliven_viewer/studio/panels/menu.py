@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from enliven_viewer.studio.workspace import DEEDS, Desk
+from enliven_viewer.studio.workspace import MENU_COMMANDS, Workspace
 
 _SAID = {
     "ctrl": "Ctrl",
@@ -16,15 +16,15 @@ _SAID = {
 }
 
 
-def draw_menu(desk: Desk) -> None:
+def draw_menu(desk: Workspace) -> None:
     """The bar along the top."""
     if not imgui.begin_main_menu_bar():
         return
-    for menu in dict.fromkeys(deed.menu for deed in DEEDS):
+    for menu in dict.fromkeys(deed.menu for deed in MENU_COMMANDS):
         opened = imgui.begin_menu(menu)
         desk.remember(f"menu {menu}")
         if opened:
-            for deed in (deed for deed in DEEDS if deed.menu == menu):
+            for deed in (deed for deed in MENU_COMMANDS if deed.menu == menu):
                 keys = spoken(deed.keys[0]) if deed.keys else ""
                 if imgui.menu_item(deed.label, keys, False, True)[0]:
                     deed.do(desk.hand.deeds)

@@ -11,9 +11,9 @@ from enliven.motion.layers import set_travel
 from enliven_viewer.studio.editor import Edit
 from enliven_viewer.studio.panels.style import heading, panel, quiet
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.tools import Map
-from enliven_viewer.studio.viewport import clay_of, layers_of, used_layers
-from enliven_viewer.studio.workspace import Desk, renamed
+from enliven_viewer.studio.tools import MapTool
+from enliven_viewer.studio.viewport import default_colour, layers_of, used_layers
+from enliven_viewer.studio.workspace import Workspace, renamed
 
 _HALF = ImVec2(126, 0)
 _MEANT = {
@@ -23,7 +23,7 @@ _MEANT = {
 }
 
 
-def draw_side(desk: Desk, area: Area) -> None:
+def draw_side(desk: Workspace, area: Area) -> None:
     """Everything in the right panel."""
     with panel("side", area):
         _shapes(desk)
@@ -34,7 +34,7 @@ def draw_side(desk: Desk, area: Area) -> None:
         _takes(desk)
 
 
-def _shapes(desk: Desk) -> None:
+def _shapes(desk: Workspace) -> None:
     heading("Shapes")
     editor = desk.editor
     project = editor.project
@@ -50,7 +50,7 @@ def _shapes(desk: Desk) -> None:
             editor.select(graph=name)
         desk.remember(f"graph {name}")
     for shape in editor.project.shapes.values():
-        clay = clay_of(shape.id)
+        clay = default_colour(shape.id)
         flags = imgui.ColorEditFlags_.no_tooltip | imgui.ColorEditFlags_.no_drag_drop
         tint = ImVec4(clay[0] / 255, clay[1] / 255, clay[2] / 255, 1.0)
         imgui.color_button(f"##clay {shape.id}", tint, flags, ImVec2(14, 14))
@@ -60,7 +60,7 @@ def _shapes(desk: Desk) -> None:
         desk.remember(f"shape {shape.id}")
 
 
-def _chosen_shape(desk: Desk, name: str) -> None:
+def _chosen_shape(desk: Workspace, name: str) -> None:
     editor, deeds = desk.editor, desk.hand.deeds
     shape = editor.project.shapes[name]
     heading("Chosen shape")
@@ -96,7 +96,7 @@ def _chosen_shape(desk: Desk, name: str) -> None:
             imgui.same_line()
 
 
-def _chosen_layer(desk: Desk, layer: Layer) -> None:
+def _chosen_layer(desk: Workspace, layer: Layer) -> None:
     editor = desk.editor
     heading("Chosen motion")
     imgui.text_unformatted(layer.id)
@@ -129,7 +129,7 @@ def _chosen_layer(desk: Desk, layer: Layer) -> None:
             editor.edit("root travels", lambda project: set_travel(project, shape.id, wanted))
 
 
-def _mover(desk: Desk, layer: str) -> Shape | None:
+def _mover(desk: Workspace, layer: str) -> Shape | None:
     """The chosen shape where the layer moves it, or the first that it moves."""
     shapes = desk.editor.project.shapes
     movers = [shape for shape in shapes.values() if layer in layers_of(shape)]
@@ -137,7 +137,9 @@ def _mover(desk: Desk, layer: str) -> Shape | None:
     return next(iter(chosen or movers), None)
 
 
-def _slider(desk: Desk, layer: Layer, name: str, value: float, low: float, high: float, said: str) -> None:
+def _slider(
+    desk: Workspace, layer: Layer, name: str, value: float, low: float, high: float, said: str
+) -> None:
     """A number of a layer: shown while it is dragged, remembered as one edit when it is let go."""
     imgui.set_next_item_width(-1)
     changed, wanted = imgui.slider_float(f"##{name}", value, low, high, said)
@@ -157,12 +159,12 @@ def _changed(project: Project, layer: str, name: str, value: object) -> Project:
     return project.with_layers(replace(project.layers[layer], **{name: value}))  # type: ignore[arg-type]
 
 
-def _takes(desk: Desk) -> None:
+def _takes(desk: Workspace) -> None:
     editor = desk.editor
     heading("Takes")
     used = {layer.take for layer in used_layers(editor.project)}
     mapping = desk.hand.tools["map"]
-    assert isinstance(mapping, Map)
+    assert isinstance(mapping, MapTool)
     for name, take in editor.project.takes.items():
         shown = mapping.source.take == name and desk.hand.tool is mapping
         label = f"{name}   {take.duration:.1f} s" + ("  · in use" if name in used else "")

@@ -9,9 +9,9 @@ from enliven_viewer.live import ACCENT, INK, QUIET
 from enliven_viewer.studio.panels.style import FIXED, heading, packed, panel, quiet, small
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.sources import Offer
-from enliven_viewer.studio.tools import Map
+from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.viewport import CHAIN, DARK
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _SHARE = 0.56
 _THUMB = ImVec2(92, 92)
@@ -24,7 +24,7 @@ def split_side(side: Area) -> tuple[Area, Area]:
     return above, Area(side.x, side.y + side.height - high, side.width, high)
 
 
-def draw_source(desk: Desk, tool: Map, area: Area, viewport: Area, texture: int | None) -> None:
+def draw_source(desk: Workspace, tool: MapTool, area: Area, viewport: Area, texture: int | None) -> None:
     """The view of sources; ``texture`` is the picture of the take."""
     with panel("source", area, imgui.WindowFlags_.no_scrollbar):
         heading("Source")
@@ -54,7 +54,7 @@ def _tell(text: str) -> None:
         imgui.set_tooltip(text)
 
 
-def _takes(desk: Desk, tool: Map) -> None:
+def _takes(desk: Workspace, tool: MapTool) -> None:
     takes = desk.editor.project.takes
     imgui.set_next_item_width(-1)
     if imgui.begin_combo("##take", tool.source.take or "choose a take"):
@@ -68,7 +68,7 @@ def _takes(desk: Desk, tool: Map) -> None:
         quiet("There are no takes. Open a BVH, or an animated model.")
 
 
-def _picture(desk: Desk, tool: Map, texture: int | None) -> None:
+def _picture(desk: Workspace, tool: MapTool, texture: int | None) -> None:
     source, origin = tool.source, imgui.get_cursor_screen_pos()
     size = ImVec2(*source.size)
     imgui.invisible_button("##source", size)
@@ -97,7 +97,7 @@ def _picture(desk: Desk, tool: Map, texture: int | None) -> None:
         source.release()
 
 
-def _offers(desk: Desk, tool: Map, viewport: Area) -> None:
+def _offers(desk: Workspace, tool: MapTool, viewport: Area) -> None:
     """Thumbnails along the top of the viewport, the best first; the pointer lights one, a click takes it."""
     wide = len(tool.offered) * (_THUMB.x + 8) + 24
     imgui.set_next_window_pos(ImVec2(viewport.x + 14, viewport.y + 56))
@@ -122,7 +122,7 @@ def _offers(desk: Desk, tool: Map, viewport: Area) -> None:
         tool.offered, tool.lit = [], None
 
 
-def _thumbnail(desk: Desk, offer: Offer, at: ImVec2, lit: bool) -> None:
+def _thumbnail(desk: Workspace, offer: Offer, at: ImVec2, lit: bool) -> None:
     """The shape's bones as seen now, fitted into a square, what would move in colour."""
     draw = imgui.get_window_draw_list()
     corner = ImVec2(at.x + _THUMB.x, at.y + _THUMB.y)

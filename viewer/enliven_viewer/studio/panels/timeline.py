@@ -12,7 +12,7 @@ from enliven_viewer.studio.panels.timeline_puppets import draw_puppet_lanes
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.timeline import LABELS, LANE, RULER, Bar, TimelineLayout
 from enliven_viewer.studio.viewport import DARK, LANES, LINE, RAISED
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _START, _PLAY, _PAUSE, _LOOP = "\uf048", "\uf04b", "\uf04c", "\uf01e"
 _EYE, _CLOSED = "\uf06e", "\uf070"
@@ -20,7 +20,7 @@ _NO_MOTION = "No motion yet. Take the Map tool (M), choose a chain of a take, th
 _NO_TAKE = "The puppet plays no take yet. Choose one in the performer's view."
 
 
-def draw_timeline(desk: Desk, area: Area) -> None:
+def draw_timeline(desk: Workspace, area: Area) -> None:
     """Everything in the bottom panel."""
     with panel("timeline", area, imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse):
         _transport(desk)
@@ -38,7 +38,7 @@ def draw_timeline(desk: Desk, area: Area) -> None:
         draw.pop_clip_rect()
 
 
-def _transport(desk: Desk) -> None:
+def _transport(desk: Workspace) -> None:
     editor = desk.editor
     if imgui.button(_START + "##start", ImVec2(34, 0)):
         editor.scrub(0.0)
@@ -68,7 +68,7 @@ def _transport(desk: Desk) -> None:
         imgui.set_tooltip("Drag: how fast it plays here; nothing is changed by it")
 
 
-def _listen(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
+def _listen(desk: Workspace, origin: ImVec2, size: ImVec2) -> None:
     """Give the pointer to the timeline's hand."""
     at, hand = imgui.get_mouse_pos(), desk.timeline
     x, y = at.x - origin.x, at.y - origin.y
@@ -96,7 +96,7 @@ def _cursor(kind: str) -> None:
         imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
 
 
-def _ruler(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
+def _ruler(desk: Workspace, origin: ImVec2, size: ImVec2) -> None:
     draw, layout = imgui.get_window_draw_list(), desk.timeline.layout
     draw.add_rect_filled(origin, ImVec2(origin.x + size.x, origin.y + RULER), packed(DARK))
     with small():
@@ -108,7 +108,7 @@ def _ruler(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
                 draw.add_text(ImVec2(x + 4, origin.y + 5), packed(QUIET), f"{time:g} s")
 
 
-def _lanes(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
+def _lanes(desk: Workspace, origin: ImVec2, size: ImVec2) -> None:
     layout, bars = desk.timeline.layout, desk.timeline.layout.bars()
     for bar in bars:
         _lane(desk, layout, bar, origin, size)
@@ -121,7 +121,7 @@ def _lanes(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
         quiet(_NO_TAKE if puppet else _NO_MOTION)
 
 
-def _lane(desk: Desk, layout: TimelineLayout, bar: Bar, origin: ImVec2, size: ImVec2) -> None:
+def _lane(desk: Workspace, layout: TimelineLayout, bar: Bar, origin: ImVec2, size: ImVec2) -> None:
     draw, layer = imgui.get_window_draw_list(), bar.layer
     top, right = origin.y + bar.top, origin.x + size.x
     chosen = desk.editor.selection.layer in bar.ids
@@ -151,7 +151,7 @@ def _lane(desk: Desk, layout: TimelineLayout, bar: Bar, origin: ImVec2, size: Im
     draw.pop_clip_rect()
 
 
-def _playhead(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
+def _playhead(desk: Workspace, origin: ImVec2, size: ImVec2) -> None:
     draw = imgui.get_window_draw_list()
     x = origin.x + desk.timeline.layout.x(desk.editor.time)
     draw.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), packed(ACCENT), 1.5)

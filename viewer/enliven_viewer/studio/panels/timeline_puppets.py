@@ -7,11 +7,11 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Position, Velocity
 from enliven_viewer.live import ACCENT, BAD, GOOD, INK, QUIET
-from enliven_viewer.studio.panels.examples import told
+from enliven_viewer.studio.panels.examples import constraint_text
 from enliven_viewer.studio.panels.style import packed, small
-from enliven_viewer.studio.timeline import LABELS, PuppetLanes, Row
+from enliven_viewer.studio.timeline import LABELS, LaneRow, PuppetLanes
 from enliven_viewer.studio.viewport import CHAIN, DARK, RAISED, Colour, point_colour
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _EYE, _CLOSED = "\uf06e", "\uf070"
 _CONTACT: Colour = (0.46, 0.70, 0.50, 1.0)
@@ -21,7 +21,7 @@ _FAR = 1.15
 """How far the coverage line shows, where 1 is as far as without any example."""
 
 
-def draw_puppet_lanes(desk: Desk, lanes: PuppetLanes, origin: ImVec2, size: ImVec2, colour_of) -> None:  # type: ignore[no-untyped-def]
+def draw_puppet_lanes(desk: Workspace, lanes: PuppetLanes, origin: ImVec2, size: ImVec2, colour_of) -> None:  # type: ignore[no-untyped-def]
     """Every row."""
     for row in lanes.rows():
         if row.kind == "bar":
@@ -44,13 +44,15 @@ def draw_puppet_lanes(desk: Desk, lanes: PuppetLanes, origin: ImVec2, size: ImVe
     _tooltip(desk, lanes, origin)
 
 
-def _label(lanes: PuppetLanes, row: Row) -> str:
+def _label(lanes: PuppetLanes, row: LaneRow) -> str:
     if row.kind == "band" and lanes.layer(row).switches is not None:
         return "on the floor   \uf0e2 find again"
     return _LABELS[row.kind]
 
 
-def _bar(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2, size: ImVec2, tint: Colour) -> None:
+def _bar(
+    desk: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2, size: ImVec2, tint: Colour
+) -> None:
     draw, layer = imgui.get_window_draw_list(), lanes.layer(row)
     chosen = desk.editor.selection.puppet == row.puppet and desk.editor.selection.puppet_layer == row.layer
     top, right, low = origin.y + row.top, origin.x + size.x, origin.y + row.top + row.height
@@ -77,7 +79,7 @@ def _bar(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2, size: ImVec2,
     draw.pop_clip_rect()
 
 
-def _poses(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2) -> None:
+def _poses(desk: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> None:
     """How far each moment is from the examples, ticks for those that are missing, a diamond for each."""
     draw, top = imgui.get_window_draw_list(), origin.y + row.top
     coverage = lanes.coverage(lanes.layer(row).take)
@@ -109,7 +111,7 @@ def _poses(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2) -> None:
         _diamond(draw, origin.x + x, top + row.height / 2, 7.0 if chosen else 6.0, mark, filled=True)
 
 
-def _bands(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2) -> None:
+def _bands(desk: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> None:
     """Contact and flight, with a grip where one becomes the other."""
     draw, top = imgui.get_window_draw_list(), origin.y + row.top
     grip = desk.timeline.puppets.chosen
@@ -129,7 +131,7 @@ def _bands(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2) -> None:
             draw.add_rect_filled(ImVec2(x - 2, top), ImVec2(x + 2, top + row.height), packed(tint), 1.0)
 
 
-def _held(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2) -> None:
+def _held(desk: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> None:
     """A mark for every hard constraint: a pin, a bar for standing still, two dots for level."""
     draw, middle = imgui.get_window_draw_list(), origin.y + row.top + row.height / 2
     puppet = lanes.project.puppets[row.puppet]
@@ -146,7 +148,7 @@ def _held(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2) -> None:
             draw.add_circle_filled(ImVec2(x + 5, middle), 3.0, tint)
 
 
-def _tooltip(desk: Desk, lanes: PuppetLanes, origin: ImVec2) -> None:
+def _tooltip(desk: Workspace, lanes: PuppetLanes, origin: ImVec2) -> None:
     """What is under the pointer, in words."""
     if not imgui.is_item_hovered() or desk.timeline.busy:
         return
@@ -164,7 +166,7 @@ def _tooltip(desk: Desk, lanes: PuppetLanes, origin: ImVec2) -> None:
     if grip.kind == "held":
         row = next(r for r in lanes.rows() if (r.kind, r.layer) == ("held", grip.layer))
         held = lanes.held(row)[grip.item][1]
-        said = told(held, lanes.project.takes[lanes.layer(row).take].step) + ". Delete lets go."
+        said = constraint_text(held, lanes.project.takes[lanes.layer(row).take].step) + ". Delete lets go."
     if said:
         imgui.set_tooltip(said)
 

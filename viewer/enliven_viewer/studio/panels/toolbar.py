@@ -8,12 +8,12 @@ from enliven_viewer.live import ACCENT, INK, QUIET
 from enliven_viewer.studio.panels.style import packed, panel
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.tools import TOOLS
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _SIZE = ImVec2(72, 50)
 
 
-def draw_toolbar(desk: Desk, area: Area) -> None:
+def draw_toolbar(desk: Workspace, area: Area) -> None:
     """The buttons; the one in hand is amber."""
     with panel("tools", area):
         for kind in TOOLS:

@@ -10,12 +10,12 @@ from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.toasts import Toast
 from enliven_viewer.studio.viewport import Disc, Fill, Line, axes_marks
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _WIDE = 380.0
 
 
-def draw_over(desk: Desk, area: Area) -> None:
+def draw_overlay(desk: Workspace, area: Area) -> None:
     """Marks, then the hint, then messages; under every panel."""
     draw = imgui.get_background_draw_list()
     draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
@@ -52,7 +52,7 @@ def draw_mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
         draw.add_text(at, packed(mark.colour), mark.text)
 
 
-def _hint(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def _hint(desk: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
     """What the tool is and what to do next, and beneath what is wrong with it."""
     tool = desk.hand.tool
     shift = imgui.calc_text_size(f"{tool.label}   ").x
@@ -75,7 +75,7 @@ def _warning(said: str, draw, x: float, y: float) -> None:  # type: ignore[no-un
     draw.add_text(ImVec2(x + 13, y + 7), packed(BAD), text)
 
 
-def _caption(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def _caption(desk: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
     """What a session says, in the middle above, with the key that it presses."""
     font, size = imgui.get_font(), 19.0
     grown = size / imgui.get_font_size()
@@ -94,7 +94,7 @@ def _caption(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-d
         draw.add_text(ImVec2(left + 11, y + 3), packed((*GLASS[:3], 1.0)), key)
 
 
-def _toasts(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def _toasts(desk: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
     bottom = area.y + area.height - 14
     for toast in reversed(desk.editor.toasts.shown):
         bottom = _toast(draw, area, toast, bottom) - 8

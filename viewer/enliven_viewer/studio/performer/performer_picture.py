@@ -7,15 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven_viewer.render import Look, Renderer, Scene, linear
+from enliven_viewer.render import Renderer, Scene, SceneStyle, linear
 from enliven_viewer.render.overlay import Tubes, tube_rows
-from enliven_viewer.studio.performer.performer_view import Figure
+from enliven_viewer.studio.performer.performer_view import PerformerFigure
 from enliven_viewer.studio.viewport import FADED, HOVERED, Lens, point_colour
 
 _LIMB, _JOINT, _PAIRED = 0.026, 0.020, 0.033
 """Radii as shares of the performer's height."""
 _SEEN_THROUGH = 0.3
-_LOOK = Look(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
+_LOOK = SceneStyle(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
 
 
 class PerformerPicture:
@@ -29,14 +29,14 @@ class PerformerPicture:
         self.renderer = renderer
         self._tubes = Tubes(renderer.ctx)
 
-    def draw(self, figure: Figure, lens: Lens, paired: Mapping[int, int], lit: int | None) -> None:
+    def draw(self, figure: PerformerFigure, lens: Lens, paired: Mapping[int, int], lit: int | None) -> None:
         """One picture, resolved; ``paired`` are numbers of control points by joint, ``lit`` a joint."""
         low, high = figure.joints.min(0), figure.joints.max(0)
         self.renderer.draw(Scene((), (), _LOOK, extent=(low, high)), lens.view)
         self._tubes.draw(self.renderer.picture, figure_rows(figure, paired, lit), _SEEN_THROUGH)
 
 
-def figure_rows(figure: Figure, paired: Mapping[int, int], lit: int | None) -> Float32:
+def figure_rows(figure: PerformerFigure, paired: Mapping[int, int], lit: int | None) -> Float32:
     """(N, 12) of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: limbs, then joints."""
     parents, tall = figure.skeleton.parents, figure.height
     starts, ends = figure.joints[parents[1:]], figure.joints[1:]

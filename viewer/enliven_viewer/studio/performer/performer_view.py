@@ -18,7 +18,7 @@ from enliven.mapping import facing_of
 from enliven.modeling.puppet import play_take
 from enliven_viewer.render import OrbitCamera
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.examples import layer_of, paired, seconds_at
+from enliven_viewer.studio.examples import layer_of, seconds_at, with_joint
 from enliven_viewer.studio.viewport import Lens, Point, joints_of
 
 _TURN = 0.008
@@ -28,7 +28,7 @@ _KEPT = 60
 
 
 @dataclass(frozen=True, eq=False)
-class Figure:
+class PerformerFigure:
     """The performer at one moment.
 
     Attributes:
@@ -61,7 +61,7 @@ class PerformerView:
         self._framed: tuple[object, ...] = ()
         self._facing: tuple[Skeleton, float] | None = None
         self._last: Point | None = None
-        self._figures: dict[tuple[str, int], tuple[Clip, Figure]] = {}
+        self._figures: dict[tuple[str, int], tuple[Clip, PerformerFigure]] = {}
 
     @property
     def take(self) -> str | None:
@@ -135,7 +135,7 @@ class PerformerView:
             self.camera.face(math.atan2(-way[0], -way[2]), math.asin(float(np.clip(-way[1], -1.0, 1.0))))
             self.camera.advance(10.0)
 
-    def figure(self, moment: tuple[str, float] | None = None) -> Figure | None:
+    def figure(self, moment: tuple[str, float] | None = None) -> PerformerFigure | None:
         """The performer at a moment, or at the one that is shown."""
         moment = moment or self.moment
         if moment is None:
@@ -148,13 +148,13 @@ class PerformerView:
             self._figures = {**dict(list(self._figures.items())[-_KEPT:]), (moment[0], frame): known}
         return known[1]
 
-    def _made(self, clip: Clip, frame: int) -> Figure:
+    def _made(self, clip: Clip, frame: int) -> PerformerFigure:
         joints = joints_of(still_shape("performer", clip.skeleton), clip.turns[frame], clip.root[frame])
         joints = joints - clip.root[frame] * [1.0, 0.0, 1.0]
         # As the mesh looks: without the performer's own yaw, and without where its rest pose looks.
         back = -float(yaw_of(clip.turns[frame, 0])) - self._looks(clip)
         height = float(np.ptp(clip.skeleton.positions[:, 1]))
-        return Figure(clip.skeleton, turned_about_y(joints, np.asarray(back)), max(height, 0.05))
+        return PerformerFigure(clip.skeleton, turned_about_y(joints, np.asarray(back)), max(height, 0.05))
 
     def paired(self) -> dict[int, int]:
         """For joints of the performer that are paired, the number of the control point."""
@@ -186,7 +186,7 @@ class PerformerView:
             return
         name, chosen = puppet.id, puppet.points[number]
         if chosen.joint != joint:
-            editor.edit(f"pair {chosen.name}", lambda project: paired(project, name, chosen.name, joint))
+            editor.edit(f"pair {chosen.name}", lambda project: with_joint(project, name, chosen.name, joint))
 
     def move(self, at: Point) -> None:
         """Light what is under the pointer, or turn the view (and the stage with it)."""

@@ -18,15 +18,15 @@ from enliven_viewer.studio.viewport import (
     ROOT,
     Lens,
     Overlay,
+    PosedShape,
     Selection,
-    Stance,
 )
 
 _BONE, _JOINT, _ROOT = 2.3, 3.9, 5.4
 """Radii in pixels."""
 
 
-def skeleton_rows(stance: Stance, lens: Lens, selection: Selection, overlay: Overlay) -> Float32:
+def skeleton_rows(stance: PosedShape, lens: Lens, selection: Selection, overlay: Overlay) -> Float32:
     """(N - 1 + N, 12) of ``Tubes``: a shape's bones, then its joints."""
     pixel = _metres_a_pixel(stance, lens)
     mine = selection.shape == stance.shape.id
@@ -47,7 +47,7 @@ def skeleton_rows(stance: Stance, lens: Lens, selection: Selection, overlay: Ove
     return np.concatenate([rows, tube_rows(stance.joints, stance.joints, radii * pixel, linear(joints))])
 
 
-def _tint_chain(stance: Stance, chain: tuple[int, ...], bones: Float32, joints: Float32) -> None:
+def _tint_chain(stance: PosedShape, chain: tuple[int, ...], bones: Float32, joints: Float32) -> None:
     """Light the bones between neighbours of a chain."""
     parents = stance.shape.skeleton.parents
     for a, b in itertools.pairwise(chain):
@@ -55,7 +55,7 @@ def _tint_chain(stance: Stance, chain: tuple[int, ...], bones: Float32, joints: 
     joints[list(chain)] = CHAINED
 
 
-def _metres_a_pixel(stance: Stance, lens: Lens) -> Float:
+def _metres_a_pixel(stance: PosedShape, lens: Lens) -> Float:
     """(N,) how much a pixel spans at each joint."""
     depth = np.maximum((stance.joints - lens.view.eye) @ lens.forward, 0.05)
     return np.asarray(2 * depth / (lens.view.clip_from_camera[1, 1] * lens.size[1]), np.float64)

@@ -9,15 +9,23 @@ import numpy as np
 
 from enliven.document import Character, Shape, character_of
 from enliven_viewer.playback import bounds_of
-from enliven_viewer.render import Actor, Look, Renderer, Scene
+from enliven_viewer.render import Renderer, Scene, SceneCharacter, SceneStyle
 from enliven_viewer.render.overlay import Tubes
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.picture.skeletons import skeleton_rows
-from enliven_viewer.studio.puppets import PuppetCharacters, Shades, Standing
+from enliven_viewer.studio.puppets import PuppetCharacters, PuppetOverlay, StandingPuppet
 from enliven_viewer.studio.tools import NOTHING, PuppetPicture
-from enliven_viewer.studio.viewport import Characters, Lens, Overlay, Possessed, Selection, Stance, coloured
+from enliven_viewer.studio.viewport import (
+    Characters,
+    Lens,
+    Overlay,
+    PosedShape,
+    Possessed,
+    Selection,
+    coloured,
+)
 
-_LOOK = Look(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
+_LOOK = SceneStyle(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
 _SEEN_THROUGH = 0.4
 """Of the eye's distance: bones are seen clearly through whatever covers them by less."""
 
@@ -35,29 +43,29 @@ class Viewport:
         self._tubes = Tubes(ctx)
         self._graphs = Characters()
         self._puppets = PuppetCharacters()
-        self._shades: Shades | None = None
+        self._shades: PuppetOverlay | None = None
         self._characters: dict[str, tuple[tuple[object, ...], Character]] = {}
 
     def draw(
         self,
-        stances: Sequence[Stance],
+        stances: Sequence[PosedShape],
         lens: Lens,
         selection: Selection,
         overlay: Overlay,
         *,
         possessed: Sequence[Possessed] = (),
-        puppets: Sequence[Standing] = (),
+        puppets: Sequence[StandingPuppet] = (),
         over: PuppetPicture = NOTHING,
         meshes: bool = True,
         bones: bool = True,
     ) -> None:
         """One picture, resolved."""
         solid = [s for s in stances if s.shape.mesh is not None and len(s.shape.mesh.faces)] if meshes else []
-        actors = tuple(Actor(self._character(s.shape), s.pose()) for s in solid)
+        actors = tuple(SceneCharacter(self._character(s.shape), s.pose()) for s in solid)
         kept = {actor.character.id for actor in actors}
         self._characters = {name: known for name, known in self._characters.items() if name in kept}
-        actors += tuple(Actor(self._graphs.of(mesh.shape), mesh.pose) for mesh in possessed)
-        actors += tuple(Actor(self._puppets.of(p.puppet), p.pose, vertices=p.drawn) for p in puppets)
+        actors += tuple(SceneCharacter(self._graphs.of(mesh.shape), mesh.pose) for mesh in possessed)
+        actors += tuple(SceneCharacter(self._puppets.of(p.puppet), p.pose, vertices=p.drawn) for p in puppets)
         filled = [s.joints for s in stances] + [mesh.vertices for mesh in possessed]
         extent = bounds_of(filled + [puppet.drawn for puppet in puppets])
         self.renderer.draw(Scene(actors, (), _LOOK, extent=extent), lens.view)
@@ -71,7 +79,7 @@ class Viewport:
         """What a puppet in the hand shows."""
         if over is NOTHING:
             return
-        self._shades = self._shades or Shades(self.renderer.ctx)
+        self._shades = self._shades or PuppetOverlay(self.renderer.ctx)
         picture = self.renderer.picture
         if over.crossing is not None:
             self._shades.crossing(picture, *over.crossing)

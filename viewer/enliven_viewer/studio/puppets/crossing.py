@@ -16,7 +16,7 @@ _FEW = 2
 """Faces: fewer that cross are a rounding of the surface, and not worth a word."""
 
 
-class Crossing:
+class SelfCrossing:
     """Looks for faces that cross and did not at rest; always at the newest pose that was asked for.
 
     Attributes:

@@ -10,11 +10,11 @@ from enliven.examples import State
 from enliven.modeling.puppet import add_key_pose, change_key_pose, remove_key_pose
 from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.playing import take_places
-from enliven_viewer.studio.puppets.selection import Chosen
-from enliven_viewer.studio.puppets.stage import PuppetStage, Standing
+from enliven_viewer.studio.puppets.selection import PuppetSelection
+from enliven_viewer.studio.puppets.stage import PuppetStage, StandingPuppet
 
 
-class KeyPoses(Chosen):
+class KeyPoses(PuppetSelection):
     """Which key pose of the chosen puppet is edited.
 
     Attributes:
@@ -115,7 +115,7 @@ class KeyPoses(Chosen):
             )
 
     def _edit(
-        self, puppet: str, number: int, before: dict[int, Float] | None, standing: Standing | None
+        self, puppet: str, number: int, before: dict[int, Float] | None, standing: StandingPuppet | None
     ) -> None:
         """Work on a key pose; ``before``: each vertex's place then, None where it is new."""
         self.way = standing.state if standing is not None and self.way is None else self.way

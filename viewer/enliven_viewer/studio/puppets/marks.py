@@ -7,14 +7,14 @@ import numpy as np
 from enliven.arrays import Float32
 from enliven_viewer.render import linear
 from enliven_viewer.render.overlay import tube_rows
-from enliven_viewer.studio.puppets.stage import Standing
+from enliven_viewer.studio.puppets.stage import StandingPuppet
 from enliven_viewer.studio.viewport import Lens, Point, point_colour
 
 GHOST_RADIUS, POINT_RADIUS = 7.0, 5.2
 """Pixels: of a suggestion's ring, of a control point."""
 
 
-def point_at(standing: Standing, lens: Lens, at: Point, reach: float) -> int | None:
+def point_at(standing: StandingPuppet, lens: Lens, at: Point, reach: float) -> int | None:
     """The control point nearest to a pixel within ``reach`` pixels; of two as near, the one before."""
     if not len(standing.points):
         return None
@@ -24,7 +24,7 @@ def point_at(standing: Standing, lens: Lens, at: Point, reach: float) -> int | N
     return min(near, key=lambda k: (round(float(away[k]) / 3), float(depth[k])), default=None)
 
 
-def ghost_at(standing: Standing, suggested: tuple[int, ...], lens: Lens, at: Point) -> int | None:
+def ghost_at(standing: StandingPuppet, suggested: tuple[int, ...], lens: Lens, at: Point) -> int | None:
     """The suggested vertex whose ring is under a pixel."""
     if not suggested:
         return None
@@ -34,7 +34,7 @@ def ghost_at(standing: Standing, suggested: tuple[int, ...], lens: Lens, at: Poi
     return suggested[nearest] if away[nearest] <= GHOST_RADIUS + 2 else None
 
 
-def point_rows(standing: Standing, lens: Lens, chosen: int | None, hovered: int | None) -> Float32:
+def point_rows(standing: StandingPuppet, lens: Lens, chosen: int | None, hovered: int | None) -> Float32:
     """(P, 12) of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: the control points as balls."""
     points = standing.points
     depth = np.maximum((points - lens.view.eye) @ lens.forward, 0.05)

@@ -17,7 +17,7 @@ from enliven.arrays import Float
 from enliven.document import Puppet
 from enliven.modeling.puppet import change_key_pose, remove_point
 from enliven_viewer.studio.puppets.baking import Baking
-from enliven_viewer.studio.puppets.crossing import Crossing
+from enliven_viewer.studio.puppets.crossing import SelfCrossing
 from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.key_poses import KeyPoses
 from enliven_viewer.studio.puppets.mesh_cache import middle_of, size_of
@@ -30,7 +30,7 @@ _MOST_AWAY = 50.0
 """Sizes of the mesh beyond which a control point is not dragged: farther is a slip of the hand."""
 
 
-class PuppetDesk(KeyPoses):
+class PuppetEditor(KeyPoses):
     """The state that the stage and the example panel share.
 
     Attributes:
@@ -44,7 +44,7 @@ class PuppetDesk(KeyPoses):
         super().__init__(editor, PuppetStage(editor, self))
         self.moment: tuple[str, float] | None = None
         self.silhouette, self.warn = True, True
-        self.crossing = Crossing()
+        self.crossing = SelfCrossing()
         self.baking = Baking(editor)
         self._dragged: Float | None = None
 

@@ -9,10 +9,10 @@ from enliven.modeling.puppet import add_point
 from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.mirrored import partner_vertex, plane_for
 from enliven_viewer.studio.puppets.solver import LARGE
-from enliven_viewer.studio.puppets.stage import PuppetStage, Standing
+from enliven_viewer.studio.puppets.stage import PuppetStage, StandingPuppet
 
 
-class Chosen:
+class PuppetSelection:
     """What of the project's puppets is worked on.
 
     Attributes:
@@ -25,7 +25,7 @@ class Chosen:
         self.symmetric = False
 
     @property
-    def standing(self) -> tuple[Standing, ...]:
+    def standing(self) -> tuple[StandingPuppet, ...]:
         """Every puppet as it is shown now."""
         return self.stage.standing
 

@@ -17,12 +17,12 @@ from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 from enliven_viewer.studio.puppets.editing import Editing, Posing
 from enliven_viewer.studio.puppets.playing import played_state
 from enliven_viewer.studio.puppets.ray import first_hit, moved
-from enliven_viewer.studio.puppets.surfaces import Surfaces
+from enliven_viewer.studio.puppets.surfaces import PuppetSurfaces
 from enliven_viewer.studio.viewport import Lens, coloured
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class StandingPuppet:
     """A puppet at one moment.
 
     Attributes:
@@ -86,14 +86,14 @@ class PuppetStage:
 
     def __init__(self, editor: Editing, desk: Posing) -> None:
         self.editor, self.desk = editor, desk
-        self.surfaces = Surfaces(editor.toasts)
-        self._known: tuple[tuple[object, ...], tuple[Standing, ...]] | None = None
+        self.surfaces = PuppetSurfaces(editor.toasts)
+        self._known: tuple[tuple[object, ...], tuple[StandingPuppet, ...]] | None = None
         self._polls = 0
-        self._ghost: Standing | None = None
+        self._ghost: StandingPuppet | None = None
         self._wanted: tuple[tuple[object, ...], Future[Float]] | None = None
 
     @property
-    def ghost(self) -> Standing | None:
+    def ghost(self) -> StandingPuppet | None:
         """The key pose before the one that is edited, where the puppet stands; None while it is not there."""
         desk, puppet = self.desk, self.desk.puppet
         pose, now = desk.previous, self.standing_of(puppet.id) if puppet is not None else None
@@ -107,7 +107,7 @@ class PuppetStage:
             surface = self._wanted[1].result()
             if self._ghost is None or self._ghost.surface is not surface:
                 state = State(pose.places, now.state.yaw, now.state.root)
-                self._ghost = Standing(puppet, state, surface)
+                self._ghost = StandingPuppet(puppet, state, surface)
             return self._ghost
         return None
 
@@ -117,7 +117,7 @@ class PuppetStage:
             self._wanted[1].result()
 
     @property
-    def standing(self) -> tuple[Standing, ...]:
+    def standing(self) -> tuple[StandingPuppet, ...]:
         """All puppets, in the project's order."""
         editor, desk = self.editor, self.desk
         project = editor.project
@@ -127,7 +127,7 @@ class PuppetStage:
             self._known = (key, tuple(self._stands(puppet) for puppet in project.puppets.values()))
         return self._known[1]
 
-    def standing_of(self, puppet_id: str) -> Standing | None:
+    def standing_of(self, puppet_id: str) -> StandingPuppet | None:
         """One of them."""
         return next((s for s in self.standing if s.puppet.id == puppet_id), None)
 
@@ -137,7 +137,7 @@ class PuppetStage:
         if any(self.editor.solving.busy(name) for name in self.editor.project.puppets):
             self._polls += 1
 
-    def _stands(self, puppet: Puppet) -> Standing:
+    def _stands(self, puppet: Puppet) -> StandingPuppet:
         editor, desk = self.editor, self.desk
         places = desk.places if desk.puppet is puppet else None
         if places is not None and len(places) == len(puppet.points):
@@ -146,7 +146,7 @@ class PuppetStage:
         else:
             puppet, state = played_state(editor, puppet)
         warm = editor.playing or desk.dragging
-        return Standing(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
+        return StandingPuppet(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
 
 
 def _same(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
@@ -158,8 +158,8 @@ def _same(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
 
 
 def puppet_at(
-    standing: Iterable[Standing], lens: Lens, at: tuple[float, float]
-) -> tuple[Standing, int, float] | None:
+    standing: Iterable[StandingPuppet], lens: Lens, at: tuple[float, float]
+) -> tuple[StandingPuppet, int, float] | None:
     """The puppet that the ray of a pixel meets first, the face that it meets, and metres to it."""
     way, eye = lens.ray(at), lens.view.eye
     found = []

@@ -21,7 +21,7 @@ _APART = 0.06
 """Of the mesh's size: nearer to a control point that is there nothing is suggested."""
 
 
-class Suggested:
+class PointSuggestions:
     """Suggestions for one mesh at a time."""
 
     def __init__(self) -> None:

@@ -12,7 +12,7 @@ from enliven_viewer.studio.puppets.solver import Solver
 from enliven_viewer.studio.toasts import Toasts
 
 
-class Surfaces:
+class PuppetSurfaces:
     """The solvers of all puppets, by id.
 
     Args:

@@ -1,8 +1,8 @@
 from . import actions
 from .actions import STEP, Action, Click, Do, Drag, Key, Name, Say, Wait, play, steps
-from .desk_stage import DeskStage
+from .desk_stage import HeadlessStage
 from .places import (
-    Joint,
+    JointPlace,
     Near,
     OnBone,
     OnLane,
@@ -21,10 +21,10 @@ __all__ = [
     "STEP",
     "Action",
     "Click",
-    "DeskStage",
     "Do",
     "Drag",
-    "Joint",
+    "HeadlessStage",
+    "JointPlace",
     "Key",
     "Name",
     "Near",

@@ -8,15 +8,15 @@ from enliven.errors import InputError
 from enliven_viewer.studio.places import places_in
 from enliven_viewer.studio.session.actions import STEP
 from enliven_viewer.studio.session.places import source_of
-from enliven_viewer.studio.tools import Map
+from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.viewport import Point
-from enliven_viewer.studio.workspace import Desk, renamed
+from enliven_viewer.studio.workspace import Workspace, renamed
 
 _AREA = 100_000.0
 """Pixels between the areas of a stage without a window: each is far from the others."""
 
 
-class DeskStage:
+class HeadlessStage:
     """A stage without a window: the viewport, the view of sources and the timeline, each far from the others.
 
     Args:
@@ -25,7 +25,7 @@ class DeskStage:
 
     pace = STEP
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: Workspace) -> None:
         self.desk, self.at = desk, (0.0, 0.0)
         area = places_in(desk.editor.settings.width, desk.editor.settings.height).viewport
         desk.editor.size = (area.width, area.height)
@@ -94,7 +94,7 @@ class DeskStage:
         """
         kind, _, rest = name.partition(" ")
         mapping = self.desk.hand.tools["map"]
-        assert isinstance(mapping, Map)
+        assert isinstance(mapping, MapTool)
         if kind == "tool":
             self.desk.hand.take(rest)
         elif kind == "takes":

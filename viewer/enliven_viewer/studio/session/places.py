@@ -9,13 +9,13 @@ import numpy as np
 
 from enliven.errors import InputError
 from enliven_viewer.studio.sources import SourceView
-from enliven_viewer.studio.tools import Map
+from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.viewport import Point
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 
 @dataclass(frozen=True)
-class Joint:
+class JointPlace:
     """A joint of a shape, by number or name."""
 
     shape: str
@@ -104,7 +104,7 @@ class OnTimeline:
 
 
 Place = (
-    Joint
+    JointPlace
     | OnBone
     | OnPuppet
     | Spot
@@ -118,10 +118,10 @@ Place = (
 )
 
 
-class Stage(Protocol):
+class SessionStage(Protocol):
     """Where a session's input goes; places are pixels of its own."""
 
-    desk: Desk
+    desk: Workspace
     at: Point
     pace: float
 
@@ -161,7 +161,7 @@ class Stage(Protocol):
         """Where the middle of a widget is."""
 
 
-def where(place: Place, stage: Stage) -> Point:
+def where(place: Place, stage: SessionStage) -> Point:
     """The pixel of a place on a stage, as things stand.
 
     Raises:
@@ -194,14 +194,14 @@ def where(place: Place, stage: Stage) -> Point:
     return _shifted(stage.viewport(), pixel)
 
 
-def source_of(desk: Desk) -> SourceView:
+def source_of(desk: Workspace) -> SourceView:
     """The view of sources."""
     tool = desk.hand.tools["map"]
-    assert isinstance(tool, Map)
+    assert isinstance(tool, MapTool)
     return tool.source
 
 
-def _in_world(place: Joint | OnBone | OnPuppet | Spot, desk: Desk) -> np.ndarray:
+def _in_world(place: JointPlace | OnBone | OnPuppet | Spot, desk: Workspace) -> np.ndarray:
     """(3,) metres."""
     if isinstance(place, Spot):
         return np.array([place.x, place.y, place.z])
@@ -210,13 +210,13 @@ def _in_world(place: Joint | OnBone | OnPuppet | Spot, desk: Desk) -> np.ndarray
     stance = desk.editor.stance(place.shape)
     skeleton = stance.shape.skeleton
     joint = skeleton.index(place.joint) if isinstance(place.joint, str) else place.joint
-    if isinstance(place, Joint):
+    if isinstance(place, JointPlace):
         return stance.joints[joint]
     start = stance.joints[skeleton.parents[joint]]
     return np.asarray(start + place.along * (stance.joints[joint] - start))
 
 
-def _on_puppet(place: OnPuppet, desk: Desk) -> np.ndarray:
+def _on_puppet(place: OnPuppet, desk: Workspace) -> np.ndarray:
     """(3,) metres."""
     standing = desk.puppets.stage.standing_of(place.puppet)
     if standing is None:
@@ -229,20 +229,20 @@ def _on_puppet(place: OnPuppet, desk: Desk) -> np.ndarray:
     )
 
 
-def _on_timeline(place: OnTimeline, stage: Stage) -> Point:
+def _on_timeline(place: OnTimeline, stage: SessionStage) -> Point:
     layout = stage.desk.timeline.layout
     y = 8.0 if place.lane is None else layout.bars()[place.lane].top + 10.0
     return _shifted(stage.timeline(), np.array([layout.x(place.time), y]))
 
 
-def _on_lane(place: OnLane, stage: Stage) -> Point:
+def _on_lane(place: OnLane, stage: SessionStage) -> Point:
     hand = stage.desk.timeline
     lanes = hand.puppets.lanes(hand.layout)
     row = next(row for row in lanes.rows() if row.kind == place.row and row.puppet == lanes.chosen)
     return _shifted(stage.timeline(), np.array([lanes.x(row, place.seconds), row.top + row.height / 2]))
 
 
-def _on_performer(place: PerformerJoint, stage: Stage) -> Point:
+def _on_performer(place: PerformerJoint, stage: SessionStage) -> Point:
     view = stage.desk.performer
     figure = view.figure()
     if figure is None:

@@ -7,22 +7,22 @@ from typing import Any
 
 from enliven.document import Layer, Project
 from enliven_viewer.studio.editor import Edit, Editor
-from enliven_viewer.studio.timeline.layout import RULER, Grip, TimelineLayout
-from enliven_viewer.studio.timeline.puppet_drag import PuppetTimelineHand
+from enliven_viewer.studio.timeline.layout import RULER, LaneHandle, TimelineLayout
+from enliven_viewer.studio.timeline.puppet_drag import PuppetTimelineInput
 
 _SNAP = 6.0
 """Pixels within which a bar's start sticks to zero, to the playhead and to other bars' ends."""
 _SLOWEST, _FASTEST = 0.05, 20.0
 
 
-class TimelineHand:
+class TimelineInput:
     """What the pointer does over the timeline; pixels are counted from the timeline's top left."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
         self.width, self.scrolled = 1000.0, 0.0
-        self.puppets = PuppetTimelineHand(editor)
-        self._grip = Grip("nothing")
+        self.puppets = PuppetTimelineInput(editor)
+        self._grip = LaneHandle("nothing")
         self._from, self._held_layout = 0.0, self.layout
 
     @property
@@ -55,7 +55,7 @@ class TimelineHand:
             names = self._grip.layers
             muted = not self.editor.project.layers[names[0]].muted
             self.editor.edit("mute" if muted else "unmute", _changing(names, muted=muted))
-            self._grip = Grip("nothing")
+            self._grip = LaneHandle("nothing")
 
     def drag(self, x: float) -> None:
         """The pointer moved."""
@@ -73,7 +73,7 @@ class TimelineHand:
         elif self._grip.kind in ("bar", "edge") and self.editor.draft is not None:
             word = "move layer" if self._grip.kind == "bar" else "change speed"
             self.editor.edit(word, self._change(x))
-        self._grip = Grip("nothing")
+        self._grip = LaneHandle("nothing")
 
     def double(self, x: float, y: float) -> bool:
         """The second click of two; whether it meant something."""

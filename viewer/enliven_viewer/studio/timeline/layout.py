@@ -21,7 +21,7 @@ Kind = Literal["ruler", "bar", "edge", "mute", "label", "nothing"]
 
 
 @dataclass(frozen=True)
-class Grip:
+class LaneHandle:
     """What of the timeline is under the pointer, and of which layers."""
 
     kind: Kind
@@ -121,19 +121,19 @@ class TimelineLayout:
         count = int(self.length / small + 1e-9)
         return tuple((k * small, k % 5 == 0) for k in range(count + 1))
 
-    def grip(self, x: float, y: float) -> Grip:
+    def grip(self, x: float, y: float) -> LaneHandle:
         """What is under a pixel."""
         if y < RULER:
-            return Grip("ruler") if x >= LABELS - END else Grip("nothing")
+            return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")
         for bar in self.bars():
             if not bar.top <= y < bar.top + LANE:
                 continue
             if x < _MUTE:
-                return Grip("mute", bar.ids)
+                return LaneHandle("mute", bar.ids)
             if x < LABELS - END:
-                return Grip("label", bar.ids)
+                return LaneHandle("label", bar.ids)
             if abs(x - bar.right) <= _EDGE:
-                return Grip("edge", bar.ids)
+                return LaneHandle("edge", bar.ids)
             if bar.left <= x <= bar.right or (bar.layer.loop and x >= bar.left):
-                return Grip("bar", bar.ids)
-        return Grip("ruler") if x >= LABELS - END else Grip("nothing")
+                return LaneHandle("bar", bar.ids)
+        return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")

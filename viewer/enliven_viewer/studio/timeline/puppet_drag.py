@@ -11,19 +11,19 @@ from enliven.examples import motion_of
 from enliven.modeling.puppet import change_layer
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.examples import (
-    Coverage,
-    Coverages,
+    CoverageCache,
+    TakeCoverage,
     added_switch,
-    held_of,
+    constraints_of,
     layer_end,
     moved_switch,
     removed_switch,
     retimed,
     time_of,
-    without_held,
+    without_constraint,
 )
 from enliven_viewer.studio.timeline.layout import TimelineLayout
-from enliven_viewer.studio.timeline.puppet_lanes import PuppetGrip, PuppetLanes
+from enliven_viewer.studio.timeline.puppet_lanes import PuppetLaneHandle, PuppetLanes
 
 _SNAP = 6.0
 """Pixels within which a bar's start sticks to zero and to the playhead."""
@@ -31,7 +31,7 @@ _SLOWEST, _FASTEST = 0.05, 20.0
 _DRAGGED = ("bar", "edge", "pose", "switch")
 
 
-class PuppetTimelineHand:
+class PuppetTimelineInput:
     """What the pointer does over the lanes of puppets; pixels as the timeline's.
 
     Attributes:
@@ -40,12 +40,12 @@ class PuppetTimelineHand:
         begin_pose: called with a take and a second of it where a suggestion was clicked.
     """
 
-    def __init__(self, editor: Editor, coverages: Coverages | None = None) -> None:
-        self.editor, self.coverages = editor, coverages or Coverages()
-        self.chosen: PuppetGrip | None = None
+    def __init__(self, editor: Editor, coverages: CoverageCache | None = None) -> None:
+        self.editor, self.coverages = editor, coverages or CoverageCache()
+        self.chosen: PuppetLaneHandle | None = None
         self.edit_pose: Callable[[int], object] = editor.puppets.edit_pose
         self.begin_pose: Callable[[str, float], object] = editor.puppets.begin_pose
-        self._grip: PuppetGrip | None = None
+        self._grip: PuppetLaneHandle | None = None
         self._from, self._lanes = 0.0, self.lanes(TimelineLayout(editor.project, 1.0, 1000.0))
         self._known: tuple[object, dict[int, tuple[Switch, ...]]] = (None, {})
 
@@ -77,7 +77,7 @@ class PuppetTimelineHand:
         elif grip.kind == "found" and layer.switches is not None:
             self._edit("find contacts again", grip, switches=None)
         elif grip.kind == "held":
-            frame = held_of(self.editor.project, grip.puppet, grip.layer)[grip.item].frame
+            frame = constraints_of(self.editor.project, grip.puppet, grip.layer)[grip.item].frame
             step = self.editor.project.takes[layer.take].step
             self.editor.scrub(time_of(self.editor.project, layer, frame * step))
         elif grip.kind == "band":
@@ -130,10 +130,10 @@ class PuppetTimelineHand:
                 "remove a switch", grip, switches=removed_switch(self._switches(grip.layer), grip.item)
             )
             return True
-        held = held_of(project, grip.puppet, grip.layer)
+        held = constraints_of(project, grip.puppet, grip.layer)
         if grip.item < len(held):
             one = held[grip.item]
-            self.editor.edit("let go", lambda p: without_held(p, grip.puppet, grip.layer, one))
+            self.editor.edit("let go", lambda p: without_constraint(p, grip.puppet, grip.layer, one))
         return True
 
     def _change(self, x: float) -> Edit:
@@ -160,13 +160,13 @@ class PuppetTimelineHand:
         nearest = min((0.0, self.editor.time), key=lambda place: abs(place - offset))
         return nearest if abs(layout.x(nearest) - layout.x(offset)) <= _SNAP else offset
 
-    def _edit(self, word: str, grip: PuppetGrip, **changes: Any) -> None:
+    def _edit(self, word: str, grip: PuppetLaneHandle, **changes: Any) -> None:
         self.editor.edit(word, self._changing(grip, **changes))
 
-    def _changing(self, grip: PuppetGrip, **changes: Any) -> Edit:
+    def _changing(self, grip: PuppetLaneHandle, **changes: Any) -> Edit:
         return lambda project: change_layer(project, grip.puppet, grip.layer, **changes)
 
-    def _coverage(self, take: str) -> Coverage | None:
+    def _coverage(self, take: str) -> TakeCoverage | None:
         puppet = self.editor.puppets.puppet
         return self.coverages.of(self.editor.project, puppet, take) if puppet is not None else None
 
@@ -192,6 +192,6 @@ class PuppetTimelineHand:
         return found[layer]
 
 
-def _row(lanes: PuppetLanes, grip: PuppetGrip, kind: str):  # type: ignore[no-untyped-def]
+def _row(lanes: PuppetLanes, grip: PuppetLaneHandle, kind: str):  # type: ignore[no-untyped-def]
     """The row of a kind of a grip's layer."""
     return next(r for r in lanes.rows() if (r.kind, r.puppet, r.layer) == (kind, grip.puppet, grip.layer))

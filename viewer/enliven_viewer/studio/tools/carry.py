@@ -9,12 +9,12 @@ from enliven.document import Project
 from enliven.modeling.rigged import merge, move_shape
 from enliven_viewer.live import GOOD, INK
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.tools.handle_graph import GraphGrip
-from enliven_viewer.studio.tools.handle_puppet import PuppetHold
-from enliven_viewer.studio.viewport import STROKE, Disc, Hit, Line, Overlay, Words, bone_at, joint_at
+from enliven_viewer.studio.tools.handle_graph import GraphDrag
+from enliven_viewer.studio.tools.handle_puppet import PuppetDrag
+from enliven_viewer.studio.viewport import STROKE, Disc, Hit, Label, Line, Overlay, bone_at, joint_at
 
 
-class Carry(Tool):
+class CarryTool(Tool):
     """Moves a shape parallel to the picture, and merges it where its root comes near a node or a bone."""
 
     name, label, key, icon = "carry", "Move, merge", "g", "\uf047"
@@ -23,8 +23,8 @@ class Carry(Tool):
         super().__init__(editor)
         self._held: tuple[str, Float, Pointer] | None = None
         self._graft: Hit | None = None
-        self._grip: GraphGrip | None = None
-        self._puppet: PuppetHold | None = None
+        self._grip: GraphDrag | None = None
+        self._puppet: PuppetDrag | None = None
 
     @property
     def hint(self) -> str:
@@ -43,8 +43,8 @@ class Carry(Tool):
     def press(self, pointer: Pointer) -> bool:
         hit = self.shape_at(pointer)
         if hit is None:
-            self._grip = GraphGrip.of(self.editor, pointer)
-            self._puppet = None if self._grip is not None else PuppetHold.of(self.editor, pointer)
+            self._grip = GraphDrag.of(self.editor, pointer)
+            self._puppet = None if self._grip is not None else PuppetDrag.of(self.editor, pointer)
             return self._grip is not None or self._puppet is not None
         self.editor.select(shape=hit.shape)
         self.editor.select(joint=None, chain=())
@@ -107,7 +107,7 @@ class Carry(Tool):
             (
                 Line((root, node), STROKE, 2.0),
                 Disc(node, 13.0, GOOD, 3.0),
-                Words((node[0] + 20, node[1]), "merge", INK),
+                Label((node[0] + 20, node[1]), "merge", INK),
             ),
             plain.chain,
             plain.hovered,

@@ -18,7 +18,7 @@ _APART = 3.0
 """Pixels between two points of a stroke."""
 
 
-class Cut(Tool):
+class CutTool(Tool):
     """A stroke; every bone that it crosses is cut there, at the playhead's time."""
 
     name, label, key, icon = "cut", "Cut", "c", "\uf0c4"

@@ -10,14 +10,14 @@ from enliven_viewer.studio.tools.base import Pointer
 from enliven_viewer.studio.viewport import possessed_at
 
 
-class GraphGrip:
+class GraphDrag:
     """A possessed mesh in the hand of :class:`~enliven_viewer.studio.tools.carry.Carry`."""
 
     def __init__(self, editor: Editor, graph: str, at: Float, start: Pointer) -> None:
         self.editor, self.graph, self._at, self._start = editor, graph, at, start
 
     @classmethod
-    def of(cls, editor: Editor, pointer: Pointer) -> GraphGrip | None:
+    def of(cls, editor: Editor, pointer: Pointer) -> GraphDrag | None:
         """The grip on what is under the pointer, or None."""
         hit = possessed_at(editor.possessed, editor.lens, pointer.at)
         if hit is None:

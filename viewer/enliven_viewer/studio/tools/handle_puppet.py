@@ -17,14 +17,14 @@ _TURN = 0.01
 _UPRIGHT = np.array([0.0, 1.0, 0.0])
 
 
-class PuppetHold:
+class PuppetDrag:
     """A puppet held by a place on its surface."""
 
     def __init__(self, editor: Editor, puppet: str, at: Float, start: Pointer) -> None:
         self.editor, self.puppet, self._at, self._start = editor, puppet, at, start
 
     @classmethod
-    def of(cls, editor: Editor, pointer: Pointer) -> PuppetHold | None:
+    def of(cls, editor: Editor, pointer: Pointer) -> PuppetDrag | None:
         """The hold on what is under the pointer, or None."""
         hit = puppet_at(editor.puppets.standing, editor.lens, pointer.at)
         if hit is None:

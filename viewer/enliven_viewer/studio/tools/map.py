@@ -15,7 +15,7 @@ from enliven_viewer.studio.viewport import Overlay
 
 
 @dataclass(frozen=True)
-class Mapping:
+class MappedChain:
     """What was mapped last, so that it can be flipped."""
 
     shape: str
@@ -25,7 +25,7 @@ class Mapping:
     flip: bool
 
 
-class Map(Tool):
+class MapTool(Tool):
     """Gives a chain of a shape the motion of a chain of a take.
 
     Attributes:
@@ -43,7 +43,7 @@ class Map(Tool):
         self.offered: list[Offer] = []
         self.lit: Offer | None = None
         self._start: tuple[str, int] | None = None
-        self._last: Mapping | None = None
+        self._last: MappedChain | None = None
 
     @property
     def hint(self) -> str:
@@ -72,14 +72,14 @@ class Map(Tool):
             chain = chain[::-1]
         self.editor.select(joint=None, chain=chain)
         if self.source.take is not None and self.source.chain:
-            self._bind(Mapping(hit.shape, chain, self.source.take, self.source.chain, False))
+            self._bind(MappedChain(hit.shape, chain, self.source.take, self.source.chain, False))
         return True
 
     def type(self, key: str) -> bool:
         if key == "y" and self._last is not None:
             last = self._last
             self.editor.undo()
-            self._bind(Mapping(last.shape, last.target, last.take, last.source, not last.flip))
+            self._bind(MappedChain(last.shape, last.target, last.take, last.source, not last.flip))
             return True
         return False
 
@@ -136,7 +136,7 @@ class Map(Tool):
             count = len(offer.pairs)
             editor.toasts.say(f"{offer.take} drives {count} chain{'s' * (count != 1)} of {offer.shape}")
 
-    def _bind(self, wish: Mapping) -> None:
+    def _bind(self, wish: MappedChain) -> None:
         """Map one chain onto one, as both are seen now."""
         lens, other = self.editor.lens, self.source.lens
 

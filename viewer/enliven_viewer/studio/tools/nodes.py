@@ -9,7 +9,7 @@ from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport import CUT, STROKE, Disc, Hit, Overlay, bone_at, joint_at
 
 
-class Insert(Tool):
+class InsertTool(Tool):
     """A click on a bone puts a node there."""
 
     name, label, key, icon = "insert", "Add node", "i", "\uf055"
@@ -54,7 +54,7 @@ class Insert(Tool):
         )
 
 
-class Remove(Tool):
+class RemoveTool(Tool):
     """A click on a joint takes it out; what hung on it hangs on the one before."""
 
     name, label, key, icon = "remove", "Remove node", "x", "\uf056"

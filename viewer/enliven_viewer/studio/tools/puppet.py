@@ -7,15 +7,15 @@ import numpy as np
 from enliven.arrays import Float
 from enliven_viewer.studio.puppets import (
     Manipulator,
-    Standing,
-    Suggested,
+    PointSuggestions,
+    StandingPuppet,
     ghost_at,
     point_at,
     puppet_at,
     vertex_hit,
 )
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.tools.puppet_drag import PointGrip
+from enliven_viewer.studio.tools.puppet_drag import PointDrag
 from enliven_viewer.studio.tools.puppet_marks import marks_of
 from enliven_viewer.studio.viewport import Overlay, Point, possessed_at
 
@@ -41,11 +41,11 @@ class PuppetTool(Tool):
     def __init__(self, editor) -> None:  # type: ignore[no-untyped-def]
         super().__init__(editor)
         self.desk = editor.puppets
-        self.suggested = Suggested()
+        self.suggested = PointSuggestions()
         self.over = ""
         self.over_point: int | None = None
         self.over_vertex: int | None = None
-        self._grip: PointGrip | None = None
+        self._grip: PointDrag | None = None
         self._click: Pointer | None = None
         self._last: Point = (0.0, 0.0)
         self._turning = False
@@ -71,7 +71,7 @@ class PuppetTool(Tool):
         return self.desk.crossing.said if self.desk.warn and self.desk.shaping else ""
 
     @property
-    def held(self) -> PointGrip | None:
+    def held(self) -> PointDrag | None:
         """The control point in the hand."""
         return self._grip
 
@@ -95,11 +95,11 @@ class PuppetTool(Tool):
         desk, standing = self.desk, self._standing()
         self._last, self._turning = pointer.at, False
         if standing is not None and self.over and desk.point is not None:
-            self._grip = PointGrip(self.editor, standing, desk.point, self.over, pointer.at)
+            self._grip = PointDrag(self.editor, standing, desk.point, self.over, pointer.at)
         elif standing is not None and self.over_point is not None:
             self._fresh = None
             desk.choose(standing.puppet.id, self.over_point)
-            self._grip = PointGrip(self.editor, standing, self.over_point, "view", pointer.at)
+            self._grip = PointDrag(self.editor, standing, self.over_point, "view", pointer.at)
         else:
             self._click = pointer
         self.editor.playing = False
@@ -166,11 +166,11 @@ class PuppetTool(Tool):
             return None
         return Manipulator(standing.points[point], self.editor.lens)
 
-    def _standing(self) -> Standing | None:
+    def _standing(self) -> StandingPuppet | None:
         chosen = self.editor.selection.puppet
         return self.desk.stage.standing_of(chosen) if chosen else None
 
-    def _vertex_at(self, standing: Standing, pointer: Pointer) -> int | None:
+    def _vertex_at(self, standing: StandingPuppet, pointer: Pointer) -> int | None:
         """The vertex of the chosen puppet under the pointer; a suggested one that is near."""
         lens = self.editor.lens
         ghost = ghost_at(standing, self.suggested.of(standing.puppet), lens, pointer.at)

@@ -12,39 +12,39 @@ from enliven_viewer.studio.puppets import (
     GHOST_RADIUS,
     POINT_RADIUS,
     Manipulator,
-    PuppetDesk,
-    Standing,
-    Suggested,
+    PointSuggestions,
+    PuppetEditor,
+    StandingPuppet,
     normals_of,
     partner_vertex,
 )
-from enliven_viewer.studio.tools.puppet_drag import PointGrip
-from enliven_viewer.studio.viewport import Colour, Disc, Fill, Lens, Line, Point, Words
+from enliven_viewer.studio.tools.puppet_drag import PointDrag
+from enliven_viewer.studio.viewport import Colour, Disc, Fill, Label, Lens, Line, Point
 
 _WHITE: Colour = (1.0, 1.0, 1.0, 0.9)
 
 
-Mark = Line | Disc | Fill | Words
+Mark = Line | Disc | Fill | Label
 
 
 class Pointing(Protocol):
     """What is under the pointer, and what is in the hand, of the puppet tool."""
 
-    desk: PuppetDesk
-    suggested: Suggested
+    desk: PuppetEditor
+    suggested: PointSuggestions
     over: str
     over_point: int | None
     over_vertex: int | None
 
     @property
-    def held(self) -> PointGrip | None:
+    def held(self) -> PointDrag | None:
         """The control point in the hand."""
 
     def manipulator(self) -> Manipulator | None:
         """The arrows of the chosen control point."""
 
 
-def marks_of(tool: Pointing, standing: Standing, lens: Lens) -> tuple[Mark, ...]:
+def marks_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> tuple[Mark, ...]:
     """Suggestions, where a click would put a control point, names, the manipulator's squares."""
     found: list[Mark] = []
     if tool.held is None:
@@ -58,7 +58,7 @@ def marks_of(tool: Pointing, standing: Standing, lens: Lens) -> tuple[Mark, ...]
     return tuple(found)
 
 
-def _suggestions(tool: Pointing, standing: Standing, lens: Lens) -> list[Mark]:
+def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     """Rings at the ends of limbs; only before key poses are made, then they are in the way."""
     if standing.puppet.poses or tool.desk.posing:
         return []
@@ -75,7 +75,7 @@ def _suggestions(tool: Pointing, standing: Standing, lens: Lens) -> list[Mark]:
     return found
 
 
-def _next_point(tool: Pointing, standing: Standing, lens: Lens) -> list[Mark]:
+def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     """A ring where a click would put a control point, and at its mirror image."""
     if tool.over_vertex is None:
         return []
@@ -90,7 +90,7 @@ def _next_point(tool: Pointing, standing: Standing, lens: Lens) -> list[Mark]:
     return found
 
 
-def _names(tool: Pointing, standing: Standing, lens: Lens) -> list[Mark]:
+def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     """The names of the chosen control point and of the one under the pointer; a ring around the chosen."""
     found: list[Mark] = []
     chosen, points = tool.desk.point, standing.puppet.points
@@ -102,9 +102,9 @@ def _names(tool: Pointing, standing: Standing, lens: Lens) -> list[Mark]:
                 found.append(Disc(pixel, POINT_RADIUS * 1.35 + 2.5, _WHITE, 1.5))
             point = points[number]
             at = (pixel[0] + 16, pixel[1] + 24)
-            found.append(Words(at, point.name, INK))
+            found.append(Label(at, point.name, INK))
             if point.joint:
-                found.append(Words((at[0], at[1] + 16), point.joint, QUIET))
+                found.append(Label((at[0], at[1] + 16), point.joint, QUIET))
     return found
 
 

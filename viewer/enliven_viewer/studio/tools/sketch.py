@@ -19,7 +19,7 @@ _CLOSED = 22.0
 _FEWEST = 8
 
 
-class Sketch(Tool):
+class SketchTool(Tool):
     """A stroke around a part, in the plane of the picture that goes through what the camera looks at."""
 
     name, label, key, icon = "sketch", "Sketch part", "s", "\uf040"

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int32
-from enliven_viewer.render import View
-from enliven_viewer.studio.viewport.pose_at_time import Stance
+from enliven_viewer.render import CameraView
+from enliven_viewer.studio.viewport.pose_at_time import PosedShape
 
 _NEAREST = 1e-3
 """Metres before the eye: what is nearer, or behind it, cannot be picked."""
@@ -23,7 +23,7 @@ _NEAREST = 1e-3
 class Lens:
     """A view and the size in pixels (width, height) that it is shown at."""
 
-    view: View
+    view: CameraView
     size: tuple[float, float]
 
     def project(self, points: Float) -> tuple[Float, Float]:
@@ -76,7 +76,7 @@ class Hit:
     depth: float
 
 
-def joint_at(stances: Iterable[Stance], lens: Lens, at: tuple[float, float], reach: float) -> Hit | None:
+def joint_at(stances: Iterable[PosedShape], lens: Lens, at: tuple[float, float], reach: float) -> Hit | None:
     """The joint nearest to a pixel within ``reach`` pixels; of two as near, the one before the other."""
     found = []
     for stance in stances:
@@ -87,7 +87,7 @@ def joint_at(stances: Iterable[Stance], lens: Lens, at: tuple[float, float], rea
     return min(found, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
 
 
-def bone_at(stances: Iterable[Stance], lens: Lens, at: tuple[float, float], reach: float) -> Hit | None:
+def bone_at(stances: Iterable[PosedShape], lens: Lens, at: tuple[float, float], reach: float) -> Hit | None:
     """The bone nearest to a pixel within ``reach`` pixels, and the place on it."""
     found = []
     for stance in stances:
@@ -102,7 +102,7 @@ def bone_at(stances: Iterable[Stance], lens: Lens, at: tuple[float, float], reac
     return min(found, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
 
 
-def surface_at(stances: Iterable[Stance], lens: Lens, at: tuple[float, float]) -> Hit | None:
+def surface_at(stances: Iterable[PosedShape], lens: Lens, at: tuple[float, float]) -> Hit | None:
     """The mesh that the ray of a pixel meets first; ``joint`` is the bone that its place follows most."""
     way, eye = lens.ray(at), lens.view.eye
     best: Hit | None = None
@@ -118,7 +118,7 @@ def surface_at(stances: Iterable[Stance], lens: Lens, at: tuple[float, float]) -
     return best
 
 
-def crossings(stances: Iterable[Stance], lens: Lens, stroke: Float) -> list[Hit]:
+def crossings(stances: Iterable[PosedShape], lens: Lens, stroke: Float) -> list[Hit]:
     """The bones that a stroke (P, 2) of pixels crosses, in its order, each once and where."""
     found: list[Hit] = []
     for stance in stances:

@@ -6,22 +6,22 @@ import math
 
 from enliven.document import Layer, Project, Shape
 from enliven.motion.layers import Player
-from enliven_viewer.studio.viewport.pose_at_time import Stance
+from enliven_viewer.studio.viewport.pose_at_time import PosedShape
 
 _MOST, _ALMOST = 4.0, 0.02
 """How much longer than needed a project may play so that loops meet, and what share of a round is no jump."""
 
 
-class Company:
+class Players:
     """The players of a project's shapes; one whose shape and layers stay the same is kept."""
 
     def __init__(self) -> None:
         self._players: dict[str, tuple[tuple[object, ...], Player]] = {}
 
-    def stances(self, project: Project, time: float) -> tuple[Stance, ...]:
+    def stances(self, project: Project, time: float) -> tuple[PosedShape, ...]:
         """Every shape of the project at a time, seconds."""
         self._players = {name: self._player(project, shape) for name, shape in project.shapes.items()}
-        return tuple(_stance(player, time) for _, player in self._players.values())
+        return tuple(_posed(player, time) for _, player in self._players.values())
 
     def _player(self, project: Project, shape: Shape) -> tuple[tuple[object, ...], Player]:
         parts = (shape, *(project.layers[name] for name in layers_of(shape)))
@@ -35,9 +35,9 @@ class Company:
         return parts, Player(project, shape.id)
 
 
-def stance_of(project: Project, shape_id: str, time: float) -> Stance:
+def posed_shape(project: Project, shape_id: str, time: float) -> PosedShape:
     """One shape at a time of the project, seconds."""
-    return _stance(Player(project, shape_id), time)
+    return _posed(Player(project, shape_id), time)
 
 
 def layers_of(shape: Shape) -> tuple[str, ...]:
@@ -78,6 +78,6 @@ def end_of(project: Project, layer: Layer) -> float:
     return layer.offset + project.takes[layer.take].duration / abs(layer.speed)
 
 
-def _stance(player: Player, time: float) -> Stance:
+def _posed(player: Player, time: float) -> PosedShape:
     at = player.at(time)
-    return Stance(player.shape, at.turns, at.joints)
+    return PosedShape(player.shape, at.turns, at.joints)

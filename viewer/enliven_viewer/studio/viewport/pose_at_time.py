@@ -12,7 +12,7 @@ from enliven.rotation import rotate, to_matrix
 
 
 @dataclass(frozen=True, eq=False)
-class Stance:
+class PosedShape:
     """A shape at one moment.
 
     Attributes:

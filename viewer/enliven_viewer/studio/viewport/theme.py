@@ -24,7 +24,7 @@ CHAINED = (92, 232, 220)
 ROOT = (255, 120, 96)
 """sRGB of bones: of the selected shape, of others, chosen, under the pointer, of a chain, and the root."""
 
-CLAYS = (
+DEFAULT_COLOURS = (
     (226, 142, 84),
     (118, 164, 190),
     (150, 176, 120),

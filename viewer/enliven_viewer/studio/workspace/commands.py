@@ -21,15 +21,15 @@ from enliven.motion.contact import pin_feet, unpin
 from enliven.motion.layers import clear_chain, copy_motion
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.sources import seen
+from enliven_viewer.studio.sources import matching_view
 from enliven_viewer.studio.tools import remove
-from enliven_viewer.studio.workspace.puppet_commands import PuppetDeeds
+from enliven_viewer.studio.workspace.puppet_commands import PuppetCommands
 
 _ASIDE = 0.3
 """Metres between the bones of a shape and those of a copy that is put beside it."""
 
 
-class Deeds:
+class Commands:
     """Commands on an editor; the clipboard is theirs.
 
     Attributes:
@@ -42,7 +42,7 @@ class Deeds:
         self._shape: tuple[Project, str] | None = None
         self._pasted = 0
         self._motion: tuple[str, tuple[int, ...]] | None = None
-        self.puppets = PuppetDeeds(editor)
+        self.puppets = PuppetCommands(editor)
 
     def play(self) -> None:
         """Play, or stop."""
@@ -224,7 +224,7 @@ class Deeds:
         if shape is None:
             return
         starts, ends = self.editor.stance(shape).bones()
-        way = best_view(ends - starts, seen(self.editor.lens)).direction
+        way = best_view(ends - starts, matching_view(self.editor.lens)).direction
         # From behind as much is seen, and never from below the floor.
         way = -way if way[1] > 0 else way
         azimuth, elevation = np.arctan2(-way[0], -way[2]), np.arcsin(np.clip(-way[1], -1.0, 1.0))

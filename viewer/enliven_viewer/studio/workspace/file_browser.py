@@ -9,7 +9,7 @@ from enliven.errors import InputError
 
 
 @dataclass
-class Browser:
+class FileBrowser:
     """What an open or save dialogue shows.
 
     Attributes:

@@ -7,21 +7,21 @@ from typing import Protocol
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of, time_of
 from enliven_viewer.studio.performer import PerformerView
-from enliven_viewer.studio.workspace.input import Hand
+from enliven_viewer.studio.workspace.input import ViewportInput
 
 _ROOM = 1.35
 """How much air is left around a puppet that is brought into the picture."""
 
 
-class Workplace(Protocol):
+class WorkspaceViews(Protocol):
     """The editor, the tool in hand and the second view, which go to a moment together."""
 
     editor: Editor
     performer: PerformerView
-    hand: Hand
+    hand: ViewportInput
 
 
-def go_to(desk: Workplace, take: str, seconds: float) -> None:
+def go_to(desk: WorkspaceViews, take: str, seconds: float) -> None:
     """The playhead to a second of a take, where the puppet plays it; the second view shows that take."""
     editor, puppet = desk.editor, desk.editor.puppets.puppet
     if puppet is None:
@@ -34,27 +34,27 @@ def go_to(desk: Workplace, take: str, seconds: float) -> None:
     desk.performer.show(take)
 
 
-def edit_pose(desk: Workplace, number: int) -> None:
+def edit_pose(desk: WorkspaceViews, number: int) -> None:
     """Edit a key pose at its moment."""
     puppet = desk.editor.puppets.puppet
     if puppet is not None and 0 <= number < len(puppet.poses):
-        _take_in_hand(desk)
+        _take_tool(desk)
         go_to(desk, puppet.poses[number].take, puppet.poses[number].time)
         desk.editor.puppets.edit_pose(number)
         bring_into_view(desk)
 
 
-def begin_pose(desk: Workplace, take: str, seconds: float) -> None:
+def begin_pose(desk: WorkspaceViews, take: str, seconds: float) -> None:
     """Make a key pose for a second of a take, and edit it."""
     clip = desk.editor.project.takes[take]
     frame = min(max(round(seconds / clip.step), 0), len(clip.turns) - 1)
-    _take_in_hand(desk)
+    _take_tool(desk)
     go_to(desk, take, frame * clip.step)
     desk.editor.puppets.begin_pose(take, frame * clip.step)
     bring_into_view(desk)
 
 
-def bring_into_view(desk: Workplace) -> None:
+def bring_into_view(desk: WorkspaceViews) -> None:
     """Move the camera to the chosen puppet where it is not wholly in the picture: it may have walked away."""
     editor = desk.editor
     standing = editor.puppets.stage.standing_of(editor.selection.puppet or "")
@@ -66,6 +66,6 @@ def bring_into_view(desk: Workplace) -> None:
         editor.camera.frame((low, high), editor.size[0] / max(editor.size[1], 1.0), room=_ROOM)
 
 
-def _take_in_hand(desk: Workplace) -> None:
+def _take_tool(desk: WorkspaceViews) -> None:
     if desk.hand.tool.name != "puppet":
         desk.hand.take("puppet")

@@ -7,15 +7,15 @@ from collections.abc import Callable
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools import TOOLS, Pointer, Tool
 from enliven_viewer.studio.viewport import Point
-from enliven_viewer.studio.workspace.command_table import DEEDS
-from enliven_viewer.studio.workspace.commands import Deeds
+from enliven_viewer.studio.workspace.command_table import MENU_COMMANDS
+from enliven_viewer.studio.workspace.commands import Commands
 
 _TURN = 0.008
 """Radians a pixel of dragging."""
 LEFT, RIGHT, MIDDLE = 0, 1, 2
 
 
-class Hand:
+class ViewportInput:
     """Forwards what a pointer and a keyboard do over the viewport.
 
     Args:
@@ -26,7 +26,7 @@ class Hand:
         first: asked about every key before the tool is; True where it took it.
     """
 
-    def __init__(self, editor: Editor, deeds: Deeds) -> None:
+    def __init__(self, editor: Editor, deeds: Commands) -> None:
         self.editor, self.deeds = editor, deeds
         self.tools = {kind.name: kind(editor) for kind in TOOLS}
         self.tool: Tool = self.tools[TOOLS[0].name]
@@ -90,7 +90,7 @@ class Hand:
             if key == kind.key:
                 self.take(kind.name)
                 return True
-        for deed in DEEDS:
+        for deed in MENU_COMMANDS:
             if key in deed.keys:
                 deed.do(self.deeds)
                 return True

@@ -20,7 +20,7 @@ _FRESH = 60.0
 """Seconds."""
 
 
-class Cabinet:
+class ProjectStore:
     """The file of an editor's project.
 
     A recovery file is written every few seconds while something is not saved, and removed when it is. A

@@ -27,7 +27,7 @@ _ASIDE = 0.3
 """Metres between a puppet and what is put beside it."""
 
 
-class PuppetDeeds:
+class PuppetCommands:
     """Commands on the chosen puppet; each tells whether there was one. The clipboard is theirs."""
 
     def __init__(self, editor: Editor) -> None:

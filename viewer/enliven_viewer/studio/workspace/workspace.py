@@ -11,9 +11,9 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import Exporting
 from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.performer import PerformerView
-from enliven_viewer.studio.timeline import TimelineHand
-from enliven_viewer.studio.workspace.commands import Deeds
-from enliven_viewer.studio.workspace.file_browser import Browser
+from enliven_viewer.studio.timeline import TimelineInput
+from enliven_viewer.studio.workspace.commands import Commands
+from enliven_viewer.studio.workspace.file_browser import FileBrowser
 from enliven_viewer.studio.workspace.files import (
     MESHES,
     MODELS,
@@ -26,14 +26,14 @@ from enliven_viewer.studio.workspace.files import (
     save_session,
 )
 from enliven_viewer.studio.workspace.go_to import begin_pose, edit_pose
-from enliven_viewer.studio.workspace.input import Hand
-from enliven_viewer.studio.workspace.project_store import PROJECT, Cabinet
+from enliven_viewer.studio.workspace.input import ViewportInput
+from enliven_viewer.studio.workspace.project_store import PROJECT, ProjectStore
 
 Rectangle = tuple[float, float, float, float]
 """Left, top, right, bottom in the window's pixels."""
 
 
-class Desk:
+class Workspace:
     """Everything that panels draw and change; it lives without a window as well.
 
     Attributes:
@@ -47,24 +47,24 @@ class Desk:
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
         self.editor = editor
-        self.hand = Hand(editor, Deeds(editor, self.ask))
-        self.timeline = TimelineHand(editor)
+        self.hand = ViewportInput(editor, Commands(editor, self.ask))
+        self.timeline = TimelineInput(editor)
         self.timeline.puppets.edit_pose = lambda number: edit_pose(self, number)
         self.timeline.puppets.begin_pose = lambda take, seconds: begin_pose(self, take, seconds)
         self.hand.first = self.timeline.type
         self.puppets = editor.puppets
         self.performer, self.coverages = PerformerView(editor), self.timeline.puppets.coverages
-        self.cabinet = Cabinet(editor, folder)
+        self.cabinet = ProjectStore(editor, folder)
         self.exporting = Exporting(editor.toasts)
         self.widgets: dict[str, Rectangle] = {}
         self.asking = self.caption = self.pressed = ""
-        self.browser: Browser | None = None
+        self.browser: FileBrowser | None = None
         self.over = False
         self._after = ""
         self._wanted: Path | None = None
 
     @classmethod
-    def new(cls, editor: Editor, folder: Path | None = None) -> Desk:
+    def new(cls, editor: Editor, folder: Path | None = None) -> Workspace:
         """A desk with an empty project and the library of motions."""
         desk = cls(editor, folder)
         desk.cabinet.new(Project().with_takes(*library()))
@@ -187,7 +187,7 @@ class Desk:
         stem = puppet if about_it else self.cabinet.name
         name = "" if dialogue == "open" else f"{stem}{endings[0]}"
         own = self.cabinet.path if dialogue == "save as" else None
-        self.browser = Browser(folder, endings, name, dialogue != "open", own)
+        self.browser = FileBrowser(folder, endings, name, dialogue != "open", own)
         self.asking = dialogue
 
     def _go_on(self) -> None:

@@ -9,16 +9,16 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Coupling, Position, Puppet, PuppetLayer, Velocity
 from enliven.modeling.puppet import change_layer, remove_layer
 from enliven_viewer.studio.examples import (
-    Held,
-    held_of,
+    HardConstraint,
+    constraints_of,
     layer_of,
     seconds_at,
     time_of,
-    with_held,
-    without_held,
+    with_constraint,
+    without_constraint,
 )
 from enliven_viewer.studio.panels.style import heading, quiet, small
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _REMOVE = "\uf00d"
 _TOLD = {
@@ -31,7 +31,7 @@ _TOLD = {
 _WORDS = {"travel": "travels", "level_feet": "level feet"}
 
 
-def draw_layer(desk: Desk, puppet: Puppet) -> None:
+def draw_layer(desk: Workspace, puppet: Puppet) -> None:
     """The numbers of the layer that is chosen, or of the first."""
     editor = desk.editor
     number = layer_of(puppet, editor.selection.puppet_layer)
@@ -59,13 +59,20 @@ def draw_layer(desk: Desk, puppet: Puppet) -> None:
             imgui.same_line(126)
 
 
-def change(desk: Desk, puppet: str, number: int, word: str, **changes: Any) -> bool:
+def change(desk: Workspace, puppet: str, number: int, word: str, **changes: Any) -> bool:
     """An edit of a layer's attributes."""
     return desk.editor.edit(word, lambda project: change_layer(project, puppet, number, **changes))
 
 
 def _slider(
-    desk: Desk, puppet: str, number: int, layer: PuppetLayer, name: str, low: float, high: float, said: str
+    desk: Workspace,
+    puppet: str,
+    number: int,
+    layer: PuppetLayer,
+    name: str,
+    low: float,
+    high: float,
+    said: str,
 ) -> None:
     """A number of a layer: shown while it is dragged, remembered as one edit when it is let go."""
     imgui.set_next_item_width(-1)
@@ -78,10 +85,10 @@ def _slider(
         change(desk, puppet, number, f"change {name}", **{name: last})
 
 
-def draw_held(desk: Desk, puppet: Puppet) -> None:
+def draw_held(desk: Workspace, puppet: Puppet) -> None:
     """What is held hard at frames of the layer's take."""
     number = layer_of(puppet, desk.editor.selection.puppet_layer)
-    found = held_of(desk.editor.project, puppet.id, number) if number is not None else ()
+    found = constraints_of(desk.editor.project, puppet.id, number) if number is not None else ()
     if number is None or not found:
         return
     heading("Held hard")
@@ -89,7 +96,7 @@ def draw_held(desk: Desk, puppet: Puppet) -> None:
         _held_row(desk, puppet, number, row, held)
 
 
-def draw_holding(desk: Desk, puppet: Puppet) -> None:
+def draw_holding(desk: Workspace, puppet: Puppet) -> None:
     """Buttons that hold the chosen control point hard at the playhead."""
     editor, chosen = desk.editor, desk.editor.puppets.point
     number = layer_of(puppet, editor.selection.puppet_layer)
@@ -100,7 +107,7 @@ def draw_holding(desk: Desk, puppet: Puppet) -> None:
     frame = round(seconds_at(editor.project, puppet.layers[number], editor.time) / take.step)
     name = puppet.points[chosen].name
     third = ImVec2((imgui.get_content_region_avail().x - 16) / 3, 0)
-    wanted: Held | None = None
+    wanted: HardConstraint | None = None
     if imgui.button("Here", third):
         x, y, z = editor.puppets.shown(puppet)[chosen].tolist()
         wanted = Position(name, frame, (x, y, z))
@@ -124,24 +131,26 @@ def draw_holding(desk: Desk, puppet: Puppet) -> None:
     if imgui.is_item_hovered():
         imgui.set_tooltip(f"{name} is as high as another control point at this frame")
     if wanted is not None:
-        editor.edit(f"hold {name}", lambda project: with_held(project, puppet.id, number, wanted))
+        editor.edit(f"hold {name}", lambda project: with_constraint(project, puppet.id, number, wanted))
 
 
-def _held_row(desk: Desk, puppet: Puppet, number: int, row: int, held: Held) -> None:
+def _held_row(desk: Workspace, puppet: Puppet, number: int, row: int, held: HardConstraint) -> None:
     """One of them: a click goes there, the cross takes it away."""
     editor = desk.editor
     take = editor.project.takes[puppet.layers[number].take]
     wide = imgui.get_content_region_avail().x
     with small():
-        if imgui.selectable(f"{told(held, take.step)}##held {row}", False, 0, ImVec2(wide - 30, 0))[0]:
+        if imgui.selectable(
+            f"{constraint_text(held, take.step)}##held {row}", False, 0, ImVec2(wide - 30, 0)
+        )[0]:
             editor.scrub(time_of(editor.project, puppet.layers[number], held.frame * take.step))
         imgui.same_line(wide - 12)
         if imgui.small_button(f"{_REMOVE}##held {row}"):
-            editor.edit("let go", lambda project: without_held(project, puppet.id, number, held))
+            editor.edit("let go", lambda project: without_constraint(project, puppet.id, number, held))
         desk.remember(f"let go {row}")
 
 
-def told(held: Held, step: float) -> str:
+def constraint_text(held: HardConstraint, step: float) -> str:
     """A hard constraint in a few words."""
     at = f"{held.frame * step:.2f} s"
     if isinstance(held, Position):

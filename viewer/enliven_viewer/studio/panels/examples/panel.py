@@ -14,13 +14,13 @@ from enliven_viewer.studio.panels.examples.settings import draw_settings
 from enliven_viewer.studio.panels.style import packed, panel, small, tinted
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.viewport import RAISED, Colour
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _BACK = "\uf060"
 _PAD = 10.0
 
 
-def draw_examples(desk: Desk, area: Area) -> None:
+def draw_examples(desk: Workspace, area: Area) -> None:
     """Everything about the chosen puppet, at the right."""
     puppet = desk.editor.puppets.puppet
     with panel("side", area):
@@ -37,7 +37,7 @@ def draw_examples(desk: Desk, area: Area) -> None:
             draw_settings(desk, puppet)
 
 
-def _head(desk: Desk, puppet: Puppet) -> None:
+def _head(desk: Workspace, puppet: Puppet) -> None:
     """Back to everything, and the puppet's name."""
     if imgui.button(_BACK, ImVec2(30, 0)):
         desk.editor.puppets.accept()
@@ -58,7 +58,7 @@ def _head(desk: Desk, puppet: Puppet) -> None:
             desk.editor.select(point=point, puppet_layer=layer)
 
 
-def draw_status(desk: Desk, puppet: Puppet) -> None:
+def draw_status(desk: Workspace, puppet: Puppet) -> None:
     """What is missing before it moves; else that it moves; else why it does not."""
     project, solving = desk.editor.project, desk.editor.solving
     lacking, problem = missing(project, puppet), solving.problem(puppet.id)
@@ -84,7 +84,7 @@ def _gathered(lacking: tuple[str, ...]) -> tuple[str, ...]:
     return (gathered, *(line for line in lacking if line not in pairs))
 
 
-def _box(desk: Desk, tint: Colour, title: str, lines: tuple[str, ...]) -> None:
+def _box(desk: Workspace, tint: Colour, title: str, lines: tuple[str, ...]) -> None:
     """A raised box with a coloured edge."""
     imgui.dummy(ImVec2(0, 2))
     origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x

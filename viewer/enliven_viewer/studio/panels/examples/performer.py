@@ -10,12 +10,12 @@ from enliven_viewer.studio.panels.style import packed, panel, quiet, small
 from enliven_viewer.studio.panels.viewport_overlay import draw_mark
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.viewport import DARK, LINE, axes_marks
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _LINKED = "\uf0c1"
 
 
-def draw_performer(desk: Desk, area: Area, texture: int | None) -> None:
+def draw_performer(desk: Workspace, area: Area, texture: int | None) -> None:
     """The picture of the performer, which take it is of, and what lies under the pointer."""
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
@@ -30,7 +30,7 @@ def draw_performer(desk: Desk, area: Area, texture: int | None) -> None:
         _words(desk, origin, area)
 
 
-def _bar(desk: Desk, area: Area) -> None:
+def _bar(desk: Workspace, area: Area) -> None:
     """Which take, whether the puppet plays it, and whether both views turn together."""
     view, puppet = desk.performer, desk.editor.puppets.puppet
     takes = desk.editor.project.takes
@@ -65,7 +65,7 @@ def _bar(desk: Desk, area: Area) -> None:
         imgui.set_tooltip("Both views turn together")
 
 
-def _picture(desk: Desk, origin: ImVec2, area: Area, texture: int | None) -> None:
+def _picture(desk: Workspace, origin: ImVec2, area: Area, texture: int | None) -> None:
     view, size = desk.performer, ImVec2(area.width, area.height)
     imgui.set_next_item_allow_overlap()
     imgui.invisible_button("##performer", size)
@@ -91,7 +91,7 @@ def _picture(desk: Desk, origin: ImVec2, area: Area, texture: int | None) -> Non
         view.release()
 
 
-def _words(desk: Desk, origin: ImVec2, area: Area) -> None:
+def _words(desk: Workspace, origin: ImVec2, area: Area) -> None:
     """The moment, at the lower left; the joint under the pointer beside it; what to do where nothing is."""
     view, moment = desk.performer, desk.performer.moment
     draw = imgui.get_window_draw_list()

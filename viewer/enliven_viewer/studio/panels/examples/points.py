@@ -9,12 +9,12 @@ from enliven.examples import guess_joints
 from enliven.modeling.mesh import extremities
 from enliven.modeling.puppet import change_point, set_symmetry
 from enliven_viewer.live import ACCENT, INK, QUIET
-from enliven_viewer.studio.examples import guessed, stood, with_points
+from enliven_viewer.studio.examples import turned_a_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.panels.examples.motion import draw_holding
 from enliven_viewer.studio.panels.style import heading, packed, quiet, small, tinted
 from enliven_viewer.studio.puppets import plane_for
 from enliven_viewer.studio.viewport import RAISED, point_colour
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _ROW, _FOOT, _LOCKED, _SOFT = 24.0, "\uf063", "\uf023", "\uf09c"
 _SUGGESTED = 6
@@ -22,7 +22,7 @@ _SUGGESTED = 6
 _AXES = ("left to right", "above to below", "front to back")
 
 
-def draw_points(desk: Desk, puppet: Puppet) -> None:
+def draw_points(desk: Workspace, puppet: Puppet) -> None:
     """The heading, a row a point, what concerns the chosen one, and the buttons."""
     heading(f"Control points   {len(puppet.points) or ''}")
     if not puppet.points:
@@ -36,7 +36,7 @@ def draw_points(desk: Desk, puppet: Puppet) -> None:
     _symmetry(desk, puppet)
 
 
-def _standing(desk: Desk, puppet: Puppet) -> None:
+def _standing(desk: Workspace, puppet: Puppet) -> None:
     """Buttons for a mesh that lies on its back, or looks aside."""
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
     for label, axis, said in (
@@ -52,12 +52,12 @@ def _standing(desk: Desk, puppet: Puppet) -> None:
             imgui.same_line()
 
 
-def _stand(desk: Desk, puppet: str, label: str, axis: str) -> None:
-    if desk.editor.edit(label.lower(), lambda project: stood(project, puppet, axis)):
+def _stand(desk: Workspace, puppet: str, label: str, axis: str) -> None:
+    if desk.editor.edit(label.lower(), lambda project: turned_a_quarter(project, puppet, axis)):
         desk.editor.frame_all(reset=False)
 
 
-def _row(desk: Desk, puppet: Puppet, number: int, point: ControlPoint) -> None:
+def _row(desk: Workspace, puppet: Puppet, number: int, point: ControlPoint) -> None:
     """One point: its mark as in 3-D, its name, and what it follows."""
     origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     puppets = desk.editor.puppets
@@ -83,7 +83,7 @@ def _row(desk: Desk, puppet: Puppet, number: int, point: ControlPoint) -> None:
             draw.add_text(ImVec2(right - 34, origin.y + 4), packed(QUIET), _SOFT)
 
 
-def _chosen(desk: Desk, puppet: Puppet, point: ControlPoint) -> None:
+def _chosen(desk: Workspace, puppet: Puppet, point: ControlPoint) -> None:
     """What can be changed about the chosen point."""
     editor, name = desk.editor, point.name
 
@@ -130,7 +130,7 @@ def _chosen(desk: Desk, puppet: Puppet, point: ControlPoint) -> None:
     imgui.unindent(22)
 
 
-def _joint(desk: Desk, puppet: Puppet, point: ControlPoint) -> None:
+def _joint(desk: Workspace, puppet: Puppet, point: ControlPoint) -> None:
     """The joint that it follows: from the list, the likeliest first; or clicked in the performer's view."""
     editor, take = desk.editor, desk.performer.take
     imgui.set_next_item_width(-1)
@@ -149,7 +149,7 @@ def _joint(desk: Desk, puppet: Puppet, point: ControlPoint) -> None:
     desk.remember("joint")
 
 
-def _buttons(desk: Desk, puppet: Puppet) -> None:
+def _buttons(desk: Workspace, puppet: Puppet) -> None:
     editor = desk.editor
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
     if imgui.button("Suggest points", half):
@@ -162,14 +162,14 @@ def _buttons(desk: Desk, puppet: Puppet) -> None:
     open_ones = [point.name for point in puppet.points if not point.joint]
     imgui.begin_disabled(take is None or not open_ones)
     if imgui.button("Guess joints", half):
-        editor.edit("guess joints", lambda project: guessed(project, puppet.id, str(take)))
+        editor.edit("guess joints", lambda project: with_guessed_joints(project, puppet.id, str(take)))
     desk.remember("guess joints")
     imgui.end_disabled()
     if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
         imgui.set_tooltip("Pair every point that has no joint with the likeliest, by side and height")
 
 
-def suggest(desk: Desk, puppet: Puppet) -> bool:
+def suggest(desk: Workspace, puppet: Puppet) -> bool:
     """Put control points at the ends of the mesh's limbs, as one edit."""
 
     def change(project: Project) -> Project:
@@ -178,7 +178,7 @@ def suggest(desk: Desk, puppet: Puppet) -> bool:
     return desk.editor.edit("suggest control points", change)
 
 
-def _symmetry(desk: Desk, puppet: Puppet) -> None:
+def _symmetry(desk: Workspace, puppet: Puppet) -> None:
     """Whether examples count for their mirror images, in which plane, and whether both sides are edited."""
     editor = desk.editor
     toggled, on = imgui.checkbox("symmetric", puppet.symmetry is not None)
@@ -202,7 +202,7 @@ def _symmetry(desk: Desk, puppet: Puppet) -> None:
         editor.puppets.set_symmetric(on)
 
 
-def set_mirrored(desk: Desk, puppet: Puppet, on: bool) -> None:
+def set_mirrored(desk: Workspace, puppet: Puppet, on: bool) -> None:
     """Take the mesh's plane of symmetry for the examples, or none; and edit both sides while they are few."""
     editor = desk.editor
     plane = plane_for(puppet) if on else None

@@ -10,7 +10,7 @@ from enliven.document import Puppet
 from enliven_viewer.studio.examples import with_default_settings, with_setting
 from enliven_viewer.studio.panels.style import tinted
 from enliven_viewer.studio.viewport import PRESSED, RAISED
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _NUMBERS = (
     ("surface", "squash_and_stretch", "squash and stretch", 0.0, 1.0, ""),
@@ -24,7 +24,7 @@ _NUMBERS = (
 """Group, field, label, lowest, highest, and how the number is written."""
 
 
-def draw_settings(desk: Desk, puppet: Puppet) -> None:
+def draw_settings(desk: Workspace, puppet: Puppet) -> None:
     """The sliders, folded away at first."""
     imgui.dummy(ImVec2(0, 4))
     with tinted(RAISED, imgui.Col_.header), tinted(PRESSED, imgui.Col_.header_hovered):
@@ -40,7 +40,7 @@ def draw_settings(desk: Desk, puppet: Puppet) -> None:
 
 
 def _number(
-    desk: Desk, puppet: Puppet, group: str, name: str, label: str, low: float, high: float, said: str
+    desk: Workspace, puppet: Puppet, group: str, name: str, label: str, low: float, high: float, said: str
 ) -> None:
     """One setting: shown while it is dragged, remembered as one edit when it is let go."""
     editor, value = desk.editor, getattr(getattr(puppet, group), name)

@@ -7,19 +7,19 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Puppet
 from enliven.modeling.puppet import remove_key_pose
 from enliven_viewer.live import ACCENT, GLASS, GOOD, INK, QUIET, clock
-from enliven_viewer.studio.examples import Coverage, duplicated, mirrored_copy, retimed
+from enliven_viewer.studio.examples import TakeCoverage, duplicated, mirrored_copy, retimed
 from enliven_viewer.studio.panels.examples.strokes import dashed, stick
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
 from enliven_viewer.studio.performer import Thumbnails
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.viewport import CHAIN, DARK, LINE, RAISED
-from enliven_viewer.studio.workspace import Desk, begin_pose, edit_pose
+from enliven_viewer.studio.workspace import Workspace, begin_pose, edit_pose
 
 TILE = ImVec2(88, 80)
 _PLUS = "\uf067"
 
 
-def draw_strip(desk: Desk, area: Area, thumbnails: Thumbnails) -> None:
+def draw_strip(desk: Workspace, area: Area, thumbnails: Thumbnails) -> None:
     """All key poses by time, what is suggested after them, and what can be done with the one in hand."""
     puppet = desk.editor.puppets.puppet
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
@@ -50,7 +50,7 @@ def _wheel() -> None:
         imgui.set_scroll_x(imgui.get_scroll_x() - 60 * imgui.get_io().mouse_wheel)
 
 
-def _head(desk: Desk, puppet: Puppet, coverage: Coverage | None) -> None:
+def _head(desk: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
     """How many there are, how many would be enough, and buttons for the one that is edited."""
     puppets = desk.editor.puppets
     imgui.align_text_to_frame_padding()
@@ -74,7 +74,7 @@ def _head(desk: Desk, puppet: Puppet, coverage: Coverage | None) -> None:
     imgui.pop_style_var()
 
 
-def _said(coverage: Coverage, count: int) -> str:
+def _said(coverage: TakeCoverage, count: int) -> str:
     if count == 0:
         return f"about {coverage.needed} would be enough for {coverage.take}"
     far = f"the farthest moment is {100 * coverage.left:.0f} % away"
@@ -83,7 +83,7 @@ def _said(coverage: Coverage, count: int) -> str:
     return f"{coverage.needed} more would be enough for {coverage.take}: {far}"
 
 
-def _tools(desk: Desk, puppet: Puppet, number: int) -> None:
+def _tools(desk: Workspace, puppet: Puppet, number: int) -> None:
     """Buttons for the key pose that is edited."""
     labels = ("Done", "Cancel", "Duplicate", "Mirror", "Here", "Remove")
     told = {
@@ -106,10 +106,10 @@ def _tools(desk: Desk, puppet: Puppet, number: int) -> None:
         if imgui.is_item_hovered():
             imgui.set_tooltip(told[label])
         if pressed:
-            deed_on_pose(desk, puppet, number, label)
+            run_pose_command(desk, puppet, number, label)
 
 
-def deed_on_pose(desk: Desk, puppet: Puppet, number: int, label: str) -> None:
+def run_pose_command(desk: Workspace, puppet: Puppet, number: int, label: str) -> None:
     """What a button or a line of the menu does with a key pose."""
     editor, key, name = desk.editor, puppet.poses[number], puppet.id
     if label == "Done":
@@ -131,7 +131,7 @@ def deed_on_pose(desk: Desk, puppet: Puppet, number: int, label: str) -> None:
             edit_pose(desk, len(puppet.poses))
 
 
-def _free_moment(desk: Desk, puppet: Puppet, number: int) -> float:
+def _free_moment(desk: Workspace, puppet: Puppet, number: int) -> float:
     """Seconds of the key pose's take, half a second after it or before, where no key pose is."""
     key = puppet.poses[number]
     clip = desk.editor.project.takes[key.take]
@@ -142,7 +142,7 @@ def _free_moment(desk: Desk, puppet: Puppet, number: int) -> float:
     return free * clip.step
 
 
-def _plus(desk: Desk, puppet: Puppet) -> None:
+def _plus(desk: Workspace, puppet: Puppet) -> None:
     """A key pose for the moment that the performer shows."""
     moment = desk.performer.moment
     origin = imgui.get_cursor_screen_pos()
@@ -167,7 +167,7 @@ def _plus(desk: Desk, puppet: Puppet) -> None:
         imgui.set_tooltip("A key pose for what the performer does now")
 
 
-def _tile(desk: Desk, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
+def _tile(desk: Workspace, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
     """One key pose; a click edits it."""
     pose, chosen = puppet.poses[number], desk.editor.puppets.number == number
     origin = imgui.get_cursor_screen_pos()
@@ -205,14 +205,14 @@ def _tile(desk: Desk, puppet: Puppet, number: int, place: int, thumbnails: Thumb
     imgui.end_group()
 
 
-def _menu(desk: Desk, puppet: Puppet, number: int) -> None:
+def _menu(desk: Workspace, puppet: Puppet, number: int) -> None:
     """What the right button offers."""
     for label in ("Edit", "Duplicate", "Mirror", "Remove"):
         if imgui.menu_item_simple(label):
-            deed_on_pose(desk, puppet, number, label)
+            run_pose_command(desk, puppet, number, label)
 
 
-def _ghosts(desk: Desk, puppet: Puppet, coverage: Coverage | None) -> None:
+def _ghosts(desk: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
     """Moments that are suggested: the performer there; a click begins a key pose."""
     if coverage is None or not puppet.points:
         return
