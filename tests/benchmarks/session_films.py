@@ -126,7 +126,7 @@ def figure_6() -> Actions:
     yield from merged("chain 2", JointPlace("chain", 0))
     yield from watch(1.5)
     yield Say("(e)  Cut at another time")
-    yield Do(lambda desk: desk.editor.scrub(0.7))
+    yield Do(lambda workspace: workspace.editor.scrub(0.7))
     yield Key("c")
     middle = OnBone("chain", 5, 0.5)
     yield Drag((Near(middle, -70, 45), Near(middle, 70, -45)), 0.8)
@@ -134,7 +134,7 @@ def figure_6() -> Actions:
     yield Key("g")
     yield from watch(1.5)
     yield Say("(g)  The part goes to another node...")
-    yield Do(lambda desk: desk.editor.scrub(0.7))
+    yield Do(lambda workspace: workspace.editor.scrub(0.7))
     yield from (Key("ctrl+left") for _ in range(5))
     yield from merged("chain 2", JointPlace("chain", 2))
     yield Say("(h)  ...as it is posed at this time")
@@ -269,11 +269,11 @@ def pair(part: str, place: OnBone | JointPlace, node: JointPlace, degrees: float
     yield from merged(part, node)
 
 
-def cactus(desk: Workspace, folder: Path) -> Actions:
+def cactus(workspace: Workspace, folder: Path) -> Actions:
     """A mesh without a skeleton, made to act by four example poses."""
     from session_cactus import cactus as made
 
-    yield from made(desk, folder)
+    yield from made(workspace, folder)
 
 
 SESSIONS: dict[str, Callable[[], Actions]] = {"figure6": figure_6, "squid": squid, "mantis": mantis}
@@ -294,17 +294,17 @@ def main(arguments: list[str]) -> int:
         return _under_xvfb(arguments)
     for name in names:
         with tempfile.TemporaryDirectory() as folder:
-            desk = Workspace.new(Editor(SIZE if name in SESSIONS else LARGE), Path(folder) / "recovery")
-            made = SESSIONS[name]() if name in SESSIONS else FILMED[name](desk, Path(folder))
+            workspace = Workspace.new(Editor(SIZE if name in SESSIONS else LARGE), Path(folder) / "recovery")
+            made = SESSIONS[name]() if name in SESSIONS else FILMED[name](workspace, Path(folder))
             actions = list(made) if name in SESSIONS else made
             if check:
-                play(actions, HeadlessStage(desk))
-                said = f"{len(desk.editor.history.names)} edits"
+                play(actions, HeadlessStage(workspace))
+                said = f"{len(workspace.editor.history.names)} edits"
             else:
                 from enliven_viewer.studio.filming import film
 
-                said = f"{film(actions, desk, OUT / f'{name}.mp4', title=name)} pictures"
-            project = desk.editor.project
+                said = f"{film(actions, workspace, OUT / f'{name}.mp4', title=name)} pictures"
+            project = workspace.editor.project
             print(f"{name}: {said}, {len(project.shapes) + len(project.puppets)} shapes", flush=True)
     return 0
 

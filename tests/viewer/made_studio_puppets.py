@@ -64,10 +64,10 @@ def project_with(*names: str, take: str = "") -> Project:
 
 
 def studio(folder: Path, *names: str, take: str = "") -> tuple[Workspace, HeadlessStage]:
-    """A desk on such a project, its puppet chosen and its tool in hand, and a stage without a window."""
+    """A workspace on such a project, its puppet chosen and its tool active, and a stage without a window."""
     render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
-    desk = Workspace.new(Editor(StudioSettings(render=render, width=1100, height=720)), folder)
-    desk.cabinet.new(project_with(*names, take=take))
-    desk.puppets.choose("star")
-    desk.hand.take("puppet")
-    return desk, HeadlessStage(desk)
+    workspace = Workspace.new(Editor(StudioSettings(render=render, width=1100, height=720)), folder)
+    workspace.store.new(project_with(*names, take=take))
+    workspace.puppets.choose("star")
+    workspace.input.take("puppet")
+    return workspace, HeadlessStage(workspace)

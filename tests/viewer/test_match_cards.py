@@ -150,15 +150,15 @@ def test_between_two_moments_the_lines_are_between() -> None:
 
 
 def test_the_edge_is_told_when_the_camera_moves_and_not_otherwise() -> None:
-    gaze, camera = ViewReporter(), front()
-    first = gaze.changed(camera.view(1.5), 0.0)
+    reporter, camera = ViewReporter(), front()
+    first = reporter.changed(camera.view(1.5), 0.0)
     assert first is not None and first.eye is not None
     np.testing.assert_allclose(np.linalg.norm(first.direction), 1.0)
-    assert gaze.changed(camera.view(1.5), 1.0) is None
+    assert reporter.changed(camera.view(1.5), 1.0) is None
     camera.orbit(0.3, 0.0)
     camera.advance(10.0)
-    assert gaze.changed(camera.view(1.5), 0.05) is None, "not more often than ten times a second"
-    assert gaze.changed(camera.view(1.5), 1.1) == look_of(camera.view(1.5))
+    assert reporter.changed(camera.view(1.5), 0.05) is None, "not more often than ten times a second"
+    assert reporter.changed(camera.view(1.5), 1.1) == look_of(camera.view(1.5))
 
 
 def test_chains_that_point_at_the_eye_are_told() -> None:

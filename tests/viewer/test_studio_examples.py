@@ -263,26 +263,26 @@ def test_what_is_held_is_held_once_for_a_frame_and_can_be_let_go() -> None:
 
 
 def test_a_click_on_a_joint_pairs_it_with_the_chosen_point(tmp_path) -> None:
-    desk, _ = studio(tmp_path, *NAMES, take="sway")
-    view = desk.performer
+    workspace, _ = studio(tmp_path, *NAMES, take="sway")
+    view = workspace.performer
     view.follow()
     figure = view.figure()
     assert figure is not None
     pixel = view.lens.project(figure.joints)[0][figure.skeleton.index("bone 1")]
-    desk.puppets.choose("star", 0)
+    workspace.puppets.choose("star", 0)
     view.press((float(pixel[0]), float(pixel[1])))
-    assert desk.editor.project.puppets["star"].points[0].joint == "bone 1"
+    assert workspace.editor.project.puppets["star"].points[0].joint == "bone 1"
     assert figure.skeleton.index("bone 1") in view.paired()
-    desk.editor.undo()
-    assert desk.editor.project.puppets["star"].points[0].joint == "bone 3"
-    desk.puppets.choose("star", None)
+    workspace.editor.undo()
+    assert workspace.editor.project.puppets["star"].points[0].joint == "bone 3"
+    workspace.puppets.choose("star", None)
     view.pair("bone 2")
-    assert desk.puppets.point == 2, "without a chosen point the one that follows the joint is chosen"
+    assert workspace.puppets.point == 2, "without a chosen point the one that follows the joint is chosen"
 
 
 def test_both_views_turn_together_until_they_are_parted(tmp_path) -> None:
-    desk, _ = studio(tmp_path, *NAMES, take="sway")
-    view, editor = desk.performer, desk.editor
+    workspace, _ = studio(tmp_path, *NAMES, take="sway")
+    view, editor = workspace.performer, workspace.editor
     for linked in (True, False):
         view.linked = linked
         editor.camera.face(0.3, 0.2)
@@ -300,8 +300,8 @@ def test_both_views_turn_together_until_they_are_parted(tmp_path) -> None:
 
 
 def test_the_performer_looks_where_the_mesh_looks_whatever_its_yaw(tmp_path) -> None:
-    desk, _ = studio(tmp_path, *NAMES, take="quarter turn")
-    view = desk.performer
+    workspace, _ = studio(tmp_path, *NAMES, take="quarter turn")
+    view = workspace.performer
     assert view.moment == ("quarter turn", 0.0)
     one, other = view.figure(("sway", 0.0)), view.figure(("sway", 1.0))
     assert one is not None and other is not None
@@ -310,47 +310,47 @@ def test_the_performer_looks_where_the_mesh_looks_whatever_its_yaw(tmp_path) -> 
 
 
 def test_the_first_take_that_is_shown_is_played_and_others_are_only_shown(tmp_path) -> None:
-    desk, _ = studio(tmp_path, *NAMES)
-    view = desk.performer
-    assert view.take is None and view.figure() is None and desk.puppets.moment is None
+    workspace, _ = studio(tmp_path, *NAMES)
+    view = workspace.performer
+    assert view.take is None and view.figure() is None and workspace.puppets.moment is None
     view.show("sway")
     view.show("walk")
-    puppet = desk.editor.project.puppets["star"]
+    puppet = workspace.editor.project.puppets["star"]
     assert [layer.take for layer in puppet.layers] == ["sway"] and view.take == "walk"
     view.play()
-    assert [layer.take for layer in desk.editor.project.puppets["star"].layers] == ["sway", "walk"]
-    assert desk.editor.selection.puppet_layer == 1
+    assert [layer.take for layer in workspace.editor.project.puppets["star"].layers] == ["sway", "walk"]
+    assert workspace.editor.selection.puppet_layer == 1
 
 
 def test_key_poses_are_begun_and_edited_at_their_moment(tmp_path) -> None:
-    desk, _ = studio(tmp_path, *NAMES, take="sway")
-    desk.hand.take("choose")
-    desk.editor.edit("later", lambda project: change_layer(project, "star", 0, offset=0.4))
-    begin_pose(desk, "sway", 0.61)
-    begin_pose(desk, "sway", 1.5)
-    times = [pose.time for pose in desk.editor.project.puppets["star"].poses]
-    assert times == [pytest.approx(18 / 30), pytest.approx(1.5)] and desk.puppets.number == 1
-    assert desk.hand.tool.name == "puppet" and desk.editor.time == pytest.approx(1.9)
-    edit_pose(desk, 0)
-    assert desk.puppets.number == 0 and desk.editor.time == pytest.approx(1.0)
-    assert desk.performer.moment == ("sway", pytest.approx(18 / 30))
-    begin_pose(desk, "sway", 1.5)
-    assert desk.puppets.number == 1 and len(desk.editor.project.puppets["star"].poses) == 2
+    workspace, _ = studio(tmp_path, *NAMES, take="sway")
+    workspace.input.take("choose")
+    workspace.editor.edit("later", lambda project: change_layer(project, "star", 0, offset=0.4))
+    begin_pose(workspace, "sway", 0.61)
+    begin_pose(workspace, "sway", 1.5)
+    times = [pose.time for pose in workspace.editor.project.puppets["star"].poses]
+    assert times == [pytest.approx(18 / 30), pytest.approx(1.5)] and workspace.puppets.number == 1
+    assert workspace.input.tool.name == "puppet" and workspace.editor.time == pytest.approx(1.9)
+    edit_pose(workspace, 0)
+    assert workspace.puppets.number == 0 and workspace.editor.time == pytest.approx(1.0)
+    assert workspace.performer.moment == ("sway", pytest.approx(18 / 30))
+    begin_pose(workspace, "sway", 1.5)
+    assert workspace.puppets.number == 1 and len(workspace.editor.project.puppets["star"].poses) == 2
 
 
 def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path) -> None:
-    desk, _ = studio(tmp_path, *NAMES, take="sway")
-    editor = desk.editor
+    workspace, _ = studio(tmp_path, *NAMES, take="sway")
+    editor = workspace.editor
     editor.frame_all(at_once=True)
     before = editor.lens.view.eye
-    begin_pose(desk, "sway", 0.5)
+    begin_pose(workspace, "sway", 0.5)
     editor.advance(10.0)
     np.testing.assert_allclose(editor.lens.view.eye, before, err_msg="all of it is seen")
     editor.camera.pan(5.0, 0.0)
     editor.advance(10.0)
-    edit_pose(desk, 0)
+    edit_pose(workspace, 0)
     editor.advance(10.0)
-    pixels = editor.lens.project(desk.puppets.stage.standing_of("star").vertices)[0]  # type: ignore[union-attr]
+    pixels = editor.lens.project(workspace.puppets.stage.standing_of("star").vertices)[0]  # type: ignore[union-attr]
     assert ((pixels >= 0) & (pixels <= editor.size)).all()
 
 

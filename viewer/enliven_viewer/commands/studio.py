@@ -44,9 +44,9 @@ def studio(
     from enliven_viewer.studio.workspace import Workspace
 
     chosen = load_settings(StudioSettings, settings) if settings else StudioSettings()
-    desk = Workspace.new(Editor(chosen))
+    workspace = Workspace.new(Editor(chosen))
     for file in files or []:
-        desk.open(file)
-    if desk.cabinet.recoverable():
-        desk.ask("recover")
-    StudioWindow(desk).run(seconds=seconds)
+        workspace.open(file)
+    if workspace.store.recoverable():
+        workspace.ask("recover")
+    StudioWindow(workspace).run(seconds=seconds)

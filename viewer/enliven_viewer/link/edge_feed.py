@@ -25,7 +25,7 @@ class EdgeFeed:
         self._shown_cues: dict[str, ReceivedCues] = {}
         self._notice, self._notice_until = "", 0.0
         self._edge_ms: float | None = None
-        self._way_ms: float | None = None
+        self._link_ms: float | None = None
         self._bare_since: float | None = None
         self._look: Look | None = None
         self._told_instance: int | None = None
@@ -111,7 +111,7 @@ class EdgeFeed:
         edge, whole = newest.sensor_to_pose_ms, newest.age_ms()
         way = max(whole - edge, 0.0)
         self._edge_ms = edge if self._edge_ms is None else self._edge_ms + _EASE * (edge - self._edge_ms)
-        self._way_ms = way if self._way_ms is None else self._way_ms + _EASE * (way - self._way_ms)
+        self._link_ms = way if self._link_ms is None else self._link_ms + _EASE * (way - self._link_ms)
 
     def _state(self) -> EdgeState:
         """What the link and the edge say, in the viewer's words."""
@@ -132,6 +132,6 @@ class EdgeFeed:
             phase=status.phase if status is not None else "",
             message=message,
             sensor_to_pose_ms=self._edge_ms,
-            pose_to_screen_ms=self._way_ms,
+            pose_to_screen_ms=self._link_ms,
             health=tuple(messages_to_health(status.health)) if status is not None and connected else (),
         )

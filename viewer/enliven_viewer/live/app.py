@@ -50,8 +50,8 @@ class App:
         self.camera = OrbitCamera(self.settings.render.opening)
         self.look, self.help, self.scale = SceneStyle(), False, 1.0
         self._take, self._with_hud = take, hud
-        self.grasp = PossessionChoice()
-        self._gaze = ViewReporter()
+        self.possession = PossessionChoice()
+        self._view_reporter = ViewReporter()
         self._surfaces = SolvedSurfaces()
         self._framed: tuple[str, ...] | None = None
         self._size = (1, 1)
@@ -94,33 +94,33 @@ class App:
     def possess(self, mode: Mode = "alone") -> None:
         """Ask the feed that the chosen performer takes hold of every character with the chosen parts."""
         for name in self.document.characters:
-            self.feed.possess(name, self.grasp.body, self.grasp.parts, mode)
+            self.feed.possess(name, self.possession.body, self.possession.parts, mode)
 
     def release(self) -> None:
         """Ask the feed that the chosen performer, or everybody, lets go of every character."""
         for name in self.document.characters:
-            self.feed.release(name, self.grasp.body)
+            self.feed.release(name, self.possession.body)
 
     def choose_parts(self, number: int) -> None:
         """What the next possession takes hold with, and is previewed with from now on."""
-        self.grasp.choose(number)
+        self.possession.choose(number)
         self.possess("preview")
 
     def choose_performer(self) -> None:
         """Who the next possession is of: the next one in view, or whoever comes."""
-        self.grasp.next_performer(body.id for body in self._scene.bodies)
+        self.possession.next_performer(body.id for body in self._scene.bodies)
         self.possess("preview")
 
     def smoother(self, step: int) -> None:
         """Ask the feed that the chosen performer, or everybody in view, be smoothed more (1) or less (-1)."""
         present = [body.id for body in self._scene.bodies]
-        for body, amount in self.grasp.smoother(step, present).items():
+        for body, amount in self.possession.smoother(step, present).items():
             self.feed.smooth(body, amount)
 
     def toggle_lock(self) -> None:
         """Ask the feed that only who is there now performs, or everybody who comes again."""
-        wanted = not self.grasp.locked
-        self.feed.lock(wanted, lambda: setattr(self.grasp, "locked", wanted))
+        wanted = not self.possession.locked
+        self.feed.lock(wanted, lambda: setattr(self.possession, "locked", wanted))
 
     def frame_all(self) -> None:
         """Bring everything into the picture, seen from the front right."""
@@ -136,11 +136,11 @@ class App:
         """Turn the camera to where most of the bones of the characters can be seen."""
         turn_to_bones(self.camera, self._scene)
 
-    def tell_gaze(self) -> None:
+    def report_view(self) -> None:
         """Tell the feed from where the user looks, where somebody chooses, and where that is new."""
         if not self._scene.boards:
             return
-        look = self._gaze.changed(self.camera.view(self._aspect), time.monotonic())
+        look = self._view_reporter.changed(self.camera.view(self._aspect), time.monotonic())
         if look is not None:
             self.feed.look(look)
 
@@ -167,7 +167,7 @@ class App:
         renderer.resize(self._size)
         self._scene = scene_of(self.document, self.playhead.moment(), self.look, self._surfaces)
         self._frame_newcomers()
-        self.tell_gaze()
+        self.report_view()
         renderer.draw(self._scene, self.camera.view(self._aspect))
         if self._with_hud:
             self.scale = max(glfw.get_window_content_scale(window)[0], 1.0)
@@ -198,16 +198,16 @@ class App:
             speed=head.speed,
             notice=self._notice(),
             help=self.help,
-            grasp="" if self._take else self._grasp_words(),
+            possession="" if self._take else self._possession_words(),
             cards=cards_of(self._scene, self.camera.view(self._aspect)),
             score=self._scene.props.note if self._scene.props is not None else "",
         )
 
-    def _grasp_words(self) -> str:
+    def _possession_words(self) -> str:
         """What the next possession takes, or what keeps the user from seeing it."""
         if hidden(self._scene, self.camera.view(self._aspect)):
             return "some bones point at you: V shows more of them"
-        return self.grasp.words
+        return self.possession.words
 
     def _notice(self) -> str:
         """What to say in the middle of an empty picture."""

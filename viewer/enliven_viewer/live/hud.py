@@ -61,7 +61,7 @@ class HudState:
         live, paused, speed: of the playhead.
         notice: one line for the middle of the picture, or empty.
         help: whether the keys are listed.
-        grasp: what the next possession takes, or empty.
+        possession: what the next possession takes, or empty.
         score: what is said of loose things, or empty.
         cards: the matches of a pose that are to choose from.
     """
@@ -77,7 +77,7 @@ class HudState:
     speed: float = 1.0
     notice: str = ""
     help: bool = False
-    grasp: str = ""
+    possession: str = ""
     score: str = ""
     cards: tuple[Card, ...] = ()
 
@@ -243,8 +243,8 @@ def _state_lines(state: HudState) -> list[str]:
         if edge.pose_to_screen_ms is not None:
             text += f", to screen {edge.sensor_to_pose_ms + edge.pose_to_screen_ms:.0f} ms"
         lines.append(text)
-    if edge is not None and edge.connected and state.grasp:
-        lines.append(state.grasp)
+    if edge is not None and edge.connected and state.possession:
+        lines.append(state.possession)
     if state.score:
         lines.append(state.score[:58])
     if edge is not None and edge.message:

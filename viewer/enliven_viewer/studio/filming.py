@@ -22,7 +22,7 @@ class WindowStage:
     pace = 0.35
 
     def __init__(self, window: StudioWindow) -> None:
-        self._window, self.desk = window, window.desk
+        self._window, self.workspace = window, window.workspace
         self.at: Point = (0.0, 0.0)
         self._up: list[imgui.Key] = []
 
@@ -73,17 +73,17 @@ class WindowStage:
         return self._corner("timeline")
 
     def widget(self, name: str) -> Point:
-        left, top, right, bottom = self.desk.widget(name)
+        left, top, right, bottom = self.workspace.widget(name)
         return (left + right) / 2, (top + bottom) / 2
 
     def _corner(self, name: str) -> Point:
-        left, top, _, _ = self.desk.widget(name)
+        left, top, _, _ = self.workspace.widget(name)
         return left, top
 
 
 def film(
     actions: Iterable[Action],
-    desk: Workspace,
+    workspace: Workspace,
     path: Path,
     *,
     title: str = "",
@@ -99,10 +99,10 @@ def film(
     Returns:
         How many pictures the film has.
     """
-    window = StudioWindow(desk, STEP)
+    window = StudioWindow(workspace, STEP)
     chosen = Tiles(tiles, 640)
     playing: list[Iterator[None]] = []
-    settings = desk.editor.settings
+    settings = workspace.editor.settings
     size = (settings.width, settings.height)
     with FilmWriter(path, size, 1 / STEP / every, _BIT_RATE) as writer:
 

@@ -1,4 +1,4 @@
-"""The editor without a window: the project with its past, time, camera, selection and the tool in hand."""
+"""The editor without a window: the project with its past, time, camera and selection."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ class Editor:
         self.show_bones, self.show_meshes = True, True
         self.puppets = PuppetEditor(self)
         self.solving = Solving(self.toasts)
-        self._company = Players()
+        self._players = Players()
         self._possessed: tuple[Project, float, tuple[Possessed, ...]] | None = None
-        self._stances: tuple[Project, float, tuple[PosedShape, ...]] | None = None
+        self._posed_shapes: tuple[Project, float, tuple[PosedShape, ...]] | None = None
 
     @property
     def project(self) -> Project:
@@ -76,12 +76,12 @@ class Editor:
         return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
 
     @property
-    def stances(self) -> tuple[PosedShape, ...]:
+    def posed_shapes(self) -> tuple[PosedShape, ...]:
         """Every shape as it is shown now."""
-        known = self._stances
+        known = self._posed_shapes
         if known is None or known[0] is not self.project or known[1] != self.time:
-            made = self._company.stances(self.project, self.time)
-            self._stances = known = (self.project, self.time, made)
+            made = self._players.posed_shapes(self.project, self.time)
+            self._posed_shapes = known = (self.project, self.time, made)
         return known[2]
 
     @property
@@ -92,14 +92,14 @@ class Editor:
             self._possessed = known = (self.project, self.time, possessed_of(self.project, self.time))
         return known[2]
 
-    def stance(self, shape_id: str) -> PosedShape:
+    def posed(self, shape_id: str) -> PosedShape:
         """One shape as it is shown now.
 
         Raises:
             InputError: where there is no such shape.
         """
         self.project.shape(shape_id)
-        return next(stance for stance in self.stances if stance.shape.id == shape_id)
+        return next(posed for posed in self.posed_shapes if posed.shape.id == shape_id)
 
     def begin(self, project: Project) -> None:
         """Another project, with no past."""
@@ -183,7 +183,7 @@ class Editor:
 
     def box(self) -> Box | None:
         """What every shape fills now."""
-        filled = [points for s in self.stances for points in (s.joints, s.surface())]
+        filled = [points for s in self.posed_shapes for points in (s.joints, s.surface())]
         filled += [mesh.vertices for mesh in self.possessed]
         bounds = bounds_of(filled + [puppet.vertices for puppet in self.puppets.standing])
         if bounds is None:

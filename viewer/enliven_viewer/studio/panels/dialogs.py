@@ -22,16 +22,16 @@ _TITLES = {
 }
 
 
-def draw_dialogs(desk: Workspace) -> None:
+def draw_dialogs(workspace: Workspace) -> None:
     """The dialogue that is asked for, over everything."""
-    if desk.asking in _TITLES:
-        _files(desk)
-    elif desk.asking == "help":
-        _help(desk)
-    elif desk.asking == "recover":
-        _recover(desk)
-    elif desk.asking:
-        _unsaved(desk)
+    if workspace.asking in _TITLES:
+        _files(workspace)
+    elif workspace.asking == "help":
+        _help(workspace)
+    elif workspace.asking == "recover":
+        _recover(workspace)
+    elif workspace.asking:
+        _unsaved(workspace)
 
 
 def _begin(title: str, wide: float, high: float = 0.0) -> bool:
@@ -43,9 +43,9 @@ def _begin(title: str, wide: float, high: float = 0.0) -> bool:
     return bool(imgui.begin_popup_modal(title, None, flags)[0])
 
 
-def _files(desk: Workspace) -> None:
-    browser = desk.browser
-    if browser is None or not _begin(_TITLES[desk.asking], 560, 440):
+def _files(workspace: Workspace) -> None:
+    browser = workspace.browser
+    if browser is None or not _begin(_TITLES[workspace.asking], 560, 440):
         return
     if imgui.button("Up"):
         browser.enter(browser.folder.parent)
@@ -61,7 +61,7 @@ def _files(desk: Workspace) -> None:
         if imgui.selectable(file.name, browser.name == file.name, flags)[0]:
             browser.name = file.name
             done = imgui.is_mouse_double_clicked(0)
-        desk.remember(f"file {file.name}")
+        workspace.remember(f"file {file.name}")
     if browser.problem:
         quiet(browser.problem)
     imgui.end_child()
@@ -70,69 +70,69 @@ def _files(desk: Workspace) -> None:
     browser.name = name
     with tinted(WAIT, imgui.Col_.text):
         imgui.text_unformatted(browser.said)
-    if _choice(desk, "Save" if browser.saving else "Open", "Cancel") or typed or done:
-        _finish(desk, browser)
+    if _choice(workspace, "Save" if browser.saving else "Open", "Cancel") or typed or done:
+        _finish(workspace, browser)
     imgui.end_popup()
 
 
-def _finish(desk: Workspace, browser: FileBrowser) -> None:
+def _finish(workspace: Workspace, browser: FileBrowser) -> None:
     """Do what the file dialogue was for; what is wrong with the choice is said in it."""
     try:
         path = browser.chosen()
     except EnlivenError as error:
         browser.said = f"{error.what}. {error.mend}"
         return
-    desk.attempt(lambda: desk.chosen(path))
+    workspace.attempt(lambda: workspace.chosen(path))
 
 
-def _choice(desk: Workspace, yes: str, no: str) -> bool:
+def _choice(workspace: Workspace, yes: str, no: str) -> bool:
     """Two buttons; whether the first was pressed. The second, and Escape, close the dialogue."""
     pressed = imgui.button(yes, ImVec2(110, 0))
-    desk.remember(f"dialog {yes}")
+    workspace.remember(f"dialog {yes}")
     imgui.same_line()
     if imgui.button(no, ImVec2(110, 0)) or imgui.is_key_pressed(imgui.Key.escape):
-        desk.cancel()
-    desk.remember(f"dialog {no}")
+        workspace.cancel()
+    workspace.remember(f"dialog {no}")
     return bool(pressed)
 
 
-def _unsaved(desk: Workspace) -> None:
+def _unsaved(workspace: Workspace) -> None:
     """Ask before work is thrown away."""
     if not _begin("Save your work?", 430):
         return
-    name = desk.cabinet.name
+    name = workspace.store.name
     imgui.text_wrapped(f"{name} has changes that are not saved. They are lost unless you save them.")
     imgui.dummy(ImVec2(0, 6))
-    if _choice(desk, "Save", "Cancel"):
-        desk.go_on(discard=False)
+    if _choice(workspace, "Save", "Cancel"):
+        workspace.go_on(discard=False)
     imgui.same_line(0.0, 40.0)
     if imgui.button("Discard", ImVec2(110, 0)):
-        desk.go_on(discard=True)
-    desk.remember("dialog Discard")
+        workspace.go_on(discard=True)
+    workspace.remember("dialog Discard")
     imgui.end_popup()
 
 
-def _recover(desk: Workspace) -> None:
+def _recover(workspace: Workspace) -> None:
     """Offer what a studio that ended badly had not saved."""
-    found = desk.cabinet.recoverable()
+    found = workspace.store.recoverable()
     if not found or not _begin("Unsaved work was found", 460):
-        desk.asking = desk.asking if found else ""
+        workspace.asking = workspace.asking if found else ""
         return
     imgui.text_wrapped(
         f"The studio ended without saving. Its last work, of {_when(found[0])}, is still there."
     )
     imgui.dummy(ImVec2(0, 6))
     if imgui.button("Recover", ImVec2(110, 0)):
-        desk.asking = ""
-        desk.attempt(lambda: desk.cabinet.recover(found[0]))
-    desk.remember("dialog Recover")
+        workspace.asking = ""
+        workspace.attempt(lambda: workspace.store.recover(found[0]))
+    workspace.remember("dialog Recover")
     imgui.same_line()
     if imgui.button("Throw away", ImVec2(110, 0)):
-        desk.asking = ""
-        desk.cabinet.throw_away(found)
+        workspace.asking = ""
+        workspace.store.throw_away(found)
     imgui.same_line()
     if imgui.button("Later", ImVec2(110, 0)):
-        desk.asking = ""
+        workspace.asking = ""
     imgui.end_popup()
 
 
@@ -142,11 +142,11 @@ def _when(path: Path) -> str:
     return datetime.datetime.fromtimestamp(path.stat().st_mtime).strftime("%d %B, %H:%M")
 
 
-def _help(desk: Workspace) -> None:
+def _help(workspace: Workspace) -> None:
     if not _begin("Keys", 970, 560):
         return
     rows = [("Tools", [(kind.key.upper(), kind.label) for kind in TOOLS])]
-    for menu in dict.fromkeys(deed.menu for deed in MENU_COMMANDS):
+    for menu in dict.fromkeys(command.menu for command in MENU_COMMANDS):
         rows.append(
             (menu, [(spoken(d.keys[0]), d.label) for d in MENU_COMMANDS if d.menu == menu and d.keys])
         )
@@ -168,5 +168,5 @@ def _help(desk: Workspace) -> None:
     imgui.columns(1)
     imgui.set_cursor_pos_y(560 - 42)
     if imgui.button("Close", ImVec2(110, 0)) or imgui.is_key_pressed(imgui.Key.escape):
-        desk.asking = ""
+        workspace.asking = ""
     imgui.end_popup()

@@ -16,19 +16,19 @@ _SAID = {
 }
 
 
-def draw_menu(desk: Workspace) -> None:
+def draw_menu(workspace: Workspace) -> None:
     """The bar along the top."""
     if not imgui.begin_main_menu_bar():
         return
-    for menu in dict.fromkeys(deed.menu for deed in MENU_COMMANDS):
+    for menu in dict.fromkeys(command.menu for command in MENU_COMMANDS):
         opened = imgui.begin_menu(menu)
-        desk.remember(f"menu {menu}")
+        workspace.remember(f"menu {menu}")
         if opened:
-            for deed in (deed for deed in MENU_COMMANDS if deed.menu == menu):
-                keys = spoken(deed.keys[0]) if deed.keys else ""
-                if imgui.menu_item(deed.label, keys, False, True)[0]:
-                    deed.do(desk.hand.deeds)
-                desk.remember(f"menu {menu}/{deed.label}")
+            for command in (command for command in MENU_COMMANDS if command.menu == menu):
+                keys = spoken(command.keys[0]) if command.keys else ""
+                if imgui.menu_item(command.label, keys, False, True)[0]:
+                    command.do(workspace.input.commands)
+                workspace.remember(f"menu {menu}/{command.label}")
             imgui.end_menu()
     imgui.end_main_menu_bar()
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
@@ -21,11 +23,17 @@ _FAR = 1.15
 """How far the coverage line shows, where 1 is as far as without any example."""
 
 
-def draw_puppet_lanes(desk: Workspace, lanes: PuppetLanes, origin: ImVec2, size: ImVec2, colour_of) -> None:  # type: ignore[no-untyped-def]
+def draw_puppet_lanes(
+    workspace: Workspace,
+    lanes: PuppetLanes,
+    origin: ImVec2,
+    size: ImVec2,
+    colour_of: Callable[[str], Colour],
+) -> None:
     """Every row."""
     for row in lanes.rows():
         if row.kind == "bar":
-            _bar(desk, lanes, row, origin, size, colour_of(lanes.layer(row).take))
+            _bar(workspace, lanes, row, origin, size, colour_of(lanes.layer(row).take))
             continue
         draw = imgui.get_window_draw_list()
         top, right = origin.y + row.top, origin.x + size.x
@@ -36,12 +44,12 @@ def draw_puppet_lanes(desk: Workspace, lanes: PuppetLanes, origin: ImVec2, size:
             at = ImVec2(origin.x + 28, top + row.height / 2 - 7)
             draw.add_text(at, packed(QUIET), _label(lanes, row))
         if row.kind == "poses":
-            _poses(desk, lanes, row, origin)
+            _poses(workspace, lanes, row, origin)
         elif row.kind == "band":
-            _bands(desk, lanes, row, origin)
+            _bands(workspace, lanes, row, origin)
         else:
-            _held(desk, lanes, row, origin)
-    _tooltip(desk, lanes, origin)
+            _held(workspace, lanes, row, origin)
+    _tooltip(workspace, lanes, origin)
 
 
 def _label(lanes: PuppetLanes, row: LaneRow) -> str:
@@ -51,10 +59,13 @@ def _label(lanes: PuppetLanes, row: LaneRow) -> str:
 
 
 def _bar(
-    desk: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2, size: ImVec2, tint: Colour
+    workspace: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2, size: ImVec2, tint: Colour
 ) -> None:
     draw, layer = imgui.get_window_draw_list(), lanes.layer(row)
-    chosen = desk.editor.selection.puppet == row.puppet and desk.editor.selection.puppet_layer == row.layer
+    chosen = (
+        workspace.editor.selection.puppet == row.puppet
+        and workspace.editor.selection.puppet_layer == row.layer
+    )
     top, right, low = origin.y + row.top, origin.x + size.x, origin.y + row.top + row.height
     draw.add_rect_filled(
         ImVec2(origin.x, top), ImVec2(right, low), packed(RAISED, 0.95 if chosen else 0.5), 4.0
@@ -79,7 +90,7 @@ def _bar(
     draw.pop_clip_rect()
 
 
-def _poses(desk: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> None:
+def _poses(workspace: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> None:
     """How far each moment is from the examples, ticks for those that are missing, a diamond for each."""
     draw, top = imgui.get_window_draw_list(), origin.y + row.top
     coverage = lanes.coverage(lanes.layer(row).take)
@@ -106,15 +117,15 @@ def _poses(desk: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) ->
     for _, x in lanes.suggested(row):
         _diamond(draw, origin.x + x, top + row.height / 2, 5.5, packed(CHAIN, 0.9), filled=False)
     for number, x in lanes.poses(row):
-        chosen = desk.editor.puppets.number == number and desk.editor.selection.puppet == row.puppet
+        chosen = workspace.editor.puppets.number == number and workspace.editor.selection.puppet == row.puppet
         mark = packed(ACCENT if chosen else INK)
         _diamond(draw, origin.x + x, top + row.height / 2, 7.0 if chosen else 6.0, mark, filled=True)
 
 
-def _bands(desk: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> None:
-    """Contact and flight, with a grip where one becomes the other."""
+def _bands(workspace: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> None:
+    """Contact and flight, with a handle where one becomes the other."""
     draw, top = imgui.get_window_draw_list(), origin.y + row.top
-    grip = desk.timeline.puppets.chosen
+    handle = workspace.timeline.puppets.chosen
     for number, (switch, left, right) in enumerate(lanes.bands(row)):
         tint = _CONTACT if switch.kind == "contact" else _FLIGHT
         low, high = ImVec2(origin.x + left, top + 2), ImVec2(origin.x + right, top + row.height - 2)
@@ -125,13 +136,15 @@ def _bands(desk: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) ->
                 draw.add_text(ImVec2(origin.x + left + 7, top), packed(DARK), word)
         if number:
             held = (
-                grip is not None and grip.kind == "switch" and (grip.layer, grip.item) == (row.layer, number)
+                handle is not None
+                and handle.kind == "switch"
+                and (handle.layer, handle.item) == (row.layer, number)
             )
             x, tint = origin.x + left, ACCENT if held else INK
             draw.add_rect_filled(ImVec2(x - 2, top), ImVec2(x + 2, top + row.height), packed(tint), 1.0)
 
 
-def _held(desk: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> None:
+def _held(workspace: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> None:
     """A mark for every hard constraint: a pin, a bar for standing still, two dots for level."""
     draw, middle = imgui.get_window_draw_list(), origin.y + row.top + row.height / 2
     puppet = lanes.project.puppets[row.puppet]
@@ -148,13 +161,13 @@ def _held(desk: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> 
             draw.add_circle_filled(ImVec2(x + 5, middle), 3.0, tint)
 
 
-def _tooltip(desk: Workspace, lanes: PuppetLanes, origin: ImVec2) -> None:
+def _tooltip(workspace: Workspace, lanes: PuppetLanes, origin: ImVec2) -> None:
     """What is under the pointer, in words."""
-    if not imgui.is_item_hovered() or desk.timeline.busy:
+    if not imgui.is_item_hovered() or workspace.timeline.busy:
         return
     at = imgui.get_mouse_pos()
-    grip = lanes.grip(at.x - origin.x, at.y - origin.y)
-    if grip is None:
+    handle = lanes.handle_at(at.x - origin.x, at.y - origin.y)
+    if handle is None:
         return
     said = {
         "pose": "Click: edit this key pose. Drag: another moment for it.",
@@ -162,10 +175,10 @@ def _tooltip(desk: Workspace, lanes: PuppetLanes, origin: ImVec2) -> None:
         "switch": "Drag: when the puppet leaves or touches the floor. Delete takes it away.",
         "band": "Double click: a switch here. Green: on the floor, blue: in flight.",
         "found": "Contacts and flights; click to find them again after editing.",
-    }.get(grip.kind, "")
-    if grip.kind == "held":
-        row = next(r for r in lanes.rows() if (r.kind, r.layer) == ("held", grip.layer))
-        held = lanes.held(row)[grip.item][1]
+    }.get(handle.kind, "")
+    if handle.kind == "held":
+        row = next(r for r in lanes.rows() if (r.kind, r.layer) == ("held", handle.layer))
+        held = lanes.held(row)[handle.item][1]
         said = constraint_text(held, lanes.project.takes[lanes.layer(row).take].step) + ". Delete lets go."
     if said:
         imgui.set_tooltip(said)

@@ -31,7 +31,7 @@ _SEEN_THROUGH = 0.4
 
 
 class Viewport:
-    """Draws stances into a picture of its own; :attr:`renderer` holds it.
+    """Draws posed shapes into a picture of its own; :attr:`renderer` holds it.
 
     Args:
         ctx: an OpenGL context that is current in this thread.
@@ -43,12 +43,12 @@ class Viewport:
         self._tubes = Tubes(ctx)
         self._graphs = Characters()
         self._puppets = PuppetCharacters()
-        self._shades: PuppetOverlay | None = None
+        self._puppet_overlay: PuppetOverlay | None = None
         self._characters: dict[str, tuple[tuple[object, ...], Character]] = {}
 
     def draw(
         self,
-        stances: Sequence[PosedShape],
+        posed_shapes: Sequence[PosedShape],
         lens: Lens,
         selection: Selection,
         overlay: Overlay,
@@ -60,31 +60,35 @@ class Viewport:
         bones: bool = True,
     ) -> None:
         """One picture, resolved."""
-        solid = [s for s in stances if s.shape.mesh is not None and len(s.shape.mesh.faces)] if meshes else []
+        solid = (
+            [s for s in posed_shapes if s.shape.mesh is not None and len(s.shape.mesh.faces)]
+            if meshes
+            else []
+        )
         actors = tuple(SceneCharacter(self._character(s.shape), s.pose()) for s in solid)
         kept = {actor.character.id for actor in actors}
         self._characters = {name: known for name, known in self._characters.items() if name in kept}
         actors += tuple(SceneCharacter(self._graphs.of(mesh.shape), mesh.pose) for mesh in possessed)
         actors += tuple(SceneCharacter(self._puppets.of(p.puppet), p.pose, vertices=p.drawn) for p in puppets)
-        filled = [s.joints for s in stances] + [mesh.vertices for mesh in possessed]
+        filled = [s.joints for s in posed_shapes] + [mesh.vertices for mesh in possessed]
         extent = bounds_of(filled + [puppet.drawn for puppet in puppets])
         self.renderer.draw(Scene(actors, (), _LOOK, extent=extent), lens.view)
-        self._draw_over(over)
-        if bones and stances:
-            rows = np.concatenate([skeleton_rows(s, lens, selection, overlay) for s in stances])
-            near = min(float(((s.joints - lens.view.eye) @ lens.forward).min()) for s in stances)
+        self._draw_puppet(over)
+        if bones and posed_shapes:
+            rows = np.concatenate([skeleton_rows(s, lens, selection, overlay) for s in posed_shapes])
+            near = min(float(((s.joints - lens.view.eye) @ lens.forward).min()) for s in posed_shapes)
             self._tubes.draw(self.renderer.picture, rows, _SEEN_THROUGH * max(near, 0.05))
 
-    def _draw_over(self, over: PuppetPicture) -> None:
-        """What a puppet in the hand shows."""
+    def _draw_puppet(self, over: PuppetPicture) -> None:
+        """Draw what the puppet tool shows over the picture."""
         if over is NOTHING:
             return
-        self._shades = self._shades or PuppetOverlay(self.renderer.ctx)
+        self._puppet_overlay = self._puppet_overlay or PuppetOverlay(self.renderer.ctx)
         picture = self.renderer.picture
         if over.crossing is not None:
-            self._shades.crossing(picture, *over.crossing)
+            self._puppet_overlay.crossing(picture, *over.crossing)
         if over.ghost is not None:
-            self._shades.outline(picture, *over.ghost)
+            self._puppet_overlay.outline(picture, *over.ghost)
         for rows, bias in over.tubes:
             if len(rows):
                 self._tubes.draw(picture, rows, bias)

@@ -37,7 +37,7 @@ class Posing(Protocol):
     """The key pose that is edited, or the control point that is dragged, as the stage shows it."""
 
     silhouette: bool
-    way: State | None
+    start_state: State | None
 
     @property
     def puppet(self) -> Puppet | None:

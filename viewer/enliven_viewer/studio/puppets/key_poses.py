@@ -23,7 +23,7 @@ class KeyPoses(PuppetSelection):
 
     def __init__(self, editor: Editing, stage: PuppetStage) -> None:
         super().__init__(editor, stage)
-        self.way: State | None = None
+        self.start_state: State | None = None
         self._key: tuple[str, int] | None = None
         self._before: dict[int, Float] | None = None
         self._at = 0.0
@@ -92,7 +92,7 @@ class KeyPoses(PuppetSelection):
 
     def accept(self) -> None:
         """Leave the key pose as it is; the puppet plays again."""
-        self._key = self._before = self.way = None
+        self._key = self._before = self.start_state = None
         self.let_go()
 
     def let_go(self) -> None:
@@ -118,7 +118,9 @@ class KeyPoses(PuppetSelection):
         self, puppet: str, number: int, before: dict[int, Float] | None, standing: StandingPuppet | None
     ) -> None:
         """Work on a key pose; ``before``: each vertex's place then, None where it is new."""
-        self.way = standing.state if standing is not None and self.way is None else self.way
+        self.start_state = (
+            standing.state if standing is not None and self.start_state is None else self.start_state
+        )
         self._key, self._before = (puppet, number), before
         self.let_go()
         self.editor.playing, self._at = False, self.editor.time

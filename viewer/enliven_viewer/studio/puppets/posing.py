@@ -1,10 +1,10 @@
 """Which puppet, control point and key pose are worked on, and what a drag does to them.
 
-desk = editor.puppets
-desk.begin_pose("walk", 0.4)        # a new key pose for that moment of a take, or the one that is there
-desk.drag(2, place)                 # the surface follows; nothing is remembered yet
-desk.drop()                         # one edit of the project
-desk.accept()                       # the puppet plays again
+puppets = editor.puppets
+puppets.begin_pose("walk", 0.4)        # a new key pose for that moment of a take, or the one that is there
+puppets.drag(2, place)                 # the surface follows; nothing is remembered yet
+puppets.drop()                         # one edit of the project
+puppets.accept()                       # the puppet plays again
 
 Everything that is finished is an edit at once, so that undo, the recovery file and all panels see it.
 """

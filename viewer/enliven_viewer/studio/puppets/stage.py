@@ -84,8 +84,8 @@ class StandingPuppet:
 class PuppetStage:
     """Every puppet of an editor's project as it stands now; kept while nothing changes."""
 
-    def __init__(self, editor: Editing, desk: Posing) -> None:
-        self.editor, self.desk = editor, desk
+    def __init__(self, editor: Editing, posing: Posing) -> None:
+        self.editor, self.posing = editor, posing
         self.surfaces = PuppetSurfaces(editor.toasts)
         self._known: tuple[tuple[object, ...], tuple[StandingPuppet, ...]] | None = None
         self._polls = 0
@@ -95,9 +95,9 @@ class PuppetStage:
     @property
     def ghost(self) -> StandingPuppet | None:
         """The key pose before the one that is edited, where the puppet stands; None while it is not there."""
-        desk, puppet = self.desk, self.desk.puppet
-        pose, now = desk.previous, self.standing_of(puppet.id) if puppet is not None else None
-        if puppet is None or pose is None or now is None or not desk.silhouette:
+        posing, puppet = self.posing, self.posing.puppet
+        pose, now = posing.previous, self.standing_of(puppet.id) if puppet is not None else None
+        if puppet is None or pose is None or now is None or not posing.silhouette:
             return None
         key = (pose.places, puppet.points, puppet.mesh, now.state.yaw, puppet.place, puppet.turn)
         if self._wanted is None or not _same(self._wanted[0], key):
@@ -119,9 +119,9 @@ class PuppetStage:
     @property
     def standing(self) -> tuple[StandingPuppet, ...]:
         """All puppets, in the project's order."""
-        editor, desk = self.editor, self.desk
+        editor, posing = self.editor, self.posing
         project = editor.project
-        key = (project, desk.places, editor.time, desk.number, self.surfaces.version, self._polls)
+        key = (project, posing.places, editor.time, posing.number, self.surfaces.version, self._polls)
         if self._known is None or not _same(self._known[0], key):
             self.surfaces.keep_only(set(project.puppets))
             self._known = (key, tuple(self._stands(puppet) for puppet in project.puppets.values()))
@@ -138,14 +138,14 @@ class PuppetStage:
             self._polls += 1
 
     def _stands(self, puppet: Puppet) -> StandingPuppet:
-        editor, desk = self.editor, self.desk
-        places = desk.places if desk.puppet is puppet else None
+        editor, posing = self.editor, self.posing
+        places = posing.places if posing.puppet is puppet else None
         if places is not None and len(places) == len(puppet.points):
-            way = desk.way or played_state(editor, puppet)[1]
+            way = posing.start_state or played_state(editor, puppet)[1]
             state = State(places, way.yaw, way.root)
         else:
             puppet, state = played_state(editor, puppet)
-        warm = editor.playing or desk.dragging
+        warm = editor.playing or posing.dragging
         return StandingPuppet(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
 
 

@@ -1,6 +1,6 @@
 from . import actions
 from .actions import STEP, Action, Click, Do, Drag, Key, Name, Say, Wait, play, steps
-from .desk_stage import HeadlessStage
+from .headless_stage import HeadlessStage
 from .places import (
     JointPlace,
     Near,

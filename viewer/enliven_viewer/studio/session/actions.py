@@ -1,4 +1,4 @@
-"""What an artist does, as a list of actions, and how each is done: picture by picture, as a hand does it."""
+"""What an artist does, as a list of actions, each done picture by picture as with a mouse and a keyboard."""
 
 from __future__ import annotations
 
@@ -77,9 +77,9 @@ class Wait:
 
 @dataclass(frozen=True)
 class Do:
-    """Anything else that is done with the desk."""
+    """Call a function with the workspace, for anything else."""
 
-    deed: Callable[[Workspace], object]
+    command: Callable[[Workspace], object]
 
 
 Action = Say | Open | Key | Click | Drag | Name | Wait | Do
@@ -94,22 +94,22 @@ def steps(actions: Iterable[Action], stage: SessionStage) -> Iterator[None]:
 def play(actions: Iterable[Action], stage: SessionStage, each: Callable[[], object] | None = None) -> None:
     """Do everything without a window; ``each`` is called after every step of the studio's clock."""
     for _ in steps(actions, stage):
-        stage.desk.editor.advance(STEP)
+        stage.workspace.editor.advance(STEP)
         if each is not None:
             each()
 
 
 def _steps_of(action: Action, stage: SessionStage) -> Iterator[None]:
-    desk = stage.desk
+    workspace = stage.workspace
     if isinstance(action, Say):
-        desk.caption = action.text
+        workspace.caption = action.text
     elif isinstance(action, Open):
-        desk.open(action.path)
+        workspace.open(action.path)
     elif isinstance(action, Key):
-        desk.pressed = action.key
+        workspace.pressed = action.key
         stage.key(action.key)
         yield from _pause(0.25, stage)
-        desk.pressed = ""
+        workspace.pressed = ""
     elif isinstance(action, Click) and isinstance(action.place, Widget) and stage.activate(action.place.name):
         yield
     elif isinstance(action, Click):
@@ -130,7 +130,7 @@ def _steps_of(action: Action, stage: SessionStage) -> Iterator[None]:
     elif isinstance(action, Wait):
         yield from _pause(action.seconds, stage)
     else:
-        action.deed(desk)
+        action.command(workspace)
         yield
 
 

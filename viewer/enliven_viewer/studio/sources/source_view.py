@@ -69,7 +69,7 @@ class SourceView:
             self.camera.orbit(-0.56, 0.0)
             self.camera.advance(10.0)
 
-    def stance(self) -> PosedShape | None:
+    def posed(self) -> PosedShape | None:
         """The take's skeleton at the project's time, begun again at its end; at its begin while it rests."""
         clip = self.clip
         if clip is None:
@@ -121,8 +121,8 @@ class SourceView:
         return Overlay((), (SOURCE, self.chain) if self.chain else None, hovered)
 
     def _hit(self, at: Point) -> Hit | None:
-        stance = self.stance()
-        return joint_at([stance], self.lens, at, self.editor.settings.reach) if stance else None
+        posed = self.posed()
+        return joint_at([posed], self.lens, at, self.editor.settings.reach) if posed else None
 
 
 def posed_take(clip: Clip, time: float) -> PosedShape:

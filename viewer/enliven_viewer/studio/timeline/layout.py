@@ -121,7 +121,7 @@ class TimelineLayout:
         count = int(self.length / small + 1e-9)
         return tuple((k * small, k % 5 == 0) for k in range(count + 1))
 
-    def grip(self, x: float, y: float) -> LaneHandle:
+    def handle_at(self, x: float, y: float) -> LaneHandle:
         """What is under a pixel."""
         if y < RULER:
             return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")

@@ -70,7 +70,7 @@ class PuppetLanes:
         return self.layout.project
 
     def layer(self, row: LaneRow | PuppetLaneHandle) -> PuppetLayer:
-        """The layer of a row or a grip."""
+        """The layer of a row or a handle."""
         return self.project.puppets[row.puppet].layers[row.layer]
 
     def rows(self) -> tuple[LaneRow, ...]:
@@ -138,7 +138,7 @@ class PuppetLanes:
         held = constraints_of(self.project, row.puppet, row.layer)
         return tuple((k, one, self.x(row, one.frame * step)) for k, one in enumerate(held))
 
-    def grip(self, x: float, y: float) -> PuppetLaneHandle | None:
+    def handle_at(self, x: float, y: float) -> PuppetLaneHandle | None:
         """What is under a pixel; None where no lane of a puppet is."""
         for row in self.rows():
             if row.top <= y < row.top + row.height:

@@ -22,12 +22,12 @@ class Pointer:
 
 
 class Tool:
-    """A tool in hand. It changes nothing but through :meth:`Editor.edit`.
+    """A tool; it changes the project only through :meth:`Editor.edit`.
 
     Attributes:
         name: one word, as in sessions.
         label: as on its button.
-        key: the letter that takes it in hand.
+        key: the letter that makes it the active tool.
         icon: its glyph in Font Awesome 4.
         hint: what to do next, one line.
     """
@@ -80,10 +80,10 @@ class Tool:
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
         """The joint under the pointer, or else the bone; of two as near, the chosen shape's."""
-        reach, lens, stances = self.editor.settings.reach, self.editor.lens, self.editor.stances
-        chosen = [s for s in stances if s.shape.id == self.editor.selection.shape]
+        reach, lens, posed_shapes = self.editor.settings.reach, self.editor.lens, self.editor.posed_shapes
+        chosen = [s for s in posed_shapes if s.shape.id == self.editor.selection.shape]
         for pick, within in ((joint_at, reach), (bone_at, reach * 0.7)):
-            hit, mine = pick(stances, lens, pointer.at, within), pick(chosen, lens, pointer.at, within)
+            hit, mine = pick(posed_shapes, lens, pointer.at, within), pick(chosen, lens, pointer.at, within)
             if hit is not None:
                 return mine if mine is not None and mine.pixels <= hit.pixels + _AS_NEAR else hit
         return None
@@ -91,7 +91,7 @@ class Tool:
     def shape_at(self, pointer: Pointer) -> Hit | None:
         """The joint, the bone or the surface under the pointer."""
         hit = self.handle_at(pointer)
-        return hit or surface_at(self.editor.stances, self.editor.lens, pointer.at)
+        return hit or surface_at(self.editor.posed_shapes, self.editor.lens, pointer.at)
 
     def _chosen_chain(self) -> tuple[str, tuple[int, ...]] | None:
         chosen = self.editor.selection

@@ -11,14 +11,14 @@ from enliven_viewer.studio.viewport import possessed_at
 
 
 class GraphDrag:
-    """A possessed mesh in the hand of :class:`~enliven_viewer.studio.tools.carry.Carry`."""
+    """A possessed mesh that :class:`~enliven_viewer.studio.tools.carry.CarryTool` drags."""
 
     def __init__(self, editor: Editor, graph: str, at: Float, start: Pointer) -> None:
         self.editor, self.graph, self._at, self._start = editor, graph, at, start
 
     @classmethod
     def of(cls, editor: Editor, pointer: Pointer) -> GraphDrag | None:
-        """The grip on what is under the pointer, or None."""
+        """The drag of the possessed mesh under the pointer; None where none is."""
         hit = possessed_at(editor.possessed, editor.lens, pointer.at)
         if hit is None:
             return None

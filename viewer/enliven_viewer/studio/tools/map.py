@@ -103,9 +103,9 @@ class MapTool(Tool):
         editor = self.editor
         try:
             time = editor.time % max(clip.duration, clip.step)
-            stance = editor.stance(shape)
+            posed = editor.posed(shape)
             most = editor.settings.matches
-            self.offered = offers(clip, time, stance, editor.lens, self.source.lens, most)
+            self.offered = offers(clip, time, posed, editor.lens, self.source.lens, most)
         except EnlivenError as error:
             editor.toasts.complain(error)
 

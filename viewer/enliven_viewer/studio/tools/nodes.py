@@ -20,7 +20,7 @@ class InsertTool(Tool):
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
         editor = self.editor
-        return bone_at(editor.stances, editor.lens, pointer.at, editor.settings.reach)
+        return bone_at(editor.posed_shapes, editor.lens, pointer.at, editor.settings.reach)
 
     def press(self, pointer: Pointer) -> bool:
         hit = self.handle_at(pointer)
@@ -44,10 +44,10 @@ class InsertTool(Tool):
         plain, hit = super().overlay(), self.hovered
         if hit is None or hit.shape not in self.editor.project.shapes:
             return plain
-        stance = self.editor.stance(hit.shape)
-        if hit.joint >= len(stance.joints):
+        posed = self.editor.posed(hit.shape)
+        if hit.joint >= len(posed.joints):
             return plain
-        start, end = stance.joints[stance.shape.skeleton.parents[hit.joint]], stance.joints[hit.joint]
+        start, end = posed.joints[posed.shape.skeleton.parents[hit.joint]], posed.joints[hit.joint]
         pixel = self.editor.lens.project((start + hit.along * (end - start))[None])[0][0]
         return Overlay(
             (Disc((float(pixel[0]), float(pixel[1])), 7.0, STROKE, 2.5),), plain.chain, plain.hovered
@@ -65,7 +65,7 @@ class RemoveTool(Tool):
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
         editor = self.editor
-        return joint_at(editor.stances, editor.lens, pointer.at, editor.settings.reach)
+        return joint_at(editor.posed_shapes, editor.lens, pointer.at, editor.settings.reach)
 
     def press(self, pointer: Pointer) -> bool:
         hit = self.handle_at(pointer)
@@ -79,7 +79,7 @@ class RemoveTool(Tool):
         plain, hit = super().overlay(), self.hovered
         if hit is None or hit.shape not in self.editor.project.shapes:
             return plain
-        joints = self.editor.stance(hit.shape).joints
+        joints = self.editor.posed(hit.shape).joints
         if hit.joint >= len(joints):
             return plain
         pixel = self.editor.lens.project(joints[hit.joint][None])[0][0]

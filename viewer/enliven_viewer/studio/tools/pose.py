@@ -49,7 +49,7 @@ class PoseTool(Tool):
         self.editor.select(shape=hit.shape)
         self.editor.select(joint=joint, chain=())
         self.editor.playing = False
-        self._held = (self.editor.stance(hit.shape), joint, pointer)
+        self._held = (self.editor.posed(hit.shape), joint, pointer)
         return True
 
     def drag(self, pointer: Pointer) -> None:
@@ -75,19 +75,19 @@ class PoseTool(Tool):
 
     def _posed(self, project: Project, pointer: Pointer) -> Project:
         assert self._held is not None
-        stance, joint, start = self._held
-        shape, time = stance.shape.id, self.editor.time
+        posed, joint, start = self._held
+        shape, time = posed.shape.id, self.editor.time
         if joint:
-            point = self.editor.lens.on_plane(pointer.at, stance.joints[joint])
+            point = self.editor.lens.on_plane(pointer.at, posed.joints[joint])
             return drag_joint(project, shape, joint, point, time)
-        return turn_bone(project, shape, 0, self._turn_of_all(stance, start, pointer), time)
+        return turn_bone(project, shape, 0, self._turn_of_all(posed, start, pointer), time)
 
-    def _turn_of_all(self, stance: PosedShape, start: Pointer, pointer: Pointer) -> Float:
+    def _turn_of_all(self, posed: PosedShape, start: Pointer, pointer: Pointer) -> Float:
         """(4,) the world turn about the view's axis by as much as the pointer went around the root."""
         lens = self.editor.lens
         if pointer.shift:
             return from_rotation_vector(_UPRIGHT * (_TURN * (pointer.at[0] - start.at[0])))
-        centre = lens.project(stance.joints[:1])[0][0]
+        centre = lens.project(posed.joints[:1])[0][0]
         before, after = (np.array(p.at) - centre for p in (start, pointer))
         if np.linalg.norm(before) < 24:
             angle = _TURN * float(pointer.at[0] - start.at[0])

@@ -1,4 +1,4 @@
-"""A control point in the hand, from pressing the button to letting it go."""
+"""Dragging a control point, from pressing the button to letting it go."""
 
 from __future__ import annotations
 

@@ -28,17 +28,17 @@ Mark = Line | Disc | Fill | Label
 
 
 class Pointing(Protocol):
-    """What is under the pointer, and what is in the hand, of the puppet tool."""
+    """The state of the puppet tool that its marks show."""
 
-    desk: PuppetEditor
+    puppets: PuppetEditor
     suggested: PointSuggestions
-    over: str
-    over_point: int | None
-    over_vertex: int | None
+    hovered_part: str
+    hovered_point: int | None
+    hovered_vertex: int | None
 
     @property
     def held(self) -> PointDrag | None:
-        """The control point in the hand."""
+        """The drag of a control point that goes on; None for none."""
 
     def manipulator(self) -> Manipulator | None:
         """The arrows of the chosen control point."""
@@ -54,13 +54,13 @@ def marks_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> tuple[Mark
     manipulator = tool.manipulator()
     if manipulator is not None:
         part = tool.held.part if tool.held is not None else ""
-        found += manipulator.marks(part or tool.over, part)
+        found += manipulator.marks(part or tool.hovered_part, part)
     return tuple(found)
 
 
 def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     """Rings at the ends of limbs; only before key poses are made, then they are in the way."""
-    if standing.puppet.poses or tool.desk.posing:
+    if standing.puppet.poses or tool.puppets.posing:
         return []
     found: list[Mark] = []
     for vertex in tool.suggested.of(standing.puppet):
@@ -77,12 +77,12 @@ def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[M
 
 def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     """A ring where a click would put a control point, and at its mirror image."""
-    if tool.over_vertex is None:
+    if tool.hovered_vertex is None:
         return []
-    wanted = [tool.over_vertex]
-    if tool.desk.symmetric:
-        other = partner_vertex(standing.puppet, tool.over_vertex)
-        wanted += [other] if other is not None and other != tool.over_vertex else []
+    wanted = [tool.hovered_vertex]
+    if tool.puppets.symmetric:
+        other = partner_vertex(standing.puppet, tool.hovered_vertex)
+        wanted += [other] if other is not None and other != tool.hovered_vertex else []
     found: list[Mark] = []
     for pixel in _pixels(lens, standing.vertices[wanted]):
         found.append(Disc(pixel, 6.5, ACCENT, 2.0))
@@ -93,8 +93,8 @@ def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Ma
 def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     """The names of the chosen control point and of the one under the pointer; a ring around the chosen."""
     found: list[Mark] = []
-    chosen, points = tool.desk.point, standing.puppet.points
-    for number in dict.fromkeys([chosen, tool.over_point]):
+    chosen, points = tool.puppets.point, standing.puppet.points
+    for number in dict.fromkeys([chosen, tool.hovered_point]):
         if number is None or number >= len(points):
             continue
         for pixel in _pixels(lens, standing.points[[number]]):

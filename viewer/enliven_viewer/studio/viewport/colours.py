@@ -17,8 +17,8 @@ def default_colour(shape_id: str) -> tuple[int, int, int]:
 
 
 def coloured(character: Character) -> Character:
-    """The character, in its clay where it has no colours."""
+    """The character, in its default colour where the mesh brings none."""
     if character.colours is not None:
         return character
-    clay = np.array(default_colour(character.id), np.uint8)
-    return replace(character, colours=np.tile(clay, (len(character.vertices), 1)))
+    colour = np.array(default_colour(character.id), np.uint8)
+    return replace(character, colours=np.tile(colour, (len(character.vertices), 1)))

@@ -18,7 +18,7 @@ class Players:
     def __init__(self) -> None:
         self._players: dict[str, tuple[tuple[object, ...], Player]] = {}
 
-    def stances(self, project: Project, time: float) -> tuple[PosedShape, ...]:
+    def posed_shapes(self, project: Project, time: float) -> tuple[PosedShape, ...]:
         """Every shape of the project at a time, seconds."""
         self._players = {name: self._player(project, shape) for name, shape in project.shapes.items()}
         return tuple(_posed(player, time) for _, player in self._players.values())

@@ -223,7 +223,7 @@ class Commands:
         shape = self._chosen()
         if shape is None:
             return
-        starts, ends = self.editor.stance(shape).bones()
+        starts, ends = self.editor.posed(shape).bones()
         way = best_view(ends - starts, matching_view(self.editor.lens)).direction
         # From behind as much is seen, and never from below the floor.
         way = -way if way[1] > 0 else way

@@ -1,4 +1,4 @@
-"""The artist's hand: buttons, wheel and keys, given to the tool in hand, to the camera or to a command."""
+"""Buttons, wheel and keys over the viewport, passed to the active tool, the camera or a command."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ class ViewportInput:
 
     Args:
         editor: what is edited.
-        deeds: what keys and menus do.
+        commands: what keys and menus do.
 
     Attributes:
         first: asked about every key before the tool is; True where it took it.
     """
 
-    def __init__(self, editor: Editor, deeds: Commands) -> None:
-        self.editor, self.deeds = editor, deeds
+    def __init__(self, editor: Editor, commands: Commands) -> None:
+        self.editor, self.commands = editor, commands
         self.tools = {kind.name: kind(editor) for kind in TOOLS}
         self.tool: Tool = self.tools[TOOLS[0].name]
         self.at: Point = (0.0, 0.0)
@@ -36,7 +36,7 @@ class ViewportInput:
         self._with_tool = False
 
     def take(self, name: str) -> None:
-        """Take another tool in hand."""
+        """Make another tool the active one."""
         self.tool.cancel()
         self.tool = self.tools[name]
 
@@ -90,8 +90,8 @@ class ViewportInput:
             if key == kind.key:
                 self.take(kind.name)
                 return True
-        for deed in MENU_COMMANDS:
-            if key in deed.keys:
-                deed.do(self.deeds)
+        for command in MENU_COMMANDS:
+            if key in command.keys:
+                command.do(self.commands)
                 return True
         return False

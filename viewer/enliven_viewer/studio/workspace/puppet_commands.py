@@ -113,17 +113,17 @@ class PuppetCommands:
 
     def outline(self) -> None:
         """Outline the key pose before while one is edited, or not."""
-        desk = self.editor.puppets
-        desk.silhouette = not desk.silhouette
-        said = "is outlined" if desk.silhouette else "is not outlined any more"
+        puppets = self.editor.puppets
+        puppets.silhouette = not puppets.silhouette
+        said = "is outlined" if puppets.silhouette else "is not outlined any more"
         self.editor.toasts.say(f"The key pose before {said}")
 
     def warn(self) -> None:
         """Show faces that pass through one another while a key pose is edited, or not."""
-        desk = self.editor.puppets
-        desk.warn = not desk.warn
+        puppets = self.editor.puppets
+        puppets.warn = not puppets.warn
         self.editor.toasts.say(
-            "Faces that pass through one another are " + ("red" if desk.warn else "not shown")
+            "Faces that pass through one another are " + ("red" if puppets.warn else "not shown")
         )
 
     def bake(self) -> bool:
@@ -138,10 +138,10 @@ class PuppetCommands:
     def _chosen_mesh(self) -> tuple[str, Mesh] | None:
         editor, chosen = self.editor, self.editor.selection
         if chosen.shape is not None:
-            stance = editor.stance(chosen.shape)
-            mesh = stance.shape.mesh
+            posed = editor.posed(chosen.shape)
+            mesh = posed.shape.mesh
             if mesh is not None and len(mesh.faces):
-                return chosen.shape, replace(mesh, vertices=stance.surface())
+                return chosen.shape, replace(mesh, vertices=posed.surface())
         for one in editor.possessed:
             if one.shape.id == chosen.graph:
                 return one.shape.id, replace(one.shape.mesh, vertices=one.vertices)

@@ -19,28 +19,28 @@ TILE = ImVec2(88, 80)
 _PLUS = "\uf067"
 
 
-def draw_strip(desk: Workspace, area: Area, thumbnails: Thumbnails) -> None:
+def draw_strip(workspace: Workspace, area: Area, thumbnails: Thumbnails) -> None:
     """All key poses by time, what is suggested after them, and what can be done with the one in hand."""
-    puppet = desk.editor.puppets.puppet
+    puppet = workspace.editor.puppets.puppet
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(12, 6))
     with panel("strip", area, flags):
         imgui.pop_style_var()
         if puppet is None:
             return
-        take = desk.performer.take
-        coverage = desk.coverages.of(desk.editor.project, puppet, take) if take else None
-        _head(desk, puppet, coverage)
+        take = workspace.performer.take
+        coverage = workspace.coverages.of(workspace.editor.project, puppet, take) if take else None
+        _head(workspace, puppet, coverage)
         tall = imgui.get_content_region_avail().y
         scroll = imgui.WindowFlags_.horizontal_scrollbar | imgui.WindowFlags_.no_background
         imgui.begin_child("##tiles", ImVec2(0, tall), 0, scroll)
         _wheel()
-        _plus(desk, puppet)
+        _plus(workspace, puppet)
         order = sorted(range(len(puppet.poses)), key=lambda k: (puppet.poses[k].take, puppet.poses[k].time))
         for place, number in enumerate(order, start=1):
             imgui.same_line()
-            _tile(desk, puppet, number, place, thumbnails)
-        _ghosts(desk, puppet, coverage)
+            _tile(workspace, puppet, number, place, thumbnails)
+        _ghosts(workspace, puppet, coverage)
         imgui.end_child()
 
 
@@ -50,9 +50,9 @@ def _wheel() -> None:
         imgui.set_scroll_x(imgui.get_scroll_x() - 60 * imgui.get_io().mouse_wheel)
 
 
-def _head(desk: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
+def _head(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
     """How many there are, how many would be enough, and buttons for the one that is edited."""
-    puppets = desk.editor.puppets
+    puppets = workspace.editor.puppets
     imgui.align_text_to_frame_padding()
     with small(), tinted(QUIET, imgui.Col_.text):
         imgui.text_unformatted(f"KEY POSES   {len(puppet.poses) or ''}")
@@ -70,7 +70,7 @@ def _head(desk: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> Non
         return
     imgui.same_line(max(imgui.get_window_width() - 398, 40))
     imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(7, 2))
-    _tools(desk, puppet, number)
+    _tools(workspace, puppet, number)
     imgui.pop_style_var()
 
 
@@ -83,7 +83,7 @@ def _said(coverage: TakeCoverage, count: int) -> str:
     return f"{coverage.needed} more would be enough for {coverage.take}: {far}"
 
 
-def _tools(desk: Workspace, puppet: Puppet, number: int) -> None:
+def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
     """Buttons for the key pose that is edited."""
     labels = ("Done", "Cancel", "Duplicate", "Mirror", "Here", "Remove")
     told = {
@@ -102,39 +102,39 @@ def _tools(desk: Workspace, puppet: Puppet, number: int) -> None:
         pressed = imgui.button(label)
         if label == "Done":
             imgui.pop_style_color()
-        desk.remember(f"pose {label}")
+        workspace.remember(f"pose {label}")
         if imgui.is_item_hovered():
             imgui.set_tooltip(told[label])
         if pressed:
-            run_pose_command(desk, puppet, number, label)
+            run_pose_command(workspace, puppet, number, label)
 
 
-def run_pose_command(desk: Workspace, puppet: Puppet, number: int, label: str) -> None:
+def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: str) -> None:
     """What a button or a line of the menu does with a key pose."""
-    editor, key, name = desk.editor, puppet.poses[number], puppet.id
+    editor, key, name = workspace.editor, puppet.poses[number], puppet.id
     if label == "Done":
         editor.puppets.accept()
     elif label == "Cancel":
         editor.puppets.cancel()
     elif label == "Edit":
-        edit_pose(desk, number)
+        edit_pose(workspace, number)
     elif label == "Remove":
         editor.puppets.accept()
         editor.edit("remove a key pose", lambda project: remove_key_pose(project, name, number))
     elif label == "Here":
-        moved = desk.performer.playhead(key.take)
+        moved = workspace.performer.playhead(key.take)
         editor.edit("retime a key pose", lambda project: retimed(project, name, number, moved))
     else:
         make = duplicated if label == "Duplicate" else mirrored_copy
-        moment = _free_moment(desk, puppet, number)
+        moment = _free_moment(workspace, puppet, number)
         if editor.edit(f"{label.lower()} a key pose", lambda p: make(p, name, number, key.take, moment)):
-            edit_pose(desk, len(puppet.poses))
+            edit_pose(workspace, len(puppet.poses))
 
 
-def _free_moment(desk: Workspace, puppet: Puppet, number: int) -> float:
+def _free_moment(workspace: Workspace, puppet: Puppet, number: int) -> float:
     """Seconds of the key pose's take, half a second after it or before, where no key pose is."""
     key = puppet.poses[number]
-    clip = desk.editor.project.takes[key.take]
+    clip = workspace.editor.project.takes[key.take]
     taken = {round(pose.time / clip.step) for pose in puppet.poses if pose.take == key.take}
     here, aside, last = round(key.time / clip.step), max(round(0.5 / clip.step), 1), len(clip.turns) - 1
     ways = [here + aside, here - aside, *range(last + 1)]
@@ -142,14 +142,14 @@ def _free_moment(desk: Workspace, puppet: Puppet, number: int) -> float:
     return free * clip.step
 
 
-def _plus(desk: Workspace, puppet: Puppet) -> None:
+def _plus(workspace: Workspace, puppet: Puppet) -> None:
     """A key pose for the moment that the performer shows."""
-    moment = desk.performer.moment
+    moment = workspace.performer.moment
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_disabled(moment is None or not puppet.points)
     imgui.begin_group()
     pressed = imgui.invisible_button("##plus", TILE)
-    desk.remember("add key pose")
+    workspace.remember("add key pose")
     hovered = imgui.is_item_hovered()
     corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
     draw = imgui.get_window_draw_list()
@@ -162,22 +162,22 @@ def _plus(desk: Workspace, puppet: Puppet) -> None:
     imgui.end_group()
     imgui.end_disabled()
     if pressed and moment is not None:
-        begin_pose(desk, *moment)
+        begin_pose(workspace, *moment)
     if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
         imgui.set_tooltip("A key pose for what the performer does now")
 
 
-def _tile(desk: Workspace, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
+def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
     """One key pose; a click edits it."""
-    pose, chosen = puppet.poses[number], desk.editor.puppets.number == number
+    pose, chosen = puppet.poses[number], workspace.editor.puppets.number == number
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_group()
     if imgui.invisible_button(f"##pose {number}", TILE):
-        edit_pose(desk, number)
-    desk.remember(f"key pose {place}")
+        edit_pose(workspace, number)
+    workspace.remember(f"key pose {place}")
     hovered = imgui.is_item_hovered()
     if imgui.begin_popup_context_item(f"##of pose {number}"):
-        _menu(desk, puppet, number)
+        _menu(workspace, puppet, number)
         imgui.end_popup()
     draw = imgui.get_window_draw_list()
     corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
@@ -189,7 +189,7 @@ def _tile(desk: Workspace, puppet: Puppet, number: int, place: int, thumbnails: 
         draw.add_image_rounded(
             imgui.ImTextureRef(texture), origin, corner, ImVec2(0, 0), ImVec2(1, 1), white, 7.0
         )
-    figure = desk.performer.figure((pose.take, pose.time))
+    figure = workspace.performer.figure((pose.take, pose.time))
     if figure is not None:
         inset = Area(origin.x + 4, origin.y + TILE.y - 38, 26, 34)
         draw.add_rect_filled(
@@ -205,14 +205,14 @@ def _tile(desk: Workspace, puppet: Puppet, number: int, place: int, thumbnails: 
     imgui.end_group()
 
 
-def _menu(desk: Workspace, puppet: Puppet, number: int) -> None:
+def _menu(workspace: Workspace, puppet: Puppet, number: int) -> None:
     """What the right button offers."""
     for label in ("Edit", "Duplicate", "Mirror", "Remove"):
         if imgui.menu_item_simple(label):
-            run_pose_command(desk, puppet, number, label)
+            run_pose_command(workspace, puppet, number, label)
 
 
-def _ghosts(desk: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
+def _ghosts(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
     """Moments that are suggested: the performer there; a click begins a key pose."""
     if coverage is None or not puppet.points:
         return
@@ -223,13 +223,13 @@ def _ghosts(desk: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> N
         origin = imgui.get_cursor_screen_pos()
         imgui.begin_group()
         if imgui.invisible_button(f"##ghost {place}", TILE):
-            begin_pose(desk, coverage.take, seconds)
-        desk.remember(f"suggested {place + 1}")
+            begin_pose(workspace, coverage.take, seconds)
+        workspace.remember(f"suggested {place + 1}")
         hovered = imgui.is_item_hovered()
         draw = imgui.get_window_draw_list()
         corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
         dashed(draw, origin, corner, packed(CHAIN, 0.9 if hovered else 0.5))
-        figure = desk.performer.figure((coverage.take, seconds))
+        figure = workspace.performer.figure((coverage.take, seconds))
         if figure is not None:
             room = Area(origin.x + 10, origin.y + 6, TILE.x - 20, TILE.y - 12)
             stick(draw, figure, room, packed(CHAIN, 0.95 if hovered else 0.6))

@@ -14,29 +14,29 @@ from enliven_viewer.render.scene import SceneCharacter
 
 def test_every_key_names_parts_that_there_are() -> None:
     assert len(PARTS) == 9 and all(parts_named(name) for name in PARTS)
-    grasp = PossessionChoice()
+    possession = PossessionChoice()
     for number, name in enumerate(PARTS):
-        grasp.choose(number)
-        assert grasp.parts == name
+        possession.choose(number)
+        assert possession.parts == name
 
 
 def test_the_choice_goes_round_those_in_view() -> None:
-    grasp, seen = PossessionChoice(), []
+    possession, seen = PossessionChoice(), []
     for present in ([7, 3], [7, 3], [7, 3], [3], [], [5]):
-        grasp.next_performer(present)
-        seen.append(grasp.body)
+        possession.next_performer(present)
+        seen.append(possession.body)
     assert seen == [3, 7, None, 3, None, 5]
-    assert grasp.words == "P takes hold: the whole of performer 5"
+    assert possession.words == "P takes hold: the whole of performer 5"
 
 
 def test_smoothing_is_asked_for_whom_it_is_meant_and_ends_at_off() -> None:
-    grasp = PossessionChoice()
-    assert grasp.smoother(1, [3, 7]) == {3: 2.0, 7: 2.0}
-    grasp.next_performer([3, 7])
-    assert [grasp.smoother(-1, [3, 7])[3] for _ in range(4)] == [1.0, 0.5, 0.0, 0.0]
-    assert "smoothed by 0" in grasp.words
-    grasp.locked = True
-    assert grasp.words.endswith("locked")
+    possession = PossessionChoice()
+    assert possession.smoother(1, [3, 7]) == {3: 2.0, 7: 2.0}
+    possession.next_performer([3, 7])
+    assert [possession.smoother(-1, [3, 7])[3] for _ in range(4)] == [1.0, 0.5, 0.0, 0.0]
+    assert "smoothed by 0" in possession.words
+    possession.locked = True
+    assert possession.words.endswith("locked")
 
 
 def test_the_help_tells_the_keys_of_possession() -> None:
