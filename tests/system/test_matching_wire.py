@@ -70,7 +70,7 @@ class House:
         self.edge.step(frame)
         self.edge._listen()
         self.feed.poll(self.document)
-        self.app._scene = scene_of(self.document, self.app.playhead.moment(), self.app.look)
+        self.app._scene = scene_of(self.document, self.app.playhead.moment(), self.app.style)
         self.app.tell_gaze()
         time.sleep(0.002)
 

@@ -71,7 +71,7 @@ class House:
         self.edge.step(frame)
         self.edge._listen()
         self.feed.poll(self.document)
-        self.app._scene = scene_of(self.document, self.app.playhead.moment(), self.app.look)
+        self.app._scene = scene_of(self.document, self.app.playhead.moment(), self.app.style)
         time.sleep(0.002)
 
     def until(self, done) -> None:

@@ -84,8 +84,8 @@ class House:
         self.edge.step(frame)
         self.edge._listen()
         self.feed.poll(self.document)
-        moment, look = self.app.playhead.moment(), self.app.look
-        self.app._scene = scene_of(self.document, moment, look, self.surfaces)
+        moment, style = self.app.playhead.moment(), self.app.style
+        self.app._scene = scene_of(self.document, moment, style, self.surfaces)
         time.sleep(0.002)
 
     def until(self, done) -> None:
@@ -155,7 +155,7 @@ def test_who_comes_late_sees_the_whole_of_it(house: House) -> None:
         feed.poll(late)
         if not (late.characters and len(late.timeline)):
             return 0.0
-        (actor,) = scene_of(late, late.timeline.at(late.timeline.end_ns), house.app.look, surfaces).actors
+        (actor,) = scene_of(late, late.timeline.at(late.timeline.end_ns), house.app.style, surfaces).actors
         return 0.0 if actor.vertices is None else float(actor.vertices[PUPPET.points[LEFT - 1].vertex, 1])
 
     house.until(lambda: hand() > 1.05)
@@ -217,7 +217,7 @@ def test_the_take_plays_back_as_it_was_and_opens_in_the_studio(road: Path) -> No
     held = np.asarray(character.held)
     for pose in poses[40::12]:
         (actor,) = scene_of(
-            document, document.timeline.at(pose.time_ns), App(feed, document).look, surfaces
+            document, document.timeline.at(pose.time_ns), App(feed, document).style, surfaces
         ).actors
         assert actor.vertices is not None
         np.testing.assert_allclose(actor.vertices[held], pose.positions[1:], atol=2e-3)

@@ -120,7 +120,7 @@ def test_a_region_and_what_is_beside_it_are_the_picture(region) -> None:
 
 def test_what_is_drawn_over_a_picture_may_lie_beside_its_region(gl, box) -> None:
     renderer, view = Renderer(gl, SIZE, SMALL), side_view()
-    renderer.draw(Scene((SceneCharacter(box, box.rest_pose()),), look=SceneStyle(0, 0, 0)), view)
+    renderer.draw(Scene((SceneCharacter(box, box.rest_pose()),), style=SceneStyle(0, 0, 0)), view)
     before = renderer.pixels().astype(int)
     at = np.array([[1.3, 0.8, 0.0]])
     x, y, width, height = renderer.picture.region

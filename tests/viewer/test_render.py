@@ -64,7 +64,7 @@ def skinned_by_hand(character, pose: Pose) -> np.ndarray:
 def test_skinning_is_the_equation_of_pose(renderer, make_character, make_box, nodes) -> None:
     character = make_character(*make_box((-0.3, 0, -0.2), (0.3, 1, 0.2)), nodes=nodes)
     pose = bent(character)
-    drawn(renderer, Scene((SceneCharacter(character, pose),), look=BARE))
+    drawn(renderer, Scene((SceneCharacter(character, pose),), style=BARE))
     mesh = renderer._meshes["box"]
     expected = skinned_by_hand(character, pose)
     places = mesh.positions()
@@ -76,7 +76,7 @@ def test_normals_stay_perpendicular_to_a_stretched_board(renderer, make_characte
     character = make_character(*make_box((-0.3, 0, -0.2), (0.3, 1, 0.2)), nodes=1)
     shear = np.array([[1.0, 0.8, 0.0], [0.0, 1.5, 0.3], [0.1, 0.0, 0.5]], np.float32)
     pose = Pose("box", 0, shear[None], character.pivots)
-    drawn(renderer, Scene((SceneCharacter(character, pose),), look=BARE))
+    drawn(renderer, Scene((SceneCharacter(character, pose),), style=BARE))
     mesh = renderer._meshes["box"]
     faces = np.frombuffer(mesh._faces.read(), np.int32).reshape(-1, 3)
     a, b, c = (mesh.positions()[faces[:, k]] for k in range(3))
@@ -87,8 +87,8 @@ def test_normals_stay_perpendicular_to_a_stretched_board(renderer, make_characte
 
 def test_a_box_covers_the_pixels_that_it_projects_to(renderer, box) -> None:
     view = front_view()
-    empty = drawn(renderer, Scene(look=BARE), view)
-    shown = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),), look=BARE), view)
+    empty = drawn(renderer, Scene(style=BARE), view)
+    shown = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),), style=BARE), view)
     changed = np.abs(shown - empty).sum(-1) > 60
     front = np.array([[x, y, 0.25] for x in (-0.25, 0.25) for y in (0.0, 1.0)])
     corner = (view.project(front) + 1) / 2 * SIZE
@@ -146,8 +146,10 @@ def test_attachment_points_glow_where_the_nodes_are(renderer, box) -> None:
 
 def test_cues_of_nodes_that_are_not_there_are_left_out(renderer, box) -> None:
     cues = CueFrame("box", np.array([999], np.int32), np.array([1.0], np.float32))
-    marked = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose(), cues),), look=SceneStyle(graph=1.0)))
-    plain = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),), look=SceneStyle(graph=1.0)))
+    marked = drawn(
+        renderer, Scene((SceneCharacter(box, box.rest_pose(), cues),), style=SceneStyle(graph=1.0))
+    )
+    plain = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),), style=SceneStyle(graph=1.0)))
     assert np.abs(marked - plain).max() <= 1
 
 
@@ -157,7 +159,7 @@ def test_the_box_casts_a_shadow_away_from_the_light(renderer, box) -> None:
     camera.orbit(0.0, 1.2)
     camera.advance(10)
     view = camera.view(4 / 3)
-    shown = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),), look=BARE), view)
+    shown = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),), style=BARE), view)
     behind, beside = np.array([[-0.45, 0.0, -0.55]]), np.array([[0.45, 0.0, 0.55]])
 
     def floor_at(place: np.ndarray) -> float:
@@ -169,11 +171,11 @@ def test_the_box_casts_a_shadow_away_from_the_light(renderer, box) -> None:
 
 def test_a_mesh_with_large_faces_and_one_with_holes_are_drawn(renderer, make_character, make_box) -> None:
     vertices, faces = make_box((-0.3, 0, -0.2), (0.3, 1, 0.2))
-    empty = drawn(renderer, Scene(look=BARE))
+    empty = drawn(renderer, Scene(style=BARE))
     for some in (faces, faces[2:]):
         shown = drawn(
             renderer,
-            Scene((SceneCharacter(c := make_character(vertices, some, nodes=3), c.rest_pose()),), look=BARE),
+            Scene((SceneCharacter(c := make_character(vertices, some, nodes=3), c.rest_pose()),), style=BARE),
         )
         assert (np.abs(shown - empty).sum(-1) > 60).mean() > 0.03
 
@@ -188,8 +190,8 @@ def test_an_empty_scene_has_a_floor_and_a_horizon(renderer) -> None:
 
 def test_a_pose_that_is_not_finite_draws(renderer, box) -> None:
     broken = Pose("box", 0, np.full((6, 3, 3), np.nan, np.float32), np.full((6, 3), np.inf, np.float32))
-    drawn(renderer, Scene((SceneCharacter(box, broken),), look=SceneStyle()))
-    after = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),), look=SceneStyle()))
+    drawn(renderer, Scene((SceneCharacter(box, broken),), style=SceneStyle()))
+    after = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),), style=SceneStyle()))
     assert after.std() > 5, "what follows a broken pose is drawn as ever"
 
 

@@ -81,10 +81,10 @@ def test_the_picture_of_solved_vertices_is_that_of_the_same_vertices_skinned(gl,
     renderer = Renderer(gl, SIZE, RenderSettings(shadow_size=128, contact_size=64))
     bare, pose = SceneStyle(body=0, reveal=0, cues=0), rigid(character)
     room = np.full(3, -1.5), np.full(3, 1.5)  # shadows reach as far in both
-    renderer.draw(Scene((SceneCharacter(character, pose),), look=bare, extent=room), view())
+    renderer.draw(Scene((SceneCharacter(character, pose),), style=bare, extent=room), view())
     skinned = renderer.pixels().astype(int)
     where = VERTICES @ pose.linear[0].T + pose.positions[0]
-    renderer.draw(Scene((SceneCharacter(character, pose, vertices=where),), look=bare, extent=room), view())
+    renderer.draw(Scene((SceneCharacter(character, pose, vertices=where),), style=bare, extent=room), view())
     assert renderer.ctx.error == "GL_NO_ERROR"
     solved = renderer.pixels().astype(int)
     assert skinned.std() > 10

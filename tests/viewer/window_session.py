@@ -89,7 +89,7 @@ def main() -> None:
 
     app.run(60, on_frame, KeyBindings)
     head = app.playhead
-    said |= {"asked": feed.asked, "help": app.help, "look": vars(app.look), "live": head.live}
+    said |= {"asked": feed.asked, "help": app.help, "look": vars(app.style), "live": head.live}
     said |= {"paused": head.paused, "speed": head.speed}
     print(json.dumps(said))
 

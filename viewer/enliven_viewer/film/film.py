@@ -105,7 +105,7 @@ class _Studio:
     def draw(self, moment: TimelineMoment, second: float) -> UInt8:
         """(H, W, 4) the picture of a moment, ``second`` seconds into the film; bottom row first."""
         began = time.perf_counter()
-        scene = scene_of(self.document, moment, self._look(moment, second), self._surfaces)
+        scene = scene_of(self.document, moment, self._style(moment, second), self._surfaces)
         aspect = self.size[0] / self.size[1]
         self._camera.follow(scene.box or EMPTY_BOX, 1 / self.settings.film.rate, aspect)
         view = self._camera.view(aspect)
@@ -119,7 +119,7 @@ class _Studio:
         self.draw_seconds += time.perf_counter() - began
         return picture
 
-    def _look(self, moment: TimelineMoment, second: float) -> SceneStyle:
+    def _style(self, moment: TimelineMoment, second: float) -> SceneStyle:
         """Body and attachments until some seconds after possession, then the mesh alone."""
         if not moment.possessed:
             self._possessed_at = None

@@ -48,7 +48,7 @@ class App:
         self.settings = settings or ViewerSettings()
         self.playhead = Playhead(document.timeline, live=not take, loop=bool(take))
         self.camera = OrbitCamera(self.settings.render.opening)
-        self.look, self.help, self.scale = SceneStyle(), False, 1.0
+        self.style, self.help, self.scale = SceneStyle(), False, 1.0
         self._take, self._with_hud = take, hud
         self.possession = PossessionChoice()
         self._view_reporter = ViewReporter()
@@ -165,7 +165,7 @@ class App:
             return
         self._fps += (1 / max(elapsed, 1e-3) - self._fps) * min(elapsed * 2, 1.0)
         renderer.resize(self._size)
-        self._scene = scene_of(self.document, self.playhead.moment(), self.look, self._surfaces)
+        self._scene = scene_of(self.document, self.playhead.moment(), self.style, self._surfaces)
         self._frame_newcomers()
         self.report_view()
         renderer.draw(self._scene, self.camera.view(self._aspect))

@@ -110,14 +110,14 @@ def _toggle(name: str) -> Any:
     """Switch one overlay of the look on or off."""
 
     def act(app: App) -> None:
-        app.look = replace(app.look, **{name: 0.0 if getattr(app.look, name) > 0 else 1.0})
+        app.style = replace(app.style, **{name: 0.0 if getattr(app.style, name) > 0 else 1.0})
 
     return act
 
 
 def _toggle_skeleton(app: App) -> None:
-    shown = 0.0 if app.look.body > 0 else 1.0
-    app.look = replace(app.look, body=shown, reveal=shown, cues=shown)
+    shown = 0.0 if app.style.body > 0 else 1.0
+    app.style = replace(app.style, body=shown, reveal=shown, cues=shown)
 
 
 def _toggle_help(app: App) -> None:

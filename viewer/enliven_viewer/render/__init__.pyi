@@ -1,10 +1,11 @@
 from .camera import Box, CameraView, FilmCamera, OrbitCamera
 from .renderer import EMPTY_BOX, Renderer
-from .scene import Scene, SceneCharacter, SceneStyle, scene_of
+from .scene import PLAIN, Scene, SceneCharacter, SceneStyle, scene_of
 from .skinned import linear
 
 __all__ = [
     "EMPTY_BOX",
+    "PLAIN",
     "Box",
     "CameraView",
     "FilmCamera",

@@ -27,8 +27,8 @@ class MeshPass:
 
     def draw(self, picture: RenderTarget, meshes: Sequence[SkinnedMesh], scene: Scene) -> None:
         """Draw them before what the picture shows, which is seen through them where they are transparent."""
-        block, count = bone_block(scene.bodies, scene.look.reveal)
-        revealing = count > 0 and scene.look.reveal > 0
+        block, count = bone_block(scene.bodies, scene.style.reveal)
+        revealing = count > 0 and scene.style.reveal > 0
         if revealing:
             self._bones.write(block.tobytes())
             self._bones.bind_to_uniform_block(BLOCKS["Bones"])

@@ -39,7 +39,7 @@ def casters_of(scene: Scene, capsules: Float32, surfaces: list[Float]) -> Float:
 
 def marks_of(scene: Scene) -> Float:
     """(N, 3) metres, points that hold between them the marks of a scene."""
-    if scene.look.cues <= 0 and scene.look.graph <= 0:
+    if scene.style.cues <= 0 and scene.style.graph <= 0:
         return np.zeros((0, 3))
     return np.concatenate([np.zeros((0, 3)), *(around(a.pose.positions, CUE_RADIUS) for a in scene.actors)])
 

@@ -92,7 +92,7 @@ class Renderer:
         meshes = self._skinned(scene)
         box = scene.lit_box or EMPTY_BOX
         stage = self._write_frame(box, view)
-        capsules = capsules_of(scene.bodies if scene.look.body > 0 else (), scene.look.body)
+        capsules = capsules_of(scene.bodies if scene.style.body > 0 else (), scene.style.body)
         self._capsules.load(capsules)
         self._shadow_capsules.load(capsules)
         self._props.load(scene.props)
@@ -114,7 +114,7 @@ class Renderer:
 
     def _draw_matches(self, scene: Scene) -> None:
         """The chains that a pose means, or that are driven, over everything."""
-        rows, deepest = match_rows(scene.boards if scene.look.cues > 0 else {})
+        rows, deepest = match_rows(scene.boards if scene.style.cues > 0 else {})
         if len(rows):
             self._tubes = self._tubes or Tubes(self.ctx)
             self._tubes.draw(self.picture, rows, deepest)
@@ -214,7 +214,7 @@ class Renderer:
 
     def _draw_hidden_bodies(self, scene: Scene) -> None:
         """The body faintly through whatever covers it; the brighter of the two stays, so nothing adds up."""
-        if scene.look.body <= 0:
+        if scene.style.body <= 0:
             return
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)
         self.ctx.blend_equation = moderngl.MAX  # type: ignore[assignment]

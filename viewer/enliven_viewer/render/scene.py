@@ -34,6 +34,10 @@ class SceneStyle:
     graph: float = 0.0
 
 
+PLAIN = SceneStyle(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
+"""Meshes alone, without overlays: how the studio shows shapes and puppets."""
+
+
 @dataclass(frozen=True)
 class SceneCharacter:
     """One character in one pose.
@@ -60,7 +64,7 @@ class Scene:
 
     actors: tuple[SceneCharacter, ...] = ()
     bodies: tuple[Body, ...] = ()
-    look: SceneStyle = field(default_factory=SceneStyle)
+    style: SceneStyle = field(default_factory=SceneStyle)
     props: Props | None = None
     boards: dict[str, Board] = field(default_factory=dict)
     extent: Box | None = None
@@ -96,7 +100,7 @@ class Scene:
 def scene_of(
     document: Document,
     moment: TimelineMoment | None,
-    look: SceneStyle,
+    style: SceneStyle,
     surfaces: SolvedSurfaces | None = None,
 ) -> Scene:
     """The scene of one moment; a character without a pose, or with one that does not fit, stands at rest.
@@ -117,7 +121,7 @@ def scene_of(
     bodies = moment.bodies if moment else ()
     present = tuple(b for b in bodies if np.isfinite(b.joints).all())
     boards = {name: b for name, b in moment.boards.items() if name in document.characters} if moment else {}
-    return Scene(tuple(actors), present, look, moment.props if moment else None, boards)
+    return Scene(tuple(actors), present, style, moment.props if moment else None, boards)
 
 
 def _drawn_in(positions: Float, box: Box, reach: float) -> Float:

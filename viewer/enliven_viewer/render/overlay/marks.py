@@ -76,11 +76,11 @@ class Marks:
         """Graphs as far as the look shows them, then attachment points; hidden ones fainter."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
-        if scene.look.graph > 0:
+        if scene.style.graph > 0:
             for actor in scene.actors:
-                self._draw_graph(actor, scene.look.graph)
+                self._draw_graph(actor, scene.style.graph)
         bodies = [body.id for body in scene.bodies]
-        rows = [cue_rows(actor, scene.look.cues, bodies) for actor in scene.actors]
+        rows = [cue_rows(actor, scene.style.cues, bodies) for actor in scene.actors]
         self._draw_dots(np.concatenate(rows) if rows else np.zeros((0, 8), np.float32), 3.0, 1.1)
 
     def _draw_graph(self, actor: SceneCharacter, strength: float) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven_viewer.render import Renderer, Scene, SceneStyle, linear
+from enliven_viewer.render import PLAIN, Renderer, Scene, linear
 from enliven_viewer.render.overlay import Tubes, tube_rows
 from enliven_viewer.studio.performer.performer_view import PerformerFigure
 from enliven_viewer.studio.viewport import FADED, HOVERED, Lens, point_colour
@@ -15,7 +15,6 @@ from enliven_viewer.studio.viewport import FADED, HOVERED, Lens, point_colour
 _LIMB, _JOINT, _PAIRED = 0.026, 0.020, 0.033
 """Radii as shares of the performer's height."""
 _SEEN_THROUGH = 0.3
-_LOOK = SceneStyle(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
 
 
 class PerformerPicture:
@@ -32,7 +31,7 @@ class PerformerPicture:
     def draw(self, figure: PerformerFigure, lens: Lens, paired: Mapping[int, int], lit: int | None) -> None:
         """One picture, resolved; ``paired`` are numbers of control points by joint, ``lit`` a joint."""
         low, high = figure.joints.min(0), figure.joints.max(0)
-        self.renderer.draw(Scene((), (), _LOOK, extent=(low, high)), lens.view)
+        self.renderer.draw(Scene((), (), PLAIN, extent=(low, high)), lens.view)
         self._tubes.draw(self.renderer.picture, figure_rows(figure, paired, lit), _SEEN_THROUGH)
 
 

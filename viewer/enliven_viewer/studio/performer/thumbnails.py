@@ -13,14 +13,13 @@ from enliven.arrays import Float
 from enliven.deformation.arap import PuppetSurface
 from enliven.document import Puppet
 from enliven.meshes import Mesh
-from enliven_viewer.render import OrbitCamera, Renderer, Scene, SceneCharacter, SceneStyle
+from enliven_viewer.render import PLAIN, OrbitCamera, Renderer, Scene, SceneCharacter
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.puppets import PuppetCharacters
 
 log = logging.getLogger(__name__)
 _SIZE = (176, 160)
 _SETTINGS = RenderSettings(shadow_size=256, contact_size=64, samples=4)
-_LOOK = SceneStyle(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
 _SIDE, _ABOVE, _ROOM = 0.42, 0.16, 1.06
 """Radians from which it is seen, and how much air is around it."""
 _KEPT = 96
@@ -86,7 +85,7 @@ class Thumbnails:
         camera.frame((low, high), aspect, at_once=True, room=_ROOM)
         camera.advance(10.0)
         actor = SceneCharacter(character, character.rest_pose(), vertices=vertices.astype(np.float32))
-        self._renderer.draw(Scene((actor,), (), _LOOK, extent=(low, high)), camera.view(aspect))
+        self._renderer.draw(Scene((actor,), (), PLAIN, extent=(low, high)), camera.view(aspect))
         return self._ctx.texture(_SIZE, 3, self._renderer.pixels().tobytes(), alignment=1)
 
 

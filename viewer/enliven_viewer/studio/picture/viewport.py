@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.document import Character, Shape, character_of
 from enliven_viewer.playback import bounds_of
-from enliven_viewer.render import Renderer, Scene, SceneCharacter, SceneStyle
+from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
 from enliven_viewer.render.overlay import Tubes
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.picture.skeletons import skeleton_rows
@@ -25,7 +25,6 @@ from enliven_viewer.studio.viewport import (
     coloured,
 )
 
-_LOOK = SceneStyle(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
 _SEEN_THROUGH = 0.4
 """Of the eye's distance: bones are seen clearly through whatever covers them by less."""
 
@@ -72,7 +71,7 @@ class Viewport:
         actors += tuple(SceneCharacter(self._puppets.of(p.puppet), p.pose, vertices=p.drawn) for p in puppets)
         filled = [s.joints for s in posed_shapes] + [mesh.vertices for mesh in possessed]
         extent = bounds_of(filled + [puppet.drawn for puppet in puppets])
-        self.renderer.draw(Scene(actors, (), _LOOK, extent=extent), lens.view)
+        self.renderer.draw(Scene(actors, (), PLAIN, extent=extent), lens.view)
         self._draw_puppet(over)
         if bones and posed_shapes:
             rows = np.concatenate([skeleton_rows(s, lens, selection, overlay) for s in posed_shapes])
